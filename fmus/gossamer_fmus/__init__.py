@@ -1,0 +1,1 @@
+"""Names, units and packaging: builds FMUs from step models."""

@@ -1,0 +1,33 @@
+"""What can go wrong in a model.
+
+One root, ``GossamerError``; every leaf is also the built-in it resembles. A message names the number or the name at
+fault and ends in what to do next.
+"""
+
+
+class GossamerError(Exception):
+    """Root of every error that this project raises on purpose."""
+
+
+class ParameterError(GossamerError, ValueError):
+    """A parameter, start value or option outside its meaning."""
+
+
+class InputError(GossamerError, ValueError):
+    """A value or step handed to a running model that it cannot take; the model's state is as before."""
+
+
+class StateError(GossamerError, RuntimeError):
+    """A call that does not fit the state the model is in, or a saved state that does not fit the model."""
+
+
+class ConvergenceError(GossamerError, ArithmeticError):
+    """An iteration or a step without a usable (finite, converged) result; the model's state is as before."""
+
+
+class ArtifactError(GossamerError, ValueError):
+    """A stored artifact that is truncated, of another kind, or of a version this program does not know."""
+
+
+class DataError(GossamerError, ValueError):
+    """Measured or tabulated data that cannot be used as they are."""

@@ -1,0 +1,206 @@
+"""A model as one pure step and one table of variables.
+
+Symbols: ``x`` state, ``u`` inputs, ``p`` parameters, ``y`` outputs and locals, ``h`` step [s]::
+
+    init(u, p)       -> (x, y)         once, when initialization ends
+    step(x, u, p, h) -> (x_next, y)    u holds at the end of the step
+
+Both are CasADi functions without side effects; ``x`` is all that a model remembers. Python stepping, FMUs, derivatives and
+identification come from this one definition. This file and its neighbours ``errors.py`` and ``stepper.py`` travel inside
+the FMUs, so they import nothing but NumPy, CasADi and the standard library.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import casadi as ca
+
+from .errors import ArtifactError, ParameterError
+
+Causality = Literal["parameter", "input", "output", "local"]
+CAUSALITIES: tuple[Causality, ...] = ("parameter", "input", "output", "local")
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """One scalar real variable of a model's interface.
+
+    Attributes
+    ----------
+    name : str
+        FMI structured name, for instance ``strain[1]``.
+    causality : {"parameter", "input", "output", "local"}
+        Parameters are fixed once the model is initialized.
+    unit : str
+        Unit symbol, ``"1"`` for a ratio.
+    description : str
+        One line, without the unit.
+    start : float or None
+        Start value; needed for parameters and inputs, not allowed elsewhere.
+    minimum, maximum : float or None
+        Closed range of meaningful values. Enforced for parameters and inputs, informative for results.
+    nominal : float or None
+        Order of magnitude.
+    discrete : bool
+        True if the value changes at isolated times only.
+    """
+
+    name: str
+    causality: Causality
+    unit: str
+    description: str
+    start: float | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    nominal: float | None = None
+    discrete: bool = False
+
+    def __post_init__(self) -> None:
+        given = self.causality in ("parameter", "input")
+        if given != (self.start is not None):
+            msg = f"variable {self.name!r} ({self.causality}) {'needs' if given else 'cannot have'} a start value"
+            raise ParameterError(msg)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepModel:
+    """A pure step, its initialization and the table of its variables.
+
+    Attributes
+    ----------
+    name : str
+        Identifier, for instance ``sensor``.
+    description : str
+        One line.
+    variables : tuple of Variable
+        Parameters, inputs, outputs and locals, in this order; ``y`` is outputs followed by locals.
+    init, step : casadi.Function
+        ``init(u, p) -> (x, y)`` and ``step(x, u, p, h) -> (x_next, y)``; dense column vectors.
+    step_limit : str or None
+        Name of the variable that holds the largest internal step [s]; longer communication steps are divided.
+    advice : str
+        What to check when a result is not finite; ends the error message.
+    provenance : dict
+        Where identified or trained numbers come from.
+    """
+
+    name: str
+    description: str
+    variables: tuple[Variable, ...]
+    init: ca.Function
+    step: ca.Function
+    step_limit: str | None = None
+    advice: str = "Check the parameters and the inputs."
+    provenance: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        order = [CAUSALITIES.index(v.causality) for v in self.variables]
+        if order != sorted(order):
+            msg = f"model {self.name!r}: list parameters, inputs, outputs and locals in this order"
+            raise ParameterError(msg)
+        if len(set(self.names)) != len(self.names):
+            msg = f"model {self.name!r}: two variables have the same name"
+            raise ParameterError(msg)
+        n_p, n_u = self.count("parameter"), self.count("input")
+        n_y, n_x = len(self.variables) - n_p - n_u, self.n_states
+        expected = {
+            "init": ([n_u, n_p], [n_x, n_y], self.init),
+            "step": ([n_x, n_u, n_p, 1], [n_x, n_y], self.step),
+        }
+        for label, (n_in, n_out, function) in expected.items():
+            shape_in = [function.nnz_in(i) for i in range(function.n_in())]
+            shape_out = [function.nnz_out(i) for i in range(function.n_out())]
+            if (shape_in, shape_out) != (n_in, n_out):
+                msg = f"model {self.name!r}: {label} is {shape_in} -> {shape_out}, its table says {n_in} -> {n_out}"
+                raise ParameterError(msg)
+        if self.step_limit is not None and self.step_limit not in self.names:
+            msg = f"model {self.name!r}: no variable {self.step_limit!r} to limit the step"
+            raise ParameterError(msg)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all variables in table order."""
+        return tuple(v.name for v in self.variables)
+
+    @property
+    def n_states(self) -> int:
+        """Number of states."""
+        return int(self.step.nnz_in(0))
+
+    def count(self, causality: Causality) -> int:
+        """Count the variables of one causality."""
+        return sum(v.causality == causality for v in self.variables)
+
+    def slices(self) -> tuple[slice, slice, slice]:
+        """Return where parameters, inputs and results (outputs and locals) lie in the table."""
+        n_p, n_u = self.count("parameter"), self.count("input")
+        return slice(0, n_p), slice(n_p, n_p + n_u), slice(n_p + n_u, len(self.variables))
+
+    @cached_property
+    def card(self) -> str:
+        """The table and everything else but the functions, as JSON."""
+        content = {
+            "schema": "gossamer.step_model",
+            "version": FORMAT_VERSION,
+            "name": self.name,
+            "description": self.description,
+            "step_limit": self.step_limit,
+            "advice": self.advice,
+            "provenance": self.provenance,
+            "variables": [asdict(v) for v in self.variables],
+        }
+        return json.dumps(content, indent=1)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the table and both functions, hexadecimal."""
+        parts = (self.card, self.init.serialize(), self.step.serialize())
+        return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+    def save(self, folder: Path) -> None:
+        """Write ``model.json``, ``init.casadi`` and ``step.casadi`` into an existing folder."""
+        (folder / "model.json").write_text(self.card, encoding="utf-8")
+        (folder / "init.casadi").write_text(self.init.serialize(), encoding="utf-8")
+        (folder / "step.casadi").write_text(self.step.serialize(), encoding="utf-8")
+
+    @classmethod
+    def load(cls, folder: Path) -> StepModel:
+        """Read what ``save`` wrote.
+
+        Raises
+        ------
+        ArtifactError
+            A file is missing or truncated, or of another schema or version.
+        """
+        try:
+            card = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+            if (card["schema"], card["version"]) != ("gossamer.step_model", FORMAT_VERSION):
+                msg = (
+                    f"{folder / 'model.json'}: schema {card['schema']!r} version {card['version']!r}, this program reads "
+                    f"'gossamer.step_model' version {FORMAT_VERSION}. Rebuild it with this version of Gossamer."
+                )
+                raise ArtifactError(msg)
+            init, step = (
+                ca.Function.deserialize((folder / f"{name}.casadi").read_text(encoding="utf-8"))
+                for name in ("init", "step")
+            )
+            return cls(
+                name=card["name"],
+                description=card["description"],
+                variables=tuple(Variable(**v) for v in card["variables"]),
+                init=init,
+                step=step,
+                step_limit=card["step_limit"],
+                advice=card["advice"],
+                provenance=card["provenance"],
+            )
+        except (OSError, json.JSONDecodeError, KeyError, TypeError, RuntimeError) as error:
+            msg = f"cannot read the step model in {folder}: {error!r}. Build it again."
+            raise ArtifactError(msg) from error

@@ -1,0 +1,275 @@
+"""Run a ``StepModel``: set inputs, step, read results.
+
+Symbols: ``x`` state, ``values`` all variables in table order (parameters, inputs, outputs, locals), ``h`` step [s].
+Evaluation goes through CasADi's virtual machine with buffers prepared once, so a step allocates nothing that grows. Every
+method either does what it says or raises and leaves the state as it was.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import struct
+import zlib
+from collections.abc import Iterable
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ConvergenceError, InputError, ParameterError, StateError
+from .step_model import StepModel, Variable
+
+MAX_INTERNAL_STEPS = 100_000
+_STATE_MAGIC = b"GOSSAMER"
+
+
+class Stepper:
+    """One running instance of a model.
+
+    Parameters
+    ----------
+    model : StepModel
+        What to run.
+    **start : float
+        Start values of parameters and inputs that differ from the table's. Names that are no Python identifiers go
+        through ``set``.
+
+    Examples
+    --------
+    >>> from gossamer_models.sensor import sensor_model
+    >>> sensor = Stepper(sensor_model(), rest_strain=0.02)
+    >>> sensor.initialize()
+    >>> sensor.set("strain", 0.05)
+    >>> sensor.step(3e-4)
+    >>> resistance = sensor.get("resistance")
+    """
+
+    def __init__(self, model: StepModel, **start: float) -> None:
+        self.model = model
+        self._index = {name: i for i, name in enumerate(model.names)}
+        self._p, self._u, self._y = model.slices()
+        self._limit = None if model.step_limit is None else self._index[model.step_limit]
+        self._lower = np.array([-np.inf if v.minimum is None else v.minimum for v in model.variables])
+        self._upper = np.array([np.inf if v.maximum is None else v.maximum for v in model.variables])
+        n_x = model.n_states
+        self._values = np.zeros(len(model.variables))
+        self._x = np.zeros(n_x)
+        self._x_work, self._x_next = np.zeros(n_x), np.zeros(n_x)
+        self._y_next = np.zeros(self._values[self._y].size)
+        self._h = np.zeros(1)
+        u, p = self._values[self._u], self._values[self._p]
+        self._run_init = _prepare(model.init, (u, p), (self._x_next, self._y_next))
+        self._run_step = _prepare(model.step, (self._x_work, u, p, self._h), (self._x_next, self._y_next))
+        self.reset()
+        for name, value in start.items():
+            self.set(name, value)
+
+    def reset(self) -> None:
+        """Return to the state right after construction: start values, not initialized."""
+        self._values[:] = [v.start or 0.0 for v in self.model.variables]
+        self._x[:] = 0.0
+        self.initialized = False
+        self._checked = False
+
+    def index(self, name: str) -> int:
+        """Return the place of a variable in the table; raise ``InputError`` with a suggestion if there is none."""
+        try:
+            return self._index[name]
+        except KeyError:
+            close = difflib.get_close_matches(name, self.model.names, n=1)
+            hint = f"Did you mean {close[0]!r}?" if close else f"It has {', '.join(self.model.names[:12])}, ..."
+            msg = f"model {self.model.name!r} has no variable {name!r}. {hint}"
+            raise InputError(msg) from None
+
+    def set(self, name: str, value: float) -> None:
+        """Set one parameter (before ``initialize``) or input by name."""
+        self.set_values([self.index(name)], [value])
+
+    def set_values(self, indices: Iterable[int], values: Iterable[float]) -> None:
+        """Set parameters or inputs by table index.
+
+        A value that is not finite or out of range is taken here and refused by the ``initialize`` or ``step`` that would
+        use it, which leaves the caller the chance to correct it.
+
+        Raises
+        ------
+        InputError
+            Unknown index, a result, or something that is no number; nothing is set.
+        StateError
+            A parameter after initialization; nothing is set.
+        """
+        pairs = []
+        for index, value in zip(indices, values, strict=True):
+            variable = self._variable(index)
+            if variable.causality in ("output", "local"):
+                msg = f"{variable.name!r} is a result of model {self.model.name!r} and cannot be set"
+                raise InputError(msg)
+            if self.initialized and variable.causality == "parameter":
+                msg = (
+                    f"parameter {variable.name!r} is fixed once model {self.model.name!r} runs. Reset it, then set it."
+                )
+                raise StateError(msg)
+            try:
+                pairs.append((index, float(value)))
+            except (TypeError, ValueError):
+                msg = f"{variable.name!r} needs a number [{variable.unit}], not {value!r}"
+                raise InputError(msg) from None
+        for index, number in pairs:
+            self._values[index] = number
+        self._checked = False
+
+    def get(self, name: str) -> float:
+        """Read one variable by name."""
+        return float(self._values[self.index(name)])
+
+    def get_values(self, indices: Iterable[int]) -> list[float]:
+        """Read variables by table index."""
+        return [float(self._values[i]) for i in indices if self._variable(i)]
+
+    def initialize(self) -> None:
+        """Compute the initial state and results from parameters and inputs.
+
+        Raises
+        ------
+        StateError
+            Already initialized.
+        ParameterError, InputError
+            A parameter or an input is not finite or out of range.
+        ConvergenceError
+            The initial state is not finite.
+        """
+        if self.initialized:
+            msg = f"model {self.model.name!r} is initialized already. Reset it first."
+            raise StateError(msg)
+        self._check(self._p, ParameterError)
+        self._check(self._u, InputError)
+        self._run_init()
+        self._require_finite("initialization")
+        self._x[:] = self._x_next
+        self._values[self._y] = self._y_next
+        self.initialized = True
+
+    def step(self, h: float) -> None:
+        """Advance by ``h`` seconds with the inputs as set; a longer step than the model's own limit is divided.
+
+        Raises
+        ------
+        StateError
+            Not initialized.
+        InputError
+            ``h`` is not a positive finite number or needs too many internal steps, or an input is not finite or out of
+            range.
+        ConvergenceError
+            The new state is not finite.
+        """
+        if not self.initialized:
+            msg = f"model {self.model.name!r} must be initialized before it can step"
+            raise StateError(msg)
+        h = float(h)
+        if not (math.isfinite(h) and h > 0.0):
+            msg = f"the step of model {self.model.name!r} must be a positive time [s], not {h!r}"
+            raise InputError(msg)
+        if not self._checked:
+            self._check(self._u, InputError)
+            self._checked = True
+        limit = math.inf if self._limit is None else float(self._values[self._limit])
+        self._x_work[:] = self._x
+        remaining = self._divide(h, limit)
+        part = h / remaining
+        while True:
+            self._h[0] = part
+            self._run_step()
+            self._require_finite("a step")
+            self._x_work[:] = self._x_next
+            remaining -= 1
+            if remaining == 0:
+                break
+            if self._limit is not None and self._limit >= self._y.start:
+                limit = float(self._y_next[self._limit - self._y.start])
+                if part > limit:
+                    rest = part * remaining
+                    remaining = self._divide(rest, limit)
+                    part = rest / remaining
+        self._x[:] = self._x_next
+        self._values[self._y] = self._y_next
+
+    @property
+    def state(self) -> bytes:
+        """Everything the instance remembers, as bytes; assign it to go back, in this or another instance."""
+        body = bytes([self.initialized]) + self._values.tobytes() + self._x.tobytes()
+        head = _STATE_MAGIC + bytes.fromhex(self.model.digest)[:16]
+        return head + struct.pack("<I", zlib.crc32(body)) + body
+
+    @state.setter
+    def state(self, content: bytes) -> None:
+        head = _STATE_MAGIC + bytes.fromhex(self.model.digest)[:16]
+        size = len(head) + 4 + 1 + 8 * (self._values.size + self._x.size)
+        if len(content) != size or not content.startswith(head):
+            msg = f"this saved state ({len(content)} bytes) was not made by model {self.model.name!r} ({size} bytes)"
+            raise StateError(msg)
+        body = content[len(head) + 4 :]
+        if struct.pack("<I", zlib.crc32(body)) != content[len(head) : len(head) + 4]:
+            msg = f"this saved state of model {self.model.name!r} is damaged: its checksum does not fit"
+            raise StateError(msg)
+        numbers = np.frombuffer(body, dtype=np.float64, offset=1)
+        self._values[:] = numbers[: self._values.size]
+        self._x[:] = numbers[self._values.size :]
+        self.initialized = bool(body[0])
+        self._checked = False
+
+    def _variable(self, index: int) -> Variable:
+        if not 0 <= index < len(self.model.variables):
+            msg = (
+                f"model {self.model.name!r} has no variable number {index}; it has 0 to {len(self.model.variables) - 1}"
+            )
+            raise InputError(msg)
+        return self.model.variables[index]
+
+    def _divide(self, h: float, limit: float) -> int:
+        """Count the equal internal steps, none longer than ``limit`` [s], that make up ``h`` [s]."""
+        parts = math.ceil(h / limit * (1.0 - 1e-12)) if limit < h else 1
+        if parts > MAX_INTERNAL_STEPS:
+            msg = (
+                f"a step of {h:g} s needs {parts} internal steps of {limit:.3e} s of model {self.model.name!r}, "
+                f"more than {MAX_INTERNAL_STEPS}. Use shorter communication steps."
+            )
+            raise InputError(msg)
+        return parts
+
+    def _check(self, part: slice, error: type[ParameterError | InputError]) -> None:
+        """Raise if a given value of this part of the table is not finite or out of its range."""
+        given = self._values[part]
+        if ((given >= self._lower[part]) & (given <= self._upper[part]) & np.isfinite(given)).all():
+            return
+        for variable, value in zip(self.model.variables[part], given, strict=True):
+            low = -math.inf if variable.minimum is None else variable.minimum
+            high = math.inf if variable.maximum is None else variable.maximum
+            if not (math.isfinite(value) and low <= value <= high):
+                msg = (
+                    f"{variable.causality} {variable.name!r} of model {self.model.name!r} is {value:g} {_unit(variable)};"
+                    f" it must be a finite number from {low:g} to {high:g}. Correct it and call again."
+                )
+                raise error(msg)
+
+    def _require_finite(self, what: str) -> None:
+        if not (np.isfinite(self._x_next).all() and np.isfinite(self._y_next).all()):
+            msg = f"{what} of model {self.model.name!r} gave a result that is not finite. {self.model.advice}"
+            raise ConvergenceError(msg)
+
+
+def _unit(variable: Variable) -> str:
+    return "" if variable.unit == "1" else variable.unit
+
+
+def _prepare(
+    function: ca.Function, arguments: Iterable[NDArray[np.float64]], results: Iterable[NDArray[np.float64]]
+) -> ca.FunctionBuffer:
+    """Bind arrays to a CasADi function; the returned object evaluates it when called."""
+    buffer, run = function.buffer()
+    for i, array in enumerate(arguments):
+        buffer.set_arg(i, array.data)
+    for i, array in enumerate(results):
+        buffer.set_res(i, array.data)
+    run.keep_alive = buffer
+    return run

@@ -1,0 +1,1 @@
+"""Co-simulation of FMUs: scenarios, master, results."""
