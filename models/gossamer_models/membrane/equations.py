@@ -1,0 +1,176 @@
+r"""The membrane's equations of motion in space: elements assembled on a mesh.
+
+Symbols: ``q`` displacements [m] of the interior nodes from the homogeneously stretched plane, node by node as (x, y, z), shape
+(3 m,); ``damage`` of the 16 zones [1]; ``pressure`` [Pa]; ``p`` the parameter vector of ``params.py``; ``f`` nodal forces [N];
+``K`` tangent [N/m]; ``M`` masses [kg]::
+
+    M (q'' + c q' + a_base e_z) = f(q, damage, pressure; p)
+
+The undamaged, unloaded membrane rests at ``q = 0`` exactly, since a bilinear mesh represents a homogeneous stretch.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+
+from .element import CORNERS, GAUSS, element_energy, element_force, gauss_points, shape_functions
+from .mesh import square_mesh
+from .params import N_PARAMETERS, MembraneParams, named
+
+N_ZONES = 16
+
+
+class MembraneEquations:
+    """Forces, tangent and masses of a membrane on a regular mesh.
+
+    Parameters
+    ----------
+    elements_per_side : int
+        Multiple of 4.
+
+    Notes
+    -----
+    All elements are the same square, so one CasADi function of the element, in units of the side, is mapped over the mesh.
+    Lengths are divided by the side before it and its forces multiplied by side times thickness after it.
+    """
+
+    def __init__(self, elements_per_side: int) -> None:
+        mesh = self.mesh = square_mesh(elements_per_side)
+        self.n_q = 3 * mesh.interior.size
+        self._points = gauss_points(mesh.nodes[mesh.elements[0]])
+        self._element_dofs = (3 * mesh.elements[:, :, None] + np.arange(3)).reshape(-1)
+        self._interior_dofs = (3 * mesh.interior[:, None] + np.arange(3)).reshape(-1)
+        interior_of = np.full(3 * len(mesh.nodes), -1)
+        interior_of[self._interior_dofs] = np.arange(self.n_q)
+        self._row = interior_of[self._element_dofs]  # place in q of each element force, -1 where the edge holds it
+        used = np.flatnonzero(self._row >= 0)
+        self._gather_forces = _selection(self._row[used], used, (self.n_q, self._row.size))
+
+    def positions(self, q: ca.MX, p: ca.MX) -> ca.MX:
+        """Return the current coordinates of all nodes over the side length [1], shape (3 nodes,)."""
+        v = named(p)
+        shift = v["edge_displacement"] / v["side_length"]
+        flat = np.column_stack([self.mesh.nodes, np.zeros(len(self.mesh.nodes))]).reshape(-1)
+        outward = np.column_stack([2.0 * self.mesh.nodes - 1.0, np.zeros(len(self.mesh.nodes))]).reshape(-1)
+        x = ca.MX(ca.DM(flat)) + shift * ca.DM(outward)
+        x[self._interior_dofs.tolist()] += q / v["side_length"]
+        return x
+
+    def force_expression(self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Write the forces [N] on the interior nodes, shape (n_q,), and the largest rho c^2 [Pa] of any Gauss point."""
+        arguments, scale = self._element_arguments(q, damage, pressure, p)
+        f, wave = self._element.map(len(self.mesh.elements), "serial")(*arguments)
+        return scale * ca.mtimes(self._gather_forces, ca.vec(f)), ca.mmax(wave)
+
+    @cached_property
+    def force(self) -> ca.Function:
+        """``force(q, damage, pressure, p) -> (f [N], rho c^2 [Pa])``."""
+        symbols = self._symbols()
+        return ca.Function("force", symbols, self.force_expression(*symbols))
+
+    @cached_property
+    def tangent(self) -> ca.Function:
+        """``tangent(q, damage, pressure, p) -> K = -df/dq`` [N/m], sparse; not symmetric under pressure."""
+        symbols = self._symbols()
+        return ca.Function("tangent", symbols, [self.tangent_expression(*symbols)])
+
+    def tangent_expression(
+        self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: ca.MX, directions: tuple[int, ...] = (0, 1, 2)
+    ) -> ca.MX:
+        """Write the tangent [N/m], for all or some of the three directions of each node."""
+        arguments, scale = self._element_arguments(q, damage, pressure, p)
+        Ke = self._element_tangent.map(len(self.mesh.elements), "serial")(*arguments)
+        selected, pattern = self._scatter_tangent(directions)
+        return ca.MX(pattern, -scale / p[0] * ca.mtimes(selected, ca.vec(Ke)))
+
+    @cached_property
+    def energy(self) -> ca.Function:
+        """``energy(q, damage, pressure, p) -> strain energy`` [J]; the pressure does not enter."""
+        symbols = self._symbols()
+        arguments, scale = self._element_arguments(*symbols)
+        x, E, nu, load = self._element_symbols()
+        element = ca.Function("element_energy", [x, E, nu, load], [element_energy(x, self._points, E, nu)])
+        energies = element.map(len(self.mesh.elements), "serial")(*arguments)
+        return ca.Function("energy", symbols, [scale * symbols[3][0] * ca.sum2(energies)])
+
+    def masses(self, density: ca.MX | float, thickness: ca.MX | float, side_length: ca.MX | float) -> ca.MX | float:
+        """Return the lumped mass [kg] of one interior node: all are alike on a regular mesh."""
+        return density * thickness * (side_length / self.mesh.elements_per_side) ** 2
+
+    def consistent_mass(self, params: MembraneParams) -> scipy.sparse.csc_matrix:
+        """Integrate the consistent mass matrix [kg] over the interior nodes, shape (n_q, n_q)."""
+        N = np.array([shape_functions(s, t)[0] for s, t in CORNERS * GAUSS])
+        dA = np.array([point.dA for point in self._points])
+        m = np.kron(N.T @ (dA[:, None] * N), np.eye(3))
+        n = len(self.mesh.elements)
+        row = np.repeat(self._row.reshape(n, 12, 1), 12, axis=2).reshape(-1)
+        column = np.repeat(self._row.reshape(n, 1, 12), 12, axis=1).reshape(-1)
+        keep = (row >= 0) & (column >= 0)
+        values = params.density * params.thickness * params.side_length**2 * np.tile(m.reshape(-1), n)
+        shape = (self.n_q, self.n_q)
+        return scipy.sparse.coo_matrix((values[keep], (row[keep], column[keep])), shape=shape).tocsc()
+
+    def lumped_mass(self, params: MembraneParams) -> scipy.sparse.csc_matrix:
+        """Return the lumped mass matrix [kg] of the interior nodes, shape (n_q, n_q)."""
+        mass = self.masses(params.density, params.thickness, params.side_length)
+        return scipy.sparse.identity(self.n_q, format="csc") * mass
+
+    def _symbols(self) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
+        return (
+            ca.MX.sym("q", self.n_q),
+            ca.MX.sym("damage", N_ZONES),
+            ca.MX.sym("pressure"),
+            ca.MX.sym("p", N_PARAMETERS),
+        )
+
+    @staticmethod
+    def _element_symbols() -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        return ca.SX.sym("x", 3, 4), ca.SX.sym("E"), ca.SX.sym("nu"), ca.SX.sym("load")
+
+    @cached_property
+    def _element(self) -> ca.Function:
+        symbols = self._element_symbols()
+        x, E, nu, load = symbols
+        return ca.Function("element", symbols, ca.cse([*element_force(x, self._points, E, nu, load)]))
+
+    @cached_property
+    def _element_tangent(self) -> ca.Function:
+        symbols = self._element_symbols()
+        x, E, nu, load = symbols
+        f, _ = element_force(x, self._points, E, nu, load)
+        return ca.Function("element_tangent", symbols, ca.cse([ca.jacobian(ca.vec(f), ca.vec(x))]))
+
+    def _element_arguments(self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: ca.MX) -> tuple[tuple[ca.MX, ...], ca.MX]:
+        """Return what the element function is mapped over, in units of the side, and the factor of its forces."""
+        v, n = named(p), len(self.mesh.elements)
+        x = ca.reshape(self.positions(q, p)[self._element_dofs.tolist()], 3, 4 * n)
+        E = v["youngs_modulus"] * (1.0 - damage)
+        load = pressure * v["side_length"] / v["thickness"]
+        arguments = (x, E[self.mesh.zone.tolist()].T, ca.repmat(v["poisson_ratio"], 1, n), ca.repmat(load, 1, n))
+        return arguments, v["side_length"] * v["thickness"]
+
+    def _scatter_tangent(self, directions: tuple[int, ...]) -> tuple[ca.DM, ca.Sparsity]:
+        """Return the matrix that sums element tangents into the nonzeros of ``K``, and the pattern of ``K``."""
+        n, size = len(self.mesh.elements), len(directions)
+        kept = np.full(3, -1)
+        kept[list(directions)] = np.arange(size)
+        direction = kept[self._row % 3]
+        place = np.where((self._row >= 0) & (direction >= 0), self._row // 3 * size + direction, -1).reshape(n, 12)
+        row = np.repeat(place[:, None, :], 12, axis=1).reshape(-1)  # CasADi stores each 12 x 12 block column by column
+        column = np.repeat(place[:, :, None], 12, axis=2).reshape(-1)
+        source = np.flatnonzero((row >= 0) & (column >= 0))
+        order = self.n_q // 3 * size
+        key, nonzero = np.unique(column[source] * order + row[source], return_inverse=True)
+        pattern = ca.Sparsity.triplet(order, order, (key % order).tolist(), (key // order).tolist())
+        return _selection(nonzero, source, (key.size, row.size)), pattern
+
+
+def _selection(row: NDArray[np.int64], column: NDArray[np.int64], shape: tuple[int, int]) -> ca.DM:
+    """Make a sparse matrix of ones that adds up chosen entries of a vector."""
+    pattern = ca.Sparsity.triplet(*shape, row.tolist(), column.tolist())
+    return ca.DM(pattern, 1.0)

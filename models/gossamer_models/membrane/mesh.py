@@ -1,0 +1,106 @@
+"""A square of four-node elements, in units of its side.
+
+Symbols: ``n`` elements per side, ``s`` node coordinates in the unit square [1], ``m`` nodes that can move (the interior).
+Nodes and elements are numbered row by row from the corner at the origin, x fastest, as are the damage zones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gossamer_models.errors import ParameterError
+
+ZONES_PER_SIDE = 4
+
+
+@dataclass(frozen=True, eq=False)
+class SquareMesh:
+    """Nodes, elements and zones of a membrane whose four edges are held.
+
+    Attributes
+    ----------
+    elements_per_side : int
+        Multiple of 4, so that every damage zone is a whole number of elements.
+    nodes : ndarray, shape ((n+1)**2, 2)
+        Reference coordinates [1], in units of the side.
+    elements : ndarray of int, shape (n**2, 4)
+        Nodes of each element, counterclockwise from its corner nearest to the origin.
+    zone : ndarray of int, shape (n**2,)
+        Damage zone of each element, 0 to 15.
+    interior : ndarray of int, shape ((n-1)**2,)
+        Nodes that can move; all others lie on the edges.
+    """
+
+    elements_per_side: int
+    nodes: NDArray[np.float64]
+    elements: NDArray[np.int64]
+    zone: NDArray[np.int64]
+    interior: NDArray[np.int64]
+
+    @property
+    def centre(self) -> int:
+        """Node in the middle of the square."""
+        n = self.elements_per_side
+        return (n // 2) * (n + 1) + n // 2
+
+    @property
+    def interior_grid(self) -> NDArray[np.int64]:
+        """Place in ``interior`` of node (i, j), i along x and j along y, shape (n-1, n-1)."""
+        n = self.elements_per_side
+        return np.arange((n - 1) ** 2).reshape(n - 1, n - 1).T
+
+    def locate(self, point: tuple[float, float]) -> tuple[int, tuple[float, float]]:
+        """Find the element that holds a material point of the regular mesh.
+
+        Parameters
+        ----------
+        point : tuple of float
+            Reference coordinates [1], 0 to 1.
+
+        Returns
+        -------
+        int
+            Element; the one farther from the origin on a common edge.
+        tuple of float
+            Parent coordinates :math:`\\xi, \\eta` [1] in the element, -1 to 1.
+        """
+        n = self.elements_per_side
+        i, j = (min(int(c * n), n - 1) for c in point)
+        return i + n * j, (2.0 * (point[0] * n - i) - 1.0, 2.0 * (point[1] * n - j) - 1.0)
+
+
+def square_mesh(elements_per_side: int) -> SquareMesh:
+    """Divide the unit square into equal square elements.
+
+    Parameters
+    ----------
+    elements_per_side : int
+        Multiple of 4, at least 4.
+
+    Returns
+    -------
+    SquareMesh
+
+    Raises
+    ------
+    ParameterError
+        The number does not fit the 4 x 4 damage zones.
+    """
+    n = elements_per_side
+    if not isinstance(n, int) or isinstance(n, bool) or n < ZONES_PER_SIDE or n % ZONES_PER_SIDE:
+        msg = f"elements_per_side is {n!r}; the 4 x 4 damage zones need a multiple of 4. Use 4, 8, 12, 16, ..."
+        raise ParameterError(msg)
+    j, i = np.divmod(np.arange((n + 1) ** 2), n + 1)
+    row, column = np.divmod(np.arange(n * n), n)
+    corner = column + (n + 1) * row
+    per_zone = n // ZONES_PER_SIDE
+    return SquareMesh(
+        elements_per_side=n,
+        nodes=np.column_stack([i, j]) / n,
+        elements=np.column_stack([corner, corner + 1, corner + n + 2, corner + n + 1]),
+        zone=column // per_zone + ZONES_PER_SIDE * (row // per_zone),
+        interior=np.flatnonzero((i > 0) & (i < n) & (j > 0) & (j < n)),
+    )
