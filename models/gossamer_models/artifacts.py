@@ -1,34 +1,58 @@
-"""Stored results of identification and training: JSON with a schema, a version and where the numbers come from."""
+"""Stored results of identification and training.
+
+A JSON card with a schema, a version and where the numbers come from; large arrays stand beside it in an NPZ file of the
+same name, whose digest the card holds.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .errors import ArtifactError
 
 
-def write_artifact(path: Path, schema: str, version: int, provenance: dict[str, str], content: dict[str, Any]) -> None:
+def write_artifact(
+    path: Path,
+    schema: str,
+    version: int,
+    provenance: dict[str, str],
+    content: dict[str, Any],
+    arrays: dict[str, NDArray[np.float64]] | None = None,
+) -> None:
     """Write an artifact.
 
     Parameters
     ----------
     path : Path
-        File to write; its folder exists.
+        JSON file to write; its folder exists.
     schema, version : str, int
         What the content is; a reader refuses every other.
     provenance : dict
         Data digest, command, error reached: whatever lets a reader repeat the work.
     content : dict
-        JSON values; arrays as nested lists.
+        JSON values.
+    arrays : dict of ndarray, optional
+        Large arrays, written to the NPZ file beside the card.
     """
     card = {"schema": schema, "version": version, "provenance": provenance, **content}
+    if arrays is not None:
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, allow_pickle=False, **arrays)
+        path.with_suffix(".npz").write_bytes(buffer.getvalue())
+        card["arrays_sha256"] = hashlib.sha256(buffer.getvalue()).hexdigest()
     path.write_text(json.dumps(card, indent=1) + "\n", encoding="utf-8")
 
 
 def read_artifact(path: Path, schema: str, version: int) -> dict[str, Any]:
-    """Read an artifact that ``write_artifact`` wrote.
+    """Read the card of an artifact that ``write_artifact`` wrote.
 
     Raises
     ------
@@ -48,3 +72,26 @@ def read_artifact(path: Path, schema: str, version: int) -> dict[str, Any]:
         )
         raise ArtifactError(msg)
     return dict(card)
+
+
+def read_arrays(path: Path, card: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
+    """Read the arrays that stand beside a card.
+
+    Raises
+    ------
+    ArtifactError
+        The NPZ file is missing or truncated, or is not the one the card was written with.
+    """
+    beside = path.with_suffix(".npz")
+    try:
+        content = beside.read_bytes()
+        if hashlib.sha256(content).hexdigest() != card.get("arrays_sha256"):
+            msg = f"{beside} is not the file that {path} was written with: its SHA-256 differs. Make both again."
+            raise ArtifactError(msg)
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            return {name: np.asarray(arrays[name], dtype=float) for name in arrays.files}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        if isinstance(error, ArtifactError):
+            raise
+        msg = f"cannot read the arrays {beside}: {error!r}. Make the artifact again."
+        raise ArtifactError(msg) from error

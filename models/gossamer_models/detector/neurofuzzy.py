@@ -1,0 +1,100 @@
+"""Similarity-based neuro-fuzzy networks, one per zone.
+
+Symbols, as in Chapter 6 of [1]_: ``I`` input (damage feature index), ``X`` reference inputs, ``D`` distance, ``S``
+similarity, ``w1`` distance weights, ``b`` bias, ``w2`` rule weights, ``O`` memberships of the damage in the fuzzy sets,
+``peaks`` damage at which each set has membership one.
+
+Readings of the source (its slips): similarity falls with distance, so Eq. (6.3) is S = 1 / (1 + exp(-(b - D))).
+
+References
+----------
+.. [1] M. R. Sunny, PhD thesis, Virginia Tech, 2010, Sections 6.1 to 6.3 and 7.6.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Expression = ca.SX | ca.MX | ca.DM
+Defuzzification = Literal["centroid", "mom", "som", "lom"]
+
+
+def similarity(I: Expression, X: ca.DM, w1: Expression, b: Expression) -> Expression:  # noqa: E741
+    """Return the similarity of an input with every reference input in every network, Eqs. (6.1) and (6.3).
+
+    Parameters
+    ----------
+    I : shape (m, 1)
+        Input [1].
+    X : shape (n, m)
+        Reference inputs [1].
+    w1 : shape (m, z)
+        Weights of the squared differences in each network, not negative.
+    b : shape (1, z)
+        Bias of each network: the distance at which its similarity is one half.
+
+    Returns
+    -------
+    shape (n, z)
+        Similarities between 0 and 1.
+    """
+    n = X.shape[0]
+    D = (X - ca.repmat(I.T, n, 1)) ** 2 @ w1
+    return 1.0 / (1.0 + ca.exp(D - ca.repmat(b, n, 1)))
+
+
+def triangular_memberships(damage: ArrayLike, peaks: ArrayLike) -> NDArray[np.float64]:
+    """Return the memberships of damages in triangular fuzzy sets that share their feet with the neighbours' peaks.
+
+    Parameters
+    ----------
+    damage : array_like, shape (...)
+        Damage [1]; beyond the last peak the last membership stays one.
+    peaks : array_like, shape (k,)
+        Increasing peaks [1].
+
+    Returns
+    -------
+    ndarray, shape (..., k)
+        Memberships; they add up to one.
+    """
+    p = np.asarray(peaks, dtype=float)
+    identity = np.eye(p.size)
+    return np.stack([np.interp(damage, p, row) for row in identity], axis=-1)
+
+
+def defuzzify(O: Expression, peaks: ca.DM, method: Defuzzification = "centroid") -> Expression:  # noqa: E741
+    """Turn memberships into crisp values.
+
+    Parameters
+    ----------
+    O : shape (k, z)
+        Memberships in k fuzzy sets, one column per network; negative ones count as zero.
+    peaks : casadi.DM, shape (k, 1)
+        Increasing values at which each set has membership one.
+    method : {"centroid", "mom", "som", "lom"}
+        Centroidal matching, Eq. (6.4), or the middle, smallest or largest of the sets of largest membership.
+
+    Returns
+    -------
+    shape (1, z)
+        Crisp values; 0 where no set has a membership.
+    """
+    sets = [ca.fmax(row, 0.0) for row in ca.vertsplit(O)]
+    values = [float(peak) for peak in peaks.full().ravel()]
+    if method == "centroid":
+        moment = sum(membership * value for membership, value in zip(sets, values, strict=True))
+        return moment / ca.fmax(sum(sets), 1e-300)
+    largest = functools.reduce(ca.fmax, sets)
+    smallest_peak, largest_peak = values[-1], values[0]
+    for membership, value in zip(sets, values, strict=True):
+        largest_peak = ca.if_else(membership >= largest, value, largest_peak)
+    for membership, value in zip(reversed(sets), reversed(values), strict=True):
+        smallest_peak = ca.if_else(membership >= largest, value, smallest_peak)
+    crisp = {"som": smallest_peak, "lom": largest_peak, "mom": 0.5 * (smallest_peak + largest_peak)}[method]
+    return ca.if_else(largest > 0.0, crisp, 0.0)

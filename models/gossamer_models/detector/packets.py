@@ -1,0 +1,65 @@
+"""Haar wavelet packets of level 2, streaming and by PyWavelets.
+
+Symbols: ``x1..x4`` four successive samples, ``U`` packet energies in the order AA, AD, DA, DD.
+
+A packet coefficient of level 2 of the orthonormal Haar basis depends on four successive samples only, so its energy is a
+running sum over blocks of four: no record needs to be kept. For a record whose length is a multiple of four this is what
+PyWavelets computes for the whole record.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pywt
+from numpy.typing import ArrayLike, NDArray
+
+BLOCK = 4
+PACKETS = ("aa", "ad", "da", "dd")
+
+
+def block_energies(x1: ca.SX, x2: ca.SX, x3: ca.SX, x4: ca.SX) -> ca.SX:
+    """Return the four packet energies of one block of four samples.
+
+    Parameters
+    ----------
+    x1, x2, x3, x4 : casadi.SX, shape (n, 1)
+        Successive samples of n signals.
+
+    Returns
+    -------
+    casadi.SX, shape (4 n, 1)
+        Energies, signal by signal in the order AA, AD, DA, DD; the integrand of Eq. (7.8) of [1]_ without the constant
+        sampling step, which cancels in the index.
+
+    References
+    ----------
+    .. [1] M. R. Sunny, PhD thesis, Virginia Tech, 2010, Section 7.4.
+    """
+    a1, d1 = x1 + x2, x1 - x2
+    a2, d2 = x3 + x4, x3 - x4
+    coefficients = ca.horzcat(a1 + a2, a1 - a2, d1 + d2, d1 - d2) / 2.0
+    return ca.vec((coefficients**2).T)
+
+
+def packet_energies(record: ArrayLike) -> NDArray[np.float64]:
+    """Compute the packet energies of whole records with PyWavelets.
+
+    Parameters
+    ----------
+    record : array_like, shape (..., n)
+        Sampled signals; n a multiple of 4.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Energies in the order AA, AD, DA, DD.
+    """
+    samples = np.asarray(record, dtype=float)
+    if samples.shape[-1] == 0 or samples.shape[-1] % BLOCK:
+        msg = (
+            f"a record of {samples.shape[-1]} samples has no whole blocks of {BLOCK}. Cut it to a multiple of {BLOCK}."
+        )
+        raise ValueError(msg)
+    packets = pywt.WaveletPacket(samples, "haar", mode="periodization", maxlevel=2, axis=-1)
+    return np.stack([np.sum(packets[name].data ** 2, axis=-1) for name in PACKETS], axis=-1)
