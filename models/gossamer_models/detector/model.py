@@ -103,7 +103,7 @@ def _record_function() -> ca.Function:
     take = ca.logic_and(due, recording)
     count_after = count + take
     completes = ca.logic_and(take, ca.fmod(count_after, BLOCK) < 0.5)
-    U_after = U + ca.if_else(completes, block_energies(*ca.horzsplit(block), sample), 0.0)
+    U_after = U + ca.if_else(completes, block_energies(block[:, 0], block[:, 1], block[:, 2], sample), 0.0)
     block_after = ca.if_else(take, ca.horzcat(block[:, 1:], sample), block)
     ended = ca.logic_and(completes, count_after >= _samples(p) - 0.5)
 
@@ -125,9 +125,9 @@ def _judge_function(trained: DetectorArtifact, defuzzification: Defuzzification)
     peaks = ca.DM(trained.peaks)
     functions = []
     for c in range(trained.baseline.shape[0]):
-        I = U / ca.DM(trained.baseline[c])  # noqa: E741
+        I = U / ca.DM(trained.baseline[c])
         S = similarity(I, ca.DM(trained.references[c]), ca.DM(trained.weights[c]), ca.DM(trained.bias[c]).T)
-        O = ca.vertcat(*(ca.sum1(S * ca.DM(rule)) for rule in trained.rules[c]))  # noqa: E741
+        O = ca.vertcat(*(ca.sum1(S * ca.DM(rule)) for rule in trained.rules[c]))
         damage = defuzzify(O, peaks, defuzzification).T
         known = ca.mmin(ca.vertcat(*(ca.mmax(column) for column in ca.horzsplit(S))))
         result = ca.vertcat(damage, I, known, belongs)

@@ -20,11 +20,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Expression = ca.SX | ca.MX | ca.DM
 Defuzzification = Literal["centroid", "mom", "som", "lom"]
 
 
-def similarity(I: Expression, X: ca.DM, w1: Expression, b: Expression) -> Expression:  # noqa: E741
+def similarity(I: ca.MX, X: ca.DM, w1: ca.MX, b: ca.MX) -> ca.MX:
     """Return the similarity of an input with every reference input in every network, Eqs. (6.1) and (6.3).
 
     Parameters
@@ -63,12 +62,12 @@ def triangular_memberships(damage: ArrayLike, peaks: ArrayLike) -> NDArray[np.fl
     ndarray, shape (..., k)
         Memberships; they add up to one.
     """
-    p = np.asarray(peaks, dtype=float)
+    p, x = np.asarray(peaks, dtype=float), np.asarray(damage, dtype=float)
     identity = np.eye(p.size)
-    return np.stack([np.interp(damage, p, row) for row in identity], axis=-1)
+    return np.stack([np.interp(x, p, row) for row in identity], axis=-1)
 
 
-def defuzzify(O: Expression, peaks: ca.DM, method: Defuzzification = "centroid") -> Expression:  # noqa: E741
+def defuzzify(O: ca.MX, peaks: ca.DM, method: Defuzzification = "centroid") -> ca.MX:
     """Turn memberships into crisp values.
 
     Parameters

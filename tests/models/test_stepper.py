@@ -1,0 +1,206 @@
+"""The base that every model stands on: the table, the stepper and what they refuse."""
+
+import json
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gossamer_models import (
+    ArtifactError,
+    ConvergenceError,
+    InputError,
+    ParameterError,
+    StateError,
+    StepModel,
+    Stepper,
+    Variable,
+)
+
+
+def lag_model(largest_step: bool = False) -> StepModel:
+    """A first-order lag x' = (u - x)/tau, exact for held input; ``ln`` of the state, so that a state below zero fails."""
+    x, u, p, h = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p", 2), ca.SX.sym("h")
+    x_next = u + (x - u) * ca.exp(-h / p[0])
+    variables = (
+        Variable(name="tau", causality="parameter", unit="s", start=0.5, minimum=1e-3, description="Time constant"),
+        Variable(name="largest", causality="parameter", unit="s", start=0.1, minimum=1e-6, description="Largest step"),
+        Variable(name="u", causality="input", unit="m", start=1.0, minimum=-10.0, maximum=10.0, description="Input"),
+        Variable(name="x", causality="output", unit="m", description="State"),
+        Variable(name="ln", causality="local", unit="1", description="Logarithm of the state"),
+    )
+    return StepModel(
+        name="lag",
+        description="First-order lag",
+        variables=variables,
+        init=ca.Function("init", [u, p], [ca.SX(1.0), ca.vertcat(1.0, 0.0)]),
+        step=ca.Function("step", [x, u, p, h], [x_next, ca.vertcat(x_next, ca.log(x_next))]),
+        step_limit="largest" if largest_step else None,
+        advice="Keep the state positive.",
+    )
+
+
+@pytest.fixture
+def lag():
+    stepper = Stepper(lag_model(), tau=0.25)
+    stepper.initialize()
+    return stepper
+
+
+def test_a_step_follows_the_exact_solution(lag):
+    lag.set("u", 2.0)
+    lag.step(0.3)
+    assert lag.get("x") == pytest.approx(2.0 - math.exp(-0.3 / 0.25), rel=1e-15)
+
+
+def test_a_long_step_is_divided_at_the_limit():
+    stepper = Stepper(lag_model(largest_step=True), tau=0.25)
+    stepper.initialize()
+    stepper.set("u", 2.0)
+    stepper.step(1.0)
+    assert stepper.get("x") == pytest.approx(2.0 - math.exp(-1.0 / 0.25), rel=1e-14)
+
+
+def test_a_step_of_too_many_parts_is_refused():
+    stepper = Stepper(lag_model(largest_step=True))
+    stepper.initialize()
+    before = stepper.state
+    with pytest.raises(InputError, match=r"1e\+09 s needs .* internal steps.*shorter communication steps"):
+        stepper.step(1e9)
+    assert stepper.state == before
+
+
+@given(steps=st.lists(st.floats(1e-3, 1.0), min_size=1, max_size=5), later=st.floats(1e-3, 1.0))
+def test_going_back_repeats_the_same_bits(steps, later):
+    stepper = Stepper(lag_model())
+    stepper.initialize()
+    for h in steps:
+        stepper.step(h)
+    saved = stepper.state
+    stepper.step(later)
+    first = stepper.state
+    other = Stepper(lag_model())
+    other.state = saved
+    other.step(later)
+    assert other.state == first
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "part"),
+    [("u", math.nan, "'u'.*nan m"), ("u", math.inf, "'u'.*inf m"), ("u", 11.0, "'u'.*11 m.*-10 to 10")],
+)
+def test_a_bad_input_is_named_and_leaves_the_state(lag, name, value, part):
+    before = lag.get("x")
+    lag.set(name, value)
+    with pytest.raises(InputError, match=part):
+        lag.step(0.1)
+    assert lag.get("x") == before
+    lag.set(name, 1.0)
+    lag.step(0.1)
+
+
+@pytest.mark.parametrize("h", [0.0, -1.0, math.nan, math.inf])
+def test_a_step_must_be_a_positive_time(lag, h):
+    with pytest.raises(InputError, match="must be a positive time"):
+        lag.step(h)
+
+
+def test_a_result_that_is_not_finite_is_refused_with_advice(lag):
+    lag.set("u", -9.0)
+    before = lag.state
+    with pytest.raises(ConvergenceError, match="not finite. Keep the state positive"):
+        lag.step(5.0)
+    assert lag.state == before
+
+
+def test_calls_out_of_order_are_refused():
+    stepper = Stepper(lag_model())
+    with pytest.raises(StateError, match="initialized before it can step"):
+        stepper.step(0.1)
+    stepper.initialize()
+    with pytest.raises(StateError, match="initialized already"):
+        stepper.initialize()
+    with pytest.raises(StateError, match="'tau' is fixed"):
+        stepper.set("tau", 1.0)
+    stepper.reset()
+    stepper.set("tau", 1.0)
+    stepper.initialize()
+
+
+def test_names_and_kinds_are_checked(lag):
+    with pytest.raises(InputError, match="no variable 'taw'. Did you mean 'tau'"):
+        lag.set("taw", 1.0)
+    with pytest.raises(InputError, match="'x' is a result"):
+        lag.set("x", 1.0)
+    with pytest.raises(InputError, match="'u' needs a number \\[m\\], not 'two'"):
+        lag.set("u", "two")
+    with pytest.raises(InputError, match="no variable number 99"):
+        lag.get_values([99])
+    with pytest.raises(ParameterError, match="'tau'.*finite number from 0.001"):
+        Stepper(lag_model(), tau=-1.0).initialize()
+
+
+@pytest.mark.parametrize("cut", [0, 7, 30, -1])
+def test_a_truncated_state_is_refused(lag, cut):
+    with pytest.raises(StateError, match="not made by model 'lag'"):
+        lag.state = lag.state[:cut]
+
+
+@given(place=st.integers(0, 1000), bit=st.integers(0, 7))
+def test_a_damaged_state_is_refused_whichever_bit_flips(place, bit):
+    stepper = Stepper(lag_model())
+    stepper.initialize()
+    good = stepper.state
+    bad = bytearray(good)
+    bad[place % len(bad)] ^= 1 << bit
+    with pytest.raises(StateError):
+        stepper.state = bytes(bad)
+    assert stepper.state == good
+
+
+def test_a_model_survives_its_files(tmp_path):
+    model = lag_model()
+    model.save(tmp_path)
+    loaded = StepModel.load(tmp_path)
+    assert (loaded.digest, loaded.variables) == (model.digest, model.variables)
+    a, b = Stepper(model), Stepper(loaded)
+    for stepper in (a, b):
+        stepper.initialize()
+        stepper.step(0.2)
+    assert a.state == b.state
+
+
+@pytest.mark.parametrize("name", ["model.json", "init.casadi", "step.casadi"])
+def test_truncated_files_are_refused(tmp_path, name):
+    lag_model().save(tmp_path)
+    path = tmp_path / name
+    path.write_text(path.read_text()[:40])
+    with pytest.raises(ArtifactError, match="Build it again"):
+        StepModel.load(tmp_path)
+
+
+def test_files_of_another_version_are_refused(tmp_path):
+    lag_model().save(tmp_path)
+    card = json.loads((tmp_path / "model.json").read_text()) | {"version": 99}
+    (tmp_path / "model.json").write_text(json.dumps(card))
+    with pytest.raises(ArtifactError, match="version 99, this program reads .* version 1"):
+        StepModel.load(tmp_path)
+
+
+def test_a_table_that_does_not_fit_the_functions_is_refused():
+    model = lag_model()
+    with pytest.raises(ParameterError, match="its table says"):
+        StepModel(name="short", description="", variables=model.variables[:-1], init=model.init, step=model.step)
+    with pytest.raises(ParameterError, match="needs a start value"):
+        Variable(name="k", causality="parameter", unit="1", description="")
+
+
+def test_a_stepper_holds_no_more_memory_after_many_steps(lag):
+    size = len(lag.state)
+    for _ in range(1000):
+        lag.step(1e-3)
+    assert len(lag.state) == size
+    assert np.isfinite(lag.get("x"))
