@@ -1,10 +1,10 @@
 r"""The bilinear membrane element: the one place where its forces are written.
 
 Symbols: ``X`` reference and ``x`` current node positions, ``s``, ``t`` parent coordinates [1], ``H`` the four bilinear modes
-1, s, t, st at the nodes, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``C`` right Cauchy-Green
-tensor, ``e`` Green-Lagrange strain, ``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa],
-``nu`` Poisson's ratio [1]. Lengths are in any one unit; forces are per thickness. Explicit steps, statics, implicit steps and
-frequencies all evaluate these expressions or their ``ca.jacobian``.
+1, s, t, st at the nodes, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` Green-Lagrange
+strain, ``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu`` Poisson's ratio [1].
+Lengths are in any one unit in which the element is of order one; forces are per thickness. Explicit steps, statics, implicit
+steps and frequencies all evaluate these expressions or their ``ca.jacobian``.
 """
 
 from __future__ import annotations
@@ -55,9 +55,8 @@ def gauss_points(X: NDArray[np.float64]) -> list[GaussPoint]:
     points = []
     for s, t in CORNERS:
         J = X.T @ shape_functions(s * GAUSS, t * GAUSS)[1]
-        # round-off beside a square's zeros would cost multiplications by numbers that mean nothing
-        J[np.abs(J) < 1e-14 * np.abs(J).max()] = 0.0
-        points.append(GaussPoint(s, t, np.linalg.inv(J), float(np.linalg.det(J))))
+        J = np.round(J, 14)  # zeros and ones in place of round-off: CasADi leaves out multiplications by them
+        points.append(GaussPoint(float(s), float(t), np.linalg.inv(J), float(np.linalg.det(J))))
     return points
 
 
@@ -112,8 +111,8 @@ def element_force(
         s, t = point.s, point.t
         x_s, x_t, F1, F2 = _tangents(a, point)
         c11, c22, c12 = _twice_strain(F1, F2)
-        S11, S22, S12 = _stress(c11, c22, c12, D, nu)
-        Q = ca.horzcat(F1 * S11 + F2 * S12, F1 * S12 + F2 * S22) @ ca.DM(point.J_inverse.T * point.dA / 4.0)
+        S11, S22, S12 = _stress(c11, c22, c12, point.dA * D, nu)
+        Q = ca.horzcat(F1 * S11 + F2 * S12, F1 * S12 + F2 * S22) @ ca.DM(point.J_inverse.T / 4.0)
         Q_1, Q_2, Q_12 = Q_1 + Q[:, 0], Q_2 + Q[:, 1], Q_12 + t * Q[:, 0] + s * Q[:, 1]
         n = ca.cross(x_s, x_t)
         load, load_s, load_t, load_st = load + n, load_s + s * n, load_t + t * n, load_st + s * t * n

@@ -1,8 +1,8 @@
 r"""The membrane's equations of motion in space: elements assembled on a mesh.
 
-Symbols: ``q`` displacements [m] of the interior nodes from the homogeneously stretched plane, node by node as (x, y, z), shape
-(3 m,); ``damage`` of the 16 zones [1]; ``pressure`` [Pa]; ``p`` the parameter vector of ``params.py``; ``f`` nodal forces [N];
-``K`` tangent [N/m]; ``M`` masses [kg]::
+Symbols: ``q`` displacements [m] of the interior nodes from the homogeneously stretched plane, node by node as (x, y, z),
+shape (3 m,); ``damage`` of the 16 zones [1]; ``pressure`` [Pa]; ``p`` the parameter vector of ``params.py``; ``f`` nodal
+forces [N]; ``K`` tangent [N/m]; ``M`` masses [kg]::
 
     M (q'' + c q' + a_base e_z) = f(q, damage, pressure; p)
 
@@ -35,14 +35,16 @@ class MembraneEquations:
 
     Notes
     -----
-    All elements are the same square, so one CasADi function of the element, in units of the side, is mapped over the mesh.
-    Lengths are divided by the side before it and its forces multiplied by side times thickness after it.
+    All elements are the same square, so one CasADi function of the element is mapped over the mesh. It works in units of two
+    element sizes, in which ``F`` is found without a multiplication, and its forces are multiplied by that unit and the
+    thickness.
     """
 
     def __init__(self, elements_per_side: int) -> None:
         mesh = self.mesh = square_mesh(elements_per_side)
         self.n_q = 3 * mesh.interior.size
-        self._points = gauss_points(mesh.nodes[mesh.elements[0]])
+        self._per_side = elements_per_side / 2.0  # length units per side
+        self._points = gauss_points(mesh.nodes[mesh.elements[0]] * self._per_side)
         self._element_dofs = (3 * mesh.elements[:, :, None] + np.arange(3)).reshape(-1)
         self._interior_dofs = (3 * mesh.interior[:, None] + np.arange(3)).reshape(-1)
         interior_of = np.full(3 * len(mesh.nodes), -1)
@@ -52,13 +54,13 @@ class MembraneEquations:
         self._gather_forces = _selection(self._row[used], used, (self.n_q, self._row.size))
 
     def positions(self, q: ca.MX, p: ca.MX) -> ca.MX:
-        """Return the current coordinates of all nodes over the side length [1], shape (3 nodes,)."""
-        v = named(p)
+        """Return the current coordinates of all nodes in units of two element sizes [1], shape (3 nodes,)."""
+        v, N = named(p), self._per_side
         shift = v["edge_displacement"] / v["side_length"]
         flat = np.column_stack([self.mesh.nodes, np.zeros(len(self.mesh.nodes))]).reshape(-1)
         outward = np.column_stack([2.0 * self.mesh.nodes - 1.0, np.zeros(len(self.mesh.nodes))]).reshape(-1)
-        x = ca.MX(ca.DM(flat)) + shift * ca.DM(outward)
-        x[self._interior_dofs.tolist()] += q / v["side_length"]
+        x = ca.MX(ca.DM(N * flat)) + shift * ca.DM(N * outward)
+        x[self._interior_dofs.tolist()] += N / v["side_length"] * q
         return x
 
     def force_expression(self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -86,7 +88,7 @@ class MembraneEquations:
         arguments, scale = self._element_arguments(q, damage, pressure, p)
         Ke = self._element_tangent.map(len(self.mesh.elements), "serial")(*arguments)
         selected, pattern = self._scatter_tangent(directions)
-        return ca.MX(pattern, -scale / p[0] * ca.mtimes(selected, ca.vec(Ke)))
+        return ca.MX(pattern, -scale * self._per_side / named(p)["side_length"] * ca.mtimes(selected, ca.vec(Ke)))
 
     @cached_property
     def energy(self) -> ca.Function:
@@ -96,7 +98,7 @@ class MembraneEquations:
         x, E, nu, load = self._element_symbols()
         element = ca.Function("element_energy", [x, E, nu, load], [element_energy(x, self._points, E, nu)])
         energies = element.map(len(self.mesh.elements), "serial")(*arguments)
-        return ca.Function("energy", symbols, [scale * symbols[3][0] * ca.sum2(energies)])
+        return ca.Function("energy", symbols, [scale / self._per_side * symbols[3][0] * ca.sum2(energies)])
 
     def masses(self, density: ca.MX | float, thickness: ca.MX | float, side_length: ca.MX | float) -> ca.MX | float:
         """Return the lumped mass [kg] of one interior node: all are alike on a regular mesh."""
@@ -111,7 +113,8 @@ class MembraneEquations:
         row = np.repeat(self._row.reshape(n, 12, 1), 12, axis=2).reshape(-1)
         column = np.repeat(self._row.reshape(n, 1, 12), 12, axis=1).reshape(-1)
         keep = (row >= 0) & (column >= 0)
-        values = params.density * params.thickness * params.side_length**2 * np.tile(m.reshape(-1), n)
+        unit = params.side_length / self._per_side
+        values = params.density * params.thickness * unit**2 * np.tile(m.reshape(-1), n)
         shape = (self.n_q, self.n_q)
         return scipy.sparse.coo_matrix((values[keep], (row[keep], column[keep])), shape=shape).tocsc()
 
@@ -146,13 +149,14 @@ class MembraneEquations:
         return ca.Function("element_tangent", symbols, ca.cse([ca.jacobian(ca.vec(f), ca.vec(x))]))
 
     def _element_arguments(self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: ca.MX) -> tuple[tuple[ca.MX, ...], ca.MX]:
-        """Return what the element function is mapped over, in units of the side, and the factor of its forces."""
+        """Return what the element function is mapped over and the factor that makes its forces newtons."""
         v, n = named(p), len(self.mesh.elements)
         x = ca.reshape(self.positions(q, p)[self._element_dofs.tolist()], 3, 4 * n)
         E = v["youngs_modulus"] * (1.0 - damage)
-        load = pressure * v["side_length"] / v["thickness"]
+        unit = v["side_length"] / self._per_side
+        load = pressure * unit / v["thickness"]
         arguments = (x, E[self.mesh.zone.tolist()].T, ca.repmat(v["poisson_ratio"], 1, n), ca.repmat(load, 1, n))
-        return arguments, v["side_length"] * v["thickness"]
+        return arguments, unit * v["thickness"]
 
     def _scatter_tangent(self, directions: tuple[int, ...]) -> tuple[ca.DM, ca.Sparsity]:
         """Return the matrix that sums element tangents into the nonzeros of ``K``, and the pattern of ``K``."""

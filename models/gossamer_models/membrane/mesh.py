@@ -53,7 +53,7 @@ class SquareMesh:
         return np.arange((n - 1) ** 2).reshape(n - 1, n - 1).T
 
     def locate(self, point: tuple[float, float]) -> tuple[int, tuple[float, float]]:
-        """Find the element that holds a material point of the regular mesh.
+        r"""Find the element that holds a material point of the regular mesh.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class SquareMesh:
         int
             Element; the one farther from the origin on a common edge.
         tuple of float
-            Parent coordinates :math:`\\xi, \\eta` [1] in the element, -1 to 1.
+            Parent coordinates :math:`s, t` [1] in the element, -1 to 1.
         """
         n = self.elements_per_side
         i, j = (min(int(c * n), n - 1) for c in point)

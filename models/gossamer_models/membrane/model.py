@@ -1,7 +1,7 @@
 r"""The membrane as a pure step: what the FMU runs.
 
-Symbols: ``q`` displacements [m] of the interior nodes from the stretched plane, ``v`` their velocities [m/s], ``phase`` of the
-built-in pressure [cycles], ``u`` inputs, ``p`` parameters, ``h`` step [s], ``c`` mass damping [1/s]::
+Symbols: ``q`` displacements [m] of the interior nodes from the stretched plane, ``v`` their velocities [m/s], ``phase`` of
+the built-in pressure [cycles], ``u`` inputs, ``p`` parameters, ``h`` step [s], ``c`` mass damping [1/s]::
 
     x = (q, v, phase)        u = (pressure, base_acceleration, damage[1..16])
 """
@@ -24,8 +24,8 @@ from .strain import SENSOR_POINTS, nominal_strain_expression
 STEP_FRACTION = 0.4
 
 _ADVICE = (
-    "Check the prestress (edge_displacement against side_length), damage, pressure and base acceleration: the membrane may be "
-    "stretched beyond any use, or the damaged prestress equilibrium was not found."
+    "Check the prestress (edge_displacement against side_length), damage, pressure and base acceleration: the membrane may "
+    "be stretched beyond any use, or the damaged prestress equilibrium was not found."
 )
 
 
@@ -58,8 +58,9 @@ def membrane_model(elements_per_side: int = 8) -> StepModel:
         q^+ &= q_{1/2} + \tfrac h2 v^+.
 
     One force evaluation, second order, self-starting, any sequence of steps. With equal steps its half-step positions are
-    those of the central difference method of [1]_, whose limit :math:`h < 2/\omega_{max}` it shares, damped or not. Without damping it is symplectic [2]_. The phase of the
-    built-in pressure is kept within one cycle, so that its round-off does not grow with time.
+    those of the central difference method of [1]_, whose limit :math:`h < 2/\omega_{max}` it shares, damped or not.
+    Without damping it is symplectic [2]_. The phase of the built-in pressure is kept within one cycle, so that its
+    round-off does not grow with time. ``max_step`` belongs to the middle of the last step, where the forces are evaluated.
 
     References
     ----------
@@ -123,7 +124,7 @@ def max_step_expression(equations: MembraneEquations, wave: ca.MX, p: ca.MX) -> 
 
 
 def _results(equations: MembraneEquations, q: ca.MX, wave: ca.MX, p: ca.MX) -> ca.MX:
-    """Outputs and locals in the order of the table."""
+    """Write outputs and locals in the order of the table."""
     strains = [nominal_strain_expression(equations, q, p, point) for point in SENSOR_POINTS]
     grid = equations.mesh.interior_grid
     middle = grid.shape[0] // 2

@@ -1,0 +1,138 @@
+r"""Implicit time integration, the method of the programs that the membrane is compared with.
+
+Symbols: ``q``, ``v``, ``a`` displacements, velocities, accelerations; ``f`` pressure minus internal forces [N]; ``K`` tangent
+[N/m]; ``M`` mass [kg]; ``c`` mass damping [1/s]; ``alpha``, ``beta``, ``gamma`` of the HHT method [1]; ``h`` step [s].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from gossamer_models.errors import ParameterError
+
+from .equations import N_ZONES, MembraneEquations
+from .modal import Mass
+from .newton import solve_newton, sparse
+from .params import MembraneParams
+from .statics import static_deflection
+
+# correction [side lengths] at which Newton's method ends; the error left is about its square
+_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class MembraneHistory:
+    """A computed motion.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n+1,)
+        Times [s], from 0.
+    q, v : ndarray, shape (n+1, n_q)
+        Displacements [m] from the homogeneous stretch and velocities [m/s] of the interior nodes.
+    """
+
+    time: NDArray[np.float64]
+    q: NDArray[np.float64]
+    v: NDArray[np.float64]
+
+
+def integrate_implicit(
+    equations: MembraneEquations,
+    params: MembraneParams,
+    steps: int,
+    h: float = 3e-4,
+    damage: ArrayLike = 0.0,
+    alpha: float = 0.0,
+    mass: Mass = "lumped",
+) -> MembraneHistory:
+    r"""Integrate from rest in the prestressed equilibrium, under the built-in pressure.
+
+    Parameters
+    ----------
+    equations : MembraneEquations
+        The mesh and its forces.
+    params : MembraneParams
+        The membrane and its pressure.
+    steps : int
+        Number of steps.
+    h : float
+        Step [s].
+    damage : array_like
+        Lost fraction [1] of each zone's modulus, shape (16,) or scalar.
+    alpha : float
+        Numerical damping [1], -1/3 to 0; 0 is Newmark's average acceleration method.
+    mass : {"lumped", "consistent"}
+        Which mass matrix.
+
+    Returns
+    -------
+    MembraneHistory
+
+    Raises
+    ------
+    ParameterError
+        ``alpha``, ``h`` or ``steps`` has no meaning.
+    ConvergenceError
+        Newton's method failed in some step.
+
+    Notes
+    -----
+    The method of [1]_ with :math:`\beta = (1-\alpha)^2/4`, :math:`\gamma = 1/2 - \alpha`, applied to all forces, damping and
+    follower pressure included:
+
+    .. math:: M a_{n+1} = (1+\alpha)\,(f - cMv)_{n+1} - \alpha\,(f - cMv)_n.
+
+    References
+    ----------
+    .. [1] H. M. Hilber, T. J. R. Hughes, R. L. Taylor, Earthquake Engineering & Structural Dynamics 5(3), 283-292, 1977,
+       doi:10.1002/eqe.4290050306.
+    """
+    if not (-1.0 / 3.0 <= alpha <= 0.0 and h > 0.0 and steps >= 1):
+        msg = f"alpha={alpha:g}, h={h:g} s, steps={steps}: need -1/3 <= alpha <= 0, h > 0 and at least one step"
+        raise ParameterError(msg)
+    p, d = params.vector(), np.broadcast_to(np.asarray(damage, dtype=np.float64), (N_ZONES,))
+    M = equations.lumped_mass(params) if mass == "lumped" else equations.consistent_mass(params)
+    c, beta, gamma = params.mass_damping, (1.0 - alpha) ** 2 / 4.0, 0.5 - alpha
+    n = equations.n_q
+    Q, V = np.zeros((steps + 1, n)), np.zeros((steps + 1, n))
+
+    def force(q: NDArray[np.float64], time: float) -> NDArray[np.float64]:
+        return np.asarray(equations.force(q, d, params.pressure(time), p)[0]).ravel()
+
+    q, v = static_deflection(equations, params, damage=d), np.zeros(n)
+    forces = force(q, 0.0)
+    a = scipy.sparse.linalg.spsolve(M, forces)
+    Q[0] = q
+    for k in range(steps):
+        time = (k + 1) * h
+        q_free = q + h * v + h**2 * (0.5 - beta) * a
+        v_free = v + h * (1.0 - gamma) * a
+        old = forces - c * (M @ v)
+
+        def acceleration(x: NDArray[np.float64], q_free: NDArray[np.float64] = q_free) -> NDArray[np.float64]:
+            return (x - q_free) / (beta * h**2)
+
+        def residual(
+            x: NDArray[np.float64],
+            time: float = time,
+            v_free: NDArray[np.float64] = v_free,
+            old: NDArray[np.float64] = old,
+        ) -> NDArray[np.float64]:
+            a = acceleration(x)
+            return M @ (a + (1.0 + alpha) * c * (v_free + gamma * h * a)) - (1.0 + alpha) * force(x, time) + alpha * old
+
+        def tangent(x: NDArray[np.float64], time: float = time) -> scipy.sparse.csc_matrix:
+            K = sparse(equations.tangent(x, d, params.pressure(time), p))
+            return M * ((1.0 + (1.0 + alpha) * c * gamma * h) / (beta * h**2)) + (1.0 + alpha) * K
+
+        q = solve_newton(residual, tangent, q, _TOLERANCE * params.side_length, f"the implicit step to {time:g} s")
+        a = acceleration(q)
+        v = v_free + gamma * h * a
+        forces = force(q, time)
+        Q[k + 1], V[k + 1] = q, v
+    return MembraneHistory(np.arange(steps + 1) * h, Q, V)

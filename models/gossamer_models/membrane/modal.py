@@ -1,0 +1,64 @@
+r"""Natural frequencies of the membrane about an equilibrium.
+
+Symbols: ``K`` tangent [N/m], ``M`` mass [kg], ``omega`` [rad/s].
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import scipy.sparse.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from .equations import N_ZONES, MembraneEquations
+from .newton import sparse
+from .params import MembraneParams
+
+Mass = Literal["lumped", "consistent"]
+
+
+def natural_frequencies(
+    equations: MembraneEquations,
+    params: MembraneParams,
+    q: ArrayLike = 0.0,
+    damage: ArrayLike = 0.0,
+    count: int = 6,
+    mass: Mass = "lumped",
+    highest: bool = False,
+) -> NDArray[np.float64]:
+    r"""Solve :math:`K \varphi = \omega^2 M \varphi` for the lowest or highest undamped frequencies without pressure.
+
+    Parameters
+    ----------
+    equations : MembraneEquations
+        The mesh and its forces.
+    params : MembraneParams
+        The membrane.
+    q : array_like
+        Displacements [m] from the homogeneous stretch, shape (n_q,); 0 is the undamaged prestressed plane.
+    damage : array_like
+        Lost fraction [1] of each zone's modulus, shape (16,) or scalar.
+    count : int
+        How many frequencies.
+    mass : {"lumped", "consistent"}
+        Which mass matrix.
+    highest : bool
+        Return the highest ones, which limit an explicit step, in place of the lowest.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Frequencies [Hz], increasing. A direction without stiffness, as in a slack membrane, gives 0.
+    """
+    x = np.broadcast_to(np.asarray(q, dtype=np.float64), (equations.n_q,))
+    d = np.broadcast_to(np.asarray(damage, dtype=np.float64), (N_ZONES,))
+    K = sparse(equations.tangent(x, d, 0.0, params.vector()))
+    K = (K + K.T) / 2.0  # symmetric but for round-off
+    M = equations.lumped_mass(params) if mass == "lumped" else equations.consistent_mass(params)
+    start = np.cos(np.arange(equations.n_q))  # ARPACK's own start is random
+    if highest:
+        squares = scipy.sparse.linalg.eigsh(K, count, M, which="LA", v0=start, return_eigenvectors=False)
+    else:
+        squares = scipy.sparse.linalg.eigsh(K, count, M, sigma=0.0, v0=start, return_eigenvectors=False)
+    return np.sqrt(np.maximum(np.sort(squares), 0.0)) / (2.0 * np.pi)

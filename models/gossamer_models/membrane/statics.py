@@ -1,0 +1,63 @@
+r"""Static equilibrium under pressure, by load steps and Newton's method.
+
+Symbols: ``q`` displacements [m] from the homogeneous stretch, ``K`` tangent [N/m].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .equations import N_ZONES, MembraneEquations
+from .newton import solve_newton, sparse
+from .params import MembraneParams
+
+# correction [side lengths] at which Newton's method ends; the error left is about its square
+_TOLERANCE = 1e-9
+
+
+def static_deflection(
+    equations: MembraneEquations,
+    params: MembraneParams,
+    pressure: float = 0.0,
+    damage: ArrayLike = 0.0,
+    load_steps: int = 4,
+) -> NDArray[np.float64]:
+    """Find the equilibrium under a constant follower pressure; the built-in pressure does not act.
+
+    Parameters
+    ----------
+    equations : MembraneEquations
+        The mesh and its forces.
+    params : MembraneParams
+        The membrane.
+    pressure : float
+        Follower pressure [Pa].
+    damage : array_like
+        Lost fraction [1] of each zone's modulus, shape (16,) or scalar.
+    load_steps : int
+        In how many parts the pressure is applied. They grow like the cube of their number, since a membrane is softest at
+        first: its deflection follows the cube root of a large pressure.
+
+    Returns
+    -------
+    ndarray, shape (n_q,)
+        Displacements [m] of the interior nodes from the homogeneous stretch.
+
+    Raises
+    ------
+    ConvergenceError
+        Newton's method failed.
+    """
+    p, d = params.vector(), np.broadcast_to(np.asarray(damage, dtype=np.float64), (N_ZONES,))
+    q = np.zeros(equations.n_q)
+    loads = [0.0] if pressure == 0.0 else [pressure * (k / load_steps) ** 3 for k in range(load_steps + 1)]
+    for load in loads:
+        q = solve_newton(
+            residual=lambda q, load=load: np.asarray(equations.force(q, d, load, p)[0]).ravel(),
+            tangent=lambda q, load=load: -sparse(equations.tangent(q, d, load, p)),
+            q=q,
+            tolerance=_TOLERANCE * params.side_length,
+            what=f"membrane equilibrium at {load:g} Pa",
+        )
+    return q
