@@ -1,0 +1,41 @@
+"""What can go wrong in a co-simulation.
+
+One root, ``OrchestratorError``; every leaf is also the built-in it resembles. A message names the file and line, the
+component or the number at fault and ends in what to do next.
+"""
+
+
+class OrchestratorError(Exception):
+    """Root of every error that the orchestrator raises on purpose."""
+
+
+class ScenarioError(OrchestratorError, ValueError):
+    """A scenario that does not say what to simulate, or that its FMUs do not fit."""
+
+
+class FmuError(OrchestratorError, ValueError):
+    """A file that is no usable FMI 2.0 co-simulation FMU."""
+
+
+class SimulationError(OrchestratorError, RuntimeError):
+    """A run that an FMU ended.
+
+    Attributes
+    ----------
+    component : str
+        Name of the component whose FMU refused or failed.
+    time : float
+        Start of the step it refused [s].
+    fatal : bool
+        True if the FMU must not be called any more.
+    """
+
+    def __init__(self, message: str, *, component: str, time: float, fatal: bool = False) -> None:
+        super().__init__(message)
+        self.component = component
+        self.time = time
+        self.fatal = fatal
+
+
+class ResultsError(OrchestratorError, ValueError):
+    """A results file that is missing, truncated or not one of ours, or that lacks what a picture needs."""

@@ -1,0 +1,217 @@
+"""A running FMU, through FMPy's low-level interface.
+
+A step costs what the FMU costs: value references and buffers are prepared once per group of variables (``Port``), and the
+C functions are called directly, since fmi2Discard is an answer here and no exception.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from fmpy import fmi2
+from fmpy.logging import addLoggerProxy
+from numpy.typing import NDArray
+
+from .errors import FmuError, SimulationError
+from .fmu import FmuFile
+
+OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+_LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
+_TYPES = {
+    "Real": ("fmi2SetReal", fmi2.fmi2Real, float),
+    "Integer": ("fmi2SetInteger", fmi2.fmi2Integer, int),
+    "Enumeration": ("fmi2SetInteger", fmi2.fmi2Integer, int),
+    "Boolean": ("fmi2SetBoolean", fmi2.fmi2Boolean, int),
+    "String": ("fmi2SetString", fmi2.fmi2String, lambda text: str(text).encode()),
+}
+
+# FMPy's proxy, which expands printf formats, calls the function installed last, whoever logs. So there is one function for
+# all instances, and the environment pointer tells them apart.
+_logs: dict[int, deque[str]] = {}
+_numbers = itertools.count(1)
+
+
+def _log(environment: int, _name: bytes, status: int, _category: bytes, message: bytes) -> None:
+    messages = _logs.get(environment or 0)
+    if messages is not None and message and status != OK:
+        messages.append(message.decode("utf-8", "replace").replace("%%", "%").strip())
+
+
+_LOGGER = fmi2.fmi2CallbackLoggerTYPE(_log)
+
+
+class Port:
+    """Real variables that are read or written together.
+
+    Attributes
+    ----------
+    values : numpy.ndarray
+        Their buffer, contiguous; may be a view into a larger array.
+    """
+
+    __slots__ = ("pointer", "references", "size", "values")
+
+    def __init__(self, references: Sequence[int], values: NDArray[np.float64]) -> None:
+        self.size = len(references)
+        self.references = (fmi2.fmi2ValueReference * self.size)(*references)
+        self.values = values
+        self.pointer = values.ctypes.data_as(ctypes.POINTER(fmi2.fmi2Real))
+
+
+class Instance:
+    """One instance of an FMU.
+
+    Parameters
+    ----------
+    fmu : FmuFile
+        The file.
+    name : str
+        Component name, for messages.
+    time : float
+        Start of the run [s].
+
+    Raises
+    ------
+    FmuError
+        The FMU has no binary for this machine or cannot be instantiated.
+    """
+
+    def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
+        self.fmu = fmu
+        self.name = name
+        self.time = time
+        self._key = next(_numbers)
+        self.messages = _logs[self._key] = deque(maxlen=8)
+        self._state = fmi2.fmi2FMUstate()
+        self._initialized = False
+        self._component: Any = None
+        try:
+            self._slave: Any = fmi2.FMU2Slave(
+                guid=fmu.guid,
+                unzipDirectory=str(fmu.folder()),
+                modelIdentifier=fmu.description.coSimulation.modelIdentifier,
+                instanceName=name,
+            )
+            self._slave.instantiate(callbacks=self._callbacks(), loggingOn=True)
+        except Exception as error:
+            # FMPy raises bare exceptions here
+            del _logs[self._key]
+            msg = f"{name}: {fmu.path} cannot be started: {error}{self._said()} Try 'gossamer validate' on it."
+            raise FmuError(msg) from error
+        self._component = self._slave.component
+        dll = self._slave.dll
+        self._get, self._set, self._do_step = dll.fmi2GetReal, dll.fmi2SetReal, dll.fmi2DoStep
+        self._get_state, self._set_state = dll.fmi2GetFMUstate, dll.fmi2SetFMUstate
+        self._free_state = dll.fmi2FreeFMUstate
+
+    def _callbacks(self) -> Any:  # noqa: ANN401
+        callbacks = fmi2.fmi2CallbackFunctions()
+        callbacks.logger = _LOGGER
+        callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
+        callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
+        callbacks.componentEnvironment = self._key
+        if not self.fmu.is_python:
+            addLoggerProxy(ctypes.byref(callbacks))
+        return callbacks
+
+    def port(self, names: Sequence[str], values: NDArray[np.float64] | None = None) -> Port:
+        """Prepare the exchange of some Real variables."""
+        references = [self.fmu.variables[name].valueReference for name in names]
+        return Port(references, np.zeros(len(references)) if values is None else values)
+
+    def set_start(self, values: Mapping[str, float | str]) -> None:
+        """Set parameters and inputs of any type by name."""
+        for name, value in values.items():
+            variable = self.fmu.variables[name]
+            function, ctype, convert = _TYPES[variable.type]
+            reference = (fmi2.fmi2ValueReference * 1)(variable.valueReference)
+            array = (ctype * 1)(convert(value))
+            status = getattr(self._slave.dll, function)(self._component, reference, 1, array)
+            self._check(status, f"did not take {name!r} = {value}")
+
+    def enter_initialization(self, stop: float) -> None:
+        """Tell it the times of the run and enter the mode in which start values are set."""
+        dll = self._slave.dll
+        self._check(
+            dll.fmi2SetupExperiment(self._component, 0, 0.0, self.time, 1, stop), "did not take the run's times"
+        )
+        self._check(dll.fmi2EnterInitializationMode(self._component), "could not enter initialization")
+
+    def exit_initialization(self) -> None:
+        """Leave the initialization mode; outputs can be read from here on."""
+        self._check(self._slave.dll.fmi2ExitInitializationMode(self._component), "could not be initialized")
+        self._initialized = True
+
+    def write(self, port: Port) -> None:
+        """Set the variables of a port."""
+        status = self._set(self._component, port.references, port.size, port.pointer)
+        if status > WARNING:
+            self._check(status, "did not take its inputs")
+
+    def read(self, port: Port, count: int) -> None:
+        """Get the first ``count`` variables of a port."""
+        status = self._get(self._component, port.references, count, port.pointer)
+        if status > WARNING:
+            self._check(status, "did not give its outputs")
+
+    def step(self, time: float, size: float) -> bool:
+        """Advance by ``size`` [s] from ``time`` [s]; False if the FMU discarded the step."""
+        self.time = time
+        status = self._do_step(self._component, time, size, 0)
+        if status <= WARNING:
+            return True
+        if status == DISCARD:
+            return False
+        self._check(status, "failed")
+        return False
+
+    def save_state(self) -> None:
+        """Keep the present state in place of the one kept before."""
+        if self._state:
+            self._check(self._free_state(self._component, ctypes.byref(self._state)), "did not free its state")
+            self._state.value = None
+        self._check(self._get_state(self._component, ctypes.byref(self._state)), "did not save its state")
+
+    def restore_state(self) -> None:
+        """Go back to the state kept last."""
+        self._check(self._set_state(self._component, self._state), "did not go back to its saved state")
+
+    def close(self) -> None:
+        """Terminate and free it; after fmi2Fatal nothing may be called, so it stays in memory."""
+        component, self._component = self._component, None
+        if component is None:
+            return
+        if not self.fmu.corrupt:
+            dll = self._slave.dll
+            if self._state:
+                self._free_state(component, ctypes.byref(self._state))
+            if self._initialized:
+                dll.fmi2Terminate(component)
+            if not self.fmu.corrupt:
+                self._slave.freeInstance()
+        _logs.pop(self._key, None)
+
+    def said(self) -> str:
+        """Return what the FMU logged lately, as the end of a sentence."""
+        return self._said()
+
+    def _said(self) -> str:
+        texts = list(dict.fromkeys(self.messages))[-2:]
+        return f" It said: {' | '.join(texts)}" if texts else " It said nothing."
+
+    def _check(self, status: int, what: str) -> None:
+        """Raise ``SimulationError`` unless a call went well."""
+        if status <= WARNING:
+            return
+        if status == FATAL:
+            self.fmu.corrupt = True
+        if status in (ERROR, FATAL):
+            self._initialized = False  # fmi2Terminate is not allowed any more
+        label = _LABELS[status] if 0 <= status < len(_LABELS) else str(status)
+        msg = f"component {self.name!r} {what} at t = {self.time:.9g} s ({label}).{self._said()}"
+        raise SimulationError(msg, component=self.name, time=self.time, fatal=status == FATAL)

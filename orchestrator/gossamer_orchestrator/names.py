@@ -1,0 +1,53 @@
+"""Names: patterns such as ``damage[*]``, endpoints such as ``sensor1.strain``, and suggestions for a misspelled one.
+
+FMI's structured names contain brackets, so the only wildcards are ``*`` and ``?``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+
+
+def matches(pattern: str, name: str) -> bool:
+    """Tell whether a name fits a pattern in which ``*`` stands for any text and ``?`` for one character."""
+    expression = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
+    return re.fullmatch(expression, name) is not None
+
+
+def is_pattern(text: str) -> bool:
+    """Tell whether a text contains a wildcard."""
+    return "*" in text or "?" in text
+
+
+def split_endpoint(endpoint: str) -> tuple[str, str]:
+    """Split ``component.variable`` at its first dot; the variable is empty if there is none."""
+    component, _, variable = endpoint.partition(".")
+    return component, variable
+
+
+def split_indices(name: str) -> tuple[str, tuple[int, ...]]:
+    """Split ``w[2,3]`` into ``("w", (2, 3))``; a scalar has no indices."""
+    found = re.fullmatch(r"(.+)\[(\d+(?:,\d+)*)\]", name)
+    if found is None:
+        return name, ()
+    return found[1], tuple(int(i) for i in found[2].split(","))
+
+
+def suggest(name: str, known: Iterable[str]) -> str:
+    """Say which known name was probably meant, or list some.
+
+    Returns
+    -------
+    str
+        A sentence, for instance ``Did you mean 'strain'?``.
+    """
+    candidates = list(known)
+    close = difflib.get_close_matches(name, candidates, n=1)
+    if close:
+        return f"Did you mean {close[0]!r}?"
+    if not candidates:
+        return "There are none."
+    shown = ", ".join(candidates[:8]) + (", ..." if len(candidates) > 8 else "")
+    return f"Known: {shown}."

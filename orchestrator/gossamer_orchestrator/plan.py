@@ -1,0 +1,389 @@
+"""A scenario and its FMUs, checked against each other and resolved to names, numbers and an order.
+
+Every mistake that can be found without running is found here, and all of them are reported at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from . import units
+from .errors import FmuError
+from .fmu import FmuFile
+from .graph import find_cycle, sort_components
+from .names import is_pattern, matches, split_endpoint, suggest
+from .scenario import Component, Connection, Scenario, Value
+from .source import Location, Problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wire:
+    """A connection seen from its receiver: input name, sender and output name, and the scenario's entry."""
+
+    target: str
+    sender: str
+    origin: str
+    connection: Connection
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComponentPlan:
+    """What one component needs.
+
+    Attributes
+    ----------
+    start : dict
+        Parameters and unconnected inputs that the scenario sets.
+    wires : tuple of Wire
+        What arrives.
+    sent, recorded : tuple of str
+        Variables read at every step because somebody receives them, and the others that are recorded.
+    """
+
+    name: str
+    fmu: FmuFile
+    start: dict[str, Value]
+    wires: tuple[Wire, ...]
+    sent: tuple[str, ...]
+    recorded: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """A run, ready to start.
+
+    Attributes
+    ----------
+    components : tuple of ComponentPlan
+        In stepping order.
+    start_order : tuple of str
+        Components in the order of initialization: each after those that feed it.
+    events : dict
+        By tick: component and its new input values.
+    columns : tuple of (component, variable)
+        What is recorded, in the order of the scenario and the model descriptions.
+    """
+
+    scenario: Scenario
+    components: tuple[ComponentPlan, ...]
+    start_order: tuple[str, ...]
+    events: dict[int, list[tuple[str, dict[str, float]]]]
+    columns: tuple[tuple[str, str], ...]
+
+    @property
+    def files(self) -> list[FmuFile]:
+        """Every FMU file once."""
+        return list({id(c.fmu): c.fmu for c in self.components}.values())
+
+    def component(self, name: str) -> ComponentPlan:
+        """Return a component by name."""
+        return next(c for c in self.components if c.name == name)
+
+    def close(self) -> None:
+        """Remove the unpacked FMUs."""
+        for file in self.files:
+            file.close()
+
+
+def make_plan(scenario: Scenario, fmus: Path) -> Plan:
+    """Check a scenario against its FMUs.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to run.
+    fmus : Path
+        Folder in which FMUs are looked up by name.
+
+    Raises
+    ------
+    ScenarioError
+        Every mistake, with the line it stands on.
+    """
+    problems = Problems(scenario.source)
+    files = _find_files(scenario, Path(fmus), problems)
+    problems.raise_if_any()
+    wires = _check_connections(scenario, files, problems)
+    start = {
+        name: _parameters(name, component, files[name], problems)
+        | _inputs(name, component, files[name], wires[name], problems)
+        for name, component in scenario.components.items()
+    }
+    events = _check_events(scenario, files, wires, problems)
+    columns = _check_record(scenario, files, wires, problems)
+    _check_loops(files, wires, problems)
+    feeds = {name: [r for r, ws in wires.items() if any(w.sender == name for w in ws)] for name in files}
+    start_order = sort_components(files, feeds)
+    order = _check_order(scenario, feeds, problems) or start_order
+    problems.raise_if_any()
+    components = []
+    for name in order:
+        wanted = {w.origin for ws in wires.values() for w in ws if w.sender == name}
+        sent = tuple(v for v in files[name].names("output") if v in wanted)
+        recorded = tuple(v for c, v in columns if c == name and v not in wanted)
+        plan = ComponentPlan(
+            name=name,
+            fmu=files[name],
+            start=start[name],
+            wires=tuple(wires[name]),
+            sent=sent,
+            recorded=recorded,
+        )
+        components.append(plan)
+    return Plan(
+        scenario=scenario,
+        components=tuple(components),
+        start_order=tuple(start_order),
+        events=events,
+        columns=tuple(columns),
+    )
+
+
+def _find_files(scenario: Scenario, folder: Path, problems: Problems) -> dict[str, FmuFile]:
+    by_path: dict[Path, FmuFile] = {}
+    files = {}
+    for name, component in scenario.components.items():
+        is_path = component.fmu.endswith(".fmu")
+        path = (scenario.folder / component.fmu if is_path else folder / f"{component.fmu}.fmu").resolve()
+        place: Location = ("components", name, "fmu")
+        if not path.is_file():
+            near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
+            advice = (
+                near if is_path else f"{near} Build the FMUs with 'gossamer build' or name their folder with --fmus."
+            )
+            problems.add(place, f"there is no FMU {component.fmu!r} in {path.parent}. {advice}")
+            continue
+        try:
+            if path not in by_path:
+                by_path[path] = FmuFile(path)
+        except FmuError as error:
+            problems.add(place, str(error))
+            continue
+        files[name] = by_path[path]
+        if files[name].description.coSimulation.canBeInstantiatedOnlyOncePerProcess and files[name] in [
+            other for key, other in files.items() if key != name
+        ]:
+            problems.add(
+                place, f"FMU {component.fmu!r} can be used by one component only. Make a copy under another name."
+            )
+    return files
+
+
+def _check_connections(scenario: Scenario, files: Mapping[str, FmuFile], problems: Problems) -> dict[str, list[Wire]]:
+    wires: dict[str, list[Wire]] = {name: [] for name in files}
+    fed: dict[str, int] = {}
+    for i, connection in enumerate(scenario.connections):
+        ends = []
+        for key, endpoint, causality in (("from", connection.origin, "output"), ("to", connection.target, "input")):
+            problem = _explain_endpoint(endpoint, causality, files)
+            if problem:
+                problems.add(("connections", i, key), problem)
+            ends.append(split_endpoint(endpoint))
+        (sender, origin), (receiver, target) = ends
+        if any(c not in files or v not in files[c].variables for c, v in ends):
+            continue
+        if connection.target in fed:
+            line = scenario.source.where(("connections", fed[connection.target], "to"))
+            problems.add(
+                ("connections", i, "to"),
+                f"input {connection.target!r} is connected twice, first at {line}. Remove one of the connections.",
+            )
+            continue
+        fed[connection.target] = i
+        _check_units(i, connection, files, problems)
+        wires[receiver].append(Wire(target=target, sender=sender, origin=origin, connection=connection))
+    return wires
+
+
+def _explain_endpoint(endpoint: str, causality: str, files: Mapping[str, FmuFile]) -> str | None:
+    """Say why an endpoint is no Real output or input; None if it is one."""
+    component, name = split_endpoint(endpoint)
+    if component not in files:
+        return f"there is no component {component!r} (in {endpoint!r}). {suggest(component, files)}"
+    fmu = files[component]
+    if name not in fmu.variables:
+        return f"FMU {fmu.name!r} has no {causality} {name!r}. {suggest(name, fmu.names(causality))}"
+    variable = fmu.variables[name]
+    if variable.causality != causality or variable.type != "Real":
+        return (
+            f"{endpoint!r} is a {variable.type} {variable.causality}; a connection needs a Real {causality}. "
+            f"{suggest(name, fmu.names(causality, kind='Real'))}"
+        )
+    return None
+
+
+def _check_units(i: int, connection: Connection, files: Mapping[str, FmuFile], problems: Problems) -> None:
+    (sender, origin), (receiver, target) = split_endpoint(connection.origin), split_endpoint(connection.target)
+    a, b = files[sender], files[receiver]
+    names, definitions = (a.unit(origin), b.unit(target)), (a.units, b.units)
+    difference = units.mismatch(*names, definitions)
+    if difference is None:
+        return
+    remedy = units.conversion(*names, definitions)
+    if remedy is not None and (connection.gain is not None or connection.bias is not None):
+        return
+    advice = "Connect variables of one unit." if remedy is None else f"Convert with {remedy}."
+    problems.add(
+        ("connections", i, "to"), f"units of {connection.origin!r} and {connection.target!r}: {difference}. {advice}"
+    )
+
+
+def _parameters(name: str, component: Component, fmu: FmuFile, problems: Problems) -> dict[str, Value]:
+    place: Location = ("components", name, "parameters")
+    return _expand(place, component.parameters, fmu, fmu.names("parameter"), "parameter", problems)
+
+
+def _inputs(
+    name: str, component: Component, fmu: FmuFile, wires: Iterable[Wire], problems: Problems
+) -> dict[str, Value]:
+    place: Location = ("components", name, "inputs")
+    connected = {wire.target for wire in wires}
+    for key in component.inputs:
+        if key in connected:
+            problems.add((*place, key), f"input '{name}.{key}' is connected and given a value. Remove one of the two.")
+    given = _expand(place, component.inputs, fmu, fmu.names("input"), "input", problems)
+    missing = [v for v in fmu.names("input") if v not in connected and v not in given]
+    if missing:
+        shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
+        starts = ", ".join(f'"{v}" = {fmu.variables[v].start}' for v in missing[:2])
+        problems.add(
+            ("components", name),
+            f"component {name!r} has inputs that are neither connected nor given: {shown}. "
+            f"Connect them or add inputs = {{ {starts} }}.",
+        )
+    return {v: value for v, value in given.items() if v not in connected}
+
+
+def _expand(
+    place: Location,
+    given: Mapping[str, Value],
+    fmu: FmuFile,
+    candidates: list[str],
+    kind: str,
+    problems: Problems,
+) -> dict[str, Value]:
+    """Resolve names and patterns to values; a name beats a pattern, a later pattern an earlier one."""
+    values: dict[str, Value] = {}
+    for key, value in sorted(given.items(), key=lambda item: not is_pattern(item[0])):
+        found = [v for v in candidates if (matches(key, v) if is_pattern(key) else key == v)]
+        if not found:
+            problems.add((*place, key), f"FMU {fmu.name!r} has no {kind} {key!r}. {suggest(key, candidates)}")
+        for name in found:
+            complaint = _explain_value(fmu.variables[name], value, fmu.unit(name))
+            if complaint:
+                problems.add((*place, key), f"{kind} {name!r} of FMU {fmu.name!r} {complaint}")
+                break
+            values[name] = value
+    return values
+
+
+def _explain_value(variable: Any, value: Value, unit: str | None) -> str | None:  # noqa: ANN401
+    """Say why a variable cannot have a value; None if it can."""
+    kinds = {"Boolean": bool, "String": str, "Integer": int, "Enumeration": int}
+    kind = kinds.get(variable.type, float)
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    fits = number if kind is float else isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
+    if not fits:
+        return f"is a {variable.type} and cannot be {value!r}."
+    if isinstance(value, str | bool):
+        return None
+    low = -math.inf if variable.min is None else float(variable.min)
+    high = math.inf if variable.max is None else float(variable.max)
+    if low <= value <= high:
+        return None
+    unit = "" if unit in (None, "1") else f" {unit}"
+    return f"must lie in {low:g} to {high:g}{unit}, not {value:g}."
+
+
+def _check_events(
+    scenario: Scenario, files: Mapping[str, FmuFile], wires: Mapping[str, list[Wire]], problems: Problems
+) -> dict[int, list[tuple[str, dict[str, float]]]]:
+    events: dict[int, list[tuple[str, dict[str, float]]]] = {}
+    for i, event in enumerate(scenario.events):
+        if event.component not in files:
+            text = f"there is no component {event.component!r}. {suggest(event.component, files)}"
+            problems.add(("events", i, "component"), text)
+            continue
+        fmu = files[event.component]
+        place: Location = ("events", i, "set")
+        connected = {wire.target for wire in wires[event.component]}
+        for key in event.set:
+            if key in connected:
+                text = f"input '{event.component}.{key}' is connected, so no event can set it. Remove the connection."
+                problems.add((*place, key), text)
+        names = [v for v in fmu.names("input", kind="Real") if v not in connected]
+        values = _expand(
+            place, {k: v for k, v in event.set.items() if k not in connected}, fmu, names, "input", problems
+        )
+        tick = math.ceil((event.time - scenario.start) / scenario.step - 1e-6)
+        entry = (event.component, {v: float(value) for v, value in values.items()})
+        events.setdefault(min(tick, scenario.ticks), []).append(entry)
+    return dict(sorted(events.items()))
+
+
+def _check_record(
+    scenario: Scenario, files: Mapping[str, FmuFile], wires: Mapping[str, list[Wire]], problems: Problems
+) -> list[tuple[str, str]]:
+    patterns = scenario.record.variables
+    every = [(c, v) for c in scenario.components for v in files[c].variables if files[c].variables[v].type == "Real"]
+    if patterns is None:
+        connected = {(c, wire.target) for c, ws in wires.items() for wire in ws}
+        return [
+            (c, v)
+            for c, v in every
+            if files[c].variables[v].causality == "output"
+            or (files[c].variables[v].causality == "input" and (c, v) not in connected)
+        ]
+    for i, pattern in enumerate(patterns):
+        if not any(matches(pattern, f"{c}.{v}") for c, v in every):
+            near = suggest(pattern, [f"{c}.{v}" for c, v in every])
+            problems.add(("record", "variables", i), f"nothing to record fits {pattern!r}. {near}")
+    return [(c, v) for c, v in every if any(matches(p, f"{c}.{v}") for p in patterns)]
+
+
+def _check_loops(files: Mapping[str, FmuFile], wires: Mapping[str, list[Wire]], problems: Problems) -> None:
+    """Refuse a circle of signals in which every value depends on itself at the same instant."""
+    signals: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for receiver, arriving in wires.items():
+        for wire in arriving:
+            signals.setdefault((wire.sender, wire.origin), []).append((receiver, wire.target))
+    for name, fmu in files.items():
+        for output, inputs in fmu.feedthrough().items():
+            for source in inputs:
+                signals.setdefault((name, source), []).append((name, output))
+    loop = find_cycle(signals)
+    if loop:
+        text = " -> ".join(".".join(node) for node in loop)
+        problems.add(
+            ("connections", 0),
+            f"algebraic loop: {text}. Cut one of these connections, or declare in an FMU that its output does not depend "
+            "on that input at the same instant.",
+        )
+
+
+def _check_order(scenario: Scenario, feeds: Mapping[str, list[str]], problems: Problems) -> list[str] | None:
+    """Return the stepping order that the scenario states, if it states one."""
+    order = scenario.order
+    if order is None:
+        cycle = find_cycle(feeds)
+        if cycle and scenario.master == "gauss-seidel":
+            problems.add(
+                ("master",),
+                f"components feed each other in a circle: {' -> '.join(cycle)}. Name them in 'order'; "
+                "the connection from a later to an earlier one delays by one step.",
+            )
+        return None
+    if scenario.master == "jacobi":
+        problems.add(("order",), "'order' has no meaning for master = \"jacobi\". Remove it.")
+    for name in order:
+        if name not in feeds:
+            problems.add(("order",), f"'order' names a component {name!r} that is not there. {suggest(name, feeds)}")
+    if sorted(order) != sorted(feeds):
+        missing = [name for name in feeds if name not in order]
+        what = f"; missing: {', '.join(missing)}" if missing else ""
+        problems.add(("order",), f"'order' must name every component once{what}.")
+    return order

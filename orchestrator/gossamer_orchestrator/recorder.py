@@ -1,0 +1,62 @@
+"""Keep what a run produces: one preallocated table, a row per recorded communication point."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .plan import Plan
+
+if TYPE_CHECKING:
+    from .master import Simulation
+
+
+class Recorder:
+    """Observer that fills a table.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is recorded, and how often.
+
+    Attributes
+    ----------
+    columns : tuple of (component, variable)
+        Names of the columns.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.columns = plan.columns
+        self._every = plan.scenario.record.every
+        rows = plan.scenario.ticks // self._every + 1
+        self._time = np.zeros(rows)
+        self._table = np.zeros((rows, len(self.columns)))
+        self._rows = 0
+        self._places: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+
+    def begin(self, simulation: Simulation) -> None:
+        """Look up where the columns stand among the values of the run."""
+        self._places = np.array([simulation.places[column] for column in self.columns], dtype=np.intp)
+
+    def sample(self, simulation: Simulation) -> None:
+        """Write a row, at every n-th communication point."""
+        if simulation.tick % self._every:
+            return
+        self._time[self._rows] = simulation.time
+        simulation.values.take(self._places, out=self._table[self._rows], mode="clip")
+        self._rows += 1
+
+    def end(self, simulation: Simulation) -> None:
+        """Do nothing: what was recorded stays valid however the run ended."""
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time [s] of the rows written so far."""
+        return self._time[: self._rows]
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """Rows written so far, a column per recorded variable."""
+        return self._table[: self._rows]

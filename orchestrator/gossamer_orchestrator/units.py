@@ -1,0 +1,58 @@
+"""Compare the units of two variables of different FMUs.
+
+Two units agree if their SI exponents, factor and offset agree, whatever their names. A variable without a unit agrees with
+everything, because FMI 2.0 does not ask for one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+_EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+def mismatch(origin: str | None, target: str | None, definitions: tuple[dict[str, Any], dict[str, Any]]) -> str | None:
+    """Compare the units of the two ends of a connection.
+
+    Parameters
+    ----------
+    origin, target : str or None
+        Unit names at both ends.
+    definitions : tuple of dict
+        FMPy's ``BaseUnit`` (or None) by unit name, of both FMUs.
+
+    Returns
+    -------
+    str or None
+        What differs; None if nothing does.
+    """
+    if origin is None or target is None:
+        return None
+    a, b = definitions[0].get(origin), definitions[1].get(target)
+    if a is None or b is None:
+        return None if origin == target else f"{origin!r} is not {target!r}"
+    if any(getattr(a, e) != getattr(b, e) for e in _EXPONENTS):
+        return f"{_text(origin, a)} is not {_text(target, b)}"
+    if not math.isclose(a.factor, b.factor, rel_tol=1e-12) or not math.isclose(a.offset, b.offset, abs_tol=1e-12):
+        return f"{_text(origin, a)} is not {_text(target, b)}"
+    return None
+
+
+def conversion(
+    origin: str | None, target: str | None, definitions: tuple[dict[str, Any], dict[str, Any]]
+) -> str | None:
+    """Write the manipulators that convert between two units of one dimension; None if the dimensions differ."""
+    a, b = definitions[0].get(origin or ""), definitions[1].get(target or "")
+    if a is None or b is None or any(getattr(a, e) != getattr(b, e) for e in _EXPONENTS):
+        return None
+    gain, bias = a.factor / b.factor, (a.offset - b.offset) / b.factor
+    return f"gain = {gain:g}" + (f", bias = {bias:g}" if bias else "")
+
+
+def _text(name: str, unit: Any) -> str:  # noqa: ANN401
+    """Write a unit with its definition, for instance ``'kPa' (1000 kg m-1 s-2)``."""
+    powers = [f"{e}{getattr(unit, e) if getattr(unit, e) != 1 else ''}" for e in _EXPONENTS if getattr(unit, e)]
+    factor = [f"{unit.factor:g}"] if unit.factor != 1.0 or not powers else []
+    offset = [f"+ {unit.offset:g}"] if unit.offset else []
+    return f"{name!r} ({' '.join(factor + powers + offset)})"

@@ -1,0 +1,111 @@
+"""Toy FMUs, made once per session by pythonfmu's own builder, and scenarios around them."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from gossamer_orchestrator import Scenario, parse_scenario
+from pythonfmu.builder import FmuBuilder
+
+TOYS = Path(__file__).parent / "toys"
+
+
+def rewrite(source: Path, target: Path, edit: Callable[[str], str]) -> None:
+    """Copy an FMU with an edited model description."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for member in old.infolist():
+            content = old.read(member)
+            if member.filename == "modelDescription.xml":
+                content = edit(content.decode()).encode()
+            new.writestr(member, content)
+
+
+def with_unit(name: str, unit: str, base: str) -> Callable[[str], str]:
+    """Give one variable a unit and define it."""
+
+    def edit(xml: str) -> str:
+        definition = f'<UnitDefinitions><Unit name="{unit}"><BaseUnit {base}/></Unit></UnitDefinitions>'
+        xml = re.sub(r"(<LogCategories>)", definition + r"\1", xml)
+        return re.sub(rf'(name="{re.escape(name)}"[^>]*>\s*<Real)', rf'\1 unit="{unit}"', xml)
+
+    return edit
+
+
+@pytest.fixture(scope="session")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of toy FMUs."""
+    folder = tmp_path_factory.mktemp("fmus")
+    for script in sorted(TOYS.glob("toy_*.py")):
+        name = script.stem.removeprefix("toy_")
+        with contextlib.redirect_stdout(io.StringIO()):
+            FmuBuilder.build_FMU(script, dest=folder / f"{name}.fmu", canGetAndSetFMUstate=True)
+    rewrite(folder / "clock.fmu", folder / "delay.fmu", _without_feedthrough)
+    rewrite(folder / "integrator.fmu", folder / "forgetful.fmu", _without_state)
+    rewrite(folder / "gain.fmu", folder / "pascal.fmu", with_unit("y", "Pa", 'kg="1" m="-1" s="-2"'))
+    rewrite(folder / "gain.fmu", folder / "kilo.fmu", with_unit("u", "kPa", 'kg="1" m="-1" s="-2" factor="1000"'))
+    rewrite(folder / "gain.fmu", folder / "metre.fmu", with_unit("u", "m", 'm="1"'))
+    rewrite(folder / "gain.fmu", folder / "bounded.fmu", _with_bounds)
+    return folder
+
+
+def _with_bounds(xml: str) -> str:
+    return re.sub(r'(name="factor"[^>]*>\s*<Real)', r'\1 unit="m" min="-10" max="10"', xml).replace(
+        "<LogCategories>", '<UnitDefinitions><Unit name="m"><BaseUnit m="1"/></Unit></UnitDefinitions><LogCategories>'
+    )
+
+
+def _without_feedthrough(xml: str) -> str:
+    return re.sub(r'(<Unknown index="\d+")', r'\1 dependencies=""', xml)
+
+
+def _without_state(xml: str) -> str:
+    return xml.replace('canGetAndSetFMUstate="true"', 'canGetAndSetFMUstate="false"')
+
+
+CHAIN = """
+title = "A constant, integrated"
+step = 0.1
+stop = 1.0
+
+[components.source]
+fmu = "gain"
+inputs = { u = 2.0, "offset[*]" = 0.0 }
+
+[components.integral]
+fmu = "integrator"
+
+[[connections]]
+from = "source.y"
+to = "integral.u"
+"""
+
+
+@pytest.fixture
+def chain() -> Callable[..., Scenario]:
+    """Scenario of a source and an integrator; pairs of texts are replaced in it, more is appended."""
+
+    def make(*changes: tuple[str, str], more: str = "") -> Scenario:
+        text = CHAIN
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        return parse_scenario(text + more, name="chain.toml")
+
+    return make
+
+
+@pytest.fixture(autouse=True)
+def no_temporary_files_remain(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
+    """Every test must leave no unpacked FMU behind."""
+    folder = tmp_path_factory.mktemp("tmp")
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    yield
+    assert list(folder.glob("gossamer-*")) == []
