@@ -32,13 +32,13 @@ class DetectorArtifact:
     baseline : ndarray, shape (c, 16)
         Packet energies of the undamaged structure, positive.
     references : ndarray, shape (c, n, 16)
-        Damage feature indices of the reference cases [1].
-    weights : ndarray, shape (c, 16, 16)
-        Distance weights, Eq. (6.1): index by network.
-    bias : ndarray, shape (c, 16)
-        Bias of each network, Eq. (6.3).
+        Logarithms of the damage feature indices of the reference cases [1].
+    weights : ndarray, shape (c, n, 16)
+        Distance weights W1_ij of reference i and index j, Eq. (6.1).
+    bias : ndarray, shape (c,)
+        Bias, Eq. (6.3).
     rules : ndarray, shape (c, k, n, 16)
-        Weights from the similarities to the memberships.
+        Weights from the similarities to the memberships in each network.
     provenance : dict
         How it was trained.
     """
@@ -59,8 +59,8 @@ class DetectorArtifact:
         shapes = {
             "baseline": (c, INDICES),
             "references": (c, n, INDICES),
-            "weights": (c, INDICES, ZONES),
-            "bias": (c, ZONES),
+            "weights": (c, n, INDICES),
+            "bias": (c,),
             "rules": (c, self.peaks.size, n, ZONES),
         }
         for name, shape in shapes.items():

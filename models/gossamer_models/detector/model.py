@@ -43,8 +43,8 @@ def detector_model(
     ``window_length``; its energies, Eq. (7.8) of [1]_, are divided by the baseline energies of the same window of the
     undamaged structure, Eq. (7.9), and sixteen networks judge the sixteen indices. With ``repeat`` the next window follows
     at once, else the record is the only one. Windows beyond the last one trained use its baseline and networks, for a
-    response that has become periodic. ``similarity`` is the largest similarity with any reference case in the network that
-    knows the input least: near zero, nothing like it was trained. ``valid`` turns 1 with the first judgement, if the window
+    response that has become periodic. ``similarity`` is the largest similarity with any reference case; near zero,
+    nothing like it was trained. ``valid`` turns 1 with the first judgement, if the window
     is the one that the baseline belongs to.
 
     References
@@ -126,11 +126,9 @@ def _judge_function(trained: DetectorArtifact, defuzzification: Defuzzification)
     functions = []
     for c in range(trained.baseline.shape[0]):
         I = U / ca.DM(trained.baseline[c])
-        S = similarity(I, ca.DM(trained.references[c]), ca.DM(trained.weights[c]), ca.DM(trained.bias[c]).T)
-        O = ca.vertcat(*(ca.sum1(S * ca.DM(rule)) for rule in trained.rules[c]))
-        damage = defuzzify(O, peaks, defuzzification).T
-        known = ca.mmin(ca.vertcat(*(ca.mmax(column) for column in ca.horzsplit(S))))
-        result = ca.vertcat(damage, I, known, belongs)
+        S = similarity(ca.log(I), ca.DM(trained.references[c]), ca.DM(trained.weights[c]), trained.bias[c])
+        O = ca.vertcat(*(S.T @ ca.DM(rule) for rule in trained.rules[c]))
+        result = ca.vertcat(defuzzify(O, peaks, defuzzification).T, I, ca.mmax(S), belongs)
         functions.append(ca.Function(f"judge_{c}", [U, belongs, judged], [result]))
     keep = ca.Function("keep", [U, belongs, judged], [judged])
     return ca.Function.conditional("judge", functions, keep)
@@ -215,7 +213,7 @@ def _variables(trained: DetectorArtifact) -> tuple[Variable, ...]:
             minimum=0.0,
             maximum=1.0,
             discrete=True,
-            description="Largest similarity with a reference case, in the network where it is smallest",
+            description="Largest similarity with a reference case; near zero: nothing like it was trained",
         ),
         Variable(
             name="valid",

@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 Defuzzification = Literal["centroid", "mom", "som", "lom"]
 
 
-def similarity(I: ca.MX, X: ca.DM, w1: ca.MX, b: ca.MX) -> ca.MX:
-    """Return the similarity of an input with every reference input in every network, Eqs. (6.1) and (6.3).
+def similarity(I: ca.MX, X: ca.MX, w1: ca.MX, b: float) -> ca.MX:
+    """Return the similarity of an input with every reference input, Eqs. (6.1) and (6.3).
 
     Parameters
     ----------
@@ -32,19 +32,18 @@ def similarity(I: ca.MX, X: ca.DM, w1: ca.MX, b: ca.MX) -> ca.MX:
         Input [1].
     X : shape (n, m)
         Reference inputs [1].
-    w1 : shape (m, z)
-        Weights of the squared differences in each network, not negative.
-    b : shape (1, z)
-        Bias of each network: the distance at which its similarity is one half.
+    w1 : shape (n, m)
+        Weights of the squared differences, not negative.
+    b : float
+        Bias: the distance at which the similarity is one half.
 
     Returns
     -------
-    shape (n, z)
+    shape (n, 1)
         Similarities between 0 and 1.
     """
-    n = X.shape[0]
-    D = (X - ca.repmat(I.T, n, 1)) ** 2 @ w1
-    return 1.0 / (1.0 + ca.exp(D - ca.repmat(b, n, 1)))
+    D = ca.sum2(w1 * (X - ca.repmat(I.T, X.shape[0], 1)) ** 2)
+    return 1.0 / (1.0 + ca.exp(D - b))
 
 
 def triangular_memberships(damage: ArrayLike, peaks: ArrayLike) -> NDArray[np.float64]:

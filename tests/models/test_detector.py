@@ -1,0 +1,202 @@
+"""The detector: packets, networks, windows and what it finds."""
+
+import json
+
+import casadi as ca
+import numpy as np
+import pytest
+from gossamer_models import ArtifactError, DataError, Stepper
+from gossamer_models.detector import (
+    DetectorArtifact,
+    defuzzify,
+    detector_model,
+    packet_energies,
+    triangular_memberships,
+)
+from gossamer_models.detector.training import (
+    PEAKS,
+    SAMPLES,
+    THESIS_ERROR,
+    assess,
+    judge,
+    mean_absolute_errors,
+    simulate_strains,
+    single_damage_cases,
+    train_networks,
+    window_energies,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+STEP = 3e-4
+
+
+@pytest.fixture(scope="module")
+def model():
+    return detector_model()
+
+
+def run(model, strains, h=STEP, **parameters):
+    """Feed strains sampled every ``h`` [s]; return the judgement after each step, one row per step."""
+    detector = Stepper(model, **parameters)
+    detector.initialize()
+    inputs = [detector.index(f"strain[{i}]") for i in (1, 2, 3, 4)]
+    outputs = [detector.index(name) for name in (*(f"index[{k}]" for k in range(1, 17)), "valid")]
+    rows = []
+    for sample in np.asarray(strains).T:
+        detector.set_values(inputs, sample)
+        detector.step(h)
+        rows.append(detector.get_values(outputs))
+    return np.array(rows)
+
+
+@settings(max_examples=10, deadline=None)
+@given(arrays(float, (4, 40), elements=st.floats(-0.5, 0.5)))
+def test_streaming_indices_equal_pywavelets(model, strains):
+    """Over a window of 40 samples, to 1e-12 of the total energy of a sensor."""
+    rows = run(model, strains, window_length=40 * STEP)
+    baseline = DetectorArtifact.default().baseline[0]
+    expected = packet_energies(strains)
+    found = (rows[-1, :16] * baseline).reshape(4, 4)
+    assert np.abs(found - expected).max() <= 1e-12 * max(1.0, expected.sum(axis=1).max())
+
+
+def test_energies_keep_the_energy_of_the_record():
+    strains = np.random.default_rng(1).uniform(0.0, 0.3, (4, 844))
+    assert packet_energies(strains).sum(axis=1) == pytest.approx(np.sum(strains**2, axis=1), rel=1e-13)
+
+
+def test_windows_repeat_and_a_single_record_does_not(model):
+    strains = np.random.default_rng(2).uniform(0.0, 0.3, (4, 2 * SAMPLES))
+    baseline = DetectorArtifact.default().baseline
+    first, second = (packet_energies(part).ravel() for part in np.split(strains, 2, axis=1))
+    repeated, single = run(model, strains, repeat=1.0), run(model, strains)
+    assert repeated[SAMPLES - 2, 16] == 0.0
+    assert repeated[SAMPLES - 1, 16] == 1.0
+    assert repeated[-1, :16] == pytest.approx(second / baseline[1], rel=1e-12)
+    assert single[-1, :16] == pytest.approx(first / baseline[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("parts", [2, 3, 7])
+def test_shorter_communication_steps_sample_the_same_record(model, parts):
+    """Between communication points strain is linear, so a piecewise linear record gives the same samples."""
+    strains = np.random.default_rng(3).uniform(0.0, 0.3, (4, 40))
+    fine = np.array(
+        [np.interp(np.arange(1, 40 * parts + 1) / parts, np.arange(41), np.r_[0.0, row]) for row in strains]
+    )
+    coarse = run(model, strains, window_length=40 * STEP)[-1]
+    assert run(model, fine, h=STEP / parts, window_length=40 * STEP)[-1] == pytest.approx(coarse, rel=1e-9)
+
+
+def test_a_window_may_start_later(model):
+    strains = np.random.default_rng(4).uniform(0.0, 0.3, (4, 60))
+    late = run(model, strains, start_time=20 * STEP, window_length=40 * STEP)[-1, :16]
+    assert late == pytest.approx(run(model, strains[:, 20:], window_length=40 * STEP)[-1, :16], rel=1e-9)
+
+
+def test_a_window_without_its_baseline_is_not_valid(model):
+    strains = np.full((4, SAMPLES), 0.1)
+    assert run(model, strains)[-1, 16] == 1.0
+    assert run(model, strains, window_length=400 * STEP)[-1, 16] == 0.0
+
+
+@pytest.mark.parametrize("strain", [0.0, 1e-9, 1e6])
+def test_absurd_strains_are_judged_without_failing_and_resemble_nothing(model, strain):
+    detector = Stepper(model)
+    detector.initialize()
+    for _ in range(SAMPLES):
+        for i in (1, 2, 3, 4):
+            detector.set(f"strain[{i}]", strain)
+        detector.step(STEP)
+    assert detector.get("similarity") == pytest.approx(0.0, abs=1e-6)
+
+
+@given(st.floats(0.0, 1.0))
+def test_memberships_add_up_to_one_and_centroids_give_the_damage_back(damage):
+    O = triangular_memberships(damage, PEAKS)
+    assert O.sum() == pytest.approx(1.0)
+    assert float(defuzzify(ca.DM(O), ca.DM(PEAKS))) == pytest.approx(min(damage, 0.4), abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("memberships", "expected"),
+    [
+        ([0.2, 0.9, 0.9], {"centroid": 0.27, "som": 0.2, "mom": 0.3, "lom": 0.4}),
+        ([0.1, 0.8, 0.1], {"centroid": 0.2, "som": 0.2, "mom": 0.2, "lom": 0.2}),
+        ([-0.5, 0.0, 0.0], {"centroid": 0.0, "som": 0.0, "mom": 0.0, "lom": 0.0}),
+    ],
+)
+def test_defuzzification_methods_differ_as_section_6_1_4_says(memberships, expected):
+    found = {method: float(defuzzify(ca.DM(memberships), ca.DM(PEAKS), method)) for method in expected}
+    assert found == pytest.approx(expected)
+
+
+def test_single_damage_is_found_better_than_in_table_7_1(capsys):
+    """The thesis: 0.104 % over all zones, 0.214 % over damaged zones."""
+    actual, predicted = assess()
+    errors = mean_absolute_errors(actual, predicted)
+    with capsys.disabled():
+        print("\nTable 7.1, 13 single-damage cases, mean absolute error [% damage]")
+        for zones, error in errors.items():
+            print(f"  {zones:>13}: {error:.3f}   thesis {THESIS_ERROR[zones]:.3f}")
+    assert all(error <= THESIS_ERROR[zones] for zones, error in errors.items())
+
+
+def test_the_shipped_artifact_comes_from_this_membrane_and_this_training():
+    """Two of its 129 cases simulated again, its networks trained again: the same numbers."""
+    artifact, damages = DetectorArtifact.default(), single_damage_cases()
+    for case in (0, 8):
+        energies = window_energies(simulate_strains(damages[case], 3 * SAMPLES), SAMPLES)
+        assert np.log(energies / artifact.baseline) == pytest.approx(artifact.references[:, case], abs=1e-9)
+    weights, bias, rules, _ = train_networks(artifact.references[0], damages)
+    assert weights == pytest.approx(artifact.weights[0], rel=1e-9)
+    assert bias == artifact.bias[0]
+    similarity_sums = np.abs(artifact.rules[0]).max()
+    assert rules == pytest.approx(artifact.rules[0], abs=1e-6 * similarity_sums)
+
+
+def test_damage_that_begins_later_is_found_once_a_window_has_passed(model):
+    """Undamaged for three windows, then 40 % in zone 6; judged by the networks of the periodic response."""
+    from gossamer_models.membrane import membrane_model
+
+    membrane = Stepper(membrane_model())
+    membrane.initialize()
+    record = []
+    for k in range(6 * SAMPLES):
+        if k == 3 * SAMPLES:
+            membrane.set("damage[6]", 0.4)
+        membrane.step(STEP)
+        record.append([membrane.get(f"strain[{i}]") for i in (1, 2, 3, 4)])
+    strains = np.array(record).T
+    assert 100 * judge(strains[:, : 3 * SAMPLES], model) == pytest.approx(np.zeros(16), abs=1.0)
+    assert 100 * judge(strains, model) == pytest.approx(40 * np.eye(16)[5], abs=1.5)
+
+
+def test_training_needs_two_levels_per_zone():
+    with pytest.raises(DataError, match="17 training cases"):
+        train_networks(np.zeros((17, 16)), np.zeros((17, 16)))
+
+
+def test_an_artifact_survives_its_files(tmp_path):
+    artifact = DetectorArtifact.default()
+    artifact.write(tmp_path / "copy.json")
+    assert detector_model(DetectorArtifact.read(tmp_path / "copy.json")).digest == detector_model(artifact).digest
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda path: path.write_text(path.read_text()[:50]), "cannot read the artifact"),
+        (lambda path: path.with_suffix(".npz").write_bytes(b"PK"), "SHA-256 differs"),
+        (lambda path: path.with_suffix(".npz").unlink(), "cannot read the arrays"),
+        (lambda path: path.write_text(json.dumps(json.loads(path.read_text()) | {"version": 2})), "version 2; this"),
+        (lambda path: path.write_text(json.dumps(json.loads(path.read_text()) | {"samples": 843})), "multiple of 4"),
+    ],
+)
+def test_a_spoilt_artifact_is_refused(tmp_path, spoil, message):
+    path = tmp_path / "copy.json"
+    DetectorArtifact.default().write(path)
+    spoil(path)
+    with pytest.raises(ArtifactError, match=message):
+        DetectorArtifact.read(path)
