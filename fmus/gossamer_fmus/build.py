@@ -1,0 +1,136 @@
+"""Build pythonfmu FMUs: one generic slave, one serialized step model, reproducible to the byte.
+
+The archive is laid out as pythonfmu 0.7.0 does it (its own builder stamps times and random identifiers, and leaves the
+module search path changed)::
+
+    modelDescription.xml
+    binaries/<platform>/<name>.<so|dll>      pythonfmu's library, which starts Python
+    documentation/index.html, licenses/
+    resources/slavemodule.txt                names the slave
+    resources/slave_<digest>.py              the slave
+    resources/step_<digest>/                 what the slave imports: the stepper and pythonfmu's base class
+    resources/model.json, init.casadi, step.casadi
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import uuid
+import zipfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import gossamer_models
+from gossamer_models import StepModel
+from gossamer_models.compensator import compensator_model
+from gossamer_models.detector import detector_model
+from gossamer_models.membrane import membrane_model
+from gossamer_models.sensor import sensor_model
+
+from .description import documentation, model_description
+from .interface import NAMES, Interface, read_interface
+
+MODELS: dict[str, Callable[[], StepModel]] = {
+    "membrane": membrane_model,
+    "sensor": sensor_model,
+    "compensator": compensator_model,
+    "detector": detector_model,
+}
+_STEP_FILES = ("errors.py", "step_model.py", "stepper.py")
+_PYTHONFMU_FILES = ("_version.py", "default_experiment.py", "enums.py", "fmi2slave.py", "logmsg.py", "variables.py")
+_NAMESPACE = uuid.UUID("6f2ad6c2-5a57-5d3c-9c1d-2f4a3c1f6d10")
+
+
+def build_fmu(model: StepModel, folder: Path, interface: Interface | None = None) -> Path:
+    """Build one FMU.
+
+    Parameters
+    ----------
+    model : StepModel
+        What it runs.
+    folder : Path
+        Where ``<model name>.fmu`` is written; made if needed.
+    interface : Interface, optional
+        By default that of this project's FMU of the same name.
+
+    Returns
+    -------
+    Path
+        The FMU. The same model, interface and package versions give the same bytes.
+    """
+    interface = interface or read_interface(model.name)
+    files = _resources(model)
+    pages = documentation(model, interface)
+    content = hashlib.sha256()
+    for name, data in sorted(files.items()):
+        content.update(name.encode() + b"\0" + data + b"\0")
+    content.update(model_description(model, interface, guid="") + pages.encode())
+    guid = f"{{{uuid.uuid5(_NAMESPACE, content.hexdigest())}}}"
+    members = {"modelDescription.xml": model_description(model, interface, guid)}
+    members |= {f"resources/{name}": data for name, data in files.items()}
+    members["documentation/index.html"] = pages.encode()
+    members["documentation/licenses/license.txt"] = _license()
+    for library in sorted((_package_folder("pythonfmu") / "resources/binaries").rglob("*.*")):
+        members[f"binaries/{library.parent.name}/{model.name}{library.suffix}"] = library.read_bytes()
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{model.name}.fmu"
+    partial = path.with_suffix(".partial")
+    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0])):
+            member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            member.compress_type = zipfile.ZIP_DEFLATED
+            member.external_attr = 0o644 << 16
+            member.create_system = 3
+            archive.writestr(member, data)
+    partial.replace(path)
+    return path
+
+
+def build_all(folder: Path, names: Iterable[str] = NAMES) -> dict[str, Path]:
+    """Build this project's FMUs, all or some of them.
+
+    Returns
+    -------
+    dict
+        Path by name.
+    """
+    return {name: build_fmu(MODELS[name](), folder) for name in names}
+
+
+def _resources(model: StepModel) -> dict[str, bytes]:
+    """Return the files below ``resources/`` by name."""
+    models, pythonfmu = Path(gossamer_models.__file__).parent, _package_folder("pythonfmu")
+    slave = Path(__file__).with_name("slave.py").read_text(encoding="utf-8")
+    code = {"__init__.py": b"", "pythonfmu/__init__.py": b""}
+    code |= {name: (models / name).read_bytes() for name in _STEP_FILES}
+    code |= {f"pythonfmu/{name}": (pythonfmu / name).read_bytes() for name in _PYTHONFMU_FILES}
+    digest = hashlib.sha256(b"\0".join([model.digest.encode(), slave.encode(), *code.values()])).hexdigest()[:16]
+    package = f"step_{digest}"
+    slave = slave.replace("from gossamer_models.", f"from {package}.").replace("from pythonfmu.", f"from {package}.pythonfmu.")
+    files = {f"{package}/{name}": data for name, data in code.items()}
+    files[f"slave_{digest}.py"] = slave.encode()
+    files["slavemodule.txt"] = f"slave_{digest}".encode()
+    with TemporaryDirectory() as temporary:
+        model.save(Path(temporary))
+        files |= {path.name: path.read_bytes() for path in Path(temporary).iterdir()}
+    return files
+
+
+def _package_folder(name: str) -> Path:
+    """Find an installed package without importing it."""
+    spec = importlib.util.find_spec(name)
+    if spec is None or spec.origin is None:
+        msg = f"the package {name!r} is not installed. Install Gossamer with its dependencies."
+        raise ModuleNotFoundError(msg)
+    return Path(spec.origin).parent
+
+
+def _license() -> bytes:
+    from importlib.metadata import files
+
+    for file in files("gossamer") or []:
+        if file.name == "LICENSE":
+            return Path(str(file.locate())).read_bytes()
+    return b"BSD-3-Clause\n"
