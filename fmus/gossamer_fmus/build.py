@@ -108,7 +108,9 @@ def _resources(model: StepModel) -> dict[str, bytes]:
     code |= {f"pythonfmu/{name}": (pythonfmu / name).read_bytes() for name in _PYTHONFMU_FILES}
     digest = hashlib.sha256(b"\0".join([model.digest.encode(), slave.encode(), *code.values()])).hexdigest()[:16]
     package = f"step_{digest}"
-    slave = slave.replace("from gossamer_models.", f"from {package}.").replace("from pythonfmu.", f"from {package}.pythonfmu.")
+    slave = slave.replace("from gossamer_models.", f"from {package}.").replace(
+        "from pythonfmu.", f"from {package}.pythonfmu."
+    )
     files = {f"{package}/{name}": data for name, data in code.items()}
     files[f"slave_{digest}.py"] = slave.encode()
     files["slavemodule.txt"] = f"slave_{digest}".encode()

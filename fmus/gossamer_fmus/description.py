@@ -62,7 +62,7 @@ def model_description(model: StepModel, interface: Interface, guid: str) -> byte
         variableNamingConvention="structured",
         numberOfEventIndicators="0",
     )
-    ET.SubElement(root, "CoSimulation", modelIdentifier=model.name, **_CAPABILITIES)
+    ET.SubElement(root, "CoSimulation", {"modelIdentifier": model.name, **_CAPABILITIES})
     units = ET.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(variable.unit for variable in model.variables):
         ET.SubElement(ET.SubElement(units, "Unit", name=name), "BaseUnit", base_unit(name))
@@ -85,7 +85,9 @@ def model_description(model: StepModel, interface: Interface, guid: str) -> byte
     listed = ET.SubElement(structure, "Outputs")
     of_inputs = model.step.jac_sparsity(1, 1)
     for i in outputs:
-        columns = of_inputs.T.row()[of_inputs.T.colind()[i - results.start] : of_inputs.T.colind()[i - results.start + 1]]
+        columns = of_inputs.T.row()[
+            of_inputs.T.colind()[i - results.start] : of_inputs.T.colind()[i - results.start + 1]
+        ]
         dependencies = " ".join(str(model.slices()[1].start + column + 1) for column in columns)
         ET.SubElement(listed, "Unknown", index=str(i + 1), dependencies=dependencies)
     unknowns = ET.SubElement(structure, "InitialUnknowns")
@@ -101,8 +103,7 @@ def base_unit(name: str) -> dict[str, str]:
     import pint
 
     powers = re.sub(r"(?<=[A-Za-z])(?=-?\d)", "**", name)  # kg/m3 is kg/m**3
-    quantity = pint.get_application_registry().parse_expression(powers) * pint.get_application_registry().Quantity(1.0)
-    quantity = quantity.to_base_units()
+    quantity = pint.application_registry.Quantity(powers).to_base_units()
     attributes = {_BASE[str(unit)]: str(int(exponent)) for unit, exponent in quantity.unit_items()}
     if quantity.magnitude != 1.0:
         attributes["factor"] = repr(float(quantity.magnitude))

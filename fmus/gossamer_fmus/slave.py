@@ -1,9 +1,9 @@
 """The one slave: runs any step model inside a pythonfmu FMU.
 
 This file is a template. The builder copies it into every FMU under a name that carries the content's digest, and what it
-imports from ``gossamer_models`` and ``pythonfmu`` into a package of that name, so that nothing in it can collide with another
-FMU or with the host. pythonfmu loads it by name and then runs its text a second time, so nothing happens at import but
-definitions.
+imports from ``gossamer_models`` and ``pythonfmu`` into a package of that name, so that nothing in it can collide with
+another FMU or with the host. pythonfmu loads it by name and then runs its text a second time, so nothing happens at import
+but definitions.
 
 An exception in a callback would be fatal to the host, so no method raises: a refused step is logged and discarded, a refused
 value is logged and ignored.
@@ -33,7 +33,7 @@ _references: list[object] = []
 class GossamerSlave(Fmi2Slave):
     """A step model as an FMI 2.0 co-simulation slave; value references are places in its table of variables."""
 
-    def __init__(self, **kwargs) -> None:
+    def __init__(self, **kwargs: object) -> None:
         super().__init__(**kwargs)
         _references.append(globals())
         while self.resources in sys.path:  # put there by pythonfmu, once per instance: must not shadow a host's modules
@@ -45,7 +45,7 @@ class GossamerSlave(Fmi2Slave):
         """Log an error; the host treats the text as a printf format."""
         self.log(str(error).replace("%", "%%"), status)
 
-    def setup_experiment(self, *args) -> None:
+    def setup_experiment(self, *args: object) -> None:
         """Ignore the times: the model is autonomous."""
 
     def exit_initialization_mode(self) -> None:
@@ -81,7 +81,9 @@ class GossamerSlave(Fmi2Slave):
             return [float("nan")] * len(vrs)
 
     def _not_real(self, vrs: list[int]) -> None:
-        self.complain(f"model {self.stepper.model.name!r} has real variables only; {list(vrs)[:8]} cannot be of this type")
+        self.complain(
+            f"model {self.stepper.model.name!r} has real variables only; {list(vrs)[:8]} cannot be of this type"
+        )
 
     def get_integer(self, vrs: list[int]) -> list[int]:
         self._not_real(vrs)

@@ -1,0 +1,75 @@
+"""Cost of one step of each model in CasADi's virtual machine, printed beside what was asked and beside a peer."""
+
+import statistics
+import time
+
+import numpy as np
+import pytest
+
+from gossamer_models import Stepper
+from gossamer_models.compensator import compensator_model
+from gossamer_models.detector import detector_model
+from gossamer_models.membrane import membrane_model
+from gossamer_models.sensor import sensor_model
+
+H = 3e-4
+
+
+def microseconds(call, repeats=2000):
+    """Median time of one call [us] over batches, which is robust against the machine's other work."""
+    batches = []
+    for _ in range(15):
+        begin = time.perf_counter()
+        for _ in range(repeats // 15):
+            call()
+        batches.append((time.perf_counter() - begin) / (repeats // 15))
+    return 1e6 * statistics.median(batches)
+
+
+def running(model, **start):
+    stepper = Stepper(model, **start)
+    stepper.initialize()
+    return stepper
+
+
+def test_membrane_step():
+    membrane = running(membrane_model())
+    h = 0.5 * membrane.get("max_step")
+    explicit = microseconds(lambda: membrane.step(h), 1500)
+    print(f"\nmembrane 8 x 8, one explicit step: {explicit:.0f} us (asked 150)")
+
+
+def test_sensor_compensator_and_detector_step():
+    strains = iter(np.tile(0.1 + 0.09 * np.sin(np.linspace(0.0, 60.0, 5000)), 20))
+    sensor, compensator = running(sensor_model()), running(compensator_model())
+    detector = running(detector_model(), repeat=1.0)
+
+    def sense():
+        sensor.set("strain", next(strains))
+        sensor.step(H)
+
+    def compensate():
+        sense()
+        compensator.set("resistance", sensor.get("resistance"))
+        compensator.step(H)
+
+    print(f"\nsensor step: {microseconds(sense, 6000):.1f} us (asked 25)")
+    print(f"sensor and compensator step: {microseconds(compensate, 6000):.1f} us")
+    print(f"detector step: {microseconds(lambda: detector.step(H), 6000):.1f} us")
+
+
+@pytest.mark.parametrize("model", [sensor_model, compensator_model])
+def test_a_step_costs_the_same_after_a_million(model):
+    """Asked: 1.0 +- 0.1. Early and late instances take turns, so that both see the same machine."""
+    name = "strain" if model is sensor_model else "resistance"
+    early, late = running(model()), running(model())
+    middle = early.get("resistance") if name == "resistance" else 0.1
+    values = middle * (1.0 + 0.2 * np.sin(np.linspace(0.0, 600.0, 1_000_000)))
+    for k, stepper in ((1000, early), (1_000_000, late)):
+        for value in values[:k]:
+            stepper.set(name, value)
+            stepper.step(H)
+    ratios = []
+    for _ in range(21):
+        ratios.append(microseconds(lambda: late.step(H), 3000) / microseconds(lambda: early.step(H), 3000))
+    print(f"\n{model().name}: cost of a step after 1e6 steps over that after 1e3: {statistics.median(ratios):.3f}")

@@ -1,0 +1,53 @@
+"""A thin host over FMPy: one instance with its variables by name and the messages it logged."""
+
+import ctypes
+
+import fmpy
+from fmpy import fmi2
+
+
+class Instance:
+    """An FMU instance with its variables by name and the messages it logged."""
+
+    def __init__(self, path, unzipped, name="instance"):
+        self.description = fmpy.read_model_description(str(path))
+        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.messages = []
+        self._callbacks = fmi2.fmi2CallbackFunctions()
+        self._callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(self._log)
+        self._callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
+        self._callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
+        self.slave = fmi2.FMU2Slave(
+            guid=self.description.guid,
+            unzipDirectory=str(unzipped),
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        self.slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+        self.time = 0.0
+
+    def _log(self, _environment, _name, _status, _category, message):
+        self.messages.append(message.decode())
+
+    def initialize(self, **start):
+        self.slave.setupExperiment(startTime=0.0)
+        self.slave.enterInitializationMode()
+        for name, value in start.items():
+            self.set(name, value)
+        self.slave.exitInitializationMode()
+
+    def set(self, name, value):
+        self.slave.setReal([self.references[name]], [value])
+
+    def get(self, *names):
+        return self.slave.getReal([self.references[name] for name in names])
+
+    def step(self, h):
+        """Return the FMI status: 0 ok, 2 discard."""
+        status = self.slave.dll.fmi2DoStep(self.slave.component, ctypes.c_double(self.time), ctypes.c_double(h), 0)
+        if status == 0:
+            self.time += h
+        return status
+
+    def names(self, causality):
+        return [v.name for v in self.description.modelVariables if v.causality == causality]

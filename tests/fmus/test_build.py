@@ -1,0 +1,104 @@
+"""What is in an FMU: a valid description, true capabilities, reproducible bytes, pages that are up to date."""
+
+import re
+import subprocess
+import sys
+import zipfile
+
+import fmpy
+import pytest
+from fmpy.validation import validate_fmu
+from gossamer_fmus import NAMES, build_fmu
+from gossamer_fmus.build import MODELS
+from gossamer_fmus.description import base_unit, with_variables
+from gossamer_fmus.interface import fmu_folder
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_fmpy_finds_no_problem(fmus, name):
+    assert validate_fmu(str(fmus[name])) == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_fmutool_finds_no_problem(fmus, name):
+    command = [sys.executable, "-m", "fmu_manipulation_toolbox.cli.fmutool", "-input", str(fmus[name]), "-check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    output = done.stdout + done.stderr
+    assert done.returncode == 0, output
+    assert not re.search(r"warning|error|fail", output, re.IGNORECASE), output
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_two_builds_give_the_same_bytes(fmus, tmp_path, name):
+    assert build_fmu(MODELS[name](), tmp_path).read_bytes() == fmus[name].read_bytes()
+
+
+def test_a_build_in_another_process_gives_the_same_bytes(fmus, tmp_path):
+    """Hash seeds, temporary folders and import order differ there."""
+    code = f"from pathlib import Path; from gossamer_fmus import build_all; build_all(Path({str(tmp_path)!r}))"
+    subprocess.run([sys.executable, "-c", code], check=True)
+    for name in NAMES:
+        assert (tmp_path / f"{name}.fmu").read_bytes() == fmus[name].read_bytes()
+
+
+def test_another_model_has_another_guid_and_other_module_names(fmus, tmp_path):
+    other = build_fmu(MODELS["membrane"].__call__(4), tmp_path)
+    assert fmpy.read_model_description(str(other)).guid != fmpy.read_model_description(str(fmus["membrane"])).guid
+    names = [{n for n in zipfile.ZipFile(p).namelist() if n.endswith(".py")} for p in (other, fmus["membrane"])]
+    assert not names[0] & names[1]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_variable_has_a_unit_a_description_and_its_range(fmus, models, name):
+    description = fmpy.read_model_description(str(fmus[name]))
+    for found, wanted in zip(description.modelVariables, models[name].variables, strict=True):
+        assert (found.name, found.unit, found.description) == (wanted.name, wanted.unit, wanted.description)
+        assert [
+            None if text is None else float(text) for text in (found.min, found.max, found.nominal, found.start)
+        ] == [
+            wanted.minimum,
+            wanted.maximum,
+            wanted.nominal,
+            wanted.start,
+        ]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_package_of_ours_and_no_top_level_pythonfmu_travels_inside(fmus, name):
+    for member in zipfile.ZipFile(fmus[name]).namelist():
+        parts = member.split("/")
+        if parts[0] == "resources" and member.endswith(".py"):
+            assert re.fullmatch(r"(step|slave)_[0-9a-f]{16}(\.py)?", parts[1]), member
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_documentation_page_lists_the_variables(fmus, models, name):
+    page = zipfile.ZipFile(fmus[name]).read("documentation/index.html").decode()
+    assert "<table>" in page
+    assert models[name].variables[0].description in page
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_table_in_the_readme_is_up_to_date(models, name, rewrite_goldens):
+    path = fmu_folder(name) / "README.md"
+    wanted = with_variables(path.read_text(encoding="utf-8"), models[name])
+    if rewrite_goldens:
+        path.write_text(wanted, encoding="utf-8")
+    assert path.read_text(encoding="utf-8") == wanted, "run 'make goldens'"
+
+
+@pytest.mark.parametrize(
+    ("unit", "attributes"),
+    [
+        ("1", {}),
+        ("Pa", {"kg": "1", "m": "-1", "s": "-2"}),
+        ("kg/m3", {"kg": "1", "m": "-3"}),
+        ("m/s2", {"m": "1", "s": "-2"}),
+        ("Hz", {"s": "-1"}),
+        ("rad", {"rad": "1"}),
+        ("ohm", {"kg": "1", "m": "2", "s": "-3", "A": "-2"}),
+        ("kPa", {"kg": "1", "m": "-1", "s": "-2", "factor": "1000.0"}),
+    ],
+)
+def test_units_are_reduced_to_si(unit, attributes):
+    assert base_unit(unit) == attributes

@@ -1,0 +1,292 @@
+"""An FMU in a host: the same numbers as its model, states, refusals, neighbours."""
+
+import math
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmu_host import Instance
+from gossamer_fmus import NAMES
+from gossamer_models import Stepper
+from pythonfmu.builder import FmuBuilder
+
+OK, DISCARD = 0, 2
+INPUTS = {
+    "membrane": {"pressure": 500.0, "base_acceleration": 3.0, "damage[7]": 0.2},
+    "sensor": {"strain": 0.11},
+    "compensator": {},
+    "detector": {"strain[1]": 0.1, "strain[2]": 0.2, "strain[3]": 0.05, "strain[4]": 0.3},
+}
+
+
+def excite(name, k):
+    """Input values that move, different for each step; a resistance stays near its rest value."""
+    if name == "compensator":
+        return {"resistance": 100.0 * (1.0 + 0.01 * math.sin(0.3 * k))}
+    return {key: value * (1.0 + 0.1 * math.sin(0.3 * k)) for key, value in INPUTS[name].items()}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_fmu_is_its_model_to_the_bit_in_any_step_size(instance, models, name):
+    fmu, model = instance(name), Stepper(models[name])
+    fmu.initialize()
+    model.initialize()
+    results = [v.name for v in models[name].variables if v.causality in ("output", "local")]
+    for k, h in enumerate([3e-4, 1e-4, 7e-4, 3e-4, 2e-3, 5e-5] * 3):
+        for key, value in excite(name, k).items():
+            fmu.set(key, value)
+            model.set(key, value)
+        assert fmu.step(h) == OK, fmu.messages
+        model.step(h)
+        assert fmu.get(*results) == [model.get(result) for result in results]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("serialized", [False, True])
+def test_a_saved_state_continues_to_the_bit(instance, name, serialized):
+    fmu = instance(name)
+    fmu.initialize()
+    outputs = fmu.names("output")
+
+    def advance(target, begin):
+        for k in range(begin, begin + 5):
+            for key, value in excite(name, k).items():
+                target.set(key, value)
+            assert target.step(3e-4) == OK
+        return target.get(*outputs)
+
+    advance(fmu, 0)
+    state = fmu.slave.getFMUstate()
+    first = advance(fmu, 5)
+    if serialized:
+        bytes_ = fmu.slave.serializeFMUstate(state)
+        other = instance(name, name="other")
+        restored = other.slave.deSerializeFMUstate(bytes_)
+        other.slave.setFMUstate(restored)
+        other.slave.freeFMUstate(restored)
+        again = advance(other, 5)
+    else:
+        fmu.slave.setFMUstate(state)
+        again = advance(fmu, 5)
+    fmu.slave.freeFMUstate(state)
+    assert again == first
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_bad_input_discards_the_step_names_the_input_and_changes_nothing(instance, name, value):
+    fmu = instance(name)
+    fmu.initialize()
+    assert fmu.step(3e-4) == OK
+    target = fmu.names("input")[0]
+    before, good = fmu.get(*fmu.names("output")), fmu.get(target)[0]
+    fmu.set(target, value)
+    assert fmu.step(3e-4) == DISCARD
+    assert f"'{target}'" in fmu.messages[-1]
+    assert fmu.get(*fmu.names("output")) == before
+    fmu.set(target, good)
+    assert fmu.step(3e-4) == OK
+
+
+def test_damage_out_of_range_is_refused(instance):
+    fmu = instance("membrane")
+    fmu.initialize()
+    fmu.set("damage[3]", 1.2)
+    assert fmu.step(3e-4) == DISCARD
+    assert "'damage[3]'" in fmu.messages[-1]
+
+
+@pytest.mark.parametrize("h", [0.0, -1e-3, math.nan, math.inf])
+def test_a_step_must_be_a_positive_time(instance, h):
+    fmu = instance("sensor")
+    fmu.initialize()
+    assert fmu.step(h) == DISCARD
+    assert "must be a positive time" in fmu.messages[-1]
+
+
+def test_calls_in_the_wrong_state_are_refused_and_survived(instance):
+    fmu = instance("sensor")
+    assert fmu.step(1e-3) == DISCARD
+    assert "must be initialized" in fmu.messages[-1]
+    fmu.initialize()
+    fmu.set("rest_resistance", 5.0)
+    assert "is fixed once" in fmu.messages[-1]
+    fmu.set("resistance", 5.0)
+    assert "is a result" in fmu.messages[-1]
+    assert fmu.step(1e-3) == OK
+
+
+def test_unknown_references_and_other_types_are_refused_and_survived(instance):
+    fmu = instance("sensor")
+    fmu.initialize()
+    assert all(math.isnan(value) for value in fmu.slave.getReal([0, 999_999]))
+    fmu.slave.setReal([4_000_000_000], [1.0])
+    assert "no variable number" in fmu.messages[-1]
+    assert fmu.slave.getInteger([0, 1]) == [0, 0]
+    assert fmu.slave.getBoolean([0]) == [0]
+    assert fmu.slave.getString([0]) == [b""]
+    fmu.slave.setInteger([0], [1])
+    fmu.slave.setBoolean([0], [True])
+    fmu.slave.setString([0], ["one"])
+    assert "real variables only" in fmu.messages[-1]
+    assert fmu.step(1e-3) == OK
+
+
+def test_a_failed_initialization_is_told_at_every_step(instance):
+    fmu = instance("membrane")
+    fmu.initialize(youngs_modulus=-1.0)
+    assert "'youngs_modulus'" in fmu.messages[-1]
+    assert fmu.step(3e-4) == DISCARD
+    assert "'youngs_modulus'" in fmu.messages[-1]
+    fmu.slave.reset()
+    fmu.initialize()
+    assert fmu.step(3e-4) == OK
+
+
+@pytest.mark.parametrize("spoil", [lambda b: b[:-1], lambda b: b"", lambda b: bytes([b[0] ^ 1]) + b[1:]])
+def test_a_spoilt_state_is_refused_and_the_run_goes_on(instance, spoil):
+    fmu = instance("sensor")
+    fmu.initialize()
+    fmu.step(1e-3)
+    state = fmu.slave.getFMUstate()
+    spoilt = spoil(fmu.slave.serializeFMUstate(state))
+    fmu.slave.freeFMUstate(state)
+    before = fmu.get("resistance")
+    restored = fmu.slave.deSerializeFMUstate(spoilt)
+    fmu.slave.setFMUstate(restored)
+    fmu.slave.freeFMUstate(restored)
+    assert "saved state" in fmu.messages[-1]
+    assert fmu.get("resistance") == before
+    assert fmu.step(1e-3) == OK
+
+
+def test_two_instances_do_not_share_anything(instance):
+    a, b = instance("sensor"), instance("sensor", name="other")
+    a.initialize(rest_resistance=100.0)
+    b.initialize(rest_resistance=200.0)
+    a.set("strain", 0.3)
+    for fmu in (a, b):
+        fmu.step(0.1)
+    assert b.get("resistance") == [200.0]
+    assert a.get("resistance") != [100.0]
+
+
+STRANGER = """
+import {module}
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Stranger(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.y = float({module}.VALUE)
+        self.register_variable(Real("y", causality=Fmi2Causality.output))
+
+    def do_step(self, current_time, step_size):
+        self.y += 1.0
+        return True
+"""
+
+
+@pytest.mark.parametrize("ours_first", [True, False])
+def test_a_strangers_fmu_with_modules_of_our_names_keeps_its_own(fmus, tmp_path, ours_first):
+    """Each in one process of its own, because modules stay loaded."""
+    for module in ("gossamer_models", "stepper", "step_model", "errors", "slave"):
+        source = tmp_path / module
+        source.mkdir()
+        (source / f"{module}.py").write_text("VALUE = 41\n")
+        (source / f"stranger_{module}.py").write_text(STRANGER.format(module=module))
+        built = FmuBuilder.build_FMU(
+            source / f"stranger_{module}.py", dest=source, project_files=[source / f"{module}.py"]
+        )
+        shutil.copy(built, tmp_path / f"{module}.fmu")
+    order = ["ours", "strangers"] if ours_first else ["strangers", "ours"]
+    code = f"""
+import sys
+sys.path[:] = [p for p in sys.path if "models" not in p]  # a host without this project
+import fmpy
+def run(path, output):
+    return float(fmpy.simulate_fmu(path, stop_time=0.01, step_size=0.001, output=[output])[output][-1])
+for who in {order!r}:
+    if who == "ours":
+        for _ in range(2):
+            print("ours", run({str(fmus["sensor"])!r}, "resistance"), run({str(fmus["membrane"])!r}, "strain[1]"))
+    else:
+        for module in ("gossamer_models", "stepper", "step_model", "errors", "slave"):
+            print("stranger", run({str(tmp_path)!r} + "/" + module + ".fmu", "y"))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.split("\n")
+    assert sum(line == "stranger 51.0" for line in lines) == 5, done.stdout
+    assert len({line for line in lines if line.startswith("ours")}) == 1, done.stdout
+
+
+def test_a_thousand_instances_come_and_go(fmus, unzipped):
+    code = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from fmu_host import Instance
+keep = Instance({str(fmus["sensor"])!r}, {str(unzipped["sensor"])!r})
+keep.initialize()
+for k in range(1000):
+    other = Instance({str(fmus["sensor"])!r}, {str(unzipped["sensor"])!r})
+    other.slave.freeInstance()
+keep.set("strain", 0.1)
+assert keep.step(0.1) == 0
+print("still", keep.get("resistance"))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("still")
+
+
+@pytest.mark.parametrize("spoilt", ["model.json", "init.casadi", "step.casadi"])
+def test_a_truncated_resource_fails_to_instantiate_without_harm(fmus, unzipped, tmp_path, spoilt):
+    folder = tmp_path / "spoilt"
+    shutil.copytree(unzipped["sensor"], folder)
+    path = folder / "resources" / spoilt
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(Exception, match="instantiate"):
+        Instance(fmus["sensor"], folder)
+    fine = Instance(fmus["sensor"], unzipped["sensor"])
+    fine.slave.freeInstance()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", range(3))
+def test_random_calls_do_not_crash_the_process(fmus, unzipped, name, seed):
+    """500 legal and illegal calls with legal and illegal values, in a process of their own."""
+    script = Path(__file__).with_name("random_calls.py")
+    command = [sys.executable, str(script), str(fmus[name]), str(unzipped[name]), str(seed)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert done.stdout.endswith("survived\n")
+
+
+def test_memory_does_not_grow_with_steps(instance):
+    """Resident memory after 20 000 steps that log nothing, against after 2 000."""
+    statm = Path("/proc/self/statm")
+    if not statm.exists():
+        pytest.skip("reads /proc, which this system does not have")
+    fmu = instance("sensor")
+    fmu.initialize()
+    rng = np.random.default_rng(0)
+
+    def pages_after(steps):
+        for strain in rng.uniform(0.0, 0.4, steps):
+            fmu.set("strain", float(strain))
+            fmu.step(1e-3)
+        return int(statm.read_text().split()[1])
+
+    before = pages_after(2_000)
+    assert pages_after(20_000) - before < 256  # 1 MiB
+
+
+def test_fmpy_simulates_the_default_experiment(fmus):
+    result = fmpy.simulate_fmu(str(fmus["membrane"]), stop_time=0.03, output=["deflection"])
+    assert result["deflection"][-1] > 1e-3
