@@ -1,0 +1,116 @@
+r"""The compensator as a ``StepModel``: resistance in, strain out.
+
+Symbols: ``R`` resistance and ``Rf`` its low-pass [ohm], ``T`` filter time [s], ``y`` normalised output [1], ``s`` normalised strain [1];
+the state is that of the sensor followed by the last ``Rf`` and ``R``.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from ..sensor.artifact import SensorArtifact, default_artifact
+from ..sensor.model import SCALE_VARIABLES, clip, saturated_variable
+from ..sensor.relaxation import decay, phi_1
+from ..sensor.state import SensorLaw
+from ..step_model import StepModel, Variable
+from .inverse import invert
+
+SHORTEST_FILTER_TIME = 1e-100  # [s]; stands for 0, and no step is as short
+
+
+def compensator_model(artifact: SensorArtifact | None = None) -> StepModel:
+    r"""Build the compensator: the exact inverse of the sensor with the same artifact.
+
+    Parameters
+    ----------
+    artifact : SensorArtifact or None
+        Identified sensor; None for the one that ships with the package.
+
+    Returns
+    -------
+    StepModel
+        Input ``resistance`` [ohm]; outputs ``strain`` [1] and ``saturated`` [1].
+
+    Notes
+    -----
+    Chapter 5 of [1]_: the decayed modes and the static output are subtracted, the sign of what remains tells whether
+    strain rises or falls, and the surface of Eqs. (5.3), (5.4) is inverted; here the surface is never tabulated, see
+    ``inverse.py``, and the operators switched within the step count with their exact step response. The recovered strain
+    then advances the compensator's own memory through ``SensorLaw.advance``, the function that the sensor runs.
+
+    While a resistance is out of reach, memory stands still and only the modes decay, so a spike leaves no trace. The
+    same holds within the dead band. The low-pass :math:`T \dot R_f = R - R_f` is exact for resistance linear over a step.
+
+    References
+    ----------
+    .. [1] M. R. Sunny, dissertation, Virginia Tech, chapter 5.
+    """
+    artifact = default_artifact() if artifact is None else artifact
+    law = SensorLaw(artifact)
+    n_x = law.n_states
+    x, h = ca.SX.sym("x", n_x + 2), ca.SX.sym("h")
+    R, p = ca.SX.sym("R"), ca.SX.sym("p", len(SCALE_VARIABLES) + 2)
+    R0, dR, full_scale, rest_strain, dead_band, T = ca.vertsplit(p)
+
+    rest = law.rest(clip(rest_strain / full_scale))
+    R_rest = R0 + dR * rest.output()
+    init = ca.Function("init", [R, p], [ca.vertcat(rest.pack(), R_rest, R_rest), ca.vertcat(rest.s * full_scale, 0.0)])
+
+    state, Rf, R_last = law.unpack(x[:n_x]), x[n_x], x[n_x + 1]
+    ratio = h / ca.fmax(T, SHORTEST_FILTER_TIME)
+    left, mean = ca.exp(-ratio), phi_1(ratio)
+    Rf = left * Rf + (mean - left) * R_last + (1.0 - mean) * R
+
+    target = (Rf - R0) / dR - state.f - ca.sum1(decay(law.bank, state.z, h))
+    quiet = ca.fabs(target) * dR < dead_band
+    found, out_of_reach = invert(law, state, target, h)
+    unreachable = ca.logic_and(out_of_reach, ca.logic_not(quiet))
+    s = ca.if_else(quiet, state.s, found)
+    state = law.advance(state, ca.if_else(unreachable, state.s, s), h)
+    step = ca.Function("step", [x, R, p, h], [ca.vertcat(state.pack(), Rf, R), ca.vertcat(s * full_scale, unreachable)])
+    return StepModel(
+        name="compensator",
+        description="Inverse of the strain sensor: recovers strain from resistance",
+        variables=(
+            *SCALE_VARIABLES,
+            Variable(
+                name="dead_band",
+                causality="parameter",
+                unit="ohm",
+                description="Strain stays where it is while the resistance to explain is smaller than this; 0 switches it off",
+                start=0.0,
+                minimum=0.0,
+                nominal=1.0,
+            ),
+            Variable(
+                name="filter_time",
+                causality="parameter",
+                unit="s",
+                description="Time constant of a first-order low-pass on the resistance; 0 switches it off",
+                start=0.0,
+                minimum=0.0,
+                nominal=1.0,
+            ),
+            Variable(
+                name="resistance",
+                causality="input",
+                unit="ohm",
+                description="Measured resistance, taken as linear over a step",
+                start=100.0,
+                nominal=100.0,
+            ),
+            Variable(
+                name="strain",
+                causality="output",
+                unit="1",
+                description="Recovered strain",
+                minimum=0.0,
+                nominal=0.1,
+            ),
+            saturated_variable("1 if no strain from 0 to full scale explains the resistance, else 0"),
+        ),
+        init=init,
+        step=step,
+        advice="Check that the resistance is finite and the parameters are those of the sensor.",
+        provenance=dict(artifact.provenance),
+    )

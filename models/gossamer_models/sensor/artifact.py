@@ -1,0 +1,184 @@
+r"""Identified numbers of one sensor: density tables, relaxation terms and where they come from.
+
+Symbols: ``N`` number of lines and of bins along a line, ``mu[i, k]`` weight [1] of up-switching on line
+:math:`\alpha - \beta = i/N` for :math:`k/N < \alpha < (k+1)/N`, ``nu = eta*mu`` weight [1] of down-switching, and per
+relaxation term the :math:`a, b, c, d` of Eq. (4.12) and the exponentials that stand for :math:`e^{-b t^c}`.
+Strain is normalised by its full scale, output by the rise of a virgin sensor to full scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..artifacts import read_artifact, write_artifact
+from ..errors import ArtifactError, ParameterError
+
+SCHEMA = "gossamer.sensor"
+VERSION = 1
+MIN_SPRING_WEIGHT = 1e-3  # of mu and nu on line 0: the slope that the inverse divides by is never smaller
+DEFAULT_PATH = Path(__file__).with_name("nylon_silver.json")
+
+Table = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelaxationTerm:
+    r"""One term :math:`A(\zeta) e^{-b t^c}`, :math:`A = a \zeta^d`, of the dynamic operators.
+
+    Attributes
+    ----------
+    amplitude : float
+        :math:`a` [1], not negative.
+    power : int
+        :math:`d` [1], 0 or 1: then the drive of a mode is a polynomial in time for strain linear over a step, and the
+        step is exact.
+    rate : float
+        :math:`b` [s**-c], positive.
+    exponent : float
+        :math:`c` [1], 0 < c <= 1.
+    decay_rates : tuple of float, length n
+        Rates [1/s] of the exponentials whose sum is :math:`e^{-b t^c}`, positive.
+    weights : tuple of float, length n
+        Their weights [1], positive; the sum is close to 1.
+    """
+
+    amplitude: float
+    power: int
+    rate: float
+    exponent: float
+    decay_rates: tuple[float, ...]
+    weights: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        numbers = (self.amplitude, self.rate, self.exponent, *self.decay_rates, *self.weights)
+        if not np.isfinite(numbers).all():
+            msg = "a relaxation term holds a number that is not finite. Identify it again."
+            raise ParameterError(msg)
+        if self.amplitude < 0.0:
+            msg = f"a relaxation amplitude is {self.amplitude:g}, it must not be negative: the inverse needs a rising output"
+            raise ParameterError(msg)
+        if self.power not in (0, 1):
+            msg = f"a relaxation power is {self.power!r}; 0 and 1 are supported. Identify it with one of them."
+            raise ParameterError(msg)
+        if not (self.rate > 0.0 and 0.0 < self.exponent <= 1.0):
+            msg = f"relaxation exp(-b t**c) needs b > 0 and 0 < c <= 1, not b = {self.rate:g}, c = {self.exponent:g}"
+            raise ParameterError(msg)
+        if not self.decay_rates or len(self.decay_rates) != len(self.weights):
+            msg = f"need one weight per decay rate: {len(self.weights)} != {len(self.decay_rates)}, and at least one"
+            raise ParameterError(msg)
+        if min(self.decay_rates) <= 0.0 or min(self.weights) < 0.0:
+            msg = "decay rates must be positive and their weights not negative. Fit the exponentials again."
+            raise ParameterError(msg)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorArtifact:
+    r"""Everything that distinguishes one sensor from another, normalised.
+
+    Attributes
+    ----------
+    mu, nu : tuple of tuples of float, shape (N, N)
+        Weights [1] of up- and down-switching; row i is the line :math:`\alpha - \beta = i/N`, column k the bin of
+        :math:`\alpha`; zero for k < i, nowhere negative.
+    relaxation : tuple of RelaxationTerm
+        Terms of the dynamic operators; empty for a rate-independent sensor.
+    provenance : dict
+        Origin and digest of the data, command, errors reached, assumptions.
+
+    Raises
+    ------
+    ParameterError
+        A table is not square and triangular, holds a negative or non-finite number, or the spring line (i = 0) is
+        too weak to invert.
+    """
+
+    mu: Table
+    nu: Table
+    relaxation: tuple[RelaxationTerm, ...] = ()
+    provenance: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        shape = (len(self.mu), len(self.mu))
+        for name, table in (("mu", self.mu), ("nu", self.nu)):
+            try:
+                values = np.array(table, dtype=float)
+            except (TypeError, ValueError):
+                values = np.empty(0)
+            if values.shape != shape or shape[0] < 2:
+                msg = f"{name} has shape {values.shape}; mu and nu are square, of one size, 2 x 2 or larger"
+                raise ParameterError(msg)
+            if not np.isfinite(values).all():
+                msg = f"{name} holds a number that is not finite. Identify the sensor again."
+                raise ParameterError(msg)
+            if (lowest := values.min()) < 0.0:
+                i, k = np.argwhere(values == lowest)[0]
+                msg = (
+                    f"{name}[{i}, {k}] is {lowest:g}; a negative weight makes the output fall on rising strain and "
+                    "cannot be inverted. Identify it with non-negative least squares."
+                )
+                raise ParameterError(msg)
+            if np.tril(values, -1).any():
+                msg = f"{name} is not zero below its diagonal: line i starts at bin k = i. Check the order of indices."
+                raise ParameterError(msg)
+            if (weakest := values[0].min()) < MIN_SPRING_WEIGHT:
+                msg = (
+                    f"{name} on the spring line 0 falls to {weakest:g}, below {MIN_SPRING_WEIGHT:g}: too small a slope "
+                    "to invert. Give the spring line a larger lower bound."
+                )
+                raise ParameterError(msg)
+
+    @property
+    def n_lines(self) -> int:
+        """Number of lines and of bins along a line."""
+        return len(self.mu)
+
+    def tables(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ``mu`` and ``nu`` as arrays of shape (N, N)."""
+        return np.array(self.mu), np.array(self.nu)
+
+    def write(self, path: Path) -> None:
+        """Write the artifact as JSON."""
+        content = {"mu": self.mu, "nu": self.nu, "relaxation": [asdict(term) for term in self.relaxation]}
+        write_artifact(path, SCHEMA, VERSION, self.provenance, content)
+
+    @classmethod
+    def read(cls, path: Path) -> SensorArtifact:
+        """Read what ``write`` wrote.
+
+        Raises
+        ------
+        ArtifactError
+            The file is missing, truncated, of another schema or version, or its content is not a usable sensor.
+        """
+        card = read_artifact(path, SCHEMA, VERSION)
+        try:
+            return cls(
+                mu=_freeze(card["mu"]),
+                nu=_freeze(card["nu"]),
+                relaxation=tuple(_term(item) for item in card["relaxation"]),
+                provenance={str(key): str(value) for key, value in card["provenance"].items()},
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            msg = f"{path} does not hold a usable sensor: {error}. Identify it again or name another file."
+            raise ArtifactError(msg) from error
+
+
+@cache
+def default_artifact() -> SensorArtifact:
+    """Read the artifact that ships with the package: silver-coated polyamide thread."""
+    return SensorArtifact.read(DEFAULT_PATH)
+
+
+def _freeze(rows: Any) -> Table:  # noqa: ANN401
+    return tuple(tuple(float(value) for value in row) for row in rows)
+
+
+def _term(item: dict[str, Any]) -> RelaxationTerm:
+    pairs = {name: tuple(float(value) for value in item[name]) for name in ("decay_rates", "weights")}
+    return RelaxationTerm(**{**item, **pairs})

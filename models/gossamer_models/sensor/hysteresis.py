@@ -1,0 +1,79 @@
+r"""Modified Preisach plane as a bank of lines.
+
+Symbols: ``s`` normalised strain [1] in 0..1; ``N`` lines :math:`\alpha - \beta = 2 r_i = i/N`, line 0 an anhysteretic spring;
+``front[i]`` = :math:`\alpha_i = w_i + r_i` [1], up to where the operators of line i are switched up (:math:`w_i` is the play
+operator of half-width :math:`r_i`, so the same operators end at :math:`\beta_i = \alpha_i - i/N` on the other axis);
+``M[i]``, ``N_[i]`` cumulative weights [1] of ``mu`` and ``nu = eta*mu`` below the front.
+
+Every corner of the plane's tables lies at a multiple of 1/N in both :math:`\alpha` and :math:`\beta`; the inverse relies on it.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Table = NDArray[np.float64]
+
+
+def move_fronts(front: ca.SX, strain: ca.SX) -> ca.SX:
+    r"""Advance the switching fronts by one monotone change of strain.
+
+    Parameters
+    ----------
+    front : casadi.SX, shape (N,)
+        Fronts :math:`\alpha_i` [1] before the change, not decreasing in i.
+    strain : casadi.SX, scalar
+        Normalised strain [1] after it.
+
+    Returns
+    -------
+    casadi.SX, shape (N,)
+        Fronts after it.
+
+    Notes
+    -----
+    The play operator :math:`w_i = \max(s - r_i, \min(s + r_i, w_i))` of [1]_ written for :math:`\alpha_i = w_i + r_i`:
+    rising strain sets the fronts it passes to exactly ``s``, so equal histories give equal bits.
+    Rate independent: no step size appears, and none may be added here.
+
+    References
+    ----------
+    .. [1] K. Kuhnen, European Journal of Control 9(4), 407-418, 2003, doi:10.3166/ejc.9.407-418.
+    """
+    return ca.fmax(strain, ca.fmin(strain + offsets(front.numel()), front))
+
+
+def resting_fronts(n_lines: int, strain: ca.SX) -> ca.SX:
+    """Return the fronts [1], shape (n_lines,), after the first monotone loading from zero to ``strain`` [1]."""
+    return ca.fmax(strain, offsets(n_lines))
+
+
+def offsets(n_lines: int) -> ca.DM:
+    """Return the widths [1], shape (n_lines,), of the operators of every line."""
+    return ca.DM(np.arange(n_lines) / n_lines)
+
+
+def cumulate(front: ca.SX, mu: Table, nu: Table) -> tuple[ca.SX, ca.SX]:
+    r"""Add up the weights of all operators below the fronts, line by line.
+
+    Parameters
+    ----------
+    front : casadi.SX, shape (N,)
+        Fronts :math:`\alpha_i` [1].
+    mu, nu : ndarray, shape (N, N)
+        Weights [1] of up- and down-switching, zero for k < i.
+
+    Returns
+    -------
+    up, down : casadi.SX, shape (N,)
+        :math:`M_i = \sum_k \mu_{ik} \min(\max(\alpha_i - k/N, 0), 1/N)` and the same sum with :math:`\nu` [1].
+    """
+    n = mu.shape[0]
+    up, down = [], []
+    for i in range(n):
+        filled = ca.fmin(ca.fmax(front[i] - np.arange(i, n) / n, 0.0), 1.0 / n)
+        up.append(ca.dot(ca.DM(mu[i, i:]), filled))
+        down.append(ca.dot(ca.DM(nu[i, i:]), filled))
+    return ca.vertcat(*up), ca.vertcat(*down)

@@ -1,0 +1,134 @@
+"""The sensor as a ``StepModel``: strain in, resistance out.
+
+Symbols: ``R`` resistance, ``R0`` at rest [ohm], ``dR`` its change at full scale [ohm], ``s`` normalised strain [1].
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from ..step_model import StepModel, Variable
+from .artifact import SensorArtifact, default_artifact
+from .state import SensorLaw
+
+SCALE_VARIABLES = (
+    Variable(
+        name="rest_resistance",
+        causality="parameter",
+        unit="ohm",
+        description="Resistance of the sensor before its first loading",
+        start=100.0,
+        minimum=0.0,
+        nominal=100.0,
+    ),
+    Variable(
+        name="full_scale_resistance_change",
+        causality="parameter",
+        unit="ohm",
+        description="Static rise of resistance on the first loading to full scale",
+        start=100.0,
+        minimum=1e-6,
+        nominal=100.0,
+    ),
+    Variable(
+        name="full_scale_strain",
+        causality="parameter",
+        unit="1",
+        description="Strain at the end of the identified range; the sensor saturates there",
+        start=0.5,
+        minimum=1e-6,
+        nominal=0.5,
+    ),
+    Variable(
+        name="rest_strain",
+        causality="parameter",
+        unit="1",
+        description="Strain at which the sensor has rested long before the run, reached by monotone loading",
+        start=0.0,
+        minimum=0.0,
+        nominal=0.1,
+    ),
+)
+
+
+def saturated_variable(description: str) -> Variable:
+    """Return the output that tells whether the range is exceeded."""
+    return Variable(
+        name="saturated",
+        causality="output",
+        unit="1",
+        description=description,
+        minimum=0.0,
+        maximum=1.0,
+        discrete=True,
+    )
+
+
+def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
+    r"""Build the sensor: modified Preisach hysteresis and dynamic relaxation.
+
+    Parameters
+    ----------
+    artifact : SensorArtifact or None
+        Identified sensor; None for the one that ships with the package.
+
+    Returns
+    -------
+    StepModel
+        Input ``strain`` [1]; outputs ``resistance`` [ohm] and ``saturated`` [1].
+
+    Notes
+    -----
+    :math:`R = R_0 + \Delta R\,(f_s + \sum_q z_q)`, Eqs. (4.7) and (4.13) of [1]_. ``init`` does not look at the strain: the run
+    starts at ``rest_strain``, so there is no false transient, and the first step ramps from there.
+
+    References
+    ----------
+    .. [1] M. R. Sunny, dissertation, Virginia Tech, chapter 4.
+    """
+    artifact = default_artifact() if artifact is None else artifact
+    law = SensorLaw(artifact)
+    x, h = ca.SX.sym("x", law.n_states), ca.SX.sym("h")
+    strain, p = ca.SX.sym("strain"), ca.SX.sym("p", len(SCALE_VARIABLES))
+    R0, dR, full_scale, rest_strain = ca.vertsplit(p)
+
+    rest = law.rest(clip(rest_strain / full_scale))
+    outside = rest_strain > full_scale
+    init = ca.Function("init", [strain, p], [rest.pack(), ca.vertcat(R0 + dR * rest.output(), outside)])
+
+    s = strain / full_scale
+    state = law.advance(law.unpack(x), clip(s), h)
+    outside = ca.logic_or(s > 1.0, s < 0.0)
+    step = ca.Function("step", [x, strain, p, h], [state.pack(), ca.vertcat(R0 + dR * state.output(), outside)])
+    return StepModel(
+        name="sensor",
+        description="Conductive polymer strain sensor with hysteresis, drift and relaxation",
+        variables=(
+            *SCALE_VARIABLES,
+            Variable(
+                name="strain",
+                causality="input",
+                unit="1",
+                description="Strain of the sensor, taken as linear over a step",
+                start=0.0,
+                nominal=0.1,
+            ),
+            Variable(
+                name="resistance",
+                causality="output",
+                unit="ohm",
+                description="Resistance of the sensor",
+                nominal=100.0,
+            ),
+            saturated_variable("1 if the strain is outside 0 to full scale and was clipped, else 0"),
+        ),
+        init=init,
+        step=step,
+        advice="Check that the strain is finite.",
+        provenance=dict(artifact.provenance),
+    )
+
+
+def clip(s: ca.SX) -> ca.SX:
+    """Limit a normalised strain [1] to 0..1."""
+    return ca.fmin(ca.fmax(s, 0.0), 1.0)

@@ -1,0 +1,104 @@
+r"""Dynamic relaxation operators as a bank of exponential modes.
+
+Symbols: ``z[q]`` mode [1], :math:`\lambda_q` decay rate [1/s], :math:`g_q, k_q` drive [1]; while strain rises,
+
+.. math:: \dot z_q = -\lambda_q z_q + (g_q + k_q s)\,\dot s, \qquad f_d = \sum_q z_q,
+
+which is Eq. (4.13) with :math:`A = a\zeta^d`, d = 0 (:math:`g`) or 1 (:math:`k`) and the stretched exponentials replaced by sums.
+Falling strain drives nothing. ``x`` = :math:`\lambda h` [1]. The step is exact for strain that rises linearly over it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from .artifact import RelaxationTerm
+
+SERIES_BELOW = 0.5
+SERIES_TERMS = 14
+
+
+@dataclass(frozen=True, slots=True)
+class ModeBank:
+    """Rates and drives of all relaxation modes.
+
+    Attributes
+    ----------
+    decay_rates : ndarray, shape (n,)
+        Rates [1/s], increasing, all different.
+    constant, linear : ndarray, shape (n,)
+        Drives per unit of strain [1]: independent of strain, and proportional to it.
+    """
+
+    decay_rates: NDArray[np.float64]
+    constant: NDArray[np.float64]
+    linear: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, terms: tuple[RelaxationTerm, ...]) -> ModeBank:
+        """Collect the exponentials of all terms; equal rates share one mode."""
+        drives: dict[float, list[float]] = {}
+        for term in terms:
+            for rate, weight in zip(term.decay_rates, term.weights, strict=True):
+                drives.setdefault(rate, [0.0, 0.0])[term.power] += term.amplitude * weight
+        kept = sorted((rate, *pair) for rate, pair in drives.items() if sum(pair) > 0.0)
+        table = np.array(kept, dtype=float).reshape(len(kept), 3)
+        return cls(*table.T)
+
+    @property
+    def size(self) -> int:
+        """Number of modes."""
+        return int(self.decay_rates.size)
+
+
+def decay(bank: ModeBank, z: ca.SX, h: ca.SX) -> ca.SX:
+    """Let the modes [1], shape (n,), decay for ``h`` seconds at constant strain."""
+    return ca.exp(-ca.DM(bank.decay_rates) * h) * z
+
+
+def rise(bank: ModeBank, start: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX]:
+    r"""Prepare what a linear rise within one step leaves in the modes.
+
+    Parameters
+    ----------
+    bank : ModeBank
+        Rates and drives.
+    start : casadi.SX, scalar
+        Normalised strain [1] at the start of the step.
+    h : casadi.SX, scalar
+        Step [s].
+
+    Returns
+    -------
+    first, second : casadi.SX, shape (n,)
+        A rise by :math:`\Delta \ge 0` adds :math:`\Delta\,(first + \Delta\,second)` to the modes [1]; both are not negative.
+
+    Notes
+    -----
+    :math:`\int_0^h (g + k(s + \Delta\,\tau/h))\,(\Delta/h)\,e^{-\lambda(h - \tau)}\,d\tau
+    = \Delta\,(g + k s)\,\varphi_1(\lambda h) + \Delta^2 k\,\varphi_2(\lambda h)`. The printed Eq. (5.3) takes operators switched
+    in the last step undecayed, :math:`\varphi_1 = 1`; exact is as cheap, and a ramp may then be cut into any steps.
+    """
+    x = ca.DM(bank.decay_rates) * h
+    first = (ca.DM(bank.constant) + ca.DM(bank.linear) * start) * phi_1(x)
+    if not bank.linear.any():
+        return first, ca.SX.zeros(bank.size)
+    return first, ca.DM(bank.linear) * phi_2(x)
+
+
+def phi_1(x: ca.SX) -> ca.SX:
+    r"""Return :math:`\varphi_1(x) = (1 - e^{-x})/x` for x > 0 without cancellation."""
+    return -ca.expm1(-x) / x
+
+
+def phi_2(x: ca.SX) -> ca.SX:
+    r"""Return :math:`\varphi_2(x) = (x - 1 + e^{-x})/x^2` for x > 0: a series where the difference would cancel."""
+    series = ca.SX.zeros(x.shape)
+    small = ca.fmin(x, SERIES_BELOW)
+    for k in reversed(range(SERIES_TERMS)):
+        series = (1.0 - small / (k + 3) * series) if k < SERIES_TERMS - 1 else ca.SX.ones(x.shape)
+    return ca.if_else(x < SERIES_BELOW, 0.5 * series, (1.0 - phi_1(x)) / x)

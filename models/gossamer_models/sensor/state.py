@@ -1,0 +1,107 @@
+"""What a sensor remembers, and how one sample changes it; sensor and compensator both use this and nothing else.
+
+Symbols: ``s`` normalised strain [1], ``front`` fronts of the ``N`` lines [1], ``up`` and ``down`` cumulative weights below them [1],
+``f`` accumulated static output [1], ``z`` relaxation modes [1]; the state vector is their concatenation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from .artifact import SensorArtifact
+from .hysteresis import cumulate, move_fronts, resting_fronts
+from .relaxation import ModeBank, decay, rise
+
+
+@dataclass(frozen=True, slots=True)
+class SensorState:
+    """Normalised memory of one sensor.
+
+    Attributes
+    ----------
+    front, up, down : casadi.SX, shape (N,)
+        Switching fronts [1] and the cumulative weights [1] of up- and down-switching below them.
+    f : casadi.SX, scalar
+        Static output [1].
+    s : casadi.SX, scalar
+        Strain [1] at the last sample.
+    z : casadi.SX, shape (n,)
+        Relaxation modes [1].
+    """
+
+    front: ca.SX
+    up: ca.SX
+    down: ca.SX
+    f: ca.SX
+    s: ca.SX
+    z: ca.SX
+
+    def pack(self) -> ca.SX:
+        """Return the state as one column, shape (3 N + 2 + n,)."""
+        return ca.vertcat(self.front, self.up, self.down, self.f, self.s, self.z)
+
+    def output(self) -> ca.SX:
+        """Return the output [1], Eq. (4.7) plus Eq. (4.13)."""
+        return self.f + ca.sum1(self.z)
+
+
+class SensorLaw:
+    """The physics of one artifact: state layout, resting state and the step.
+
+    Parameters
+    ----------
+    artifact : SensorArtifact
+        Weights and relaxation terms.
+    """
+
+    def __init__(self, artifact: SensorArtifact) -> None:
+        self.mu, self.nu = artifact.tables()
+        self.bank = ModeBank.of(artifact.relaxation)
+        self.n_lines = artifact.n_lines
+        self.n_states = 3 * self.n_lines + 2 + self.bank.size
+
+    def unpack(self, x: ca.SX) -> SensorState:
+        """Split a state column, shape (n_states,)."""
+        n = self.n_lines
+        ends = [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2, self.n_states]
+        return SensorState(*(x[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)))
+
+    def rest(self, s: ca.SX) -> SensorState:
+        """Return the state long after the first monotone loading to strain ``s`` [1]: relaxation is over."""
+        front = resting_fronts(self.n_lines, s)
+        up, down = cumulate(front, self.mu, self.nu)
+        return SensorState(front, up, down, ca.sum1(up), s, ca.SX.zeros(self.bank.size))
+
+    def advance(self, state: SensorState, s: ca.SX, h: ca.SX) -> SensorState:
+        r"""Advance the memory by one sample.
+
+        Parameters
+        ----------
+        state : SensorState
+            Before the step.
+        s : casadi.SX, scalar
+            Normalised strain [1] at its end, in 0..1; it moves linearly in between.
+        h : casadi.SX, scalar
+            Step [s].
+
+        Returns
+        -------
+        SensorState
+            After the step.
+
+        Notes
+        -----
+        Accumulating reading of Eq. (4.7) of the thesis: every up-switch adds ``mu``, every down-switch removes ``nu`` =
+        ``eta*mu``. Fronts move one way within a sample, so of the two sums below at most one differs from zero.
+        """
+        front = move_fronts(state.front, s)
+        up, down = cumulate(front, self.mu, self.nu)
+        f = state.f + ca.fmax(ca.sum1(up) - ca.sum1(state.up), 0.0) + ca.fmin(ca.sum1(down) - ca.sum1(state.down), 0.0)
+        z = decay(self.bank, state.z, h)
+        if self.bank.size:
+            delta = ca.fmax(s - state.s, 0.0)
+            first, second = rise(self.bank, state.s, h)
+            z = z + delta * (first + delta * second)
+        return SensorState(front, up, down, f, s, z)
