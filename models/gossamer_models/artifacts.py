@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -48,7 +49,9 @@ def write_artifact(
         np.savez_compressed(buffer, allow_pickle=False, **arrays)
         path.with_suffix(".npz").write_bytes(buffer.getvalue())
         card["arrays_sha256"] = hashlib.sha256(buffer.getvalue()).hexdigest()
-    path.write_text(json.dumps(card, indent=1) + "\n", encoding="utf-8")
+    text = json.dumps(card, indent=1)
+    text = re.sub(r"\[\n[^\[\]{}\"]*\]", lambda row: " ".join(row[0].split()), text)  # a row of numbers on one line
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 def read_artifact(path: Path, schema: str, version: int) -> dict[str, Any]:
