@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import itertools
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from .fmu import FmuFile
 
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 _LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
-_TYPES = {
+_TYPES: dict[str, tuple[str, Any, Callable[[Any], Any]]] = {
     "Real": ("fmi2SetReal", fmi2.fmi2Real, float),
     "Integer": ("fmi2SetInteger", fmi2.fmi2Integer, int),
     "Enumeration": ("fmi2SetInteger", fmi2.fmi2Integer, int),

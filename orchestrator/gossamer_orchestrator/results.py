@@ -95,8 +95,8 @@ def _arrange(
             dims.append(dim)
         array = np.full((len(time), *(len(values) for values in axes)), np.nan)
         for indices, column in members:
-            place = tuple(axes[axis].index(i) for axis, i in enumerate(indices))
-            array[(slice(None), *place)] = table[:, column]
+            place: tuple[Any, ...] = (slice(None), *(axes[axis].index(i) for axis, i in enumerate(indices)))
+            array[place] = table[:, column]
         variables[base] = (("time", *dims), array, attributes[base])
     return xr.Dataset(variables, coords=coordinates)
 

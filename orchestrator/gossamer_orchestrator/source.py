@@ -16,6 +16,7 @@ Location = tuple[str | int, ...]
 
 _HEADER = re.compile(r"\s*(\[\[?)([^\[\]]+(?:\"[^\"]*\")?)\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:"[^"]*"|'[^']*'|[A-Za-z0-9_-]+)(?:\s*\.\s*(?:"[^"]*"|'[^']*'|[A-Za-z0-9_-]+))*)\s*=""")
+_TOKEN = re.compile(r"""#|"(?:[^"\\]|\\.)*"|'[^']*'|[\[\]{},]|[^\s\[\]{},"'#]+""")
 _PART = re.compile(r"""("[^"]*"|'[^']*'|[A-Za-z0-9_-]+)""")
 
 
@@ -56,9 +57,31 @@ class Source:
         """Return the line of a key, or of the innermost table around it that can be found; None for the whole file."""
         for size in range(len(location), 0, -1):
             start = self._lines.get(location[:size])
-            if start is not None:
-                return self._below(start, str(location[-1])) if size < len(location) else start
+            if start is None:
+                continue
+            if size < len(location) and isinstance(location[size], int):
+                return self._element(start, int(location[size]))
+            return self._below(start, str(location[-1])) if size < len(location) else start
         return None
+
+    def _element(self, start: int, index: int) -> int:
+        """Find the line on which an element of an inline array begins; the array's key stands on line ``start``."""
+        depth, commas, begun = 0, 0, False
+        for number, line in enumerate(self.text.splitlines()[start - 1 :], start=start):
+            text = line.partition("=")[2] if number == start else line
+            for token in _TOKEN.findall(text):
+                if token.startswith("#"):
+                    break
+                if depth == 1 and token == ",":
+                    commas, begun = commas + 1, False
+                elif depth == 1 and token != "]" and not begun:
+                    begun = True
+                    if commas == index:
+                        return number
+                depth += (token in "[{") - (token in "]}")
+                if depth == 0:
+                    return start
+        return start
 
     def _below(self, start: int, key: str) -> int:
         """Look for a key from its table's line to the next line that is known to begin something else."""

@@ -1,0 +1,283 @@
+"""The command ``gossamer``: build the FMUs, run scenarios, look at FMUs, train the detector.
+
+A command parses, calls one function and prints one result: paths and values on stdout; progress, tables and errors on
+stderr. Heavy imports stand inside the commands.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from typer.core import TyperGroup
+
+from .errors import FmuError, OrchestratorError, ResultsError
+from .names import suggest
+from .scenario_files import find_scenario
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FMUS = Path("out/fmus")
+DEMO = ("damaged", "damage_begins")
+
+
+class _Group(TyperGroup):
+    """Print expected errors as their message alone."""
+
+    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
+        try:
+            return super().invoke(ctx)
+        except OrchestratorError as error:
+            for text in (str(error), *getattr(error, "__notes__", ())):
+                typer.echo(text, err=True)
+            raise typer.Exit(1) from None
+
+
+app = typer.Typer(
+    cls=_Group,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    help="""Structural health monitoring of gossamer membranes with Functional Mock-up Units.
+
+Start with **gossamer demo**, then look at **out/**.
+""",
+    epilog="Each command explains itself: gossamer run --help",
+)
+
+FmuFolder = Annotated[Path, typer.Option("--fmus", help="Folder of the FMUs that scenarios name.", metavar="FOLDER")]
+
+
+@app.callback()
+def _configure(
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show what is logged, not only warnings.")] = False,
+) -> None:
+    logging.basicConfig(
+        level=logging.INFO if verbose else logging.WARNING,
+        format="%(levelname)s %(name)s: %(message)s",
+        stream=sys.stderr,
+    )
+
+
+@app.command()
+def build(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="FMUs to build: sensor, compensator, membrane, detector. All if none is named."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")] = FMUS,
+) -> None:
+    """Build the FMUs.
+
+    Prints the path of every FMU.
+
+    For example:
+
+        gossamer build
+
+        gossamer build sensor compensator --out somewhere
+    """
+    for path in _build(out, names).values():
+        typer.echo(path)
+
+
+@app.command()
+def run(
+    scenario: Annotated[str, typer.Argument(help="A scenario file, or the name of one that is shipped.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results; out/<scenario> if not given.", metavar="FOLDER")
+    ] = None,
+    fmus: FmuFolder = FMUS,
+    pictures: Annotated[bool, typer.Option(help="Draw pictures of what was recorded.")] = True,
+) -> None:
+    """Run a scenario.
+
+    Writes results.nc, results.csv and pictures, and prints their paths. An interrupted or failed run keeps what it
+    produced.
+
+    For example:
+
+        gossamer build && gossamer run damaged
+
+        gossamer run my_scenario.toml --out out/mine --no-pictures
+    """
+    path = find_scenario(scenario)
+    _run(path, fmus, Path("out") / path.stem if out is None else out, pictures=pictures)
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for FMUs, results and pictures.", metavar="FOLDER")] = Path("out"),
+) -> None:
+    """Build the FMUs and run both demonstrations.
+
+    A membrane with 40 % damage in zone 1, and one that is damaged half way through the run: four sensors, four
+    compensators and a detector find out. Leaves results and pictures in out/damaged and out/damage_begins.
+
+    For example:
+
+        gossamer demo
+    """
+    _build(out / "fmus", None)
+    for name in DEMO:
+        _run(find_scenario(name), out / "fmus", out / name, pictures=True)
+
+
+@app.command()
+def validate(
+    fmus: Annotated[list[Path], typer.Argument(help="FMU files.")],
+) -> None:
+    """Check FMUs: archive, model description, and rules of the FMI standard.
+
+    Prints a line per FMU; exits 1 if one has problems.
+
+    For example:
+
+        gossamer validate out/fmus/*.fmu
+    """
+    from fmpy.validation import validate_fmu
+
+    from .archive import check_archive
+
+    failed = False
+    for path in fmus:
+        try:
+            check_archive(path)
+            problems = validate_fmu(str(path))
+        except FmuError as error:
+            problems = [str(error)]
+        except Exception as error:
+            # FMPy and lxml raise what they like on a broken model description
+            problems = [f"its model description cannot be read: {error}"]
+        failed |= bool(problems)
+        typer.echo(f"{path}: {f'{len(problems)} problems' if problems else 'ok'}")
+        for problem in problems:
+            typer.echo(f"  {problem}", err=True)
+    if failed:
+        raise typer.Exit(1)
+
+
+@app.command()
+def info(
+    fmu: Annotated[Path, typer.Argument(help="An FMU file.")],
+    locals_: Annotated[bool, typer.Option("--locals", help="List local variables too.")] = False,
+) -> None:
+    """Show an FMU's parameters, inputs and outputs.
+
+    For example:
+
+        gossamer info out/fmus/sensor.fmu
+    """
+    from rich.markup import escape
+    from rich.table import Table
+
+    from .fmu import FmuFile
+
+    file = FmuFile(fmu)
+    table = Table(title=f"{file.name}: {file.description.description or file.description.modelName}", expand=False)
+    for heading in ("variable", "causality", "unit", "start", "min", "max", "description"):
+        table.add_column(heading, overflow="fold")
+    for causality in ("parameter", "input", "output", *(("local",) if locals_ else ())):
+        for name in file.names(causality):
+            v = file.variables[name]
+            cells = (name, causality, file.unit(name), v.start, v.min, v.max, v.description)
+            table.add_row(*(escape(str(cell)) if cell is not None else "" for cell in cells))
+        table.add_section()
+    console = Console()
+    console.print(table, width=None if console.is_terminal else 160)
+
+
+@app.command()
+def train(
+    out: Annotated[Path, typer.Option(help="File to write, with its arrays beside it.", metavar="FILE")] = Path(
+        "out/detector/single_damage.json"
+    ),
+) -> None:
+    """Train the detector on simulated damage.
+
+    Simulates the membrane with damage in one zone at a time on all cores, which takes minutes, and writes the networks.
+
+    For example:
+
+        gossamer train --out out/detector/mine.json
+    """
+    from rich.progress import Progress
+
+    training = import_module("gossamer_models.detector.training")
+    console = Console(stderr=True)
+    with _model_errors(), Progress(console=console, disable=not console.is_terminal) as progress:
+        task = progress.add_task("simulating damage", total=None)
+        artifact = training.train_detector(progress=lambda done, total: progress.update(task, completed=done, total=total))
+    out.parent.mkdir(parents=True, exist_ok=True)
+    artifact.write(out)
+    typer.echo(out)
+
+
+def _build(folder: Path, names: list[str] | None) -> dict[str, Path]:
+    """Build FMUs into a folder, all of them if none is named; a build is reproducible, so it may be repeated."""
+    from gossamer_fmus import NAMES, build_all
+
+    for name in names or ():
+        if name not in NAMES:
+            msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
+            raise FmuError(msg)
+    with _model_errors(), Console(stderr=True).status("building FMUs"):
+        return dict(build_all(folder, names or NAMES))
+
+
+@contextmanager
+def _model_errors() -> Iterator[None]:
+    """Make what a model refuses an expected error of this program."""
+    from gossamer_models import GossamerError
+
+    try:
+        yield
+    except GossamerError as error:
+        raise OrchestratorError(str(error)) from error
+
+
+def _run(scenario: Path, fmus: Path, out: Path, *, pictures: bool) -> None:
+    """Run one scenario, write everything, and show what the detector found."""
+    from .progress import ProgressBar
+    from .results import CSV, NETCDF
+    from .run import run_scenario
+
+    try:
+        data = run_scenario(scenario, fmus, out, observers=[ProgressBar(scenario.stem)])
+    except KeyboardInterrupt:
+        typer.echo(f"Interrupted; results until then are in {out}.", err=True)
+        raise typer.Exit(130) from None
+    typer.echo(out / NETCDF)
+    typer.echo(out / CSV)
+    if pictures:
+        from .plots import save_pictures
+
+        for path in save_pictures(data, out):
+            typer.echo(path)
+    _show(data)
+
+
+def _show(data: xr.Dataset) -> None:
+    """Print what the detector found as tables on stderr, if there is a detector."""
+    from .report import history_table, judgements, zone_table
+
+    console = Console(stderr=True)
+    try:
+        found = judgements(data)
+    except ResultsError:
+        return
+    if len(found) > 1:
+        console.print(history_table(found))
+    if found:
+        console.print(zone_table(found[-1]))
+    else:
+        console.print("The detector made no valid judgement: no window of the trained length ended within the run.")
