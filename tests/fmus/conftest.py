@@ -32,8 +32,8 @@ def instance(fmus, unzipped):
     """Make instances of an FMU by name; all are freed at the end of the test."""
     made = []
 
-    def make(name, **kwargs):
-        made.append(Instance(fmus[name], unzipped[name], **kwargs))
+    def make(fmu, name="instance"):
+        made.append(Instance(fmus[fmu], unzipped[fmu], name))
         return made[-1]
 
     yield make

@@ -1,0 +1,95 @@
+"""Golden files: each FMU run through FMPy on the inputs beside its README, compared with the outputs kept there."""
+
+import math
+
+import fmpy
+import numpy as np
+import pytest
+from gossamer_fmus import NAMES
+from gossamer_fmus.interface import fmu_folder
+
+# Relative to the largest value of a column. The arithmetic is the same everywhere; the C library's exp and sin are not.
+TOLERANCE = 1e-9
+STEPS = 200
+H = 3e-4
+
+
+def strain_history():
+    """Load with a 20 Hz ripple, hold, unload half way, hold [1]."""
+    ramp = np.interp(np.arange(1, STEPS + 1), [0, 80, 110, 170, 200], [0.02, 0.30, 0.30, 0.12, 0.12])
+    return ramp + 0.01 * np.sin(2 * math.pi * 20.0 * H * np.arange(1, STEPS + 1))
+
+
+def inputs_of(name, golden):
+    """Input columns by variable: value during the step that ends at each time."""
+    k = np.arange(1, STEPS + 1)
+    if name == "membrane":
+        return {
+            "pressure": 2e3 * np.sin(0.02 * k),
+            "base_acceleration": 5.0 * np.cos(0.1 * k),
+            "damage[1]": 0.4 * (k > 100),
+        }
+    if name == "sensor":
+        return {"strain": strain_history()}
+    if name == "compensator":
+        return {"resistance": golden("sensor", "ref")["resistance"]}
+    return {f"strain[{i}]": golden("membrane", "ref")[f"strain[{i}]"] for i in (1, 2, 3, 4)}
+
+
+PARAMETERS = {
+    "membrane": {},
+    "sensor": {"rest_strain": 0.02},
+    "compensator": {"rest_strain": 0.02},
+    "detector": {"window_length": 96 * H, "repeat": 1.0},
+}
+
+
+def read(name, kind):
+    return np.genfromtxt(
+        fmu_folder(name) / f"{name}_{kind}.csv", delimiter=",", names=True, deletechars="", skip_header=1
+    )
+
+
+def write(name, kind, comment, columns):
+    path = fmu_folder(name) / f"{name}_{kind}.csv"
+    lines = [f"# {comment}", ",".join(columns)]
+    lines += [",".join(repr(float(value)) for value in row) for row in np.column_stack(list(columns.values()))]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_fmu_gives_its_golden_outputs(instance, name, rewrite_goldens):
+    time = H * np.arange(1, STEPS + 1)
+    start = ", ".join(f"{key} = {value:g}" for key, value in PARAMETERS[name].items()) or "defaults"
+    if rewrite_goldens:
+        comment = f"inputs of the {name} FMU, held over the step that ends at each time [s]; parameters: {start}"
+        write(name, "in", comment, {"time": time} | inputs_of(name, read))
+    given = read(name, "in")
+    fmu = instance(name)
+    fmu.initialize(**PARAMETERS[name])
+    outputs = fmu.names("output")
+    rows = []
+    for row in given:
+        for key in given.dtype.names[1:]:
+            fmu.set(key, float(row[key]))
+        assert fmu.step(H) == 0, fmu.messages
+        rows.append(fmu.get(*outputs))
+    found = dict(zip(outputs, np.array(rows).T, strict=True))
+    if rewrite_goldens:
+        write(name, "ref", "outputs at the end of each step; written by 'make goldens'", {"time": time} | found)
+    golden = read(name, "ref")
+    for output in outputs:
+        scale = max(np.abs(golden[output]).max(), 1e-12)
+        assert np.abs(found[output] - golden[output]).max() <= TOLERANCE * scale, output
+
+
+def test_the_compensator_gives_the_golden_strain_back():
+    """Its golden output is the sensor's golden input, to 1e-9 of full scale."""
+    assert read("compensator", "ref")["strain"] == pytest.approx(strain_history(), abs=1e-9 * 0.5)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_golden_columns_are_variables_of_the_fmu(fmus, name):
+    known = {v.name for v in fmpy.read_model_description(str(fmus[name])).modelVariables} | {"time"}
+    for kind in ("in", "ref"):
+        assert set(read(name, kind).dtype.names) <= known
