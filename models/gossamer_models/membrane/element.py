@@ -56,7 +56,7 @@ def gauss_points(X: NDArray[np.float64]) -> list[GaussPoint]:
     for s, t in CORNERS:
         J = X.T @ shape_functions(s * GAUSS, t * GAUSS)[1]
         J = np.round(J, 14)  # zeros and ones in place of round-off: CasADi leaves out multiplications by them
-        points.append(GaussPoint(float(s), float(t), np.linalg.inv(J), float(np.linalg.det(J))))
+        points.append(GaussPoint(float(s), float(t), np.asarray(np.linalg.inv(J)), float(np.linalg.det(J))))
     return points
 
 

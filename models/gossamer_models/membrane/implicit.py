@@ -1,7 +1,8 @@
 r"""Implicit time integration, the method of the programs that the membrane is compared with.
 
-Symbols: ``q``, ``v``, ``a`` displacements, velocities, accelerations; ``f`` pressure minus internal forces [N]; ``K`` tangent
-[N/m]; ``M`` mass [kg]; ``c`` mass damping [1/s]; ``alpha``, ``beta``, ``gamma`` of the HHT method [1]; ``h`` step [s].
+Symbols: ``q``, ``v``, ``a`` displacements, velocities, accelerations; ``f`` pressure minus internal forces [N]; ``K``
+tangent [N/m]; ``M`` mass [kg]; ``c`` mass damping [1/s]; ``alpha``, ``beta``, ``gamma`` of the HHT method [1]; ``h`` step
+[s].
 """
 
 from __future__ import annotations
@@ -9,14 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse
 import scipy.sparse.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gossamer_models.errors import ParameterError
 
 from .equations import N_ZONES, MembraneEquations
 from .modal import Mass
-from .newton import solve_newton, sparse
+from .newton import Vector, solve_newton, sparse
 from .params import MembraneParams
 from .statics import static_deflection
 
@@ -36,9 +38,9 @@ class MembraneHistory:
         Displacements [m] from the homogeneous stretch and velocities [m/s] of the interior nodes.
     """
 
-    time: NDArray[np.float64]
-    q: NDArray[np.float64]
-    v: NDArray[np.float64]
+    time: Vector
+    q: Vector
+    v: Vector
 
 
 def integrate_implicit(
@@ -101,38 +103,30 @@ def integrate_implicit(
     n = equations.n_q
     Q, V = np.zeros((steps + 1, n)), np.zeros((steps + 1, n))
 
-    def force(q: NDArray[np.float64], time: float) -> NDArray[np.float64]:
-        return np.asarray(equations.force(q, d, params.pressure(time), p)[0]).ravel()
+    def force(q: Vector, pressure: float) -> Vector:
+        return np.asarray(equations.force(q, d, pressure, p)[0]).ravel()
+
+    def system(
+        q: Vector, pressure: float, q_free: Vector, v_free: Vector, old: Vector
+    ) -> tuple[Vector, scipy.sparse.csc_matrix]:
+        a = (q - q_free) / (beta * h**2)
+        v = v_free + gamma * h * a
+        r = M @ a - (1.0 + alpha) * (force(q, pressure) - c * (M @ v)) + alpha * old
+        K = sparse(equations.tangent(q, d, pressure, p))
+        return r, M * ((1.0 + (1.0 + alpha) * c * gamma * h) / (beta * h**2)) + (1.0 + alpha) * K
 
     q, v = static_deflection(equations, params, damage=d), np.zeros(n)
-    forces = force(q, 0.0)
-    a = scipy.sparse.linalg.spsolve(M, forces)
+    f = force(q, params.pressure(0.0))
+    a = scipy.sparse.linalg.spsolve(M, f)
     Q[0] = q
     for k in range(steps):
-        time = (k + 1) * h
+        pressure = params.pressure((k + 1) * h)
         q_free = q + h * v + h**2 * (0.5 - beta) * a
         v_free = v + h * (1.0 - gamma) * a
-        old = forces - c * (M @ v)
-
-        def acceleration(x: NDArray[np.float64], q_free: NDArray[np.float64] = q_free) -> NDArray[np.float64]:
-            return (x - q_free) / (beta * h**2)
-
-        def residual(
-            x: NDArray[np.float64],
-            time: float = time,
-            v_free: NDArray[np.float64] = v_free,
-            old: NDArray[np.float64] = old,
-        ) -> NDArray[np.float64]:
-            a = acceleration(x)
-            return M @ (a + (1.0 + alpha) * c * (v_free + gamma * h * a)) - (1.0 + alpha) * force(x, time) + alpha * old
-
-        def tangent(x: NDArray[np.float64], time: float = time) -> scipy.sparse.csc_matrix:
-            K = sparse(equations.tangent(x, d, params.pressure(time), p))
-            return M * ((1.0 + (1.0 + alpha) * c * gamma * h) / (beta * h**2)) + (1.0 + alpha) * K
-
-        q = solve_newton(residual, tangent, q, _TOLERANCE * params.side_length, f"the implicit step to {time:g} s")
-        a = acceleration(q)
+        arguments = (pressure, q_free, v_free, f - c * (M @ v))
+        q = solve_newton(system, arguments, q, _TOLERANCE * params.side_length, f"implicit step {k + 1}")
+        a = (q - q_free) / (beta * h**2)
         v = v_free + gamma * h * a
-        forces = force(q, time)
+        f = force(q, pressure)
         Q[k + 1], V[k + 1] = q, v
-    return MembraneHistory(np.arange(steps + 1) * h, Q, V)
+    return MembraneHistory(np.asarray(np.arange(steps + 1) * h, dtype=np.float64), Q, V)

@@ -61,4 +61,4 @@ def natural_frequencies(
         squares = scipy.sparse.linalg.eigsh(K, count, M, which="LA", v0=start, return_eigenvectors=False)
     else:
         squares = scipy.sparse.linalg.eigsh(K, count, M, sigma=0.0, v0=start, return_eigenvectors=False)
-    return np.sqrt(np.maximum(np.sort(squares), 0.0)) / (2.0 * np.pi)
+    return np.asarray(np.sqrt(np.maximum(np.sort(squares), 0.0)) / (2.0 * np.pi))

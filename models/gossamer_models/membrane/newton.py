@@ -1,11 +1,12 @@
 r"""Newton's method with sparse tangents, for statics and implicit steps.
 
-Symbols: ``r`` residual, ``K`` its derivative, ``q`` unknowns.
+Symbols: ``r`` residual, ``K`` its derivative by the unknowns ``q``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,14 +20,14 @@ Vector = NDArray[np.float64]
 
 
 def sparse(matrix: ca.DM) -> scipy.sparse.csc_matrix:
-    """Convert a sparse CasADi matrix to SciPy without copying its pattern by hand."""
+    """Convert a sparse CasADi matrix to SciPy with its pattern."""
     column_starts, rows = matrix.sparsity().get_ccs()
     return scipy.sparse.csc_matrix((np.array(matrix.nonzeros()), rows, column_starts), shape=matrix.shape)
 
 
 def solve_newton(
-    residual: Callable[[Vector], Vector],
-    tangent: Callable[[Vector], scipy.sparse.csc_matrix],
+    system: Callable[..., tuple[Vector, scipy.sparse.csc_matrix]],
+    arguments: tuple[Any, ...],
     q: Vector,
     tolerance: float,
     what: str,
@@ -36,8 +37,10 @@ def solve_newton(
 
     Parameters
     ----------
-    residual, tangent : callable
-        ``r(q)``, shape (n,), and ``dr/dq``, sparse (n, n).
+    system : callable
+        ``system(q, *arguments) -> (r, K)``, residual, shape (n,), and its derivative, sparse (n, n).
+    arguments : tuple
+        What else ``system`` needs.
     q : ndarray, shape (n,)
         Where to start.
     tolerance : float
@@ -58,7 +61,11 @@ def solve_newton(
     """
     change = np.inf
     for _ in range(max_iterations):
-        correction = -scipy.sparse.linalg.splu(tangent(q)).solve(residual(q))
+        r, K = system(q, *arguments)
+        try:
+            correction = -scipy.sparse.linalg.splu(K).solve(r)
+        except RuntimeError:  # an exactly singular tangent
+            break
         q = q + correction
         change = float(np.abs(correction).max())
         if change <= tolerance:
@@ -66,7 +73,7 @@ def solve_newton(
         if not np.isfinite(change):
             break
     msg = (
-        f"{what} did not converge: last correction {change:.3e} > {tolerance:.3e} after {max_iterations} iterations. "
+        f"{what} did not converge: last correction {change:.3e} > {tolerance:.3e} within {max_iterations} iterations. "
         "Raise the prestress, or take more load steps or shorter time steps."
     )
     raise ConvergenceError(msg)

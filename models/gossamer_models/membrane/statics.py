@@ -6,10 +6,11 @@ Symbols: ``q`` displacements [m] from the homogeneous stretch, ``K`` tangent [N/
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import scipy.sparse
+from numpy.typing import ArrayLike
 
 from .equations import N_ZONES, MembraneEquations
-from .newton import solve_newton, sparse
+from .newton import Vector, solve_newton, sparse
 from .params import MembraneParams
 
 # correction [side lengths] at which Newton's method ends; the error left is about its square
@@ -22,7 +23,7 @@ def static_deflection(
     pressure: float = 0.0,
     damage: ArrayLike = 0.0,
     load_steps: int = 4,
-) -> NDArray[np.float64]:
+) -> Vector:
     """Find the equilibrium under a constant follower pressure; the built-in pressure does not act.
 
     Parameters
@@ -50,14 +51,14 @@ def static_deflection(
         Newton's method failed.
     """
     p, d = params.vector(), np.broadcast_to(np.asarray(damage, dtype=np.float64), (N_ZONES,))
+
+    def system(q: Vector, load: float) -> tuple[Vector, scipy.sparse.csc_matrix]:
+        f, _ = equations.force(q, d, load, p)
+        return np.asarray(f).ravel(), -sparse(equations.tangent(q, d, load, p))
+
     q = np.zeros(equations.n_q)
     loads = [0.0] if pressure == 0.0 else [pressure * (k / load_steps) ** 3 for k in range(load_steps + 1)]
     for load in loads:
-        q = solve_newton(
-            residual=lambda q, load=load: np.asarray(equations.force(q, d, load, p)[0]).ravel(),
-            tangent=lambda q, load=load: -sparse(equations.tangent(q, d, load, p)),
-            q=q,
-            tolerance=_TOLERANCE * params.side_length,
-            what=f"membrane equilibrium at {load:g} Pa",
-        )
+        what = f"membrane equilibrium at {load:g} Pa"
+        q = solve_newton(system, (load,), q, _TOLERANCE * params.side_length, what)
     return q

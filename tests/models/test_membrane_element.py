@@ -1,0 +1,153 @@
+"""The membrane element and its assembly: patch test, invariance, energy, tangent, mesh."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from gossamer_models import ParameterError
+from gossamer_models.membrane import MembraneEquations, MembraneParams, square_mesh
+from gossamer_models.membrane.element import element_energy, element_force, gauss_points
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+E, NU = 1e7, 0.33
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+# unit square of five distorted quadrilaterals around an inner one, the usual patch
+PATCH_NODES = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.3, 0.2], [0.75, 0.3], [0.65, 0.7], [0.2, 0.6]], dtype=float)
+PATCH = np.array([[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7], [4, 5, 6, 7]])
+
+
+def force_function(X):
+    x, load = ca.SX.sym("x", 3, 4), ca.SX.sym("load")
+    points = gauss_points(X)
+    f, wave = element_force(x, points, ca.SX(E), ca.SX(NU), load)
+    return ca.Function("f", [x, load], [f, wave, element_energy(x, points, ca.SX(E), ca.SX(NU))])
+
+
+SQUARE_FORCE = force_function(SQUARE)
+
+
+def patch_force(x, load=0.0):
+    total = np.zeros((len(PATCH_NODES), 3))
+    for element in PATCH:
+        total[element] += np.asarray(force_function(PATCH_NODES[element])(x[element].T, load)[0]).T
+    return total
+
+
+def first_piola(F):
+    e = (F.T @ F - np.eye(2)) / 2.0
+    return F @ (E / (1.0 - NU**2) * ((1.0 - NU) * e + NU * np.trace(e) * np.eye(2)))
+
+
+def test_a_patch_of_distorted_elements_carries_a_homogeneous_state():
+    """Interior nodes feel nothing; the edges feel the exact stress."""
+    F = np.array([[1.10, 0.05], [-0.03, 1.02], [0.20, -0.10]])
+    f = patch_force(PATCH_NODES @ F.T)
+    assert np.abs(f[4:]).max() < 1e-9 * E
+    right = f[[1, 2]].sum(axis=0) - f[[0, 3]].sum(axis=0)  # corners share top and bottom equally
+    np.testing.assert_allclose(right, -2.0 * first_piola(F)[:, 0], atol=1e-12 * E)
+
+
+def test_pressure_on_a_plane_patch_sums_to_pressure_times_current_area():
+    F = np.array([[1.10, 0.05], [-0.03, 1.02], [0.20, -0.10]])
+    f = patch_force(PATCH_NODES @ F.T, 3.0) - patch_force(PATCH_NODES @ F.T, 0.0)
+    np.testing.assert_allclose(f.sum(axis=0), 3.0 * np.cross(F[:, 0], F[:, 1]), atol=1e-15 * E)
+
+
+angles = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3)
+displacements = st.lists(st.floats(-0.3, 0.3), min_size=12, max_size=12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(rotation=angles, shift=st.lists(st.floats(-10, 10), min_size=3, max_size=3))
+def test_a_rigid_motion_gives_no_force(rotation, shift):
+    x = Rotation.from_rotvec(rotation).as_matrix()[:, :2] @ SQUARE.T + np.array(shift)[:, None]
+    f, _, energy = SQUARE_FORCE(x, 0.0)
+    assert np.abs(f).max() < 1e-12 * E
+    assert float(energy) < 1e-12 * E
+
+
+@settings(max_examples=50, deadline=None)
+@given(rotation=angles, u=displacements)
+def test_force_turns_with_the_element_and_carries_no_resultant_or_moment(rotation, u):
+    """Objectivity, and balance of linear and angular momentum of the internal forces."""
+    x = np.vstack([SQUARE.T, np.zeros(4)]) + np.reshape(u, (3, 4))
+    R = Rotation.from_rotvec(rotation).as_matrix()
+    f, turned = (np.asarray(SQUARE_FORCE(y, 0.0)[0]) for y in (x, R @ x))
+    np.testing.assert_allclose(turned, R @ f, atol=1e-10 * E)
+    np.testing.assert_allclose(f.sum(axis=1), 0.0, atol=1e-11 * E)
+    np.testing.assert_allclose(np.cross(x.T, f.T).sum(axis=0), 0.0, atol=1e-11 * E)
+
+
+@settings(max_examples=30, deadline=None)
+@given(u=displacements)
+def test_internal_force_is_minus_the_gradient_of_the_energy(u):
+    x = ca.SX.sym("x", 3, 4)
+    points = gauss_points(SQUARE)
+    gradient = ca.Function("g", [x], [ca.gradient(element_energy(x, points, ca.SX(E), ca.SX(NU)), x)])
+    at = np.vstack([SQUARE.T, np.zeros(4)]) + np.reshape(u, (3, 4))
+    np.testing.assert_allclose(np.asarray(SQUARE_FORCE(at, 0.0)[0]), -np.asarray(gradient(at)), atol=1e-11 * E)
+
+
+def test_the_wave_stiffness_of_a_uniaxial_stretch_is_the_exact_one():
+    """lambda^2 E/(1-nu^2) + S along the stretch, with S = E/(1-nu^2) (lambda^2 - 1)/2 when the other strain is zero."""
+    stretch = 1.2
+    x = np.vstack([SQUARE.T * [[stretch], [1.0]], np.zeros(4)])
+    exact = E / (1.0 - NU**2) * (stretch**2 + (stretch**2 - 1.0) / 2.0)
+    assert float(SQUARE_FORCE(x, 0.0)[1]) == pytest.approx(exact, rel=1e-11)
+
+
+def test_the_assembled_tangent_is_the_derivative_of_the_force():
+    equations = MembraneEquations(4)
+    rng = np.random.default_rng(0)
+    q, direction = 0.02 * rng.standard_normal((2, equations.n_q))
+    damage, p, h = rng.uniform(0.0, 0.6, 16), MembraneParams().vector(), 1e-5
+
+    def force(q):
+        return np.asarray(equations.force(q, damage, 1e4, p)[0]).ravel()
+
+    difference = (force(q + h * direction) - force(q - h * direction)) / (2.0 * h)
+    product = -np.asarray(equations.tangent(q, damage, 1e4, p) @ ca.DM(direction)).ravel()
+    np.testing.assert_allclose(product, difference, atol=1e-8 * np.abs(difference).max())
+
+
+def test_the_assembled_force_is_minus_the_gradient_of_the_assembled_energy():
+    equations = MembraneEquations(4)
+    rng = np.random.default_rng(1)
+    q, direction = 0.02 * rng.standard_normal((2, equations.n_q))
+    damage, p, h = rng.uniform(0.0, 0.6, 16), MembraneParams().vector(), 1e-5
+    slope = (
+        float(equations.energy(q + h * direction, damage, 0.0, p))
+        - float(equations.energy(q - h * direction, damage, 0.0, p))
+    ) / (2.0 * h)
+    power = float(ca.dot(equations.force(q, damage, 0.0, p)[0], ca.DM(direction)))
+    assert slope == pytest.approx(-power, rel=1e-7)
+
+
+def test_the_stretched_plane_is_an_equilibrium_at_zero_displacement():
+    equations, p = MembraneEquations(8), MembraneParams().vector()
+    f, _ = equations.force(np.zeros(equations.n_q), np.zeros(16), 0.0, p)
+    assert np.abs(f).max() < 1e-12 * 1e7 * 1e-3 * 0.0735
+
+
+def test_both_mass_matrices_hold_the_same_mass_per_node_far_from_the_edges():
+    equations, params = MembraneEquations(8), MembraneParams()
+    centre = 3 * int(equations.mesh.interior_grid[3, 3])
+    lumped, consistent = equations.lumped_mass(params), equations.consistent_mass(params)
+    exact = 1100.0 * 0.001 * (0.588 / 8) ** 2
+    assert lumped.diagonal()[centre] == pytest.approx(exact, rel=1e-14)
+    assert consistent[centre].sum() == pytest.approx(exact, rel=1e-12)
+
+
+def test_zones_are_numbered_row_by_row_with_x_fastest():
+    mesh = square_mesh(8)
+    centres = mesh.nodes[mesh.elements].mean(axis=1)
+    expected = np.floor(centres[:, 0] * 4) + 4 * np.floor(centres[:, 1] * 4)
+    np.testing.assert_array_equal(mesh.zone, expected)
+    assert tuple(mesh.nodes[mesh.centre]) == (0.5, 0.5)
+
+
+@pytest.mark.parametrize("n", [0, 2, 6, 9, -4, 8.0, True, "8"])
+def test_a_mesh_that_does_not_fit_the_zones_is_refused(n):
+    with pytest.raises(ParameterError, match="multiple of 4"):
+        square_mesh(n)
