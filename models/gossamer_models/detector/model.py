@@ -41,11 +41,13 @@ def detector_model(
     Strains are read every ``sampling_step``, the first time one sampling step after ``start_time``; between communication
     points they are taken as linear (held, where a communication step is longer than the sampling step). A window ends after
     ``window_length``; its energies, Eq. (7.8) of [1]_, are divided by the baseline energies of the same window of the
-    undamaged structure, Eq. (7.9), and sixteen networks judge the sixteen indices. With ``repeat`` the next window follows
-    at once, else the record is the only one. Windows beyond the last one trained use its baseline and networks, for a
-    response that has become periodic. ``similarity`` is the largest similarity with any reference case; near zero,
-    nothing like it was trained. ``valid`` turns 1 with the first judgement, if the window
-    is the one that the baseline belongs to.
+    undamaged structure, Eq. (7.9), and sixteen networks judge the logarithms of the sixteen indices. With ``repeat`` the
+    next window follows at once, else the record is the only one. Windows beyond the last one trained use its baseline and
+    networks, for a response that has become periodic.
+
+    ``similarity`` is the largest similarity with any reference case, relative to that of the case itself; near zero,
+    nothing like it was trained. ``valid`` turns 1 with the first judgement, if the window is the one that the baseline
+    belongs to.
 
     References
     ----------
@@ -128,7 +130,8 @@ def _judge_function(trained: DetectorArtifact, defuzzification: Defuzzification)
         I = U / ca.DM(trained.baseline[c])
         S = similarity(ca.log(I), ca.DM(trained.references[c]), ca.DM(trained.weights[c]), trained.bias[c])
         O = ca.vertcat(*(S.T @ ca.DM(rule) for rule in trained.rules[c]))
-        result = ca.vertcat(defuzzify(O, peaks, defuzzification).T, I, ca.mmax(S), belongs)
+        known = ca.mmax(S) * (1.0 + ca.exp(-trained.bias[c]))
+        result = ca.vertcat(defuzzify(O, peaks, defuzzification).T, I, known, belongs)
         functions.append(ca.Function(f"judge_{c}", [U, belongs, judged], [result]))
     keep = ca.Function("keep", [U, belongs, judged], [judged])
     return ca.Function.conditional("judge", functions, keep)
@@ -213,7 +216,7 @@ def _variables(trained: DetectorArtifact) -> tuple[Variable, ...]:
             minimum=0.0,
             maximum=1.0,
             discrete=True,
-            description="Largest similarity with a reference case; near zero: nothing like it was trained",
+            description="Largest similarity with a reference case; near 0: nothing like it was trained",
         ),
         Variable(
             name="valid",
