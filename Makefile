@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: demo test bench goldens lock clean
+.PHONY: demo test bench goldens docs lock clean
 
 demo: $(STAMP)
 	$(BIN)/gossamer demo
@@ -19,6 +19,9 @@ test: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/pytest tests/bench --override-ini addopts="-ra --import-mode=importlib -s"
+
+docs: demo
+	cp out/damage_begins/damage_history.png docs/demo.png
 
 goldens: $(STAMP)
 	$(BIN)/pytest tests/fmus --rewrite-goldens

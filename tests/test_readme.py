@@ -1,0 +1,31 @@
+"""The README's examples run as they are printed."""
+
+import re
+from pathlib import Path
+
+from gossamer_fmus import build_fmu
+from gossamer_models.membrane import membrane_model
+
+README = Path(__file__).resolve().parents[1] / "README.md"
+
+
+def examples():
+    return re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+
+
+def test_the_python_example_prints_a_resistance(capsys):
+    exec(examples()[0], {})
+    assert float(capsys.readouterr().out) > 100.0
+
+
+def test_the_fmpy_example_runs(tmp_path, monkeypatch):
+    build_fmu(membrane_model(), tmp_path / "out" / "fmus")
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(examples()[1], names)
+    assert names["result"]["deflection"].max() > 0.1
+
+
+def test_every_file_the_readme_links_to_exists():
+    for target in re.findall(r"\]\(([^)#:]+)\)", README.read_text(encoding="utf-8")):
+        assert (README.parent / target).exists(), target
