@@ -117,7 +117,7 @@ def max_step_expression(equations: MembraneEquations, wave: ca.MX, p: ca.MX) -> 
     -----
     For square elements of size :math:`a` with lumped mass and 2 x 2 integration the highest frequency of a uniformly
     stretched, unbounded mesh is :math:`2c/a` (a wave of length :math:`2a` along a side), so :math:`2/\omega_{max} = a/c`.
-    With the largest :math:`c` of any Gauss point, :math:`a/c` was 0.71 to 0.99 of the true limit, from the highest
+    With the largest :math:`c` of any Gauss point, :math:`a/c` was 0.73 to 0.99 of the true limit, from the highest
     eigenvalue of the assembled mesh, and never above it: 4, 8 and 16 elements per side, static states up to 100 kPa and
     0.5 m deflection, damage up to 95 %, and the states of undamped and damped runs of 0.18 s. ``STEP_FRACTION`` is therefore
     a margin for the change of :math:`c` within a step, and for accuracy: the default run in communication steps of 3e-4 s
