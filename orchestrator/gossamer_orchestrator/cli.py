@@ -216,7 +216,9 @@ def train(
     console = Console(stderr=True)
     with _model_errors(), Progress(console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task("simulating damage", total=None)
-        artifact = training.train_detector(progress=lambda done, total: progress.update(task, completed=done, total=total))
+        artifact = training.train_detector(
+            progress=lambda done, total: progress.update(task, completed=done, total=total)
+        )
     out.parent.mkdir(parents=True, exist_ok=True)
     artifact.write(out)
     typer.echo(out)

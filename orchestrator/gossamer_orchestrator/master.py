@@ -110,7 +110,7 @@ class Simulation:
     tick : int
         Communication steps done.
     values : numpy.ndarray
-        Variables read from the FMUs; ``places`` tells where.
+        Variables read from the FMUs; ``places`` tells where. What nobody receives is read only at recorded points.
     places : dict
         Index in ``values`` by ``(component, variable)``.
     divided : int

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -115,10 +116,12 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
     }
     events = _check_events(scenario, files, wires, problems)
     columns = _check_record(scenario, files, wires, problems)
-    _check_loops(files, wires, problems)
+    loop = _find_loop(files, wires)
     feeds = {name: [r for r, ws in wires.items() if any(w.sender == name for w in ws)] for name in files}
     start_order = sort_components(files, feeds)
-    order = _check_order(scenario, feeds, problems) or start_order
+    if loop:
+        _refuse_loop(loop, scenario, problems)
+    order = _check_order(scenario, feeds, problems, known_loop=bool(loop)) or start_order
     problems.raise_if_any()
     components = []
     for name in order:
@@ -345,8 +348,8 @@ def _check_record(
     return [(c, v) for c, v in every if any(matches(p, f"{c}.{v}") for p in patterns)]
 
 
-def _check_loops(files: Mapping[str, FmuFile], wires: Mapping[str, list[Wire]], problems: Problems) -> None:
-    """Refuse a circle of signals in which every value depends on itself at the same instant."""
+def _find_loop(files: Mapping[str, FmuFile], wires: Mapping[str, list[Wire]]) -> list[tuple[str, str]]:
+    """Find a circle of signals in which every value depends on itself at the same instant."""
     signals: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for receiver, arriving in wires.items():
         for wire in arriving:
@@ -355,21 +358,27 @@ def _check_loops(files: Mapping[str, FmuFile], wires: Mapping[str, list[Wire]], 
         for output, inputs in fmu.feedthrough().items():
             for source in inputs:
                 signals.setdefault((name, source), []).append((name, output))
-    loop = find_cycle(signals)
-    if loop:
-        text = " -> ".join(".".join(node) for node in loop)
-        problems.add(
-            ("connections", 0),
-            f"algebraic loop: {text}. Cut one of these connections, or declare in an FMU that its output does not depend "
-            "on that input at the same instant.",
-        )
+    return find_cycle(signals)
 
 
-def _check_order(scenario: Scenario, feeds: Mapping[str, list[str]], problems: Problems) -> list[str] | None:
+def _refuse_loop(loop: list[tuple[str, str]], scenario: Scenario, problems: Problems) -> None:
+    path = [".".join(node) for node in loop]
+    edges = list(pairwise(path))
+    first = next(i for i, c in enumerate(scenario.connections) if (c.origin, c.target) in edges)
+    problems.add(
+        ("connections", first),
+        f"algebraic loop: {' -> '.join(path)}. Cut one of these connections, or declare in an FMU that its output does not "
+        "depend on that input at the same instant.",
+    )
+
+
+def _check_order(
+    scenario: Scenario, feeds: Mapping[str, list[str]], problems: Problems, *, known_loop: bool
+) -> list[str] | None:
     """Return the stepping order that the scenario states, if it states one."""
     order = scenario.order
     if order is None:
-        cycle = find_cycle(feeds)
+        cycle = [] if known_loop else find_cycle(feeds)
         if cycle and scenario.master == "gauss-seidel":
             problems.add(
                 ("master",),

@@ -76,7 +76,9 @@ def plot_strain(data: xr.Dataset, sensor: int = 1, *, membrane: str = "membrane"
         xlabel="time [s]", ylabel="strain [1]", title=f"Sensor {sensor}: RMS error {100 * error / span:.2g} % of range"
     )
     ax.legend(loc="upper right", ncols=2, borderaxespad=0.1)
-    ax.margins(x=0.0, y=0.2)
+    ax.margins(x=0.0)
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high + 0.15 * (high - low))
     return ax
 
 
@@ -99,20 +101,18 @@ def plot_damage_map(
     percent = 100.0 * (judgement.true if which == "true" else judgement.estimated)
     side = round(percent.size**0.5)
     top = max(50.0, 100.0 * float(max(judgement.true.max(), judgement.estimated.max())))
-    image = ax.imshow(
-        percent.reshape(side, side), origin="lower", extent=(0, SIDE, 0, SIDE), vmin=0.0, vmax=top, cmap="cividis_r"
-    )
+    extent = (0.0, SIDE, 0.0, SIDE)
+    ax.imshow(percent.reshape(side, side), origin="lower", extent=extent, vmin=0.0, vmax=top, cmap="Blues")
     for zone, value in enumerate(percent):
         x, y = (zone % side + 0.5) * SIDE / side, (zone // side + 0.5) * SIDE / side
-        color = "white" if value > 0.45 * top else "black"
+        color = "white" if value > 0.55 * top else "black"
         ax.text(x, y, f"{value:.1f}", ha="center", va="center", color=color, fontsize=11)
         ax.text(
             x - 0.46 * SIDE / side, y + 0.46 * SIDE / side, f"{zone + 1}", ha="left", va="top", color=color, fontsize=7
         )
     ticks = np.linspace(0.0, SIDE, side + 1)
     ax.set(xlabel="x [m]", ylabel="y [m]", title=f"{which.capitalize()} damage [%]", xticks=ticks, yticks=ticks)
-    ax.grid(color="white", alpha=0.8, lw=1.0)
-    ax.figure.colorbar(image, ax=ax, label="damage [%]", shrink=0.8)
+    ax.grid(color=GREY, alpha=0.6, lw=0.8)
     return ax
 
 
@@ -143,14 +143,17 @@ def plot_damage_history(
 
 
 def plot_deflection(data: xr.Dataset, *, membrane: str = "membrane", ax: Axes | None = None) -> Axes:
-    """Draw the membrane's deflection at the instant at which its centre is farthest out."""
+    """Draw the membrane's deflection, a spline through its nodes, at the instant at which the centre is farthest out."""
+    from scipy.interpolate import RectBivariateSpline
+
     w, centre = need(data, f"{membrane}.w", f"{membrane}.deflection")
     ax = _axes(ax)
     k = int(np.argmax(np.abs(centre.to_numpy())))
-    shape = 1e3 * np.pad(w.to_numpy()[k], 1)
-    x = np.linspace(0.0, SIDE, shape.shape[0])
-    contours = ax.contourf(x, x, shape.T, levels=16, cmap="viridis")
-    ax.contour(x, x, shape.T, levels=16, colors="white", linewidths=0.3, alpha=0.6)
+    nodes = 1e3 * np.pad(w.to_numpy()[k], 1)
+    x, fine = np.linspace(0.0, SIDE, nodes.shape[0]), np.linspace(0.0, SIDE, 97)
+    shape = RectBivariateSpline(x, x, nodes)(fine, fine)
+    contours = ax.contourf(fine, fine, shape.T, levels=16, cmap="viridis")
+    ax.contour(fine, fine, shape.T, levels=16, colors="white", linewidths=0.3, alpha=0.6)
     thirds = np.array([SIDE / 3, 2 * SIDE / 3])
     for number, (px, py) in enumerate([(px, py) for py in thirds for px in thirds], start=1):
         ax.plot(px, py, "o", ms=4, mfc="white", mec="black")
@@ -170,8 +173,7 @@ def plot_deflection_history(data: xr.Dataset, *, membrane: str = "membrane", ax:
     k = int(np.argmax(np.abs(values)))
     ax.plot(time, values, color=COLORS[0], lw=1.2)
     ax.plot(time[k], values[k], "o", color=COLORS[1], ms=5)
-    ax.annotate(f" {values[k]:.1f} mm", (time[k], values[k]), color=COLORS[1], va="center")
-    ax.set(xlabel="time [s]", ylabel="deflection [mm]", title="Centre")
+    ax.set(xlabel="time [s]", ylabel="deflection [mm]", title=f"Centre: {values[k]:.1f} mm at t = {time[k]:.4f} s")
     ax.margins(x=0.02, y=0.1)
     return ax
 
@@ -187,7 +189,7 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
         "strains": ((2, 2), (11, 6.5), lambda axes: [plot_strain(data, i + 1, ax=ax) for i, ax in enumerate(axes)]),
         "damage": (
             (1, 2),
-            (10.5, 4.6),
+            (9.0, 4.7),
             lambda axes: (plot_damage_map(data, "true", ax=axes[0]), plot_damage_map(data, "estimated", ax=axes[1])),
         ),
         "damage_history": ((1, 1), (9, 4.2), lambda axes: plot_damage_history(data, ax=axes[0])),
@@ -197,6 +199,8 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
             lambda axes: (plot_deflection(data, ax=axes[0]), plot_deflection_history(data, ax=axes[1])),
         ),
     }
+    if {"detector.damage", "detector.valid", "membrane.damage"} <= set(data.data_vars) and len(judgements(data)) < 2:
+        del pages["damage_history"]
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name, (shape, size, draw) in pages.items():

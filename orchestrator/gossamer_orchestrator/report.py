@@ -112,9 +112,9 @@ def zone_table(judgement: Judgement) -> Table:
     table = Table(
         title=f"Damage at t = {judgement.time:.4f} s, true -> estimated [%]",
         caption=(
-            f"mean absolute error {100 * judgement.mean_absolute_error:.2f} %, "
-            f"largest {100 * judgement.largest_error:+.2f} % in zone {judgement.worst_zone}, "
-            f"similarity {judgement.similarity:.2f}"
+            f"mean absolute error {100 * judgement.mean_absolute_error:.2f} %\n"
+            f"largest error {100 * judgement.largest_error:+.2f} % in zone {judgement.worst_zone}\n"
+            f"similarity with training {judgement.similarity:.2g}"
         ),
         show_header=False,
         show_lines=True,
@@ -148,9 +148,9 @@ def history_table(found: list[Judgement]) -> Table:
         table.add_row(
             f"{judgement.time:.4f}",
             f"{zone + 1}",
-            f"{100 * judgement.estimated[zone]:.1f}",
             f"{100 * judgement.true[zone]:.0f}",
+            f"{100 * judgement.estimated[zone]:.1f}",
             f"{100 * judgement.mean_absolute_error:.2f}",
-            f"{judgement.similarity:.2f}",
+            f"{judgement.similarity:.2g}",
         )
     return table

@@ -1,0 +1,126 @@
+"""The command line: help that teaches, results on stdout, expected errors alone on stderr."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.scenario_files import find_scenario, shipped_scenarios
+from typer.testing import CliRunner
+
+COMMANDS = ("build", "run", "demo", "validate", "info", "train")
+
+FRAGILE = 'step = 0.1\nstop = 1.0\n[components.f]\nfmu = "fragile"\n'
+GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
+
+
+@pytest.fixture
+def call():
+    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def test_help_names_every_command_and_each_shows_an_example(call):
+    overview = call("--help")
+    assert overview.exit_code == 0
+    for command in COMMANDS:
+        assert command in overview.stdout
+        text = call(command, "--help")
+        assert text.exit_code == 0
+        assert "For example:" in text.stdout
+        assert f"gossamer {command}" in text.stdout
+
+
+def test_a_run_prints_the_paths_of_its_results(call, fmus, tmp_path):
+    (tmp_path / "g.toml").write_text(GAIN)
+    result = call("run", tmp_path / "g.toml", "--fmus", fmus, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.split() == [str(tmp_path / "out/results.nc"), str(tmp_path / "out/results.csv")]
+    assert all(Path(line).is_file() for line in result.stdout.split())
+
+
+def test_an_expected_error_is_its_message_alone(call, fmus, tmp_path):
+    (tmp_path / "g.toml").write_text(GAIN.replace("gain", "gan"))
+    result = call("run", tmp_path / "g.toml", "--fmus", fmus)
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert result.stderr.startswith("g.toml:4: there is no FMU 'gan' in")
+    assert "Traceback" not in result.stderr
+
+
+def test_a_failing_run_says_where_its_results_are(call, fmus, tmp_path):
+    (tmp_path / "f.toml").write_text(FRAGILE)
+    result = call("run", tmp_path / "f.toml", "--fmus", fmus, "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    assert "component 'f' failed at t = 0.5 s (fatal)" in result.stderr
+    assert f"Results until t = 0.5 s are in {tmp_path / 'out'}." in result.stderr
+    assert (tmp_path / "out/results.csv").is_file()
+
+
+def test_a_process_whose_fmu_broke_ends_in_order(fmus, tmp_path):
+    (tmp_path / "f.toml").write_text(FRAGILE)
+    command = [
+        sys.executable,
+        "-m",
+        "gossamer_orchestrator",
+        "run",
+        tmp_path / "f.toml",
+        "--fmus",
+        fmus,
+        "--out",
+        tmp_path,
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1, done.stderr
+    assert "100 %s of it broke" in done.stderr
+
+
+def test_unknown_scenarios_and_fmus_are_refused_with_a_suggestion(call):
+    result = call("run", "damagd")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "no shipped scenario of that name. Did you mean 'damaged'?" in result.stderr
+    result = call("build", "senser")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "there is no FMU 'senser' to build. Did you mean 'sensor'?" in result.stderr
+
+
+def test_info_lists_variables(call, fmus):
+    result = call("info", fmus / "bounded.fmu")
+    assert result.exit_code == 0, result.stderr
+    for text in ("factor", "offset[1]", "parameter", "-10", "what comes out"):
+        assert text in result.stdout
+
+
+def test_validate_tells_good_from_bad(call, fmus, tmp_path):
+    (tmp_path / "bad.fmu").write_text("no archive")
+    result = call("validate", fmus / "gain.fmu", tmp_path / "bad.fmu")
+    assert result.exit_code == 1
+    assert f"{tmp_path / 'bad.fmu'}: 1 problems" in result.stdout
+    assert "is no FMU" in result.stderr
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys, typer.testing, gossamer_orchestrator.cli as c\n"
+        "assert typer.testing.CliRunner().invoke(c.app, ['--help']).exit_code == 0\n"
+        "print([m for m in ('fmpy', 'xarray', 'numpy', 'matplotlib', 'casadi', 'pydantic') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_public_name_can_be_imported():
+    package = importlib.import_module("gossamer_orchestrator")
+    for name in package.__all__:
+        assert getattr(package, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        package.nothing  # noqa: B018
+
+
+def test_shipped_scenarios_are_found_by_name():
+    assert {"damaged", "damage_begins"} <= set(shipped_scenarios())
+    assert find_scenario("damaged").name == "damaged.toml"
+    assert find_scenario("damaged.toml").is_file()
