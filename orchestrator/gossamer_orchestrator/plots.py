@@ -142,6 +142,14 @@ def plot_damage_history(
     return ax
 
 
+def _plot_windows(data: xr.Dataset, ax: Axes) -> None:
+    """Draw the history if there is more than one window."""
+    if len(judgements(data)) < 2:
+        msg = "a single judgement has no history"
+        raise ResultsError(msg)
+    plot_damage_history(data, ax=ax)
+
+
 def plot_deflection(data: xr.Dataset, *, membrane: str = "membrane", ax: Axes | None = None) -> Axes:
     """Draw the membrane's deflection, a spline through its nodes, at the instant at which the centre is farthest out."""
     from scipy.interpolate import RectBivariateSpline
@@ -192,15 +200,13 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
             (9.0, 4.7),
             lambda axes: (plot_damage_map(data, "true", ax=axes[0]), plot_damage_map(data, "estimated", ax=axes[1])),
         ),
-        "damage_history": ((1, 1), (9, 4.2), lambda axes: plot_damage_history(data, ax=axes[0])),
+        "damage_history": ((1, 1), (9, 4.2), lambda axes: _plot_windows(data, axes[0])),
         "deflection": (
             (1, 2),
             (11, 4.4),
             lambda axes: (plot_deflection(data, ax=axes[0]), plot_deflection_history(data, ax=axes[1])),
         ),
     }
-    if {"detector.damage", "detector.valid", "membrane.damage"} <= set(data.data_vars) and len(judgements(data)) < 2:
-        del pages["damage_history"]
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name, (shape, size, draw) in pages.items():
@@ -208,12 +214,13 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
             figure = Figure(figsize=size)
             FigureCanvasAgg(figure)
             axes = np.atleast_1d(figure.subplots(*shape)).ravel()
+            path = folder / f"{name}.png"
             try:
                 draw(axes)
             except ResultsError:
+                path.unlink(missing_ok=True)  # of an earlier run
                 continue
             figure.suptitle(str(data.attrs.get("title", "")))
-            path = folder / f"{name}.png"
             figure.savefig(path)
             written.append(path)
     return written

@@ -102,10 +102,34 @@ def _arrange(
 
 
 def save_results(data: xr.Dataset, folder: Path) -> tuple[Path, Path]:
-    """Write ``results.nc`` and ``results.csv`` into a folder, which is made if needed; return both paths."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write ``results.nc`` and ``results.csv`` into a folder, which is made if needed; return both paths.
+
+    Raises
+    ------
+    ResultsError
+        The folder cannot be written.
+    """
+    make_folder(folder)
     netcdf, table = folder / NETCDF, folder / CSV
-    data.to_netcdf(netcdf, engine="scipy", format="NETCDF3_64BIT")
+    try:
+        data.to_netcdf(netcdf, engine="scipy", format="NETCDF3_64BIT")
+        _write_csv(data, table)
+    except OSError as error:
+        msg = f"cannot write results into {folder}: {error.strerror or error}. Name another folder with --out."
+        raise ResultsError(msg) from error
+    return netcdf, table
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for results; raise ``ResultsError`` if that is not possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        msg = f"cannot make the folder {folder}: {error.strerror or error}. Name another one with --out."
+        raise ResultsError(msg) from error
+
+
+def _write_csv(data: xr.Dataset, path: Path) -> None:
     names, columns = ["time [s]"], [data["time"].to_numpy()]
     for base in data.data_vars:
         variable = data[base]
@@ -115,11 +139,10 @@ def save_results(data: xr.Dataset, folder: Path) -> tuple[Path, Path]:
             indices = ",".join(str(labels[axis][i]) for axis, i in enumerate(place))
             names.append(f"{base}[{indices}] [{unit}]" if indices else f"{base} [{unit}]")
             columns.append(variable.to_numpy()[(slice(None), *place)])
-    with table.open("w", newline="", encoding="utf-8") as file:
+    with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(names)
         writer.writerows(np.column_stack(columns).tolist())
-    return netcdf, table
 
 
 def load_results(path: Path) -> xr.Dataset:

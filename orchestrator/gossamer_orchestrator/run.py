@@ -11,7 +11,7 @@ from .errors import SimulationError
 from .master import Observer, Simulation
 from .plan import make_plan
 from .recorder import Recorder
-from .results import make_dataset, save_results
+from .results import make_dataset, make_folder, save_results
 from .scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ def run_scenario(
 
     Raises
     ------
-    ScenarioError
-        Nothing was run.
+    ScenarioError, FmuError, ResultsError
+        The scenario, an FMU or the folder for results cannot be used; nothing was run.
     SimulationError, KeyboardInterrupt
         The run ended early; what it produced until then is in ``out``, and ``ended`` says why.
 
@@ -57,6 +57,8 @@ def run_scenario(
     """
     plan = make_plan(scenario if isinstance(scenario, Scenario) else load_scenario(Path(scenario)), Path(fmus))
     recorder = Recorder(plan)
+    if out is not None:
+        make_folder(Path(out))
     ended, begun, divided = "interrupted", time.perf_counter(), 0
     try:
         with Simulation(plan) as simulation:

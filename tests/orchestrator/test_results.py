@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import json
 
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_orchestrator import ResultsError, load_results, run_scenario
+from gossamer_orchestrator import ProgressBar, ResultsError, load_results, run_scenario
 from gossamer_orchestrator.results import _arrange, save_results
+from rich.console import Console
 
 
 def test_netcdf_and_csv_give_back_what_was_recorded(chain, fmus, tmp_path):
@@ -71,3 +73,17 @@ def test_what_is_not_ours_is_refused(tmp_path):
     save_results(xr.Dataset({"a.x": ("time", [1.0])}, coords={"time": [0.0]}), tmp_path)
     with pytest.raises(ResultsError, match=r"holds 'no schema', this program reads 'gossamer.results' version 1"):
         load_results(tmp_path)
+
+
+def test_a_folder_that_cannot_be_made_is_refused_before_the_run(chain, fmus, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultsError, match=r"cannot make the folder .*file/out: .* Name another one with --out."):
+        run_scenario(chain(), fmus, tmp_path / "file/out")
+
+
+def test_the_progress_bar_draws_on_a_terminal_and_is_quiet_elsewhere(chain, fmus):
+    for terminal in (True, False):
+        console = Console(file=io.StringIO(), force_terminal=terminal, width=120)
+        run_scenario(chain(), fmus, observers=[ProgressBar("chain", console)])
+        text = console.file.getvalue()
+        assert ("100%" in text and "t = 1.0000 s" in text) if terminal else text == ""
