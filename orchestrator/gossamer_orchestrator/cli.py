@@ -94,7 +94,7 @@ def build(
 def run(
     scenario: Annotated[str, typer.Argument(help="A scenario file, or the name of one that is shipped.")],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the results; out/<scenario> if not given.", metavar="FOLDER")
+        Path | None, typer.Option(help="Folder for the results; out/NAME if not given.", metavar="FOLDER")
     ] = None,
     fmus: FmuFolder = FMUS,
     pictures: Annotated[bool, typer.Option(help="Draw pictures of what was recorded.")] = True,
@@ -185,15 +185,14 @@ def info(
     file = FmuFile(fmu)
     table = Table(title=f"{file.name}: {file.description.description or file.description.modelName}", expand=False)
     for heading in ("variable", "causality", "unit", "start", "min", "max", "description"):
-        table.add_column(heading, overflow="fold")
+        table.add_column(heading, overflow="fold", no_wrap=heading in ("variable", "causality"))
     for causality in ("parameter", "input", "output", *(("local",) if locals_ else ())):
         for name in file.names(causality):
             v = file.variables[name]
             cells = (name, causality, file.unit(name), v.start, v.min, v.max, v.description)
             table.add_row(*(escape(str(cell)) if cell is not None else "" for cell in cells))
         table.add_section()
-    console = Console()
-    console.print(table, width=None if console.is_terminal else 160)
+    Console(width=None if sys.stdout.isatty() else 160).print(table)
 
 
 @app.command()
@@ -270,7 +269,7 @@ def _run(scenario: Path, fmus: Path, out: Path, *, pictures: bool) -> None:
 
 def _show(data: xr.Dataset) -> None:
     """Print what the detector found as tables on stderr, if there is a detector."""
-    from .report import history_table, judgements, zone_table
+    from .report import doubts, history_table, judgements, zone_table
 
     console = Console(stderr=True)
     try:
@@ -283,3 +282,5 @@ def _show(data: xr.Dataset) -> None:
         console.print(zone_table(found[-1]))
     else:
         console.print("The detector made no valid judgement: no window of the trained length ended within the run.")
+    for sentence in doubts(data, found):
+        console.print(sentence, style="bold yellow")

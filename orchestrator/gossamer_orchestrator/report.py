@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+UNKNOWN = 1e-3  # similarity below which a judgement is an extrapolation
+
+
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
     """One judgement of the detector.
@@ -102,6 +105,26 @@ def judge(data: xr.Dataset, membrane: str = "membrane", detector: str = "detecto
         )
         raise ResultsError(msg)
     return found[-1]
+
+
+def doubts(data: xr.Dataset, found: list[Judgement]) -> list[str]:
+    """Say why the last judgement should not be trusted: sensors beyond their range, or nothing like it in training."""
+    beyond = [
+        name.removesuffix(".saturated")
+        for name in map(str, data.data_vars)
+        if name.endswith(".saturated") and float(data[name].max()) > 0.5
+    ]
+    sentences = []
+    if beyond:
+        sentences.append(
+            f"Beyond their range during the run: {', '.join(beyond)}. What follows from them is a lower bound."
+        )
+    if found and found[-1].similarity < UNKNOWN:
+        sentences.append(
+            f"The detector was trained on nothing like this (similarity {found[-1].similarity:.1g}). "
+            "Do not trust its numbers."
+        )
+    return sentences
 
 
 def zone_table(judgement: Judgement) -> Table:

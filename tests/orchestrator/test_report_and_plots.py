@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from gossamer_orchestrator import ResultsError, judge, plots
-from gossamer_orchestrator.report import history_table, judgements, zone_table
+from gossamer_orchestrator.report import doubts, history_table, judgements, zone_table
 from rich.console import Console
 
 
@@ -56,6 +56,15 @@ def test_a_run_without_a_judgement_says_so(data):
         judge(data.isel(time=slice(4)))
     with pytest.raises(ResultsError, match=r"the results lack detector.damage. Add it to \[record\] variables"):
         judge(data.drop_vars("detector.damage"))
+
+
+def test_doubts_name_sensors_out_of_range_and_unknown_cases(data):
+    assert doubts(data, judgements(data)) == []
+    data["sensor2.saturated"] = ("time", (data["time"].values == 3.0).astype(float))
+    data["detector.similarity"][:] = 1e-9
+    beyond, unknown = doubts(data, judgements(data))
+    assert beyond.startswith("Beyond their range during the run: sensor2.")
+    assert "nothing like this (similarity 1e-09)" in unknown
 
 
 def test_tables_show_the_membrane_as_it_is_seen(data):
