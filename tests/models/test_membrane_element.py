@@ -20,8 +20,10 @@ PATCH = np.array([[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7], [4, 5,
 def force_function(X):
     x, load = ca.SX.sym("x", 3, 4), ca.SX.sym("load")
     points = gauss_points(X)
-    f, wave = element_force(x, points, ca.SX(E), ca.SX(NU), load)
-    return ca.Function("f", [x, load], [f, wave, element_energy(x, points, ca.SX(E), ca.SX(NU))])
+    nodes = ca.vec(x).T
+    f, wave = element_force(nodes, points, ca.SX(E), ca.SX(NU), load)
+    energy = element_energy(nodes, points, ca.SX(E), ca.SX(NU))
+    return ca.Function("f", [x, load], [ca.reshape(f, 3, 4), wave, energy])
 
 
 SQUARE_FORCE = force_function(SQUARE)
@@ -84,7 +86,7 @@ def test_force_turns_with_the_element_and_carries_no_resultant_or_moment(rotatio
 def test_internal_force_is_minus_the_gradient_of_the_energy(u):
     x = ca.SX.sym("x", 3, 4)
     points = gauss_points(SQUARE)
-    gradient = ca.Function("g", [x], [ca.gradient(element_energy(x, points, ca.SX(E), ca.SX(NU)), x)])
+    gradient = ca.Function("g", [x], [ca.gradient(element_energy(ca.vec(x).T, points, ca.SX(E), ca.SX(NU)), x)])
     at = np.vstack([SQUARE.T, np.zeros(4)]) + np.reshape(u, (3, 4))
     np.testing.assert_allclose(np.asarray(SQUARE_FORCE(at, 0.0)[0]), -np.asarray(gradient(at)), atol=1e-11 * E)
 

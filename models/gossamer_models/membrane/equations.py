@@ -35,9 +35,9 @@ class MembraneEquations:
 
     Notes
     -----
-    All elements are the same square, so one CasADi function of the element is mapped over the mesh. It works in units of two
-    element sizes, in which ``F`` is found without a multiplication, and its forces are multiplied by that unit and the
-    thickness.
+    All elements are the same square. The forces of all of them are one expression of columns; the tangent maps the
+    ``ca.jacobian`` of one element over the mesh. The element works in units of two element sizes, in which ``F`` is found
+    without a multiplication, and its forces are multiplied by that unit and the thickness.
     """
 
     def __init__(self, elements_per_side: int) -> None:
@@ -50,8 +50,9 @@ class MembraneEquations:
         interior_of = np.full(3 * len(mesh.nodes), -1)
         interior_of[self._interior_dofs] = np.arange(self.n_q)
         self._row = interior_of[self._element_dofs]  # place in q of each element force, -1 where the edge holds it
-        used = np.flatnonzero(self._row >= 0)
-        self._gather_forces = _selection(self._row[used], used, (self.n_q, self._row.size))
+        by_column = self._row.reshape(-1, 12).T.reshape(-1)  # element forces are columns over the elements
+        used = np.flatnonzero(by_column >= 0)
+        self._gather_forces = _selection(by_column[used], used, (self.n_q, by_column.size))
 
     def positions(self, q: ca.MX, p: ca.MX) -> ca.MX:
         """Return the current coordinates of all nodes in units of two element sizes [1], shape (3 nodes,)."""
@@ -65,8 +66,8 @@ class MembraneEquations:
 
     def force_expression(self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Write the forces [N] on the interior nodes, shape (n_q,), and the largest rho c^2 [Pa] of any Gauss point."""
-        arguments, scale = self._element_arguments(q, damage, pressure, p)
-        f, wave = self._element.map(len(self.mesh.elements), "serial")(*arguments)
+        x, E, nu, load, scale = self._element_arguments(q, damage, pressure, p)
+        f, wave = ca.cse([*element_force(x, self._points, E, nu, load)])
         return scale * ca.mtimes(self._gather_forces, ca.vec(f)), ca.mmax(wave)
 
     @cached_property
@@ -85,8 +86,9 @@ class MembraneEquations:
         self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: ca.MX, directions: tuple[int, ...] = (0, 1, 2)
     ) -> ca.MX:
         """Write the tangent [N/m], for all or some of the three directions of each node."""
-        arguments, scale = self._element_arguments(q, damage, pressure, p)
-        Ke = self._element_tangent.map(len(self.mesh.elements), "serial")(*arguments)
+        x, E, nu, load, scale = self._element_arguments(q, damage, pressure, p)
+        n = len(self.mesh.elements)
+        Ke = self._element_tangent.map(n, "serial")(x.T, E.T, ca.repmat(nu, 1, n), ca.repmat(load, 1, n))
         selected, pattern = self._scatter_tangent(directions)
         return ca.MX(pattern, -scale * self._per_side / named(p)["side_length"] * ca.mtimes(selected, ca.vec(Ke)))
 
@@ -94,11 +96,9 @@ class MembraneEquations:
     def energy(self) -> ca.Function:
         """``energy(q, damage, pressure, p) -> strain energy`` [J]; the pressure does not enter."""
         symbols = self._symbols()
-        arguments, scale = self._element_arguments(*symbols)
-        x, E, nu, load = self._element_symbols()
-        element = ca.Function("element_energy", [x, E, nu, load], [element_energy(x, self._points, E, nu)])
-        energies = element.map(len(self.mesh.elements), "serial")(*arguments)
-        return ca.Function("energy", symbols, [scale / self._per_side * symbols[3][0] * ca.sum2(energies)])
+        x, E, nu, _, scale = self._element_arguments(*symbols)
+        energies = element_energy(x, self._points, E, nu)
+        return ca.Function("energy", symbols, [scale / self._per_side * symbols[3][0] * ca.sum1(energies)])
 
     def masses(self, density: ca.MX | float, thickness: ca.MX | float, side_length: ca.MX | float) -> ca.MX | float:
         """Return the lumped mass [kg] of one interior node: all are alike on a regular mesh."""
@@ -131,32 +131,23 @@ class MembraneEquations:
             ca.MX.sym("p", N_PARAMETERS),
         )
 
-    @staticmethod
-    def _element_symbols() -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        return ca.SX.sym("x", 3, 4), ca.SX.sym("E"), ca.SX.sym("nu"), ca.SX.sym("load")
-
-    @cached_property
-    def _element(self) -> ca.Function:
-        symbols = self._element_symbols()
-        x, E, nu, load = symbols
-        return ca.Function("element", symbols, ca.cse([*element_force(x, self._points, E, nu, load)]))
-
     @cached_property
     def _element_tangent(self) -> ca.Function:
-        symbols = self._element_symbols()
-        x, E, nu, load = symbols
-        f, _ = element_force(x, self._points, E, nu, load)
-        return ca.Function("element_tangent", symbols, ca.cse([ca.jacobian(ca.vec(f), ca.vec(x))]))
+        """Derivative of the force on one element's nodes by their positions, 12 x 12."""
+        x, E, nu, load = ca.SX.sym("x", 12), ca.SX.sym("E"), ca.SX.sym("nu"), ca.SX.sym("load")
+        f, _ = element_force(x.T, self._points, E, nu, load)
+        return ca.Function("element_tangent", [x, E, nu, load], ca.cse([ca.jacobian(ca.vec(f), x)]))
 
-    def _element_arguments(self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: ca.MX) -> tuple[tuple[ca.MX, ...], ca.MX]:
-        """Return what the element function is mapped over and the factor that makes its forces newtons."""
+    def _element_arguments(
+        self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: ca.MX
+    ) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX, ca.MX]:
+        """Return what ``element_force`` takes, for all elements, and the factor that makes its forces newtons."""
         v, n = named(p), len(self.mesh.elements)
-        x = ca.reshape(self.positions(q, p)[self._element_dofs.tolist()], 3, 4 * n)
-        E = v["youngs_modulus"] * (1.0 - damage)
+        by_column = self._element_dofs.reshape(n, 12).T.reshape(-1)
+        x = ca.reshape(self.positions(q, p)[by_column.tolist()], n, 12)
+        E = (v["youngs_modulus"] * (1.0 - damage))[self.mesh.zone.tolist()]
         unit = v["side_length"] / self._per_side
-        load = pressure * unit / v["thickness"]
-        arguments = (x, E[self.mesh.zone.tolist()].T, ca.repmat(v["poisson_ratio"], 1, n), ca.repmat(load, 1, n))
-        return arguments, unit * v["thickness"]
+        return x, E, v["poisson_ratio"], pressure * unit / v["thickness"], unit * v["thickness"]
 
     def _scatter_tangent(self, directions: tuple[int, ...]) -> tuple[ca.DM, ca.Sparsity]:
         """Return the matrix that sums element tangents into the nonzeros of ``K``, and the pattern of ``K``."""
