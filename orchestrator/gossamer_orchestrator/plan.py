@@ -8,17 +8,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from . import units
 from .errors import FmuError
 from .fmu import FmuFile
-from .graph import find_cycle, sort_components
-from .names import is_pattern, matches, split_endpoint, suggest
+from .graph import sort_components
+from .names import matches, split_endpoint, suggest
+from .order import check_order, find_loop, refuse_loop
 from .scenario import Component, Connection, Scenario, Value
 from .source import Location, Problems
+from .values import expand
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,12 +116,12 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
     }
     events = _check_events(scenario, files, wires, problems)
     columns = _check_record(scenario, files, wires, problems)
-    loop = _find_loop(files, wires)
+    loop = find_loop(files, wires)
     feeds = {name: [r for r, ws in wires.items() if any(w.sender == name for w in ws)] for name in files}
     start_order = sort_components(files, feeds)
     if loop:
-        _refuse_loop(loop, scenario, problems)
-    order = _check_order(scenario, feeds, problems, known_loop=bool(loop)) or start_order
+        refuse_loop(loop, scenario, problems)
+    order = check_order(scenario, feeds, problems, known_loop=bool(loop)) or start_order
     problems.raise_if_any()
     components = []
     for name in order:
@@ -237,7 +237,7 @@ def _check_units(i: int, connection: Connection, files: Mapping[str, FmuFile], p
 
 def _parameters(name: str, component: Component, fmu: FmuFile, problems: Problems) -> dict[str, Value]:
     place: Location = ("components", name, "parameters")
-    return _expand(place, component.parameters, fmu, fmu.names("parameter"), "parameter", problems)
+    return expand(place, component.parameters, fmu, fmu.names("parameter"), "parameter", problems)
 
 
 def _inputs(
@@ -248,7 +248,7 @@ def _inputs(
     for key in component.inputs:
         if key in connected:
             problems.add((*place, key), f"input '{name}.{key}' is connected and given a value. Remove one of the two.")
-    given = _expand(place, component.inputs, fmu, fmu.names("input"), "input", problems)
+    given = expand(place, component.inputs, fmu, fmu.names("input"), "input", problems)
     missing = [v for v in fmu.names("input") if v not in connected and v not in given]
     if missing:
         shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
@@ -259,47 +259,6 @@ def _inputs(
             f"Connect them or add inputs = {{ {starts} }}.",
         )
     return {v: value for v, value in given.items() if v not in connected}
-
-
-def _expand(
-    place: Location,
-    given: Mapping[str, Value],
-    fmu: FmuFile,
-    candidates: list[str],
-    kind: str,
-    problems: Problems,
-) -> dict[str, Value]:
-    """Resolve names and patterns to values; a name beats a pattern, a later pattern an earlier one."""
-    values: dict[str, Value] = {}
-    for key, value in sorted(given.items(), key=lambda item: not is_pattern(item[0])):
-        found = [v for v in candidates if (matches(key, v) if is_pattern(key) else key == v)]
-        if not found:
-            problems.add((*place, key), f"FMU {fmu.name!r} has no {kind} {key!r}. {suggest(key, candidates)}")
-        for name in found:
-            complaint = _explain_value(fmu.variables[name], value, fmu.unit(name))
-            if complaint:
-                problems.add((*place, key), f"{kind} {name!r} of FMU {fmu.name!r} {complaint}")
-                break
-            values[name] = value
-    return values
-
-
-def _explain_value(variable: Any, value: Value, unit: str | None) -> str | None:  # noqa: ANN401
-    """Say why a variable cannot have a value; None if it can."""
-    kinds = {"Boolean": bool, "String": str, "Integer": int, "Enumeration": int}
-    kind = kinds.get(variable.type, float)
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    fits = number if kind is float else isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
-    if not fits:
-        return f"is a {variable.type} and cannot be {value!r}."
-    if isinstance(value, str | bool):
-        return None
-    low = -math.inf if variable.min is None else float(variable.min)
-    high = math.inf if variable.max is None else float(variable.max)
-    if low <= value <= high:
-        return None
-    unit = "" if unit in (None, "1") else f" {unit}"
-    return f"must lie in {low:g} to {high:g}{unit}, not {value:g}."
 
 
 def _check_events(
@@ -319,7 +278,7 @@ def _check_events(
                 text = f"input '{event.component}.{key}' is connected, so no event can set it. Remove the connection."
                 problems.add((*place, key), text)
         names = [v for v in fmu.names("input", kind="Real") if v not in connected]
-        values = _expand(
+        values = expand(
             place, {k: v for k, v in event.set.items() if k not in connected}, fmu, names, "input", problems
         )
         tick = math.ceil((event.time - scenario.start) / scenario.step - 1e-6)
@@ -346,53 +305,3 @@ def _check_record(
             near = suggest(pattern, [f"{c}.{v}" for c, v in every])
             problems.add(("record", "variables", i), f"nothing to record fits {pattern!r}. {near}")
     return [(c, v) for c, v in every if any(matches(p, f"{c}.{v}") for p in patterns)]
-
-
-def _find_loop(files: Mapping[str, FmuFile], wires: Mapping[str, list[Wire]]) -> list[tuple[str, str]]:
-    """Find a circle of signals in which every value depends on itself at the same instant."""
-    signals: dict[tuple[str, str], list[tuple[str, str]]] = {}
-    for receiver, arriving in wires.items():
-        for wire in arriving:
-            signals.setdefault((wire.sender, wire.origin), []).append((receiver, wire.target))
-    for name, fmu in files.items():
-        for output, inputs in fmu.feedthrough().items():
-            for source in inputs:
-                signals.setdefault((name, source), []).append((name, output))
-    return find_cycle(signals)
-
-
-def _refuse_loop(loop: list[tuple[str, str]], scenario: Scenario, problems: Problems) -> None:
-    path = [".".join(node) for node in loop]
-    edges = list(pairwise(path))
-    first = next(i for i, c in enumerate(scenario.connections) if (c.origin, c.target) in edges)
-    problems.add(
-        ("connections", first),
-        f"algebraic loop: {' -> '.join(path)}. Cut one of these connections, or declare in an FMU that its output does not "
-        "depend on that input at the same instant.",
-    )
-
-
-def _check_order(
-    scenario: Scenario, feeds: Mapping[str, list[str]], problems: Problems, *, known_loop: bool
-) -> list[str] | None:
-    """Return the stepping order that the scenario states, if it states one."""
-    order = scenario.order
-    if order is None:
-        cycle = [] if known_loop else find_cycle(feeds)
-        if cycle and scenario.master == "gauss-seidel":
-            problems.add(
-                ("master",),
-                f"components feed each other in a circle: {' -> '.join(cycle)}. Name them in 'order'; "
-                "the connection from a later to an earlier one delays by one step.",
-            )
-        return None
-    if scenario.master == "jacobi":
-        problems.add(("order",), "'order' has no meaning for master = \"jacobi\". Remove it.")
-    for name in order:
-        if name not in feeds:
-            problems.add(("order",), f"'order' names a component {name!r} that is not there. {suggest(name, feeds)}")
-    if sorted(order) != sorted(feeds):
-        missing = [name for name in feeds if name not in order]
-        what = f"; missing: {', '.join(missing)}" if missing else ""
-        problems.add(("order",), f"'order' must name every component once{what}.")
-    return order
