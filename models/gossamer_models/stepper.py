@@ -55,8 +55,9 @@ class Stepper:
         n_x = model.n_states
         self._values = np.zeros(len(model.variables))
         self._x = np.zeros(n_x)
-        self._x_work, self._x_next = np.zeros(n_x), np.zeros(n_x)
-        self._y_next = np.zeros(self._values[self._y].size)
+        self._x_work = np.zeros(n_x)
+        self._next = np.zeros(n_x + self._values[self._y].size)
+        self._x_next, self._y_next = self._next[:n_x], self._next[n_x:]
         self._h = np.zeros(1)
         u, p = self._values[self._u], self._values[self._p]
         self._run_init = _prepare(model.init, (u, p), (self._x_next, self._y_next))
@@ -253,7 +254,7 @@ class Stepper:
                 raise error(msg)
 
     def _require_finite(self, what: str) -> None:
-        if not (np.isfinite(self._x_next).all() and np.isfinite(self._y_next).all()):
+        if not np.isfinite(self._next).all():
             msg = f"{what} of model {self.model.name!r} gave a result that is not finite. {self.model.advice}"
             raise ConvergenceError(msg)
 

@@ -71,9 +71,8 @@ def cumulate(front: ca.SX, mu: Table, nu: Table) -> tuple[ca.SX, ca.SX]:
         :math:`M_i = \sum_k \mu_{ik} \min(\max(\alpha_i - k/N, 0), 1/N)` and the same sum with :math:`\nu` [1].
     """
     n = mu.shape[0]
-    up, down = [], []
-    for i in range(n):
-        filled = ca.fmin(ca.fmax(front[i] - np.arange(i, n) / n, 0.0), 1.0 / n)
-        up.append(ca.dot(ca.DM(mu[i, i:]), filled))
-        down.append(ca.dot(ca.DM(nu[i, i:]), filled))
-    return ca.vertcat(*up), ca.vertcat(*down)
+    line, bin_ = np.triu_indices(n)
+    filled = ca.fmin(ca.fmax(front[line.tolist()] - ca.DM(bin_ / n), 0.0), 1.0 / n)
+    place = ca.Sparsity.triplet(n, line.size, line.tolist(), list(range(line.size)))
+    up, down = (ca.mtimes(ca.DM(place, table[line, bin_]), filled) for table in (mu, nu))
+    return up, down

@@ -88,8 +88,8 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
     """
     artifact = default_artifact() if artifact is None else artifact
     law = SensorLaw(artifact)
-    x, h = ca.SX.sym("x", law.n_states), ca.SX.sym("h")
-    strain, p = ca.SX.sym("strain"), ca.SX.sym("p", len(SCALE_VARIABLES))
+    x, h = ca.MX.sym("x", law.n_states), ca.MX.sym("h")
+    strain, p = ca.MX.sym("strain"), ca.MX.sym("p", len(SCALE_VARIABLES))
     R0, dR, full_scale, rest_strain = ca.vertsplit(p)
 
     rest = law.rest(clip(rest_strain / full_scale))

@@ -86,7 +86,7 @@ def rise(bank: ModeBank, start: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX]:
     x = ca.DM(bank.decay_rates) * h
     first = (ca.DM(bank.constant) + ca.DM(bank.linear) * start) * phi_1(x)
     if not bank.linear.any():
-        return first, ca.SX.zeros(bank.size)
+        return first, ca.DM.zeros(bank.size)
     return first, ca.DM(bank.linear) * phi_2(x)
 
 
@@ -97,8 +97,8 @@ def phi_1(x: ca.SX) -> ca.SX:
 
 def phi_2(x: ca.SX) -> ca.SX:
     r"""Return :math:`\varphi_2(x) = (x - 1 + e^{-x})/x^2` for x > 0: a series where the difference would cancel."""
-    series = ca.SX.zeros(x.shape)
     small = ca.fmin(x, SERIES_BELOW)
-    for k in reversed(range(SERIES_TERMS)):
-        series = (1.0 - small / (k + 3) * series) if k < SERIES_TERMS - 1 else ca.SX.ones(x.shape)
+    series = 1.0
+    for k in reversed(range(SERIES_TERMS - 1)):
+        series = 1.0 - small / (k + 3) * series
     return ca.if_else(x < SERIES_BELOW, 0.5 * series, (1.0 - phi_1(x)) / x)

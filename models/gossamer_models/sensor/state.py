@@ -72,7 +72,7 @@ class SensorLaw:
         """Return the state long after the first monotone loading to strain ``s`` [1]: relaxation is over."""
         front = resting_fronts(self.n_lines, s)
         up, down = cumulate(front, self.mu, self.nu)
-        return SensorState(front, up, down, ca.sum1(up), s, ca.SX.zeros(self.bank.size))
+        return SensorState(front, up, down, ca.sum1(up), s, ca.DM.zeros(self.bank.size))
 
     def advance(self, state: SensorState, s: ca.SX, h: ca.SX) -> SensorState:
         r"""Advance the memory by one sample.
