@@ -10,7 +10,6 @@ import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -75,6 +74,13 @@ def build(
         typer.Argument(help="FMUs to build: sensor, compensator, membrane, detector. All if none is named."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")] = FMUS,
+    artifact: Annotated[
+        Path | None,
+        typer.Option(help="Identified sensor (sensor, compensator) or trained detector to build from.", metavar="FILE"),
+    ] = None,
+    elements_per_side: Annotated[
+        int | None, typer.Option(help="Mesh of the membrane, a multiple of 4; 8 if not given.", metavar="N")
+    ] = None,
 ) -> None:
     """Build the FMUs.
 
@@ -84,9 +90,11 @@ def build(
 
         gossamer build
 
-        gossamer build sensor compensator --out somewhere
+        gossamer build membrane --elements-per-side 16
+
+        gossamer build detector --artifact out/detector/single_damage.json --out somewhere
     """
-    for path in _build(out, names).values():
+    for path in _build(out, names, artifact, elements_per_side).values():
         typer.echo(path)
 
 
@@ -203,27 +211,36 @@ def train(
 ) -> None:
     """Train the detector on simulated damage.
 
-    Simulates the membrane with damage in one zone at a time on all cores, which takes minutes, and writes the networks.
+    Simulates the membrane with damage in one zone at a time on all cores, which takes a minute or two, writes the networks,
+    and judges the 13 single-damage cases of the thesis' Table 7.1 with them.
 
     For example:
 
-        gossamer train --out out/detector/mine.json
+        gossamer train --out mine.json && gossamer build detector --artifact mine.json
     """
+    from gossamer_models.detector.training import THESIS_ERROR, assess, mean_absolute_errors, train_detector
     from rich.progress import Progress
+    from rich.table import Table
 
-    training = import_module("gossamer_models.detector.training")
     console = Console(stderr=True)
     with _model_errors(), Progress(console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task("simulating damage", total=None)
-        artifact = training.train_detector(
-            progress=lambda done, total: progress.update(task, completed=done, total=total)
-        )
-    out.parent.mkdir(parents=True, exist_ok=True)
-    artifact.write(out)
+        artifact = train_detector(progress=lambda done, total: progress.update(task, completed=done, total=total))
+        out.parent.mkdir(parents=True, exist_ok=True)
+        artifact.write(out)
+        errors = mean_absolute_errors(*assess(artifact))
+    table = Table(title="Table 7.1, 13 single-damage cases: mean absolute error [% damage]")
+    for heading in ("zones", "here", "thesis"):
+        table.add_column(heading)
+    for zones, error in errors.items():
+        table.add_row(zones, f"{error:.3f}", f"{THESIS_ERROR[zones]:.3f}")
+    console.print(table)
     typer.echo(out)
 
 
-def _build(folder: Path, names: list[str] | None) -> dict[str, Path]:
+def _build(
+    folder: Path, names: list[str] | None, artifact: Path | None = None, elements_per_side: int | None = None
+) -> dict[str, Path]:
     """Build FMUs into a folder, all of them if none is named; a build is reproducible, so it may be repeated."""
     from gossamer_fmus import NAMES, build_all
 
@@ -232,7 +249,7 @@ def _build(folder: Path, names: list[str] | None) -> dict[str, Path]:
             msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
             raise FmuError(msg)
     with _model_errors(), Console(stderr=True).status("building FMUs"):
-        return dict(build_all(folder, names or NAMES))
+        return build_all(folder, names or NAMES, artifact=artifact, elements_per_side=elements_per_side)
 
 
 @contextmanager
