@@ -7,8 +7,8 @@ module search path changed)::
     binaries/<platform>/<name>.<so|dll>      pythonfmu's library, which starts Python
     documentation/index.html, licenses/
     resources/slavemodule.txt                names the slave
-    resources/slave_<digest>.py              the slave
-    resources/step_<digest>/                 what the slave imports: the stepper and pythonfmu's base class
+    resources/slave_<digest>.py              imports the slave from the package
+    resources/step_<digest>/                 the slave and what it imports: the stepper and pythonfmu's base class
     resources/model.json, init.casadi, step.casadi
 """
 
@@ -23,11 +23,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import gossamer_models
-from gossamer_models import StepModel
+from gossamer_models import ParameterError, StepModel
 from gossamer_models.compensator import compensator_model
-from gossamer_models.detector import detector_model
+from gossamer_models.detector import DetectorArtifact, detector_model
 from gossamer_models.membrane import membrane_model
-from gossamer_models.sensor import sensor_model
+from gossamer_models.sensor import SensorArtifact, sensor_model
 
 from .description import documentation, model_description
 from .interface import NAMES, Interface, read_interface
@@ -40,6 +40,14 @@ MODELS: dict[str, Callable[[], StepModel]] = {
 }
 _STEP_FILES = ("errors.py", "step_model.py", "stepper.py")
 _PYTHONFMU_FILES = ("_version.py", "default_experiment.py", "enums.py", "fmi2slave.py", "logmsg.py", "variables.py")
+# pythonfmu 0.7.0 runs this text again for every instance: whatever it defined would stay in memory each time. It also drops
+# a reference to the module's globals that it never took; without the one added here they would be freed under the host.
+_ENTRY = """import ctypes
+
+from {package}.slave import GossamerSlave
+
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
+"""
 _NAMESPACE = uuid.UUID("6f2ad6c2-5a57-5d3c-9c1d-2f4a3c1f6d10")
 
 
@@ -88,15 +96,51 @@ def build_fmu(model: StepModel, folder: Path, interface: Interface | None = None
     return path
 
 
-def build_all(folder: Path, names: Iterable[str] = NAMES) -> dict[str, Path]:
+def build_all(
+    folder: Path, names: Iterable[str] = NAMES, *, artifact: Path | None = None, elements_per_side: int | None = None
+) -> dict[str, Path]:
     """Build this project's FMUs, all or some of them.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they are written.
+    names : iterable of str
+        Which ones.
+    artifact : Path, optional
+        Identified sensor or trained detector; every FMU named must be built from this kind of artifact.
+    elements_per_side : int, optional
+        Mesh of the membrane, which must be among the names.
 
     Returns
     -------
     dict
         Path by name.
+
+    Raises
+    ------
+    ParameterError
+        An option that an FMU does not have.
+    ArtifactError
+        The artifact cannot be used.
     """
-    return {name: build_fmu(MODELS[name](), folder) for name in names}
+    return {name: build_fmu(_model(name, artifact, elements_per_side), folder) for name in names}
+
+
+def _model(name: str, artifact: Path | None, elements_per_side: int | None) -> StepModel:
+    if elements_per_side is not None:
+        if name != "membrane":
+            msg = f"FMU {name!r} has no mesh. Name the membrane alone to choose its elements per side."
+            raise ParameterError(msg)
+        return membrane_model(elements_per_side)
+    if artifact is None:
+        return MODELS[name]()
+    if name in ("sensor", "compensator"):
+        return {"sensor": sensor_model, "compensator": compensator_model}[name](SensorArtifact.read(artifact))
+    if name == "detector":
+        return detector_model(DetectorArtifact.read(artifact))
+    msg = f"FMU {name!r} is not built from an artifact. Name the FMUs to build: sensor compensator, or detector."
+    raise ParameterError(msg)
 
 
 def _resources(model: StepModel) -> dict[str, bytes]:
@@ -106,13 +150,16 @@ def _resources(model: StepModel) -> dict[str, bytes]:
     code = {"__init__.py": b"", "pythonfmu/__init__.py": b""}
     code |= {name: (models / name).read_bytes() for name in _STEP_FILES}
     code |= {f"pythonfmu/{name}": (pythonfmu / name).read_bytes() for name in _PYTHONFMU_FILES}
-    digest = hashlib.sha256(b"\0".join([model.digest.encode(), slave.encode(), *code.values()])).hexdigest()[:16]
+    digest = hashlib.sha256(
+        b"\0".join([model.digest.encode(), slave.encode(), _ENTRY.encode(), *code.values()])
+    ).hexdigest()[:16]
     package = f"step_{digest}"
     slave = slave.replace("from gossamer_models.", f"from {package}.").replace(
         "from pythonfmu.", f"from {package}.pythonfmu."
     )
     files = {f"{package}/{name}": data for name, data in code.items()}
-    files[f"slave_{digest}.py"] = slave.encode()
+    files[f"{package}/slave.py"] = slave.encode()
+    files[f"slave_{digest}.py"] = _ENTRY.format(package=package).encode()
     files["slavemodule.txt"] = f"slave_{digest}".encode()
     with TemporaryDirectory() as temporary:
         model.save(Path(temporary))

@@ -1,23 +1,25 @@
 """The one slave: runs any step model inside a pythonfmu FMU.
 
-This file is a template. The builder copies it into every FMU under a name that carries the content's digest, and what it
-imports from ``gossamer_models`` and ``pythonfmu`` into a package of that name, so that nothing in it can collide with
-another FMU or with the host. pythonfmu loads it by name and then runs its text a second time, so nothing happens at import
-but definitions.
+The builder copies this file into every FMU, together with what it imports from ``gossamer_models`` and ``pythonfmu``, as a
+package whose name carries the content's digest, so that nothing in it can collide with another FMU or with the host.
 
-An exception in a callback would be fatal to the host, so no method raises: a refused step is logged and discarded, a refused
-value is logged and ignored.
+An exception that leaves a callback crashes the host, so none does: a refused step is logged and discarded, a refused value
+is logged and ignored.
 """
 
 import sys
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
-from gossamer_models.errors import GossamerError
 from gossamer_models.step_model import StepModel
 from gossamer_models.stepper import Stepper
 from pythonfmu.enums import Fmi2Status
 from pythonfmu.fmi2slave import Fmi2Slave
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 @lru_cache(maxsize=1)
@@ -26,8 +28,22 @@ def load_model(folder: str) -> StepModel:
     return StepModel.load(Path(folder))
 
 
-# pythonfmu 0.7.0 releases this module's globals once too often for every instance; each instance adds the one that is lost.
-_references: list[object] = []
+def never_raises(
+    fallback: Callable[P, T], status: Fmi2Status = Fmi2Status.error
+) -> Callable[[Callable[Concatenate["GossamerSlave", P], T]], Callable[Concatenate["GossamerSlave", P], T]]:
+    """Make a callback log whatever goes wrong in it and answer with ``fallback``, called with the same arguments."""
+
+    def decorate(method: Callable[Concatenate["GossamerSlave", P], T]) -> Callable[Concatenate["GossamerSlave", P], T]:
+        def callback(self: "GossamerSlave", /, *args: P.args, **kwargs: P.kwargs) -> T:
+            try:
+                return method(self, *args, **kwargs)
+            except BaseException as error:
+                self.complain(error, status)
+                return fallback(*args, **kwargs)
+
+        return callback
+
+    return decorate
 
 
 class GossamerSlave(Fmi2Slave):
@@ -35,55 +51,71 @@ class GossamerSlave(Fmi2Slave):
 
     def __init__(self, **kwargs: object) -> None:
         super().__init__(**kwargs)
-        _references.append(globals())
         while self.resources in sys.path:  # put there by pythonfmu, once per instance: must not shadow a host's modules
             sys.path.remove(self.resources)
         self.stepper = Stepper(load_model(self.resources))
+        self.values = self.stepper._values.data  # read in place: three times faster than get_values
+        self.first_result = self.stepper.model.slices()[2].start
+        self.initializing = False
+        self.results_known = False
         self.failed_start = ""
+        self.interruption = ""
 
     def complain(self, error: object, status: Fmi2Status = Fmi2Status.error) -> None:
         """Log an error; the host treats the text as a printf format."""
-        self.log(str(error).replace("%", "%%"), status)
+        if isinstance(error, KeyboardInterrupt):
+            error = self.interruption = "interrupted: every step is refused from here on. Reset the FMU to go on."
+        text = str(error) or type(error).__name__
+        self.log(text.replace("%", "%%").replace("\0", ""), status)
 
     def setup_experiment(self, *args: object) -> None:
         """Ignore the times: the model is autonomous."""
 
+    def enter_initialization_mode(self) -> None:
+        self.initializing = True
+
     def exit_initialization_mode(self) -> None:
+        self.initializing = False
         try:
             self.stepper.initialize()
             self.failed_start = ""
-        except GossamerError as error:
-            self.failed_start = str(error)
+        except BaseException as error:
             self.complain(error)
+            if not self.stepper.initialized:
+                self.failed_start = str(error) or type(error).__name__
 
+    @never_raises(lambda current_time, step_size: False, Fmi2Status.discard)  # noqa: ARG005
     def do_step(self, current_time: float, step_size: float) -> bool:
-        try:
-            if self.failed_start:
-                self.complain(self.failed_start, Fmi2Status.discard)
-                return False
-            self.stepper.step(step_size)
-        except GossamerError as error:
-            self.complain(error, Fmi2Status.discard)
+        if self.interruption or self.failed_start:
+            self.complain(self.interruption or self.failed_start, Fmi2Status.discard)
             return False
+        self.stepper.step(step_size)
         return True
 
+    @never_raises(lambda *_: None)
     def set_real(self, vrs: list[int], values: list[float]) -> None:
-        try:
-            self.stepper.set_values(vrs, values)
-        except GossamerError as error:
-            self.complain(error)
+        self.results_known = False
+        self.stepper.set_values(vrs, values)
 
+    @never_raises(lambda vrs: [float("nan")] * len(vrs))
     def get_real(self, vrs: list[int]) -> list[float]:
-        try:
-            return self.stepper.get_values(vrs)
-        except GossamerError as error:
-            self.complain(error)
-            return [float("nan")] * len(vrs)
+        if self.initializing and not self.results_known and max(vrs, default=0) >= self.first_result:
+            self._compute_initial_results()
+        if vrs and min(vrs) >= 0 and max(vrs) < len(self.values):
+            return [self.values[i] for i in vrs]
+        return self.stepper.get_values(vrs)
 
-    def _not_real(self, vrs: list[int]) -> None:
-        self.complain(
-            f"model {self.stepper.model.name!r} has real variables only; {list(vrs)[:8]} cannot be of this type"
-        )
+    def _compute_initial_results(self) -> None:
+        """Let a host read results in initialization mode, where it may still change what they depend on."""
+        if not self.stepper.initialized:
+            self.stepper.initialize()
+            self.stepper.initialized = False
+            self.results_known = True
+
+    @never_raises(lambda *_: None)
+    def _not_real(self, vrs: list[int], *_: object) -> None:
+        name = self.stepper.model.name
+        self.complain(f"model {name!r} has real variables only; {vrs[:8]} cannot be of this type")
 
     def get_integer(self, vrs: list[int]) -> list[int]:
         self._not_real(vrs)
@@ -97,24 +129,15 @@ class GossamerSlave(Fmi2Slave):
         self._not_real(vrs)
         return [""] * len(vrs)
 
-    def set_integer(self, vrs: list[int], values: list[int]) -> None:
-        self._not_real(vrs)
-
-    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
-        self._not_real(vrs)
-
-    def set_string(self, vrs: list[int], values: list[str]) -> None:
-        self._not_real(vrs)
+    set_integer = set_boolean = set_string = _not_real
 
     def _get_fmu_state(self) -> bytes:
         return self.stepper.state
 
+    @never_raises(lambda *_: None)
     def _set_fmu_state(self, state: bytes) -> None:
-        try:
-            self.stepper.state = state
-            self.failed_start = ""
-        except GossamerError as error:
-            self.complain(error)
+        self.stepper.state = state
+        self.failed_start = ""
 
     @staticmethod
     def _fmu_state_to_bytes(state: bytes) -> bytes:

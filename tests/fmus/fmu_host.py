@@ -23,7 +23,11 @@ class Instance:
             modelIdentifier=self.description.coSimulation.modelIdentifier,
             instanceName=name,
         )
-        self.slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+        try:
+            self.slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+        except Exception:
+            self.slave.freeLibrary()  # pythonfmu 0.7.0 corrupts memory at exit if its library is still loaded then
+            raise
         self.time = 0.0
 
     def _log(self, _environment, _name, _status, _category, message):

@@ -119,6 +119,35 @@ def test_calls_in_the_wrong_state_are_refused_and_survived(instance):
     assert fmu.step(1e-3) == OK
 
 
+def test_a_second_initialization_is_refused_and_the_run_goes_on(instance):
+    fmu = instance("sensor")
+    fmu.initialize()
+    fmu.slave.exitInitializationMode()
+    assert "initialized already" in fmu.messages[-1]
+    assert fmu.step(1e-3) == OK
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_initial_results_can_be_read_in_initialization_mode_and_follow_the_parameters(instance, models, name):
+    """As FMI asks; a host may read a result there, change what it depends on, and read it again."""
+    fmu, model = instance(name), Stepper(models[name])
+    outputs = fmu.names("output")
+    parameter = {"membrane": "edge_displacement", "detector": "sampling_step"}.get(name, "rest_resistance")
+    fmu.slave.setupExperiment(startTime=0.0)
+    fmu.slave.enterInitializationMode()
+    model.initialize()
+    assert fmu.get(*outputs) == [model.get(output) for output in outputs]
+    start = 1.1 * model.get(parameter)
+    model.reset()
+    model.set(parameter, start)
+    fmu.set(parameter, start)
+    model.initialize()
+    assert fmu.get(*outputs) == [model.get(output) for output in outputs]
+    fmu.slave.exitInitializationMode()
+    assert fmu.get(*outputs) == [model.get(output) for output in outputs]
+    assert not fmu.messages
+
+
 def test_unknown_references_and_other_types_are_refused_and_survived(instance):
     fmu = instance("sensor")
     fmu.initialize()
@@ -223,23 +252,67 @@ for who in {order!r}:
     assert len({line for line in lines if line.startswith("ours")}) == 1, done.stdout
 
 
-def test_a_thousand_instances_come_and_go(fmus, unzipped):
-    code = f"""
-import sys
-sys.path.insert(0, {str(Path(__file__).parent)!r})
-from fmu_host import Instance
-keep = Instance({str(fmus["sensor"])!r}, {str(unzipped["sensor"])!r})
+def in_a_process(code, *arguments):
+    """Run code that finds the FMU, its folder and the path of this one in ``sys.argv``."""
+    head = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from fmu_host import Instance\n"
+    command = [sys.executable, "-c", head + code, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+THOUSAND = """
+import gc
+keep = Instance(*sys.argv[1:])
 keep.initialize()
-for k in range(1000):
-    other = Instance({str(fmus["sensor"])!r}, {str(unzipped["sensor"])!r})
-    other.slave.freeInstance()
+slave = next(module for name, module in sys.modules.items() if name.startswith("slave_"))
+
+def kibibytes_after(instances):
+    for k in range(instances):
+        Instance(*sys.argv[1:]).slave.freeInstance()
+    gc.collect()
+    return int(open("/proc/self/statm").read().split()[1]) * 4
+
+before, references = kibibytes_after(200), sys.getrefcount(vars(slave))
+growth = kibibytes_after(1000) - before
+assert sys.getrefcount(vars(slave)) == references
 keep.set("strain", 0.1)
 assert keep.step(0.1) == 0
-print("still", keep.get("resistance"))
+keep.slave.freeInstance()
+print(growth)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads /proc, which this system does not have")
+def test_a_thousand_instances_come_and_go(fmus, unzipped):
+    """pythonfmu miscounts the references to what it loads; what is left is its own leak, about 1 KiB per instance."""
+    done = in_a_process(THOUSAND, fmus["sensor"], unzipped["sensor"])
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("still")
+    assert int(done.stdout) < 8_000
+
+
+INTERRUPTED = """
+import os, signal, threading, time
+fmu = Instance(*sys.argv[1:])
+fmu.initialize()
+threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+end, status = time.monotonic() + 60.0, 0
+while status == 0 and time.monotonic() < end:
+    status = fmu.step(0.1)
+print(status, fmu.step(3e-4), fmu.messages[-1])
+fmu.slave.reset()
+fmu.initialize()
+print(fmu.step(3e-4))
+fmu.slave.freeInstance()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends a signal")
+def test_an_interrupt_during_a_step_refuses_it_and_all_others_until_reset(fmus, unzipped):
+    """Ctrl-C that got as far as pythonfmu would crash the host; long steps, so that it comes in the middle of one."""
+    done = in_a_process(INTERRUPTED, fmus["membrane"], unzipped["membrane"])
+    assert done.returncode == 0, done.stderr
+    refused, resumed = done.stdout.splitlines()
+    assert refused.startswith("2 2 interrupted")
+    assert resumed == "0"
 
 
 @pytest.mark.parametrize("spoilt", ["model.json", "init.casadi", "step.casadi"])
