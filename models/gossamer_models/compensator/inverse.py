@@ -1,12 +1,13 @@
 r"""Exact inverse of one sensor step with a fixed number of operations.
 
-Symbols, all for rising strain (falling strain is its mirror image :math:`s \to 1 - s`, :math:`\mu \to \nu`): ``a[i]`` front of line
-i [1], not decreasing in i; ``m[i]`` weight below it; ``T[i, l]`` weight density on line i for strain in l/N..(l+1)/N; ``C[i, l]``
-weight below l/N; ``target`` rise of output that the new strain has to make [1].
+Symbols, all for rising strain (falling strain is its mirror image :math:`s \to 1 - s`, :math:`\mu \to \nu`): ``front[i]`` of
+line i [1], not decreasing in i; ``m[i]`` weight below it [1]; ``C[i, l]`` weight of line i below strain l/N [1]; ``target``
+rise of output that the new strain has to make [1].
 
-The static rise :math:`F(s) = \sum_i \max(m_i, C_i(s)) - \sum_i m_i` bends only at the lattice l/N and at the fronts. Its values on
-the lattice tell the interval; there every line that moves has a constant slope, and since the fronts are sorted, prefix
-sums give F at each of them; on the last piece F plus the relaxation term is a quadratic, solved in closed form.
+The static rise :math:`F(s) = \sum_i \max(m_i, C_i(s)) - \sum_i m_i` bends only at the lattice l/N and at the fronts. Its
+values on the lattice tell the interval; there every line that moves has a constant slope, and since the fronts are
+sorted, prefix sums give F at each of them; on the last piece F plus the relaxation term is a quadratic, solved in closed
+form.
 """
 
 from __future__ import annotations

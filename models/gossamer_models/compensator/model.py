@@ -1,7 +1,7 @@
 r"""The compensator as a ``StepModel``: resistance in, strain out.
 
-Symbols: ``R`` resistance and ``Rf`` its low-pass [ohm], ``T`` filter time [s], ``y`` normalised output [1], ``s`` normalised strain [1];
-the state is that of the sensor followed by the last ``Rf`` and ``R``.
+Symbols: ``R`` resistance and ``Rf`` its low-pass [ohm], ``T`` filter time [s], ``s`` normalised strain [1]; the state is
+that of the sensor followed by the last ``Rf`` and ``R``.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def compensator_model(artifact: SensorArtifact | None = None) -> StepModel:
                 name="dead_band",
                 causality="parameter",
                 unit="ohm",
-                description="Strain stays where it is while the resistance to explain is smaller than this; 0 switches it off",
+                description="Strain stays while the resistance to explain is smaller than this; 0 switches it off",
                 start=0.0,
                 minimum=0.0,
                 nominal=1.0,

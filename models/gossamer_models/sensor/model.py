@@ -79,8 +79,8 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
 
     Notes
     -----
-    :math:`R = R_0 + \Delta R\,(f_s + \sum_q z_q)`, Eqs. (4.7) and (4.13) of [1]_. ``init`` does not look at the strain: the run
-    starts at ``rest_strain``, so there is no false transient, and the first step ramps from there.
+    :math:`R = R_0 + \Delta R\,(f_s + \sum_q z_q)`, Eqs. (4.7) and (4.13) of [1]_. ``init`` does not look at the strain: the
+    run starts at ``rest_strain``, so there is no false transient, and the first step ramps from there.
 
     References
     ----------

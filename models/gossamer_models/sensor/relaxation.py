@@ -4,8 +4,8 @@ Symbols: ``z[q]`` mode [1], :math:`\lambda_q` decay rate [1/s], :math:`g_q, k_q`
 
 .. math:: \dot z_q = -\lambda_q z_q + (g_q + k_q s)\,\dot s, \qquad f_d = \sum_q z_q,
 
-which is Eq. (4.13) with :math:`A = a\zeta^d`, d = 0 (:math:`g`) or 1 (:math:`k`) and the stretched exponentials replaced by sums.
-Falling strain drives nothing. ``x`` = :math:`\lambda h` [1]. The step is exact for strain that rises linearly over it.
+which is Eq. (4.13) with :math:`A = a\zeta^d`, d = 0 (:math:`g`) or 1 (:math:`k`), and the stretched exponentials replaced by
+sums. Falling strain drives nothing. ``x`` = :math:`\lambda h` [1]. The step is exact for strain that rises linearly over it.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ def rise(bank: ModeBank, start: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX]:
     Notes
     -----
     :math:`\int_0^h (g + k(s + \Delta\,\tau/h))\,(\Delta/h)\,e^{-\lambda(h - \tau)}\,d\tau
-    = \Delta\,(g + k s)\,\varphi_1(\lambda h) + \Delta^2 k\,\varphi_2(\lambda h)`. The printed Eq. (5.3) takes operators switched
-    in the last step undecayed, :math:`\varphi_1 = 1`; exact is as cheap, and a ramp may then be cut into any steps.
+    = \Delta\,(g + k s)\,\varphi_1(\lambda h) + \Delta^2 k\,\varphi_2(\lambda h)`. The printed Eq. (5.3) takes operators
+    switched in the last step undecayed, :math:`\varphi_1 = 1`; exact is as cheap, and a ramp may then be cut into any steps.
     """
     x = ca.DM(bank.decay_rates) * h
     first = (ca.DM(bank.constant) + ca.DM(bank.linear) * start) * phi_1(x)

@@ -1,12 +1,13 @@
 """What a sensor remembers, and how one sample changes it; sensor and compensator both use this and nothing else.
 
-Symbols: ``s`` normalised strain [1], ``front`` fronts of the ``N`` lines [1], ``up`` and ``down`` cumulative weights below them [1],
-``f`` accumulated static output [1], ``z`` relaxation modes [1]; the state vector is their concatenation.
+Symbols: ``s`` normalised strain [1], ``front`` fronts of the ``N`` lines [1], ``up`` and ``down`` cumulative weights below
+them [1], ``f`` accumulated static output [1], ``z`` relaxation modes [1]; the state vector is their concatenation.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 
@@ -66,7 +67,7 @@ class SensorLaw:
         """Split a state column, shape (n_states,)."""
         n = self.n_lines
         ends = [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2, self.n_states]
-        return SensorState(*(x[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)))
+        return SensorState(*(x[a:b] for a, b in pairwise(ends)))
 
     def rest(self, s: ca.SX) -> SensorState:
         """Return the state long after the first monotone loading to strain ``s`` [1]: relaxation is over."""
