@@ -90,8 +90,9 @@ class Instance:
         self._state = fmi2.fmi2FMUstate()
         self._initialized = False
         self._component: Any = None
+        self._slave: Any = None
         try:
-            self._slave: Any = fmi2.FMU2Slave(
+            self._slave = fmi2.FMU2Slave(
                 guid=fmu.guid,
                 unzipDirectory=str(fmu.folder()),
                 modelIdentifier=fmu.description.coSimulation.modelIdentifier,
@@ -101,6 +102,8 @@ class Instance:
         except Exception as error:
             # FMPy raises bare exceptions here
             del _logs[self._key]
+            if self._slave is not None:
+                self._slave.freeLibrary()  # pythonfmu 0.7.0 may abort the process at its end if it is still loaded
             msg = f"{name}: {fmu.path} cannot be started: {error}{self._said()} Try 'gossamer validate' on it."
             raise FmuError(msg) from error
         self._component = self._slave.component
