@@ -8,10 +8,11 @@ import zipfile
 import fmpy
 import pytest
 from fmpy.validation import validate_fmu
-from gossamer_fmus import NAMES, build_fmu
+from gossamer_fmus import NAMES, build_all, build_fmu
 from gossamer_fmus.build import MODELS
 from gossamer_fmus.description import base_unit, with_variables
 from gossamer_fmus.interface import fmu_folder
+from gossamer_models import ArtifactError, ParameterError
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -103,3 +104,19 @@ def test_the_table_in_the_readme_is_up_to_date(models, name, rewrite_goldens):
 )
 def test_units_are_reduced_to_si(unit, attributes):
     assert base_unit(unit) == attributes
+
+
+def test_an_artifact_or_a_mesh_can_be_chosen(fmus, tmp_path):
+    from gossamer_models.sensor import default_artifact
+
+    default_artifact().write(tmp_path / "sensor.json")
+    built = build_all(tmp_path, ["sensor", "compensator"], artifact=tmp_path / "sensor.json")
+    assert built["sensor"].read_bytes() == fmus["sensor"].read_bytes()
+    coarse = build_all(tmp_path, ["membrane"], elements_per_side=4)["membrane"]
+    assert "w[3,3]" in {v.name for v in fmpy.read_model_description(str(coarse)).modelVariables}
+    with pytest.raises(ParameterError, match="'membrane' is not built from an artifact"):
+        build_all(tmp_path, ["membrane"], artifact=tmp_path / "sensor.json")
+    with pytest.raises(ParameterError, match="'sensor' has no mesh"):
+        build_all(tmp_path, ["sensor"], elements_per_side=8)
+    with pytest.raises(ArtifactError, match=r"gossamer\.sensor"):
+        build_all(tmp_path, ["detector"], artifact=tmp_path / "sensor.json")
