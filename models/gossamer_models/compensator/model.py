@@ -48,8 +48,8 @@ def compensator_model(artifact: SensorArtifact | None = None) -> StepModel:
     artifact = default_artifact() if artifact is None else artifact
     law = SensorLaw(artifact)
     n_x = law.n_states
-    x, h = ca.SX.sym("x", n_x + 2), ca.SX.sym("h")
-    R, p = ca.SX.sym("R"), ca.SX.sym("p", len(SCALE_VARIABLES) + 2)
+    x, h = ca.MX.sym("x", n_x + 2), ca.MX.sym("h")
+    R, p = ca.MX.sym("R"), ca.MX.sym("p", len(SCALE_VARIABLES) + 2)
     R0, dR, full_scale, rest_strain, dead_band, T = ca.vertsplit(p)
 
     rest = law.rest(clip(rest_strain / full_scale))

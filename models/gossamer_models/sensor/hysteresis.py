@@ -17,19 +17,19 @@ from numpy.typing import NDArray
 Table = NDArray[np.float64]
 
 
-def move_fronts(front: ca.SX, strain: ca.SX) -> ca.SX:
+def move_fronts(front: ca.MX, strain: ca.MX) -> ca.MX:
     r"""Advance the switching fronts by one monotone change of strain.
 
     Parameters
     ----------
-    front : casadi.SX, shape (N,)
+    front : casadi.MX, shape (N,)
         Fronts :math:`\alpha_i` [1] before the change, not decreasing in i.
-    strain : casadi.SX, scalar
+    strain : casadi.MX, scalar
         Normalised strain [1] after it.
 
     Returns
     -------
-    casadi.SX, shape (N,)
+    casadi.MX, shape (N,)
         Fronts after it.
 
     Notes
@@ -45,7 +45,7 @@ def move_fronts(front: ca.SX, strain: ca.SX) -> ca.SX:
     return ca.fmax(strain, ca.fmin(strain + offsets(front.numel()), front))
 
 
-def resting_fronts(n_lines: int, strain: ca.SX) -> ca.SX:
+def resting_fronts(n_lines: int, strain: ca.MX) -> ca.MX:
     """Return the fronts [1], shape (n_lines,), after the first monotone loading from zero to ``strain`` [1]."""
     return ca.fmax(strain, offsets(n_lines))
 
@@ -55,19 +55,19 @@ def offsets(n_lines: int) -> ca.DM:
     return ca.DM(np.arange(n_lines) / n_lines)
 
 
-def cumulate(front: ca.SX, mu: Table, nu: Table) -> tuple[ca.SX, ca.SX]:
+def cumulate(front: ca.MX, mu: Table, nu: Table) -> tuple[ca.MX, ca.MX]:
     r"""Add up the weights of all operators below the fronts, line by line.
 
     Parameters
     ----------
-    front : casadi.SX, shape (N,)
+    front : casadi.MX, shape (N,)
         Fronts :math:`\alpha_i` [1].
     mu, nu : ndarray, shape (N, N)
         Weights [1] of up- and down-switching, zero for k < i.
 
     Returns
     -------
-    up, down : casadi.SX, shape (N,)
+    up, down : casadi.MX, shape (N,)
         :math:`M_i = \sum_k \mu_{ik} \min(\max(\alpha_i - k/N, 0), 1/N)` and the same sum with :math:`\nu` [1].
     """
     n = mu.shape[0]

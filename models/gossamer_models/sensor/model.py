@@ -129,6 +129,6 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
     )
 
 
-def clip(s: ca.SX) -> ca.SX:
+def clip(s: ca.MX) -> ca.MX:
     """Limit a normalised strain [1] to 0..1."""
     return ca.fmin(ca.fmax(s, 0.0), 1.0)

@@ -55,26 +55,26 @@ class ModeBank:
         return int(self.decay_rates.size)
 
 
-def decay(bank: ModeBank, z: ca.SX, h: ca.SX) -> ca.SX:
+def decay(bank: ModeBank, z: ca.MX, h: ca.MX) -> ca.MX:
     """Let the modes [1], shape (n,), decay for ``h`` seconds at constant strain."""
     return ca.exp(-ca.DM(bank.decay_rates) * h) * z
 
 
-def rise(bank: ModeBank, start: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX]:
+def rise(bank: ModeBank, start: ca.MX, h: ca.MX) -> tuple[ca.MX, ca.MX]:
     r"""Prepare what a linear rise within one step leaves in the modes.
 
     Parameters
     ----------
     bank : ModeBank
         Rates and drives.
-    start : casadi.SX, scalar
+    start : casadi.MX, scalar
         Normalised strain [1] at the start of the step.
-    h : casadi.SX, scalar
+    h : casadi.MX, scalar
         Step [s].
 
     Returns
     -------
-    first, second : casadi.SX, shape (n,)
+    first, second : casadi.MX, shape (n,)
         A rise by :math:`\Delta \ge 0` adds :math:`\Delta\,(first + \Delta\,second)` to the modes [1]; both are not negative.
 
     Notes
@@ -90,12 +90,12 @@ def rise(bank: ModeBank, start: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX]:
     return first, ca.DM(bank.linear) * phi_2(x)
 
 
-def phi_1(x: ca.SX) -> ca.SX:
+def phi_1(x: ca.MX) -> ca.MX:
     r"""Return :math:`\varphi_1(x) = (1 - e^{-x})/x` for x > 0 without cancellation."""
     return -ca.expm1(-x) / x
 
 
-def phi_2(x: ca.SX) -> ca.SX:
+def phi_2(x: ca.MX) -> ca.MX:
     r"""Return :math:`\varphi_2(x) = (x - 1 + e^{-x})/x^2` for x > 0: a series where the difference would cancel."""
     small = ca.fmin(x, SERIES_BELOW)
     series = 1.0

@@ -22,28 +22,28 @@ class SensorState:
 
     Attributes
     ----------
-    front, up, down : casadi.SX, shape (N,)
+    front, up, down : casadi.MX, shape (N,)
         Switching fronts [1] and the cumulative weights [1] of up- and down-switching below them.
-    f : casadi.SX, scalar
+    f : casadi.MX, scalar
         Static output [1].
-    s : casadi.SX, scalar
+    s : casadi.MX, scalar
         Strain [1] at the last sample.
-    z : casadi.SX, shape (n,)
+    z : casadi.MX, shape (n,)
         Relaxation modes [1].
     """
 
-    front: ca.SX
-    up: ca.SX
-    down: ca.SX
-    f: ca.SX
-    s: ca.SX
-    z: ca.SX
+    front: ca.MX
+    up: ca.MX
+    down: ca.MX
+    f: ca.MX
+    s: ca.MX
+    z: ca.MX
 
-    def pack(self) -> ca.SX:
+    def pack(self) -> ca.MX:
         """Return the state as one column, shape (3 N + 2 + n,)."""
         return ca.vertcat(self.front, self.up, self.down, self.f, self.s, self.z)
 
-    def output(self) -> ca.SX:
+    def output(self) -> ca.MX:
         """Return the output [1], Eq. (4.7) plus Eq. (4.13)."""
         return self.f + ca.sum1(self.z)
 
@@ -63,28 +63,28 @@ class SensorLaw:
         self.n_lines = artifact.n_lines
         self.n_states = 3 * self.n_lines + 2 + self.bank.size
 
-    def unpack(self, x: ca.SX) -> SensorState:
+    def unpack(self, x: ca.MX) -> SensorState:
         """Split a state column, shape (n_states,)."""
         n = self.n_lines
         ends = [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2, self.n_states]
         return SensorState(*(x[a:b] for a, b in pairwise(ends)))
 
-    def rest(self, s: ca.SX) -> SensorState:
+    def rest(self, s: ca.MX) -> SensorState:
         """Return the state long after the first monotone loading to strain ``s`` [1]: relaxation is over."""
         front = resting_fronts(self.n_lines, s)
         up, down = cumulate(front, self.mu, self.nu)
         return SensorState(front, up, down, ca.sum1(up), s, ca.DM.zeros(self.bank.size))
 
-    def advance(self, state: SensorState, s: ca.SX, h: ca.SX) -> SensorState:
+    def advance(self, state: SensorState, s: ca.MX, h: ca.MX) -> SensorState:
         r"""Advance the memory by one sample.
 
         Parameters
         ----------
         state : SensorState
             Before the step.
-        s : casadi.SX, scalar
+        s : casadi.MX, scalar
             Normalised strain [1] at its end, in 0..1; it moves linearly in between.
-        h : casadi.SX, scalar
+        h : casadi.MX, scalar
             Step [s].
 
         Returns
