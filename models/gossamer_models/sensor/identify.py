@@ -311,6 +311,10 @@ def _percent(error: Vector) -> float:
     return 100.0 * float(np.sqrt(np.mean(error**2))) if error.size else float("nan")
 
 
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
 def _command(
     record: Annotated[Path, typer.Argument(help="CSV file with a header line")],
     out: Annotated[Path, typer.Option(help="artifact to write")],
@@ -350,4 +354,4 @@ def _command(
 
 
 if __name__ == "__main__":
-    typer.run(_command)
+    app()
