@@ -5,7 +5,6 @@ import time
 
 import numpy as np
 import pytest
-
 from gossamer_models import Stepper
 from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import detector_model
@@ -69,7 +68,5 @@ def test_a_step_costs_the_same_after_a_million(model):
         for value in values[:k]:
             stepper.set(name, value)
             stepper.step(H)
-    ratios = []
-    for _ in range(21):
-        ratios.append(microseconds(lambda: late.step(H), 3000) / microseconds(lambda: early.step(H), 3000))
+    ratios = [microseconds(lambda: late.step(H), 3000) / microseconds(lambda: early.step(H), 3000) for _ in range(21)]
     print(f"\n{model().name}: cost of a step after 1e6 steps over that after 1e3: {statistics.median(ratios):.3f}")

@@ -6,9 +6,6 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
 from gossamer_models import (
     ArtifactError,
     ConvergenceError,
@@ -19,6 +16,8 @@ from gossamer_models import (
     Stepper,
     Variable,
 )
+from hypothesis import given
+from hypothesis import strategies as st
 
 
 def lag_model(largest_step: bool = False) -> StepModel:
@@ -111,7 +110,7 @@ def test_a_step_must_be_a_positive_time(lag, h):
 def test_a_result_that_is_not_finite_is_refused_with_advice(lag):
     lag.set("u", -9.0)
     before = lag.state
-    with pytest.raises(ConvergenceError, match="not finite. Keep the state positive"):
+    with pytest.raises(ConvergenceError, match=r"not finite. Keep the state positive"):
         lag.step(5.0)
     assert lag.state == before
 
@@ -131,7 +130,7 @@ def test_calls_out_of_order_are_refused():
 
 
 def test_names_and_kinds_are_checked(lag):
-    with pytest.raises(InputError, match="no variable 'taw'. Did you mean 'tau'"):
+    with pytest.raises(InputError, match=r"no variable 'taw'. Did you mean 'tau'"):
         lag.set("taw", 1.0)
     with pytest.raises(InputError, match="'x' is a result"):
         lag.set("x", 1.0)
@@ -139,7 +138,7 @@ def test_names_and_kinds_are_checked(lag):
         lag.set("u", "two")
     with pytest.raises(InputError, match="no variable number 99"):
         lag.get_values([99])
-    with pytest.raises(ParameterError, match="'tau'.*finite number from 0.001"):
+    with pytest.raises(ParameterError, match=r"'tau'.*finite number from 0.001"):
         Stepper(lag_model(), tau=-1.0).initialize()
 
 
@@ -186,7 +185,7 @@ def test_files_of_another_version_are_refused(tmp_path):
     lag_model().save(tmp_path)
     card = json.loads((tmp_path / "model.json").read_text()) | {"version": 99}
     (tmp_path / "model.json").write_text(json.dumps(card))
-    with pytest.raises(ArtifactError, match="version 99, this program reads .* version 1"):
+    with pytest.raises(ArtifactError, match=r"version 99, this program reads .* version 1"):
         StepModel.load(tmp_path)
 
 
