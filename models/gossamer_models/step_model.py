@@ -63,6 +63,9 @@ class Variable:
     discrete: bool = False
 
     def __post_init__(self) -> None:
+        if self.causality not in CAUSALITIES:
+            msg = f"variable {self.name!r} has causality {self.causality!r}; it is one of {', '.join(CAUSALITIES)}"
+            raise ParameterError(msg)
         given = self.causality in ("parameter", "input")
         if given != (self.start is not None):
             msg = f"variable {self.name!r} ({self.causality}) {'needs' if given else 'cannot have'} a start value"
@@ -145,7 +148,7 @@ class StepModel:
 
     @cached_property
     def card(self) -> str:
-        """The table and everything else but the functions, as JSON."""
+        """The table and everything else but the functions, whose digests it holds, as JSON."""
         content = {
             "schema": "gossamer.step_model",
             "version": FORMAT_VERSION,
@@ -154,21 +157,25 @@ class StepModel:
             "step_limit": self.step_limit,
             "advice": self.advice,
             "provenance": self.provenance,
+            "sha256": {name: _digest(function.serialize()) for name, function in self._functions.items()},
             "variables": [asdict(v) for v in self.variables],
         }
         return json.dumps(content, indent=1)
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the table and both functions, hexadecimal."""
-        parts = (self.card, self.init.serialize(), self.step.serialize())
-        return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+        """SHA-256 of the card, and so of both functions, hexadecimal."""
+        return _digest(self.card)
+
+    @property
+    def _functions(self) -> dict[str, ca.Function]:
+        return {"init": self.init, "step": self.step}
 
     def save(self, folder: Path) -> None:
         """Write ``model.json``, ``init.casadi`` and ``step.casadi`` into an existing folder."""
         (folder / "model.json").write_text(self.card, encoding="utf-8")
-        (folder / "init.casadi").write_text(self.init.serialize(), encoding="utf-8")
-        (folder / "step.casadi").write_text(self.step.serialize(), encoding="utf-8")
+        for name, function in self._functions.items():
+            (folder / f"{name}.casadi").write_text(function.serialize(), encoding="utf-8")
 
     @classmethod
     def load(cls, folder: Path) -> StepModel:
@@ -177,7 +184,7 @@ class StepModel:
         Raises
         ------
         ArtifactError
-            A file is missing or truncated, or of another schema or version.
+            A file is missing, truncated or changed, or of another schema or version.
         """
         try:
             card = json.loads((folder / "model.json").read_text(encoding="utf-8"))
@@ -187,10 +194,14 @@ class StepModel:
                     f"'gossamer.step_model' version {FORMAT_VERSION}. Rebuild it with this version of Gossamer."
                 )
                 raise ArtifactError(msg)
-            init, step = (
-                ca.Function.deserialize((folder / f"{name}.casadi").read_text(encoding="utf-8"))
-                for name in ("init", "step")
-            )
+            texts = {name: (folder / f"{name}.casadi").read_text(encoding="utf-8") for name in ("init", "step")}
+            for name, text in texts.items():
+                if _digest(text) != card["sha256"][name]:
+                    msg = (
+                        f"{folder / name}.casadi is damaged: its SHA-256 is not the one in model.json. Build it again."
+                    )
+                    raise ArtifactError(msg)
+            init, step = (ca.Function.deserialize(text) for text in texts.values())
             return cls(
                 name=card["name"],
                 description=card["description"],
@@ -201,6 +212,12 @@ class StepModel:
                 advice=card["advice"],
                 provenance=card["provenance"],
             )
-        except (OSError, json.JSONDecodeError, KeyError, TypeError, RuntimeError) as error:
+        except ArtifactError:
+            raise
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError) as error:
             msg = f"cannot read the step model in {folder}: {error!r}. Build it again."
             raise ArtifactError(msg) from error
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -101,7 +101,12 @@ class Stepper:
             A parameter after initialization; nothing is set.
         """
         pairs = []
-        for index, value in zip(indices, values, strict=True):
+        try:
+            given = list(zip(indices, values, strict=True))
+        except (TypeError, ValueError):
+            msg = f"model {self.model.name!r} needs one value per table index"
+            raise InputError(msg) from None
+        for index, value in given:
             variable = self._variable(index)
             if variable.causality in ("output", "local"):
                 msg = f"{variable.name!r} is a result of model {self.model.name!r} and cannot be set"
@@ -113,7 +118,7 @@ class Stepper:
                 raise StateError(msg)
             try:
                 pairs.append((index, float(value)))
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 msg = f"{variable.name!r} needs a number [{variable.unit}], not {value!r}"
                 raise InputError(msg) from None
         for index, number in pairs:
@@ -167,8 +172,7 @@ class Stepper:
         if not self.initialized:
             msg = f"model {self.model.name!r} must be initialized before it can step"
             raise StateError(msg)
-        h = float(h)
-        if not (math.isfinite(h) and h > 0.0):
+        if not (isinstance(h, int | float | np.floating) and math.isfinite(h) and h > 0.0):
             msg = f"the step of model {self.model.name!r} must be a positive time [s], not {h!r}"
             raise InputError(msg)
         if not self._checked:
@@ -206,8 +210,10 @@ class Stepper:
     def state(self, content: bytes) -> None:
         head = _STATE_MAGIC + bytes.fromhex(self.model.digest)[:16]
         size = len(head) + 4 + 1 + 8 * (self._values.size + self._x.size)
-        if len(content) != size or not content.startswith(head):
-            msg = f"this saved state ({len(content)} bytes) was not made by model {self.model.name!r} ({size} bytes)"
+        if not isinstance(content, bytes) or len(content) != size or not content.startswith(head):
+            msg = (
+                f"this is no saved state of model {self.model.name!r}, which is {size} bytes and begins with its digest"
+            )
             raise StateError(msg)
         body = content[len(head) + 4 :]
         if struct.pack("<I", zlib.crc32(body)) != content[len(head) : len(head) + 4]:
@@ -220,7 +226,7 @@ class Stepper:
         self._checked = False
 
     def _variable(self, index: int) -> Variable:
-        if not 0 <= index < len(self.model.variables):
+        if not (isinstance(index, int | np.integer) and 0 <= index < len(self.model.variables)):
             msg = (
                 f"model {self.model.name!r} has no variable number {index}; it has 0 to {len(self.model.variables) - 1}"
             )
@@ -229,14 +235,14 @@ class Stepper:
 
     def _divide(self, h: float, limit: float) -> int:
         """Count the equal internal steps, none longer than ``limit`` [s], that make up ``h`` [s]."""
-        parts = math.ceil(h / limit * (1.0 - 1e-12)) if limit < h else 1
-        if parts > MAX_INTERNAL_STEPS:
+        ratio = h / limit * (1.0 - 1e-12)
+        if ratio > MAX_INTERNAL_STEPS:
             msg = (
-                f"a step of {h:g} s needs {parts} internal steps of {limit:.3e} s of model {self.model.name!r}, "
+                f"a step of {h:g} s needs {ratio:.3g} internal steps of {limit:.3e} s of model {self.model.name!r}, "
                 f"more than {MAX_INTERNAL_STEPS}. Use shorter communication steps."
             )
             raise InputError(msg)
-        return parts
+        return max(math.ceil(ratio), 1)
 
     def _check(self, part: slice, error: type[ParameterError | InputError]) -> None:
         """Raise if a given value of this part of the table is not finite or out of its range."""

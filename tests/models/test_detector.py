@@ -19,7 +19,6 @@ from gossamer_models.detector.training import (
     THESIS_ERROR,
     assess,
     judge,
-    mean_absolute_errors,
     simulate_strains,
     single_damage_cases,
     train_networks,
@@ -72,8 +71,7 @@ def test_windows_repeat_and_a_single_record_does_not(model):
     baseline = DetectorArtifact.default().baseline
     first, second = (packet_energies(part).ravel() for part in np.split(strains, 2, axis=1))
     repeated, single = run(model, strains, repeat=1.0), run(model, strains)
-    assert repeated[SAMPLES - 2, 16] == 0.0
-    assert repeated[SAMPLES - 1, 16] == 1.0
+    assert (repeated[SAMPLES - 2, :16] == 1.0).all()
     assert repeated[-1, :16] == pytest.approx(second / baseline[1], rel=1e-12)
     assert single[-1, :16] == pytest.approx(first / baseline[0], rel=1e-12)
 
@@ -96,9 +94,10 @@ def test_a_window_may_start_later(model):
 
 
 def test_a_window_without_its_baseline_is_not_valid(model):
-    strains = np.full((4, SAMPLES), 0.1)
+    strains = simulate_strains(np.zeros(16), SAMPLES)
     assert run(model, strains)[-1, 16] == 1.0
     assert run(model, strains, window_length=400 * STEP)[-1, 16] == 0.0
+    assert run(model, strains, start_time=STEP)[-1, 16] == 0.0
 
 
 @pytest.mark.parametrize("strain", [0.0, 1e-9, 1e6])
@@ -110,6 +109,7 @@ def test_absurd_strains_are_judged_without_failing_and_resemble_nothing(model, s
             detector.set(f"strain[{i}]", strain)
         detector.step(STEP)
     assert detector.get("similarity") == pytest.approx(0.0, abs=1e-6)
+    assert detector.get("valid") == 0.0
 
 
 @given(st.floats(0.0, 1.0))
@@ -132,15 +132,15 @@ def test_defuzzification_methods_differ_as_section_6_1_4_says(memberships, expec
     assert found == pytest.approx(expected)
 
 
-def test_single_damage_is_found_better_than_in_table_7_1(capsys):
-    """The thesis: 0.104 % over all zones, 0.214 % over damaged zones."""
-    actual, predicted = assess()
-    errors = mean_absolute_errors(actual, predicted)
+def test_single_damage_is_found_trained_on_or_not(capsys):
+    """Asked: below 1.0 % over all zones. The thesis, after a coarser training: 0.104 % and 0.214 % over damaged zones."""
+    found = assess()
     with capsys.disabled():
-        print("\nTable 7.1, 13 single-damage cases, mean absolute error [% damage]")
-        for zones, error in errors.items():
-            print(f"  {zones:>13}: {error:.3f}   thesis {THESIS_ERROR[zones]:.3f}")
-    assert all(error <= THESIS_ERROR[zones] for zones, error in errors.items())
+        print("\nmean absolute error [% damage]           all zones  damaged zones")
+        for cases, errors in ({"thesis, Table 7.1": THESIS_ERROR} | found).items():
+            print(f"{cases:>38}  {errors['all zones']:9.3f}  {errors['damaged zones']:13.3f}")
+    assert all(found["Table 7.1, 13 cases"][zones] <= limit for zones, limit in THESIS_ERROR.items())
+    assert all(error <= 1.0 for errors in found.values() for error in errors.values())
 
 
 def test_the_shipped_artifact_comes_from_this_membrane_and_this_training():

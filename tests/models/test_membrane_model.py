@@ -377,8 +377,10 @@ def test_elements_that_do_not_fit_the_zones_are_refused(n):
         membrane_model(n)
 
 
-def test_a_prestress_that_is_not_found_is_refused_with_advice(small):
-    membrane = Stepper(small, edge_displacement=1e3)
+def test_a_prestress_that_is_not_found_is_refused_with_advice(monkeypatch):
+    """Every damage and stretch within range converges, so Newton's steps are taken away."""
+    monkeypatch.setattr("gossamer_models.membrane.prestress.NEWTON_STEPS", 1)
+    membrane = Stepper(membrane_model(4))
     membrane.set("damage[6]", 0.9)
     with pytest.raises(ConvergenceError, match="edge_displacement"):
         membrane.initialize()
@@ -409,3 +411,23 @@ def test_parameters_out_of_range_are_refused(small, name, value):
     membrane = Stepper(small, **{name: value})
     with pytest.raises(ParameterError, match=name):
         membrane.initialize()
+
+
+@pytest.mark.parametrize("frequency", [500.0, 3000.0])
+def test_a_fast_built_in_pressure_is_resolved(small, frequency):
+    """A communication step of 3e-4 s, about one cycle and more, against one of 1e-5 s."""
+    coarse = run(started(small, pressure_frequency=frequency), [3e-4] * 100)
+    fine = run(started(small, pressure_frequency=frequency), [1e-5] * 3000)[29::30]
+    assert relative(coarse[:, 0], fine[:, 0]) < 0.02
+
+
+def test_a_strongly_stretched_membrane_still_starts(small):
+    assert started(small, edge_displacement=10.0).get("strain[1]") == pytest.approx(20.0 / 0.588)
+
+
+def test_a_slack_membrane_has_frequencies_of_zero():
+    slack = MembraneParams(edge_displacement=0.0)
+    lowest = natural_frequencies(MembraneEquations(4), slack, count=3)
+    np.testing.assert_allclose(lowest, 0.0, atol=1e-2)
+    with pytest.raises(ParameterError, match="count is 99"):
+        natural_frequencies(MembraneEquations(4), slack, count=99)

@@ -55,6 +55,9 @@ class DetectorArtifact:
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.references.ndim != 3:
+            msg = f"detector artifact: references has shape {self.references.shape}, not (c, n, 16). Train it again."
+            raise ArtifactError(msg)
         c, n, _ = self.references.shape
         shapes = {
             "baseline": (c, INDICES),
@@ -71,6 +74,12 @@ class DetectorArtifact:
             if not np.isfinite(array).all():
                 msg = f"detector artifact: {name} holds values that are not finite. Train the detector again."
                 raise ArtifactError(msg)
+        if not (self.start_time >= 0.0 and 0.0 < self.sampling_step < np.inf and (np.diff(self.peaks) > 0.0).all()):
+            msg = "detector artifact: needs a start time and sampling step and increasing peaks. Train the detector again."
+            raise ArtifactError(msg)
+        if (self.weights < 0.0).any():
+            msg = "detector artifact: distance weights must not be negative. Train the detector again."
+            raise ArtifactError(msg)
         if (self.baseline <= 0.0).any() or self.samples < BLOCK or self.samples % BLOCK:
             msg = f"detector artifact: needs positive baseline energies and a multiple of 4 samples, not {self.samples}"
             raise ArtifactError(msg)

@@ -11,11 +11,12 @@ from __future__ import annotations
 import casadi as ca
 
 from ..step_model import StepModel, Variable
-from .artifact import DetectorArtifact
+from .artifact import INDICES, ZONES, DetectorArtifact
 from .neurofuzzy import Defuzzification, defuzzify, similarity
 from .packets import BLOCK, block_energies
 
-SENSORS, ZONES, INDICES = 4, 16, 16
+SENSORS = 4
+KNOWN = 0.5  # least similarity of a valid judgement; single damage between the reference levels has 0.97 or more
 _SNAP = 1e-6  # in sampling steps: a sample due within this is due now, so that rounding does not accumulate
 
 
@@ -46,8 +47,8 @@ def detector_model(
     networks, for a response that has become periodic.
 
     ``similarity`` is the largest similarity with any reference case, relative to that of the case itself; near zero,
-    nothing like it was trained. ``valid`` turns 1 with the first judgement, if the window is the one that the baseline
-    belongs to.
+    nothing like it was trained. ``valid`` is 1 if the last window judged is the one that the baseline belongs to and its
+    similarity is at least one half.
 
     References
     ----------
@@ -85,7 +86,7 @@ def detector_model(
 
 def _samples(p: ca.SX | ca.MX) -> ca.SX | ca.MX:
     """Count the samples of a window: the whole blocks of four that fit its length."""
-    return BLOCK * ca.floor(p[1] / p[2] / BLOCK + _SNAP)
+    return BLOCK * ca.fmax(ca.floor(p[1] / p[2] / BLOCK + _SNAP), 1.0)
 
 
 def _record_function() -> ca.Function:
@@ -131,7 +132,8 @@ def _judge_function(trained: DetectorArtifact, defuzzification: Defuzzification)
         S = similarity(ca.log(I), ca.DM(trained.references[c]), ca.DM(trained.weights[c]), trained.bias[c])
         O = ca.vertcat(*(S.T @ ca.DM(rule) for rule in trained.rules[c]))
         known = ca.mmax(S) * (1.0 + ca.exp(-trained.bias[c]))
-        result = ca.vertcat(defuzzify(O, peaks, defuzzification).T, I, known, belongs)
+        valid = ca.logic_and(belongs, known >= KNOWN)
+        result = ca.vertcat(defuzzify(O, peaks, defuzzification).T, I, known, valid)
         functions.append(ca.Function(f"judge_{c}", [U, belongs, judged], [result]))
     keep = ca.Function("keep", [U, belongs, judged], [judged])
     return ca.Function.conditional("judge", functions, keep)
@@ -153,7 +155,7 @@ def _variables(trained: DetectorArtifact) -> tuple[Variable, ...]:
             unit="s",
             start=trained.window_length,
             minimum=0.0,
-            description="Length of a window; whole blocks of four samples are used",
+            description="Length of a window; whole blocks of four samples are used, at least one",
         ),
         Variable(
             name="sampling_step",
@@ -225,7 +227,7 @@ def _variables(trained: DetectorArtifact) -> tuple[Variable, ...]:
             minimum=0.0,
             maximum=1.0,
             discrete=True,
-            description="1 once a window that fits the trained baseline has been judged",
+            description="1 if the last window judged fits the trained baseline and resembles a reference case",
         ),
     )
     return parameters + strains + damages + indices + flags

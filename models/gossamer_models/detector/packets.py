@@ -14,6 +14,8 @@ import numpy as np
 import pywt
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import DataError
+
 BLOCK = 4
 PACKETS = ("aa", "ad", "da", "dd")
 
@@ -54,12 +56,17 @@ def packet_energies(record: ArrayLike) -> NDArray[np.float64]:
     -------
     ndarray, shape (..., 4)
         Energies in the order AA, AD, DA, DD.
+
+    Raises
+    ------
+    DataError
+        The record is no multiple of four samples long.
     """
     samples = np.asarray(record, dtype=float)
     if samples.shape[-1] == 0 or samples.shape[-1] % BLOCK:
         msg = (
             f"a record of {samples.shape[-1]} samples has no whole blocks of {BLOCK}. Cut it to a multiple of {BLOCK}."
         )
-        raise ValueError(msg)
+        raise DataError(msg)
     packets = pywt.WaveletPacket(samples, "haar", mode="periodization", maxlevel=2, axis=-1)
     return np.stack([np.sum(packets[name].data ** 2, axis=-1) for name in PACKETS], axis=-1)

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import ParameterError
 from .equations import N_ZONES, MembraneEquations
 from .newton import sparse
 from .params import MembraneParams
@@ -50,7 +51,15 @@ def natural_frequencies(
     -------
     ndarray, shape (count,)
         Frequencies [Hz], increasing. A direction without stiffness, as in a slack membrane, gives 0.
+
+    Raises
+    ------
+    ParameterError
+        ``count`` is not from 1 to the number of degrees of freedom less one.
     """
+    if not 0 < count < equations.n_q:
+        msg = f"count is {count}; this mesh has 1 to {equations.n_q - 1} frequencies to ask for"
+        raise ParameterError(msg)
     x = np.broadcast_to(np.asarray(q, dtype=np.float64), (equations.n_q,))
     d = np.broadcast_to(np.asarray(damage, dtype=np.float64), (N_ZONES,))
     K = sparse(equations.tangent(x, d, 0.0, params.vector()))
@@ -60,5 +69,7 @@ def natural_frequencies(
     if highest:
         squares = scipy.sparse.linalg.eigsh(K, count, M, which="LA", v0=start, return_eigenvectors=False)
     else:
-        squares = scipy.sparse.linalg.eigsh(K, count, M, sigma=0.0, v0=start, return_eigenvectors=False)
+        # a shift a little below zero, so that a membrane without stiffness can be factorized
+        shift = -1e-9 * scipy.sparse.linalg.norm(K, 1) / M.max()
+        squares = scipy.sparse.linalg.eigsh(K, count, M, sigma=shift, v0=start, return_eigenvectors=False)
     return np.asarray(np.sqrt(np.maximum(np.sort(squares), 0.0)) / (2.0 * np.pi))

@@ -11,7 +11,7 @@ from .equations import MembraneEquations
 from .params import named
 
 NEWTON_STEPS = 8
-# largest force left on a node, over modulus * thickness * element size; round-off is 1e-16 of it
+# largest force left on a node, over modulus * thickness * element size * stretch^3; round-off is 1e-16 of it
 TOLERANCE = 1e-11
 
 
@@ -54,5 +54,6 @@ def prestress(equations: MembraneEquations, damage: ca.MX, p: ca.MX) -> tuple[ca
         q = newton(q, damage, p)
     f, wave = equations.force_expression(q, damage, zero, p)
     v = named(p)
-    scale = v["youngs_modulus"] * v["thickness"] * v["side_length"] / equations.mesh.elements_per_side
+    stretch = 1.0 + 2.0 * v["edge_displacement"] / v["side_length"]
+    scale = v["youngs_modulus"] * v["thickness"] * v["side_length"] / equations.mesh.elements_per_side * stretch**3
     return ca.if_else(ca.norm_inf(f) <= TOLERANCE * scale, q, ca.DM(equations.n_q * [float("nan")])), wave
