@@ -5,7 +5,8 @@ import json
 import casadi as ca
 import numpy as np
 import pytest
-from gossamer_models import ArtifactError, ParameterError, Stepper
+from gossamer_models import ArtifactError, ConvergenceError, ParameterError, Stepper
+from gossamer_models.compensator import compensator_model
 from gossamer_models.sensor import RelaxationTerm, SensorArtifact, default_artifact, exponential_sum, sensor_model
 from gossamer_models.sensor.relaxation import phi_1, phi_2
 from hypothesis import given, settings
@@ -232,7 +233,6 @@ def test_strain_beyond_full_scale_is_clipped_and_flagged():
         flags.append(sensor.get("saturated"))
     assert flags == [0.0, 0.0, 1.0, 1.0, 0.0]
     assert drive(start(DEFAULT), [1.7])[0] == drive(start(DEFAULT), [1.0])[0]
-    assert start(DEFAULT, rest_strain=1.5).get("saturated") == 1.0
 
 
 def test_state_and_work_of_a_step_are_fixed():
@@ -311,3 +311,11 @@ def test_negative_weights_are_refused_where_they_are_made():
 def test_a_sensor_without_memory_is_a_straight_line():
     s = np.random.default_rng(1).uniform(0, 1, 50)
     assert drive(start(sensor_model(spring())), s) == pytest.approx(s, abs=1e-14)
+
+
+@pytest.mark.parametrize("model", [sensor_model, compensator_model])
+def test_a_rest_strain_beyond_full_scale_is_refused(model):
+    with pytest.raises(ConvergenceError, match="rest_strain must not exceed full_scale_strain"):
+        Stepper(model(), rest_strain=0.7).initialize()
+    at_full_scale = Stepper(model(), rest_strain=0.5)
+    at_full_scale.initialize()

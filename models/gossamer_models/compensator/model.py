@@ -11,13 +11,13 @@ from dataclasses import replace
 import casadi as ca
 
 from ..sensor.artifact import SensorArtifact, default_artifact
-from ..sensor.model import SCALE_VARIABLES, clip, saturated_variable
+from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable
 from ..sensor.relaxation import decay, phi_1
 from ..sensor.state import SensorLaw
 from ..step_model import StepModel, Variable
 from .inverse import invert
 
-SHORTEST_FILTER_TIME = 1e-100  # [s]; stands for 0, and no step is as short
+SHORTEST_FILTER_TIME = 1e-300  # [s]; stands for 0
 
 
 def compensator_model(artifact: SensorArtifact | None = None) -> StepModel:
@@ -54,7 +54,7 @@ def compensator_model(artifact: SensorArtifact | None = None) -> StepModel:
     R, p = ca.MX.sym("R"), ca.MX.sym("p", len(SCALE_VARIABLES) + 2)
     R0, dR, full_scale, rest_strain, dead_band, T = ca.vertsplit(p)
 
-    rest = law.rest(clip(rest_strain / full_scale))
+    rest = resting_state(law, rest_strain, full_scale)
     R_rest = R0 + dR * rest.output()
     init = ca.Function("init", [R, p], [ca.vertcat(rest.pack(), R_rest, R_rest), ca.vertcat(rest.s * full_scale, 0.0)])
 
@@ -116,6 +116,6 @@ def compensator_model(artifact: SensorArtifact | None = None) -> StepModel:
         ),
         init=init,
         step=step,
-        advice="Check that the resistance is finite and the parameters are those of the sensor.",
+        advice=ADVICE,
         provenance=dict(artifact.provenance),
     )

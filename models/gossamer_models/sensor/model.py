@@ -9,7 +9,7 @@ import casadi as ca
 
 from ..step_model import StepModel, Variable
 from .artifact import SensorArtifact, default_artifact
-from .state import SensorLaw
+from .state import SensorLaw, SensorState
 
 SCALE_VARIABLES = (
     Variable(
@@ -49,6 +49,14 @@ SCALE_VARIABLES = (
         nominal=0.1,
     ),
 )
+
+
+ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must be of a sensible size."
+
+
+def resting_state(law: SensorLaw, rest_strain: ca.MX, full_scale: ca.MX) -> SensorState:
+    """Return the state before the run; not a number, and so refused, where ``rest_strain`` is beyond full scale."""
+    return law.rest(ca.if_else(rest_strain <= full_scale, rest_strain / full_scale, float("nan")))
 
 
 def saturated_variable(description: str) -> Variable:
@@ -92,9 +100,8 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
     strain, p = ca.MX.sym("strain"), ca.MX.sym("p", len(SCALE_VARIABLES))
     R0, dR, full_scale, rest_strain = ca.vertsplit(p)
 
-    rest = law.rest(clip(rest_strain / full_scale))
-    outside = rest_strain > full_scale
-    init = ca.Function("init", [strain, p], [rest.pack(), ca.vertcat(R0 + dR * rest.output(), outside)])
+    rest = resting_state(law, rest_strain, full_scale)
+    init = ca.Function("init", [strain, p], [rest.pack(), ca.vertcat(R0 + dR * rest.output(), 0.0)])
 
     s = strain / full_scale
     state = law.advance(law.unpack(x), clip(s), h)
@@ -124,7 +131,7 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
         ),
         init=init,
         step=step,
-        advice="Check that the strain is finite.",
+        advice=ADVICE,
         provenance=dict(artifact.provenance),
     )
 
