@@ -50,8 +50,9 @@ class Stepper:
         self._index = {name: i for i, name in enumerate(model.names)}
         self._p, self._u, self._y = model.slices()
         self._limit = None if model.step_limit is None else self._index[model.step_limit]
-        self._lower = np.array([-np.inf if v.minimum is None else v.minimum for v in model.variables])
-        self._upper = np.array([np.inf if v.maximum is None else v.maximum for v in model.variables])
+        largest = np.finfo(float).max  # so that infinities are out of range, as NaN is
+        self._lower = np.array([-largest if v.minimum is None else v.minimum for v in model.variables])
+        self._upper = np.array([largest if v.maximum is None else v.maximum for v in model.variables])
         n_x = model.n_states
         self._values = np.zeros(len(model.variables))
         self._x = np.zeros(n_x)
@@ -106,21 +107,12 @@ class Stepper:
         except (TypeError, ValueError):
             msg = f"model {self.model.name!r} needs one value per table index"
             raise InputError(msg) from None
+        settable = range(self._u.start if self.initialized else 0, self._u.stop)
         for index, value in given:
-            variable = self._variable(index)
-            if variable.causality in ("output", "local"):
-                msg = f"{variable.name!r} is a result of model {self.model.name!r} and cannot be set"
-                raise InputError(msg)
-            if self.initialized and variable.causality == "parameter":
-                msg = (
-                    f"parameter {variable.name!r} is fixed once model {self.model.name!r} runs. Reset it, then set it."
-                )
-                raise StateError(msg)
-            try:
-                pairs.append((index, float(value)))
-            except (TypeError, ValueError, OverflowError):
-                msg = f"{variable.name!r} needs a number [{variable.unit}], not {value!r}"
-                raise InputError(msg) from None
+            if type(index) is int and index in settable and type(value) is float:
+                pairs.append((index, value))
+            else:
+                pairs.append((index, self._convert(index, value)))
         for index, number in pairs:
             self._values[index] = number
         self._checked = False
@@ -225,6 +217,21 @@ class Stepper:
         self.initialized = bool(body[0])
         self._checked = False
 
+    def _convert(self, index: int, value: float) -> float:
+        """Return a value to set as a float; raise if it is none or the variable cannot be set now."""
+        variable = self._variable(index)
+        if variable.causality in ("output", "local"):
+            msg = f"{variable.name!r} is a result of model {self.model.name!r} and cannot be set"
+            raise InputError(msg)
+        if self.initialized and variable.causality == "parameter":
+            msg = f"parameter {variable.name!r} is fixed once model {self.model.name!r} runs. Reset it, then set it."
+            raise StateError(msg)
+        try:
+            return float(value)
+        except (TypeError, ValueError, OverflowError):
+            msg = f"{variable.name!r} needs a number [{variable.unit}], not {value!r}"
+            raise InputError(msg) from None
+
     def _variable(self, index: int) -> Variable:
         if not (isinstance(index, int | np.integer) and 0 <= index < len(self.model.variables)):
             msg = (
@@ -247,7 +254,7 @@ class Stepper:
     def _check(self, part: slice, error: type[ParameterError | InputError]) -> None:
         """Raise if a given value of this part of the table is not finite or out of its range."""
         given = self._values[part]
-        if ((given >= self._lower[part]) & (given <= self._upper[part]) & np.isfinite(given)).all():
+        if ((given >= self._lower[part]) & (given <= self._upper[part])).all():
             return
         for variable, value in zip(self.model.variables[part], given, strict=True):
             low = -math.inf if variable.minimum is None else variable.minimum

@@ -43,7 +43,7 @@ def test_membrane_step():
 
 
 def test_sensor_compensator_and_detector_step():
-    strains = iter(np.tile(0.1 + 0.09 * np.sin(np.linspace(0.0, 60.0, 5000)), 20))
+    strains = iter(np.tile(0.1 + 0.09 * np.sin(np.linspace(0.0, 60.0, 5000)), 20).tolist())
     sensor, compensator = running(sensor_model()), running(compensator_model())
     detector = running(detector_model(), repeat=1.0)
 
@@ -56,7 +56,7 @@ def test_sensor_compensator_and_detector_step():
         compensator.set("resistance", sensor.get("resistance"))
         compensator.step(H)
 
-    print(f"\nsensor step: {microseconds(sense, 6000):.1f} us (asked 25)")
+    print(f"\nsensor, input set and step: {microseconds(sense, 6000):.1f} us (asked 25)")
     print(f"sensor and compensator step: {microseconds(compensate, 6000):.1f} us")
     print(f"detector step: {microseconds(lambda: detector.step(H), 6000):.1f} us")
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from .artifact import RelaxationTerm
 
+SMALLEST = 1e-300
 SERIES_BELOW = 0.5
 SERIES_TERMS = 14
 
@@ -56,8 +57,11 @@ class ModeBank:
 
 
 def decay(bank: ModeBank, z: ca.MX, h: ca.MX) -> ca.MX:
-    """Let the modes [1], shape (n,), decay for ``h`` seconds at constant strain."""
-    return ca.exp(-ca.DM(bank.decay_rates) * h) * z
+    """Let the modes [1], shape (n,), decay for ``h`` seconds at constant strain.
+
+    They end in zero: subnormal numbers, which processors are slow with, would stay for hours of a simulated hold.
+    """
+    return ca.fmax(ca.exp(-ca.DM(bank.decay_rates) * h) * z - SMALLEST, 0.0)
 
 
 def rise(bank: ModeBank, start: ca.MX, h: ca.MX) -> tuple[ca.MX, ca.MX]:
