@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping
+from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
 Node = TypeVar("Node", bound=Hashable)
@@ -21,24 +22,11 @@ def find_cycle(edges: Mapping[Node, Iterable[Node]]) -> list[Node]:
     list of node
         The nodes along a cycle, the first one repeated at the end; empty if there is none.
     """
-    done: set[Node] = set()
-    for root in edges:
-        path: list[Node] = []
-        on_path: set[Node] = set()
-        stack: list[tuple[Node, bool]] = [(root, False)]
-        while stack:
-            node, leaving = stack.pop()
-            if leaving:
-                path.pop()
-                on_path.discard(node)
-                done.add(node)
-            elif node in on_path:
-                return [*path[path.index(node) :], node]
-            elif node not in done:
-                path.append(node)
-                on_path.add(node)
-                stack.append((node, True))
-                stack.extend((successor, False) for successor in edges.get(node, ()))
+    try:
+        TopologicalSorter(edges).prepare()
+    except CycleError as error:
+        cycle: list[Node] = error.args[1]
+        return cycle[::-1]  # the sorter takes successors for predecessors
     return []
 
 
