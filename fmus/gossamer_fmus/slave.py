@@ -7,9 +7,13 @@ An exception that leaves a callback crashes the host, so none does: a refused st
 is logged and ignored.
 """
 
+import atexit
+import ctypes
+import os
 import sys
 from collections.abc import Callable
-from functools import lru_cache
+from contextlib import suppress
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -26,6 +30,20 @@ T = TypeVar("T")
 def load_model(folder: str) -> StepModel:
     """Read the model once per process."""
     return StepModel.load(Path(folder))
+
+
+@cache
+def finalize_before_exit(folder: str) -> None:
+    """Let pythonfmu's library give up its state while it still has one.
+
+    On Linux the destructors of pythonfmu 0.7.0 release that state twice, first with the library's static objects; now and
+    then the host aborts at its very end ("corrupted double-linked list"). Released before, both find nothing to do.
+    """
+    if sys.platform != "linux":
+        return
+    for library in Path(folder).parent.glob("binaries/linux*/*.so"):
+        with suppress(OSError, AttributeError):  # not the library that is loaded, or a version without the function
+            atexit.register(ctypes.CDLL(str(library), mode=os.RTLD_NOLOAD | os.RTLD_NOW).finalizePythonInterpreter)
 
 
 def never_raises(
@@ -53,6 +71,7 @@ class GossamerSlave(Fmi2Slave):
         super().__init__(**kwargs)
         while self.resources in sys.path:  # put there by pythonfmu, once per instance: must not shadow a host's modules
             sys.path.remove(self.resources)
+        finalize_before_exit(self.resources)
         self.stepper = Stepper(load_model(self.resources))
         self.values = self.stepper._values.data  # read in place: three times faster than get_values
         self.first_result = self.stepper.model.slices()[2].start
