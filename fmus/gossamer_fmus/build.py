@@ -124,7 +124,8 @@ def build_all(
     ArtifactError
         The artifact cannot be used.
     """
-    return {name: build_fmu(_model(name, artifact, elements_per_side), folder) for name in names}
+    models = {name: _model(name, artifact, elements_per_side) for name in names}  # all or nothing
+    return {name: build_fmu(model, folder) for name, model in models.items()}
 
 
 def _model(name: str, artifact: Path | None, elements_per_side: int | None) -> StepModel:

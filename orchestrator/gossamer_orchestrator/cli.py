@@ -261,6 +261,9 @@ def _model_errors() -> Iterator[None]:
         yield
     except GossamerError as error:
         raise OrchestratorError(str(error)) from error
+    except OSError as error:
+        msg = f"cannot write there: {error}. Name another place with --out."
+        raise OrchestratorError(msg) from error
 
 
 def _run(scenario: Path, fmus: Path, out: Path, *, pictures: bool) -> None:
@@ -298,6 +301,10 @@ def _show(data: xr.Dataset) -> None:
     if found:
         console.print(zone_table(found[-1]))
     else:
-        console.print("The detector made no valid judgement: no window of the trained length ended within the run.")
+        console.print(
+            "The detector made no valid judgement: no window like those it was trained on ended within the run. Either none "
+            "ended, or 'window_length', 'sampling_step' or 'start_time' are not the trained ones, or what it saw resembles "
+            "no reference case (output 'similarity' below one half). Its outputs are in the results all the same."
+        )
     for sentence in doubts(data, found):
         console.print(sentence, style="bold yellow")

@@ -171,8 +171,8 @@ def history_table(found: list[Judgement]) -> Table:
         table.add_row(
             f"{judgement.time:.4f}",
             f"{zone + 1}",
-            f"{100 * judgement.true[zone]:.0f}",
             f"{100 * judgement.estimated[zone]:.1f}",
+            f"{100 * judgement.true[zone]:.0f}",
             f"{100 * judgement.mean_absolute_error:.2f}",
             f"{judgement.similarity:.2g}",
         )

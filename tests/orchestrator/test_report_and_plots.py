@@ -117,3 +117,12 @@ def test_pictures_are_drawn_for_what_was_recorded(data, tmp_path):
 
 def test_nothing_is_drawn_of_a_stranger_s_run(tmp_path):
     assert plots.save_pictures(xr.Dataset({"a.y": ("time", [0.0])}), tmp_path) == []
+
+
+def test_the_history_puts_estimate_and_truth_under_their_headings(data):
+    table = history_table(judgements(data))
+    cells = {str(column.header): list(column.cells) for column in table.columns}
+    for row, judgement in enumerate(judgements(data)):
+        zone = int(np.argmax(judgement.estimated))
+        assert cells["estimated [%]"][row] == f"{100 * judgement.estimated[zone]:.1f}"
+        assert cells["true there [%]"][row] == f"{100 * judgement.true[zone]:.0f}"
