@@ -122,6 +122,30 @@ def run(
     _run(path, fmus, Path("out") / path.stem if out is None else out, pictures=pictures)
 
 
+@app.command("export-ssp")
+def export_ssp_(
+    scenario: Annotated[str, typer.Argument(help="A scenario file, or the name of one that is shipped.")],
+    out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.ssp if not given.", metavar="FILE")] = None,
+    fmus: FmuFolder = FMUS,
+) -> None:
+    """Write a scenario and its FMUs as one .ssp for other tools.
+
+    System Structure and Parameterization is the standard in which co-simulation tools exchange connected FMUs. Prints the
+    path. What SSP cannot say (events, noise, dropout) is refused.
+
+    For example:
+
+        gossamer build --native && gossamer export-ssp damaged
+
+        gossamer export-ssp my_scenario.toml --out mine.ssp
+    """
+    from .scenario import load_scenario
+    from .ssp import export_ssp
+
+    path = find_scenario(scenario)
+    typer.echo(export_ssp(load_scenario(path), fmus, Path("out") / f"{path.stem}.ssp" if out is None else out))
+
+
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for FMUs, results and pictures.", metavar="FOLDER")] = Path("out"),
