@@ -1,7 +1,8 @@
 """A running FMU, through FMPy's low-level interface.
 
-A step costs what the FMU costs: value references and buffers are prepared once per group of variables (``Port``), and the
-C functions are called directly, since fmi2Discard is an answer here and no exception.
+A step costs what the FMU costs: the arguments of a call are converted to C once per group of variables (``Port``), and the
+C functions are called directly, since fmi2Discard is an answer here and no exception. ctypes converts no argument of a
+function that declares no types, which halves the cost of a call; so every argument of those must be a ctypes object.
 """
 
 from __future__ import annotations
@@ -46,21 +47,27 @@ _LOGGER = fmi2.fmi2CallbackLoggerTYPE(_log)
 
 
 class Port:
-    """Real variables that are read or written together.
+    """Real variables of one instance that are read or written together.
 
     Attributes
     ----------
     values : numpy.ndarray
         Their buffer, contiguous; may be a view into a larger array.
+    arguments : tuple
+        What fmi2GetReal and fmi2SetReal are called with.
     """
 
-    __slots__ = ("pointer", "references", "size", "values")
+    __slots__ = ("arguments", "size", "values")
 
-    def __init__(self, references: Sequence[int], values: NDArray[np.float64]) -> None:
+    def __init__(self, component: ctypes.c_void_p, references: Sequence[int], values: NDArray[np.float64]) -> None:
         self.size = len(references)
-        self.references = (fmi2.fmi2ValueReference * self.size)(*references)
         self.values = values
-        self.pointer = values.ctypes.data_as(ctypes.POINTER(fmi2.fmi2Real))
+        self.arguments = (
+            component,
+            (fmi2.fmi2ValueReference * self.size)(*references),
+            ctypes.c_size_t(self.size),
+            values.ctypes.data_as(ctypes.c_void_p),
+        )
 
 
 class Instance:
@@ -84,10 +91,11 @@ class Instance:
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         self.fmu = fmu
         self.name = name
-        self.time = time
+        self._time = ctypes.c_double(time)
         self._key = next(_numbers)
         self.messages = _logs[self._key] = deque(maxlen=8)
         self._state = fmi2.fmi2FMUstate()
+        self._is_python = fmu.is_python
         self._initialized = False
         self._component: Any = None
         self._slave: Any = None
@@ -99,6 +107,10 @@ class Instance:
                 instanceName=name,
             )
             self._slave.instantiate(callbacks=self._callbacks(), loggingOn=True)
+            dll = self._slave.dll  # by subscript it gives functions of its own, without FMPy's argument types
+            self._get, self._set, self._do_step = dll["fmi2GetReal"], dll["fmi2SetReal"], dll["fmi2DoStep"]
+            self._get_state, self._set_state = dll["fmi2GetFMUstate"], dll["fmi2SetFMUstate"]
+            self._free_state = dll["fmi2FreeFMUstate"]
         except Exception as error:
             # FMPy raises bare exceptions here
             del _logs[self._key]
@@ -106,11 +118,13 @@ class Instance:
                 self._slave.freeLibrary()  # pythonfmu 0.7.0 may abort the process at its end if it is still loaded
             msg = f"{name}: {fmu.path} cannot be started: {error}{self._said()} Try 'gossamer validate' on it."
             raise FmuError(msg) from error
-        self._component = self._slave.component
-        dll = self._slave.dll
-        self._get, self._set, self._do_step = dll.fmi2GetReal, dll.fmi2SetReal, dll.fmi2DoStep
-        self._get_state, self._set_state = dll.fmi2GetFMUstate, dll.fmi2SetFMUstate
-        self._free_state = dll.fmi2FreeFMUstate
+        self._component = ctypes.c_void_p(self._slave.component)
+        self._state_arguments = (self._component, ctypes.byref(self._state))
+
+    @property
+    def time(self) -> float:
+        """Start of the last step [s]."""
+        return self._time.value
 
     def _callbacks(self) -> Any:  # noqa: ANN401
         callbacks = fmi2.fmi2CallbackFunctions()
@@ -125,7 +139,7 @@ class Instance:
     def port(self, names: Sequence[str], values: NDArray[np.float64] | None = None) -> Port:
         """Prepare the exchange of some Real variables."""
         references = [self.fmu.variables[name].valueReference for name in names]
-        return Port(references, np.zeros(len(references)) if values is None else values)
+        return Port(self._component, references, np.zeros(len(references)) if values is None else values)
 
     def set_start(self, values: Mapping[str, float | str]) -> None:
         """Set parameters and inputs of any type by name."""
@@ -152,19 +166,19 @@ class Instance:
 
     def write(self, port: Port) -> None:
         """Set the variables of a port."""
-        status = self._set(self._component, port.references, port.size, port.pointer)
+        status = self._set(*port.arguments)
         if status > WARNING:
             self._check(status, "did not take its inputs")
 
-    def read(self, port: Port, count: int) -> None:
-        """Get the first ``count`` variables of a port."""
-        status = self._get(self._component, port.references, count, port.pointer)
+    def read(self, port: Port) -> None:
+        """Get the variables of a port."""
+        status = self._get(*port.arguments)
         if status > WARNING:
             self._check(status, "did not give its outputs")
 
-    def step(self, time: float, size: float) -> bool:
+    def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
         """Advance by ``size`` [s] from ``time`` [s]; False if the FMU discarded the step."""
-        self.time = time
+        self._time = time
         status = self._do_step(self._component, time, size, 0)
         if status <= WARNING:
             return True
@@ -175,10 +189,13 @@ class Instance:
 
     def save_state(self) -> None:
         """Keep the present state in place of the one kept before."""
-        if self._state:
-            self._check(self._free_state(self._component, ctypes.byref(self._state)), "did not free its state")
+        if self._is_python and self._state:
+            # an FMU is given its old state to write over; pythonfmu 0.7.0 makes a new one and loses the old
+            self._check(self._free_state(*self._state_arguments), "did not free its state")
             self._state.value = None
-        self._check(self._get_state(self._component, ctypes.byref(self._state)), "did not save its state")
+        status = self._get_state(*self._state_arguments)
+        if status > WARNING:
+            self._check(status, "did not save its state")
 
     def restore_state(self) -> None:
         """Go back to the state kept last."""
@@ -192,7 +209,7 @@ class Instance:
         if not self.fmu.corrupt:
             dll = self._slave.dll
             if self._state:
-                self._free_state(component, ctypes.byref(self._state))
+                self._free_state(*self._state_arguments)
             if self._initialized:
                 dll.fmi2Terminate(component)
             if not self.fmu.corrupt:

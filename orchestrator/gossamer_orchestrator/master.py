@@ -9,11 +9,13 @@ because 64 is a power of two.
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from types import FrameType
 from typing import Protocol
 
@@ -54,6 +56,8 @@ class Member:
         Its FMU.
     y : numpy.ndarray
         Where its outputs go, a view into the values of the whole run.
+    arrived : numpy.ndarray
+        Where its inputs come from, the values of the whole run as the receivers see them.
     places : dict
         Place of every ``(component, variable)`` in those values.
     ticks : int
@@ -65,35 +69,43 @@ class Member:
         plan: ComponentPlan,
         instance: Instance,
         y: NDArray[np.float64],
+        arrived: NDArray[np.float64],
         places: dict[tuple[str, str], int],
         ticks: int,
     ) -> None:
         self.name = plan.name
         self.instance = instance
-        self.inputs: Port = instance.port([wire.target for wire in plan.wires])
+        self.sent: Port = instance.port(plan.sent, y[: len(plan.sent)])
         self.outputs: Port = instance.port([*plan.sent, *plan.recorded], y)
-        self.n_sent = len(plan.sent)
-        self.sources = np.array([places[wire.sender, wire.origin] for wire in plan.wires], dtype=np.intp)
         channels = [Channel.if_needed(wire.connection, ticks) for wire in plan.wires]
         self.channels = [(i, channel) for i, channel in enumerate(channels) if channel is not None]
+        sources = np.array([places[wire.sender, wire.origin] for wire in plan.wires], dtype=np.intp)
+        inputs = [wire.target for wire in plan.wires]
+        side_by_side = bool((np.diff(sources) == 1).all())
+        if inputs and side_by_side and not self.channels:  # the FMU reads them where they stand
+            self.inputs: Port = instance.port(inputs, arrived[sources[0] : sources[0] + len(inputs)])
+            self._gather: Callable[[], object] | None = None
+        else:
+            self.inputs = instance.port(inputs)
+            self._gather = partial(arrived.take, sources, None, self.inputs.values, "clip") if inputs else None
 
-    def receive(self, values: NDArray[np.float64], tick: int) -> None:
-        """Fetch the inputs from what the others sent."""
-        u = self.inputs.values
-        values.take(self.sources, out=u, mode="clip")
-        for i, channel in self.channels:
-            u[i] = channel(float(u[i]), tick)
-
-    def advance(self, time: float, size: float, *, full: bool) -> bool:
-        """Set inputs, step, read outputs (all of them if ``full``); False if the FMU discarded the step."""
-        instance = self.instance
+    def receive(self, tick: int) -> None:
+        """Fetch the inputs from what the others sent, and set them."""
+        if self._gather is not None:
+            self._gather()
+            u = self.inputs.values
+            for i, channel in self.channels:
+                u[i] = channel(float(u[i]), tick)
         if self.inputs.size:
-            instance.write(self.inputs)
-        if not instance.step(time, size):
+            self.instance.write(self.inputs)
+
+    def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
+        """Step and read outputs (all of them if ``full``); False if the FMU discarded the step."""
+        if not self.instance.step(time, size):
             return False
-        count = self.outputs.size if full else self.n_sent
-        if count:
-            instance.read(self.outputs, count)
+        outputs = self.outputs if full else self.sent
+        if outputs.size:
+            self.instance.read(outputs)
         return True
 
 
@@ -127,9 +139,11 @@ class Simulation:
         names = [(c.name, v) for c in plan.components for v in (*c.sent, *c.recorded)]
         self.places = {name: i for i, name in enumerate(names)}
         self.values = np.zeros(len(names))
+        self._jacobi = plan.scenario.master == "jacobi"
+        self._arrived = self.values.copy() if self._jacobi else self.values
         self._before = np.zeros(len(names))
         self._every = plan.scenario.record.every
-        self._jacobi = plan.scenario.master == "jacobi"
+        self._ticks = plan.scenario.ticks
         self._unit = plan.scenario.step / MAX_PARTS
         self._can_repeat = all(f.can_restore and f.can_vary_step for f in plan.files)
 
@@ -172,7 +186,7 @@ class Simulation:
                     observer.begin(self)
                 for observer in observers:
                     observer.sample(self)
-                while self.tick < self.scenario.ticks:
+                while self.tick < self._ticks:
                     self.step()
                     for observer in observers:
                         observer.sample(self)
@@ -192,21 +206,21 @@ class Simulation:
         """
         for name, values in self.plan.events.get(self.tick, ()):
             self._member(name).instance.set_start(values)
-        held: list[list[float]] = []
         if self._can_repeat:
             for member in self.members:
                 member.instance.save_state()
             self._before[:] = self.values
-            held = [[channel.held for _, channel in member.channels] for member in self.members]
+        channels = [channel for member in self.members for _, channel in member.channels]
+        held = [channel.held for channel in channels]
         parts = 1
         while (refused := self._try(parts)) is not None:
             if not self._can_repeat or parts == MAX_PARTS:
                 raise self._refusal(refused, parts)
             parts *= 2
-            for member, old in zip(self.members, held, strict=True):
+            for member in self.members:
                 member.instance.restore_state()
-                for (_, channel), value in zip(member.channels, old, strict=True):
-                    channel.held = value
+            for channel, value in zip(channels, held, strict=True):
+                channel.held = value
             self.values[:] = self._before
         if parts > 1:
             self.divided += 1
@@ -222,7 +236,7 @@ class Simulation:
             self._instances.append(instance)
             end = begin + len(component.sent) + len(component.recorded)
             y = self.values[begin:end]
-            self.members.append(Member(component, instance, y, self.places, scenario.ticks))
+            self.members.append(Member(component, instance, y, self._arrived, self.places, scenario.ticks))
             begin = end
         for name in self.plan.start_order:
             member = self._member(name)
@@ -232,33 +246,27 @@ class Simulation:
             for receiver, values in self.plan.events.get(0, ()):
                 if receiver == name:
                     instance.set_start(values)
-            if member.inputs.size:
-                member.receive(self.values, 0)
-                instance.write(member.inputs)
+            member.receive(0)
             instance.exit_initialization()
             if member.outputs.size:
-                instance.read(member.outputs, member.outputs.size)
+                instance.read(member.outputs)
+            self._arrived[:] = self.values
 
     def _try(self, parts: int) -> Member | None:
         """Do the present step in equal parts; return the member that refused one, if any."""
-        tick, values = self.tick, self.values
+        tick = self.tick
         full = (tick + 1) % self._every == 0
         stride = MAX_PARTS // parts
-        size = self.scenario.step / parts
+        size = ctypes.c_double(self.scenario.step / parts)
         for part in range(parts):
-            time = self.scenario.start + (tick * MAX_PARTS + part * stride) * self._unit
+            time = ctypes.c_double(self.scenario.start + (tick * MAX_PARTS + part * stride) * self._unit)
             last = full and part == parts - 1
             if self._jacobi:
-                for member in self.members:
-                    member.receive(values, tick + 1)
-                for member in self.members:
-                    if not member.advance(time, size, full=last):
-                        return member
-            else:
-                for member in self.members:
-                    member.receive(values, tick + 1)
-                    if not member.advance(time, size, full=last):
-                        return member
+                self._arrived[:] = self.values
+            for member in self.members:
+                member.receive(tick + 1)
+                if not member.advance(time, size, full=last):
+                    return member
         return None
 
     def _refusal(self, member: Member, parts: int) -> SimulationError:

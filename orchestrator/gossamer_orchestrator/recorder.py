@@ -30,9 +30,9 @@ class Recorder:
     def __init__(self, plan: Plan) -> None:
         self.columns = plan.columns
         self._every = plan.scenario.record.every
-        rows = plan.scenario.ticks // self._every + 1
-        self._time = np.zeros(rows)
-        self._table = np.zeros((rows, len(self.columns)))
+        ticks = range(0, plan.scenario.ticks + 1, self._every)
+        self._time = np.array([plan.scenario.seconds(tick) for tick in ticks])
+        self._table = np.zeros((len(ticks), len(self.columns)))
         self._rows = 0
         self._places: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
 
@@ -44,8 +44,7 @@ class Recorder:
         """Write a row, at every n-th communication point."""
         if simulation.tick % self._every:
             return
-        self._time[self._rows] = simulation.time
-        simulation.values.take(self._places, out=self._table[self._rows], mode="clip")
+        simulation.values.take(self._places, None, self._table[self._rows], "clip")
         self._rows += 1
 
     def end(self, simulation: Simulation) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import statistics
 import time
 
@@ -31,12 +32,14 @@ def master(plan) -> float:
 
 def bare(plan) -> float:
     """Time the FMI calls of 1000 steps alone: set, step, get; no transfer, no saved state, no recorder [s]."""
-    step, ticks = plan.scenario.step, plan.scenario.ticks
+    ticks, step = plan.scenario.ticks, ctypes.c_double(plan.scenario.step)
     with Simulation(plan) as simulation:
         begin = time.perf_counter()
         for tick in range(ticks):
+            now = ctypes.c_double(plan.scenario.seconds(tick))
             for member in simulation.members:
-                member.advance(tick * step, step, full=True)
+                member.instance.write(member.inputs)
+                member.advance(now, step, full=True)
         return (time.perf_counter() - begin) / ticks * 1000
 
 
