@@ -1,0 +1,122 @@
+"""The demo chain as data, for hosts that no one here wrote.
+
+A host is a script ``<tool>_host.py`` beside this file; it knows the tool and nothing of Gossamer. It runs in a process of
+its own, so that a host that crashes, prints or warns disturbs nobody: ``python <tool>_host.py job.json table.npy``. The
+job names FMUs, start values, connections and what to watch; the table has a row per communication point, the first at the
+start, and a column per watched variable.
+"""
+
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from gossamer_fmus import build_all
+from gossamer_orchestrator import load_scenario, run_scenario
+from gossamer_orchestrator.plan import make_plan
+from gossamer_orchestrator.ssp import export_ssp
+
+HERE = Path(__file__).parent
+SCENARIO = HERE.parents[1] / "orchestrator/scenarios/damaged.toml"
+WATCHED = [
+    *(("membrane", f"strain[{i}]") for i in range(1, 5)),
+    ("membrane", "deflection"),
+    *((f"sensor{i}", "resistance") for i in range(1, 5)),
+    *((f"compensator{i}", "strain") for i in range(1, 5)),
+    *(("detector", f"damage[{i}]") for i in range(1, 17)),
+    ("detector", "similarity"),
+    ("detector", "valid"),
+]
+
+
+@pytest.fixture(scope="session", params=["pythonfmu", "native"])
+def kind(request):
+    """Kind of FMU."""
+    if request.param == "native" and "native" not in inspect.signature(build_all).parameters:
+        pytest.skip("there are no native FMUs yet")
+    return request.param
+
+
+@pytest.fixture(scope="session")
+def fmus(kind, tmp_path_factory):
+    """Folder of the four FMUs."""
+    folder = tmp_path_factory.mktemp(kind)
+    build_all(folder, **({"native": True} if kind == "native" else {}))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def ssp(fmus):
+    """The scenario as an .ssp."""
+    return export_ssp(load_scenario(SCENARIO), fmus, fmus / "damaged.ssp")
+
+
+@pytest.fixture(scope="session")
+def job(fmus):
+    """What a host must know: the scenario with everything spelled out."""
+    scenario = load_scenario(SCENARIO)
+    plan = make_plan(scenario, fmus)
+    return {
+        "step": scenario.step,
+        "ticks": scenario.ticks,
+        "steps": [[scenario.seconds(k), scenario.step] for k in range(scenario.ticks)],
+        "master": "gauss-seidel",
+        "components": [{"name": c.name, "fmu": str(c.fmu.path), "start": c.start} for c in plan.components],
+        "connections": [[w.sender, w.origin, c.name, w.target] for c in plan.components for w in c.wires],
+        "watched": WATCHED,
+    }
+
+
+@pytest.fixture(scope="session")
+def run_host(job, tmp_path_factory):
+    """Run a host's script on the job; return its table and what it printed."""
+
+    def run(script, **changes):
+        folder = tmp_path_factory.mktemp(script.partition(".")[0])
+        table = folder / "table.npy"
+        (folder / "job.json").write_text(json.dumps(job | changes))
+        command = [sys.executable, HERE / script, folder / "job.json", table]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+        said = done.stdout + done.stderr
+        assert done.returncode == 0, said
+        return SimpleNamespace(table=np.load(table), said=said)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def own(fmus):
+    """The orchestrator's own trajectories of the watched variables, by master algorithm."""
+
+    def run(master):
+        scenario = load_scenario(SCENARIO).model_copy(update={"master": master})
+        data = run_scenario(scenario, fmus)
+        assert data.attrs["divided_steps"] == 0
+        return np.column_stack([_column(data, component, name) for component, name in WATCHED])
+
+    return {master: run(master) for master in ("gauss-seidel", "jacobi")}
+
+
+def _column(data, component, name):
+    base, _, index = f"{component}.{name}".removesuffix("]").partition("[")
+    variable = data[base]
+    return variable.sel({variable.dims[1]: int(index)}) if index else variable
+
+
+@pytest.fixture(scope="session")
+def assert_equal(job):
+    """Check that two tables are equal to the last bit; say where they first differ."""
+
+    def check(table, expected):
+        assert table.shape == expected.shape == (job["ticks"] + 1, len(WATCHED))
+        rows, columns = np.nonzero(~((table == expected) | (np.isnan(table) & np.isnan(expected))))
+        if len(rows):
+            k, j = rows[0], columns[0]
+            where = f"{'.'.join(WATCHED[j])} at step {k}: {table[k, j]!r}, not {expected[k, j]!r}"
+            pytest.fail(f"{len(rows)} values differ in {sorted({WATCHED[j] for j in columns})}, first {where}")
+
+    return check
