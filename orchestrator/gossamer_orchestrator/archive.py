@@ -1,50 +1,110 @@
-"""Unpack an FMU from anywhere: what its archive says about itself is checked first."""
+"""Unpack an archive from anywhere: what it says about itself is checked first, what comes out of it is counted."""
 
 from __future__ import annotations
 
 import stat
 import zipfile
+import zlib
 from pathlib import Path, PurePosixPath
 
-from .errors import FmuError
+from .errors import FmuError, OrchestratorError
 
 MAX_FILES = 20_000
 MAX_BYTES = 2 * 1024**3
+_ENCRYPTED = 0x1
 
 
-def check_archive(path: Path) -> None:
-    """Refuse a file that is no ZIP archive, leaves its folder when unpacked, or is absurdly large.
+def check_archive(
+    path: Path,
+    *,
+    kind: str = "FMU",
+    needs: str = "modelDescription.xml",
+    failure: type[OrchestratorError] = FmuError,
+) -> None:
+    """Refuse a file that is no ZIP archive, leaves its folder when unpacked, is ambiguous, or is absurdly large.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind, needs : str
+        What it should be, and the member that makes it one.
+    failure : type
+        The error to raise.
 
     Raises
     ------
     FmuError
-        With the name or number at fault.
+        Or ``failure``, with the name or number at fault.
     """
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
     except (OSError, zipfile.BadZipFile) as error:
-        msg = f"{path} is no FMU: {error}. An FMU is a ZIP archive; build or copy it again."
-        raise FmuError(msg) from None
+        msg = f"{path} is no {kind}: {error}. It should be a ZIP archive; build or copy it again."
+        raise failure(msg) from None
     size = sum(member.file_size for member in members)
     if len(members) > MAX_FILES or size > MAX_BYTES:
         msg = (
             f"{path} holds {len(members)} files of {size / 1024**2:.0f} MiB unpacked, more than {MAX_FILES} files or "
             f"{MAX_BYTES // 1024**2} MiB. It is not unpacked; ask its author for a smaller one."
         )
-        raise FmuError(msg)
+        raise failure(msg)
+    seen: set[PurePosixPath] = set()
     for member in members:
-        name = member.filename
-        place = PurePosixPath(name)
-        link = stat.S_ISLNK(member.external_attr >> 16)
-        if link or place.is_absolute() or ".." in place.parts or "\\" in name or ":" in name:
-            what = "is a link" if link else "would be written outside its folder"
-            msg = f"{path}: its member {name!r} {what}. Such an archive is not unpacked; do not trust it."
-            raise FmuError(msg)
-    names = {member.filename for member in members}
-    if "modelDescription.xml" not in names:
-        msg = f"{path} is no FMU: it holds no modelDescription.xml. Build or copy it again."
-        raise FmuError(msg)
+        what = _explain_member(member, seen)
+        if what is not None:
+            msg = f"{path}: its member {member.filename!r} {what}. Such an archive is not unpacked; do not trust it."
+            raise failure(msg)
+        seen.add(PurePosixPath(member.filename))
+    if PurePosixPath(needs) not in seen:
+        msg = f"{path} is no {kind}: it holds no {needs}. Build or copy it again."
+        raise failure(msg)
+
+
+def _explain_member(member: zipfile.ZipInfo, seen: set[PurePosixPath]) -> str | None:
+    """Say what is wrong with a member; None if nothing is."""
+    name, place = member.filename, PurePosixPath(member.filename)
+    if stat.S_ISLNK(member.external_attr >> 16):
+        return "is a link"
+    if place.is_absolute() or ".." in place.parts or "\\" in name or ":" in name:
+        return "would be written outside its folder"
+    if member.flag_bits & _ENCRYPTED:
+        return "is encrypted"
+    if place in seen and not member.is_dir():
+        return "is there twice, so that readers may see different files"
+    return None
+
+
+def unpack(path: Path, folder: Path, *, failure: type[OrchestratorError] = FmuError) -> None:
+    """Unpack a checked archive, and stop when more comes out of it than it said.
+
+    Raises
+    ------
+    FmuError
+        Or ``failure``: a member is damaged, or larger than it said.
+    """
+    left = MAX_BYTES
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for member in archive.infolist():
+                place = folder / member.filename
+                if member.is_dir():
+                    place.mkdir(parents=True, exist_ok=True)
+                    continue
+                place.parent.mkdir(parents=True, exist_ok=True)
+                with archive.open(member) as source, place.open("wb") as target:
+                    while piece := source.read(1024**2):
+                        left -= len(piece)
+                        if left < 0:
+                            msg = f"{path}: more than {MAX_BYTES // 1024**2} MiB come out of it. Do not trust it."
+                            raise failure(msg)
+                        target.write(piece)
+    except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error) as error:
+        if isinstance(error, OrchestratorError):
+            raise
+        msg = f"{path} cannot be unpacked: {error}. Build or copy it again."
+        raise failure(msg) from error
 
 
 def is_python_fmu(path: Path) -> bool:

@@ -19,7 +19,7 @@ from typer.core import TyperGroup
 
 from .errors import FmuError, OrchestratorError, ResultsError
 from .names import suggest
-from .scenario_files import find_scenario
+from .scenario_files import find_scenario, open_scenario
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -100,11 +100,13 @@ def build(
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="A scenario file, or the name of one that is shipped.")],
+    scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results; out/NAME if not given.", metavar="FOLDER")
     ] = None,
     fmus: FmuFolder = FMUS,
+    step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
+    stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
     pictures: Annotated[bool, typer.Option(help="Draw pictures of what was recorded.")] = True,
 ) -> None:
     """Run a scenario.
@@ -117,9 +119,11 @@ def run(
         gossamer build && gossamer run damaged
 
         gossamer run my_scenario.toml --out out/mine --no-pictures
+
+        gossamer run other.ssp --step 1e-3 --stop 2
     """
     path = find_scenario(scenario)
-    _run(path, fmus, Path("out") / path.stem if out is None else out, pictures=pictures)
+    _run(path, fmus, Path("out") / path.stem if out is None else out, pictures=pictures, step=step, stop=stop)
 
 
 @app.command("export-ssp")
@@ -139,11 +143,11 @@ def export_ssp_(
 
         gossamer export-ssp my_scenario.toml --out mine.ssp
     """
-    from .scenario import load_scenario
     from .ssp import export_ssp
 
     path = find_scenario(scenario)
-    typer.echo(export_ssp(load_scenario(path), fmus, Path("out") / f"{path.stem}.ssp" if out is None else out))
+    with open_scenario(path) as opened:
+        typer.echo(export_ssp(opened, fmus, Path("out") / f"{path.stem}.ssp" if out is None else out))
 
 
 @app.command()
@@ -290,14 +294,16 @@ def _model_errors() -> Iterator[None]:
         raise OrchestratorError(msg) from error
 
 
-def _run(scenario: Path, fmus: Path, out: Path, *, pictures: bool) -> None:
+def _run(
+    scenario: Path, fmus: Path, out: Path, *, pictures: bool, step: float | None = None, stop: float | None = None
+) -> None:
     """Run one scenario, write everything, and show what the detector found."""
     from .progress import ProgressBar
     from .results import CSV, NETCDF
     from .run import run_scenario
 
     try:
-        data = run_scenario(scenario, fmus, out, observers=[ProgressBar(scenario.stem)])
+        data = run_scenario(scenario, fmus, out, step=step, stop=stop, observers=[ProgressBar(scenario.stem)])
     except KeyboardInterrupt:
         typer.echo(f"Interrupted; results until then are in {out}.", err=True)
         raise typer.Exit(130) from None

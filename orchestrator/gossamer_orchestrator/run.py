@@ -12,7 +12,8 @@ from .master import Observer, Simulation
 from .plan import make_plan
 from .recorder import Recorder
 from .results import make_dataset, make_folder, save_results
-from .scenario import Scenario, load_scenario
+from .scenario import Scenario
+from .scenario_files import open_scenario
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,6 +24,8 @@ def run_scenario(
     fmus: Path | str,
     out: Path | str | None = None,
     *,
+    step: float | None = None,
+    stop: float | None = None,
     observers: Sequence[Observer] = (),
 ) -> xr.Dataset:
     """Simulate a scenario.
@@ -30,11 +33,13 @@ def run_scenario(
     Parameters
     ----------
     scenario : Scenario or path
-        What to run.
+        What to run: a scenario file or an ``.ssp``.
     fmus : path
         Folder in which FMUs are looked up by name.
     out : path or None
         Folder for ``results.nc`` and ``results.csv``; None writes nothing.
+    step, stop : float or None
+        Communication step and last time [s] in place of those of the file.
     observers : sequence of Observer
         Who else watches, for instance a ``ProgressBar``.
 
@@ -55,7 +60,10 @@ def run_scenario(
     >>> data = run_scenario("scenarios/damaged.toml", fmus="out/fmus", out="out/damaged")
     >>> data["detector.damage"].isel(time=-1)
     """
-    plan = make_plan(scenario if isinstance(scenario, Scenario) else load_scenario(Path(scenario)), Path(fmus))
+    if not isinstance(scenario, Scenario):
+        with open_scenario(Path(scenario), step=step, stop=stop) as opened:
+            return run_scenario(opened, fmus, out, observers=observers)
+    plan = make_plan(scenario, Path(fmus))
     recorder = Recorder(plan)
     if out is not None:
         make_folder(Path(out))

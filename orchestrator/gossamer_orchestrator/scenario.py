@@ -32,6 +32,7 @@ A TOML file such as::
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -206,8 +207,15 @@ class Scenario(_Table):
         return self.start + tick * self.step
 
 
-def load_scenario(path: Path) -> Scenario:
+def load_scenario(path: Path, *, step: float | None = None, stop: float | None = None) -> Scenario:
     """Read and check a scenario file, as far as that is possible without its FMUs.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file.
+    step, stop : float or None
+        Communication step and last time [s] in place of those of the file.
 
     Raises
     ------
@@ -224,17 +232,30 @@ def load_scenario(path: Path) -> Scenario:
     except (OSError, UnicodeDecodeError) as error:
         msg = f"cannot read the scenario file {path}: {error}. A scenario is a TOML file in UTF-8."
         raise ScenarioError(msg) from None
-    return parse_scenario(text, name=path.name, folder=path.parent)
+    return parse_scenario(text, name=path.name, folder=path.parent, step=step, stop=stop)
 
 
-def parse_scenario(text: str, *, name: str = "scenario", folder: Path | None = None) -> Scenario:
+def parse_scenario(
+    text: str,
+    *,
+    name: str = "scenario",
+    folder: Path | None = None,
+    step: float | None = None,
+    stop: float | None = None,
+) -> Scenario:
     """Check the text of a scenario; ``name`` stands in messages, paths of FMUs are relative to ``folder``."""
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         msg = f"{name}: {error}. Correct the TOML syntax there."
         raise ScenarioError(msg) from None
-    problems = Problems(Source(name, text))
+    content |= {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
+    return make_scenario(content, source=Source(name, text), folder=folder)
+
+
+def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | None = None) -> Scenario:
+    """Check the content of a scenario, as a TOML file or another format gives it."""
+    problems = Problems(source)
     try:
         scenario = Scenario.model_validate(content)
     except ValidationError as error:
@@ -242,7 +263,7 @@ def parse_scenario(text: str, *, name: str = "scenario", folder: Path | None = N
             problems.add(item["loc"], _explain(item["type"], item["loc"], item["msg"], item["input"]))
         problems.raise_if_any()
         raise
-    scenario._source = problems.source
+    scenario._source = source
     scenario._folder = Path() if folder is None else folder
     _check_time(scenario, problems)
     problems.raise_if_any()

@@ -2,8 +2,8 @@
 
 Written is the subset that other tools read: one flat system without connectors of its own, every input connected or given
 a value, Reals only, and for each component one parameter set, named ``initialValues``, inside the system structure. What
-SSP has no place for (title, step, order, record) stands in an annotation of type ``ANNOTATION``; the step also in the
-annotation by which Open Simulation Platform's tools know it.
+SSP has no place for stands in annotations: the step in that of the Open Simulation Platform, whose tools read it; master,
+order and record in one of type ``ANNOTATION``.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from .scenario import Scenario
 from .source import Problems
 
 ANNOTATION = "gossamer.scenario"
-_OSP = "com.opensimulationplatform"
-_OSP_NAMESPACE = "http://opensimulationplatform.com/SSP/OSPAnnotations"
-_KEPT = {"title", "step", "start", "stop", "master", "order", "record"}
+OSP = "com.opensimulationplatform"
+OSP_NAMESPACE = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+KEPT = {"master", "order", "record"}
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
@@ -130,7 +130,7 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     by_name = {c.name: c for c in plan.components}
     ssd.system.elements = [_component(by_name[name], sources, ssd.units) for name in scenario.components]
     ssd.system.connections = [_connection(connection) for connection in scenario.connections]
-    rest = scenario.model_dump(include=_KEPT, exclude_defaults=True)
+    rest = scenario.model_dump(include=KEPT, exclude_defaults=True)
     annotation = Annotation(ANNOTATION)
     annotation.add_text(json.dumps({"version": 1, **rest}))
     ssd.system.annotations.add_annotation(annotation)
@@ -139,7 +139,7 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     ssd.default_experiment.annotations.add_annotation(_osp_step(scenario.step))
     ssd.__write__()
     ssd.root.append(ssd.root.find("ssd:DefaultExperiment", ssd.namespaces))  # after the units, as the schema wants it
-    namespaces = {prefix: ssd.namespaces[prefix] for prefix in ("ssd", "ssc", "ssv")} | {"osp": _OSP_NAMESPACE}
+    namespaces = {prefix: ssd.namespaces[prefix] for prefix in ("ssd", "ssc", "ssv")} | {"osp": OSP_NAMESPACE}
     etree.cleanup_namespaces(
         ssd.root, top_nsmap=namespaces
     )  # libcosim wants them declared at the top, under these names
@@ -228,9 +228,9 @@ def _osp_step(step: float) -> Any:  # noqa: ANN401
     from lxml import etree
     from pyssp_standard.common_content_ssc import Annotation
 
-    annotation = Annotation(_OSP)
-    algorithm = etree.SubElement(annotation.root, f"{{{_OSP_NAMESPACE}}}Algorithm", nsmap={"osp": _OSP_NAMESPACE})
-    etree.SubElement(algorithm, f"{{{_OSP_NAMESPACE}}}FixedStepAlgorithm", baseStepSize=repr(step))
+    annotation = Annotation(OSP)
+    algorithm = etree.SubElement(annotation.root, f"{{{OSP_NAMESPACE}}}Algorithm", nsmap={"osp": OSP_NAMESPACE})
+    etree.SubElement(algorithm, f"{{{OSP_NAMESPACE}}}FixedStepAlgorithm", baseStepSize=repr(step))
     return annotation
 
 

@@ -39,14 +39,21 @@ def mismatch(origin: str | None, target: str | None, definitions: tuple[dict[str
     return None
 
 
+def factors(a: Any, b: Any) -> tuple[float, float] | None:  # noqa: ANN401
+    """Return gain and bias that convert a value from unit ``a`` to unit ``b``; None if the dimensions differ."""
+    if a is None or b is None or any(getattr(a, e) != getattr(b, e) for e in _EXPONENTS):
+        return None
+    return a.factor / b.factor, (a.offset - b.offset) / b.factor
+
+
 def conversion(
     origin: str | None, target: str | None, definitions: tuple[dict[str, Any], dict[str, Any]]
 ) -> str | None:
     """Write the manipulators that convert between two units of one dimension; None if the dimensions differ."""
-    a, b = definitions[0].get(origin or ""), definitions[1].get(target or "")
-    if a is None or b is None or any(getattr(a, e) != getattr(b, e) for e in _EXPONENTS):
+    found = factors(definitions[0].get(origin or ""), definitions[1].get(target or ""))
+    if found is None:
         return None
-    gain, bias = a.factor / b.factor, (a.offset - b.offset) / b.factor
+    gain, bias = found
     return f"gain = {gain:g}" + (f", bias = {bias:g}" if bias else "")
 
 

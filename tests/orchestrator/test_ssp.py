@@ -1,0 +1,445 @@
+"""SSP archives: what is written comes back, what strangers write runs, what cannot be said or trusted is refused."""
+
+from __future__ import annotations
+
+import stat
+import zipfile
+from pathlib import Path
+
+import pytest
+from gossamer_orchestrator import ScenarioError, archive, make_plan, parse_scenario, run_scenario
+from gossamer_orchestrator.scenario_files import find_scenario
+from gossamer_orchestrator.ssp import export_ssp
+from gossamer_orchestrator.ssp_reader import open_ssp
+
+CHAIN = """
+title = "A chain"
+step = 0.1
+start = 0.5
+stop = 1.5
+order = ["source", "sink"]
+[components]
+sink = { fmu = "integrator", parameters = { limit = 5.0 } }
+source = { fmu = "gain", parameters = { factor = -0.1 }, inputs = { u = 2.0, "offset[*]" = 1e-3, "offset[2]" = 0.3 } }
+[[connections]]
+from = "source.y"
+to = "sink.u"
+gain = 3.0
+bias = 1.0
+[record]
+variables = ["s*.y"]
+every = 2
+"""
+
+SSD = """<?xml version="1.0" encoding="UTF-8"?>
+<SystemStructureDescription xmlns="http://ssp-standard.org/SSP1/SystemStructureDescription"
+  xmlns:c="http://ssp-standard.org/SSP1/SystemStructureCommon"
+  xmlns:v="http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+  xmlns:m="http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
+  version="1.0" name="other" description="Not ours">
+  <!-- a comment -->
+  <System name="root">{content}</System>
+  {rest}
+</SystemStructureDescription>
+"""
+SSV = """<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+  xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" version="1.0" name="any">
+  <ssv:Parameters>{}</ssv:Parameters>
+  <ssv:Units><ssc:Unit name="km"><ssc:BaseUnit m="1" factor="1000"/></ssc:Unit></ssv:Units></ssv:ParameterSet>"""
+EXPERIMENT = '<DefaultExperiment stopTime="1.0"/>'
+
+
+def connector(name: str, kind: str, unit: str = "") -> str:
+    return f'<Connector name="{name}" kind="{kind}"><c:Real{unit}/></Connector>'
+
+
+def component(name: str, fmu: str, connectors: str = "", more: str = "") -> str:
+    connectors = f"<Connectors>{connectors}</Connectors>" if connectors else ""
+    return f'<Component name="{name}" source="resources/{fmu}.fmu">{connectors}{more}</Component>'
+
+
+def real(name: str, value: float, unit: str = "") -> str:
+    return f'<ssv:Parameter name="{name}"><ssv:Real value="{value}"{unit}/></ssv:Parameter>'
+
+
+def bindings(content: str, source: str = "", inside: str = "") -> str:
+    content = (
+        f"<ParameterValues>{content.replace('ssv:', 'v:').replace(':ssv', ':v')}</ParameterValues>" if content else ""
+    )
+    return f"<ParameterBindings><ParameterBinding{source}>{content}{inside}</ParameterBinding></ParameterBindings>"
+
+
+def connection(start: str, end: str, content: str = "", more: str = "") -> str:
+    a, _, b = start.rpartition(".")
+    c, _, d = end.rpartition(".")
+    a, c = (f' startElement="{a}"' if a else ""), (f' endElement="{c}"' if c else "")
+    return f'<Connection{a} startConnector="{b}"{c} endConnector="{d}"{more}>{content}</Connection>'
+
+
+def system(elements: str, connections: str = "", connectors: str = "", more: str = "") -> str:
+    connectors = f"<Connectors>{connectors}</Connectors>" if connectors else ""
+    return f"{connectors}{more}<Elements>{elements}</Elements><Connections>{connections}</Connections>"
+
+
+GAIN = connector("y", "output") + connector("u", "input")
+SUM = connector("u", "input")
+
+
+@pytest.fixture
+def make(fmus, tmp_path):
+    """Write an archive as a stranger might."""
+
+    def write(content: str, rest: str = EXPERIMENT, files: dict[str, str] | None = None, ssd: str = SSD) -> Path:
+        path = tmp_path / "other.ssp"
+        with zipfile.ZipFile(path, "w") as file:
+            for name, text in (files or {}).items():
+                file.writestr(name, text)
+            for fmu in ("gain", "integrator", "pascal", "kilo", "metre", "delay", "clock"):
+                if f"/{fmu}.fmu" in content:
+                    file.write(fmus / f"{fmu}.fmu", f"resources/{fmu}.fmu")
+            file.writestr("SystemStructure.ssd", ssd.format(content=content, rest=rest))
+        return path
+
+    return write
+
+
+def last(path: Path, name: str, **options: float) -> float:
+    return float(run_scenario(path, "nowhere", step=0.1, **options)[name][-1])
+
+
+# what we write
+
+
+def test_a_scenario_comes_back_from_its_ssp_as_the_same_plan(fmus, tmp_path):
+    scenario = parse_scenario(CHAIN, name="chain.toml")
+    before = make_plan(scenario, fmus)
+    with open_ssp(export_ssp(scenario, fmus, tmp_path / "chain.ssp")) as again:
+        after = make_plan(again, fmus)
+        assert again.name == "chain"
+        for key in ("title", "step", "start", "stop", "master", "order", "record", "connections"):
+            assert getattr(again, key) == getattr(scenario, key)
+        assert list(again.components) == list(scenario.components)
+        for key in ("name", "start", "wires", "sent", "recorded"):
+            assert [getattr(c, key) for c in after.components] == [getattr(c, key) for c in before.components]
+        assert after.columns == before.columns
+
+
+def test_the_same_scenario_gives_the_same_bytes(fmus, tmp_path):
+    scenario = parse_scenario(CHAIN)
+    first, second = (export_ssp(scenario, fmus, tmp_path / name).read_bytes() for name in ("a.ssp", "b.ssp"))
+    assert first == second
+
+
+def test_what_is_written_fits_the_schema_and_the_subset_that_other_tools_read(fmus, tmp_path):
+    from pyssp_standard import ssd
+
+    with zipfile.ZipFile(export_ssp(parse_scenario(CHAIN), fmus, tmp_path / "c.ssp")) as file:
+        assert file.namelist()[0] == "SystemStructure.ssd"
+        file.extractall(tmp_path)
+    structure = ssd.SSD(tmp_path / "SystemStructure.ssd")
+    structure.__check_compliance__()
+    assert structure.system.connectors == []
+    assert [b.ssv.name for e in structure.system.elements for b in e.parameter_bindings] == ["initialValues"] * 2
+    root = (tmp_path / "SystemStructure.ssd").read_text().partition("<ssd:System ")[0]
+    assert all(f"xmlns:{prefix}=" in root for prefix in ("ssd", "ssc", "ssv", "osp"))  # libcosim wants them at the top
+
+
+def test_fmus_of_one_name_in_two_folders_stay_apart(fmus, tmp_path):
+    for folder, fmu in (("a", "gain"), ("b", "kilo")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "gain.fmu").write_bytes((fmus / f"{fmu}.fmu").read_bytes())
+    given = 'inputs = { u = 1.0, "offset[*]" = 0.0 }'
+    text = "step = 0.1\nstop = 1.0\n[components]\n" + "".join(
+        f'{c} = {{ fmu = "{c}/gain.fmu", {given} }}\n' for c in "ab"
+    )
+    with open_ssp(export_ssp(parse_scenario(text, folder=tmp_path), fmus, tmp_path / "ab.ssp")) as scenario:
+        plan = make_plan(scenario, fmus)
+        assert [c.fmu.unit("u") for c in plan.components] == [None, "kPa"]
+
+
+def test_what_ssp_cannot_say_is_refused_all_at_once(chain, fmus, tmp_path):
+    more = """noise = { kind = "normal", amplitude = 0.1 }
+dropout = { probability = 0.5 }
+[[events]]
+time = 0.5
+component = "source"
+set = { u = 1.0 }
+"""
+    with pytest.raises(ScenarioError) as error:
+        export_ssp(chain(more=more), fmus, tmp_path / "no.ssp")
+    lines = str(error.value).splitlines()
+    assert [line.split(":")[1] for line in lines] == ["18", "16", "17"]
+    assert [word in line for word, line in zip(("events", "noise", "dropout"), lines, strict=True)] == [True] * 3
+    assert not (tmp_path / "no.ssp").exists()
+
+
+# what others write
+
+
+def test_a_strangers_ssp_runs_without_annotations_and_with_an_external_parameter_set(make):
+    path = make(
+        system(
+            component("sum-1", "integrator", SUM + connector("limit", "parameter"))
+            + component("gain", "gain", GAIN, bindings("", ' source="resources/gain%20values.ssv"')),
+            connection("sum-1.u", "gain.y"),  # written backwards, which SSP allows
+        ),
+        files={"resources/gain values.ssv": SSV.format(real("factor", 3.0) + real("u", 2.0))},
+    )
+    assert last(path, "sum_1.y") == pytest.approx(6.0, rel=1e-14)
+
+
+def test_step_and_stop_come_from_the_command_if_it_names_them(make):
+    path = make(system(component("a", "gain")))
+    with open_ssp(path, step=0.25, stop=2.0) as scenario:
+        assert (scenario.step, scenario.start, scenario.stop, scenario.title) == (0.25, 0.0, 2.0, "Not ours")
+
+
+def test_without_times_those_of_the_fmus_are_taken_and_said(make, fmus, caplog):
+    path = make(system(component("a", "a") + component("b", "b")), rest="")
+    message = r"other.ssp: neither it nor its FMUs state a step. Name one with --step"
+    with zipfile.ZipFile(fmus / "gain.fmu") as old, zipfile.ZipFile(path, "a") as new:
+        for name, step in (("a", 0.25), ("b", 0.5)):
+            experiment = f'<DefaultExperiment stepSize="{step}" stopTime="{8 * step}"/><ModelVariables>'
+            with zipfile.ZipFile(path.with_name("x"), "w") as fmu:
+                for member in old.namelist():
+                    text = old.read(member)
+                    if member == "modelDescription.xml":
+                        text = text.replace(b"<ModelVariables>", experiment.encode())
+                    fmu.writestr(member, text)
+            new.write(path.with_name("x"), f"resources/{name}.fmu")
+    with open_ssp(path) as scenario:
+        assert (scenario.step, scenario.stop) == (0.25, 4.0)
+    assert "states no step: 0.25 s, the smallest of its FMUs" in caplog.text
+    assert "states no stop time: 4 s, from its FMUs" in caplog.text
+    with pytest.raises(ScenarioError, match=message), open_ssp(make(system(component("a", "gain")))):
+        pass
+
+
+def test_a_linear_transformation_becomes_gain_and_bias(make):
+    wire = connection("gain.y", "sum.u", '<c:LinearTransformation factor="2.0" offset="1.0"/>')
+    values = bindings(SSV.format(real("u", 3.0)))
+    path = make(system(component("gain", "gain", GAIN, values) + component("sum", "integrator", SUM), wire))
+    assert last(path, "sum.y") == pytest.approx(7.0, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("more", "content", "expected"),
+    [
+        ("", "", 0.002),
+        ("", '<c:LinearTransformation factor="10" offset="1"/>', 1.02),  # after the conversion
+        (' suppressUnitConversion="true"', "", 2.0),
+        (' suppressUnitConversion="true"', '<c:LinearTransformation factor="10"/>', 20.0),
+    ],
+)
+def test_units_are_converted_unless_the_connection_says_no(make, more, content, expected):
+    values = bindings(SSV.format(real("u", 2.0)))
+    elements = component("pascal", "pascal", GAIN, values) + component("kilo", "kilo", GAIN)
+    path = make(system(elements, connection("pascal.y", "kilo.u", content, more)))
+    assert last(path, "kilo.y") == pytest.approx(expected, rel=1e-14)
+
+
+def test_units_that_cannot_be_converted_are_refused(make):
+    elements = component("pascal", "pascal", GAIN) + component("metre", "metre", GAIN)
+    path = make(system(elements, connection("pascal.y", "metre.u")))
+    with pytest.raises(ScenarioError, match=r"other.ssp: units of 'pascal.y' and 'metre.u'"):
+        last(path, "metre.y")
+
+
+def test_a_value_in_another_unit_is_converted(make):
+    path = make(system(component("m", "metre", GAIN, bindings(SSV.format(real("u", 2.0, ' unit="km"'))))))
+    assert last(path, "m.y") == 2000.0
+
+
+def test_nested_systems_are_flattened_and_higher_levels_override_lower_ones(make):
+    inner = f"""<System name="inner">{
+        system(
+            component("gain", "gain", GAIN, bindings(SSV.format(real("factor", 2.0) + real("offset[1]", 1.0)))),
+            connection("in", "gain.u") + connection("gain.y", "out"),
+            connector("in", "input") + connector("out", "output"),
+            bindings(SSV.format(real("gain.factor", 5.0))),
+        )
+    }</System>"""
+    path = make(
+        system(
+            inner + component("sum", "integrator", SUM),
+            connection("drive", "inner.in") + connection("inner.out", "sum.u"),
+            connector("drive", "input"),
+            bindings(SSV.format(real("drive", 3.0) + real("inner.gain.factor", 7.0))),
+        )
+    )
+    assert last(path, "sum.y") == pytest.approx(7.0 * 3.0 + 1.0, rel=1e-14)
+
+
+def test_a_mapping_renames_and_transforms_and_drops_the_rest(make):
+    mapping = """<ParameterMapping><m:ParameterMapping version="1.0">
+      <m:MappingEntry source="gain.k" target="gain.factor"><c:LinearTransformation factor="2" offset="1"/></m:MappingEntry>
+      </m:ParameterMapping></ParameterMapping>"""
+    values = bindings(SSV.format(real("k", 4.0) + real("u", 9.0)), ' prefix="gain."', mapping)
+    given = bindings(SSV.format(real("u", 1.0)))
+    assert last(make(system(component("gain", "gain", GAIN, given), more=values)), "gain.y") == 9.0
+
+
+def test_a_mapping_may_be_a_file(make):
+    mapping = """<ssm:ParameterMapping version="1.0" xmlns:ssm="http://ssp-standard.org/SSP1/SystemStructureParameterMapping">
+      <ssm:MappingEntry source="k" target="u"/></ssm:ParameterMapping>"""
+    given = bindings("", ' source="k.ssv"', '<ParameterMapping source="k.ssm"/>')
+    path = make(
+        system(component("gain", "gain", GAIN, given)), files={"k.ssv": SSV.format(real("k", 4.0)), "k.ssm": mapping}
+    )
+    assert last(path, "gain.y") == 4.0
+
+
+def test_names_that_match_nothing_are_ignored_as_ssp_says_but_told(make, caplog):
+    path = make(system(component("gain", "gain", GAIN, bindings(SSV.format(real("facter", 2.0) + real("u", 1.0))))))
+    assert last(path, "gain.y") == 1.0
+    assert "there is no 'gain.facter' to give a value to" in caplog.text
+
+
+def test_a_circle_without_an_order_gets_one(make, caplog):
+    elements = component("delay", "delay", connector("last_u", "output") + SUM) + component("gain", "gain", GAIN)
+    path = make(system(elements, connection("delay.last_u", "gain.u") + connection("gain.y", "delay.u")))
+    last(path, "gain.y")
+    assert "they step in the order delay, gain" in caplog.text
+
+
+# what is refused
+
+TWO = component("a", "gain", GAIN) + component("b", "gain", GAIN)
+REFUSALS = {
+    "no FMU inside": (system(component("a", "nowhere")), "source of component 'a' is 'resources/nowhere.fmu', which is not"),
+    "a path that leaves": (system(component("a", "../../gain")), "which is not in the archive"),
+    "no FMU at all": (system(""), "it holds no FMU"),
+    "another kind": (
+        system('<Component name="a" source="x.ssp" type="application/x-ssp-package"/>'),
+        "component 'a' is no FMU but 'application/x-ssp-package'",
+    ),
+    "a signal dictionary": (
+        system(TWO + '<SignalDictionaryReference name="bus" dictionary="d"/>'),
+        "it has a SignalDictionaryReference 'bus'",
+    ),
+    "an unknown connector": (system(TWO, connection("a.y", "b.v")), "'b.v' is not there. Connect"),
+    "two outputs": (system(TWO, connection("a.y", "b.y")), "'a.y' to 'b.y' joins two outputs"),
+    "two sources": (
+        system(TWO, connection("a.y", "b.u") + connection("b.y", "b.u")),
+        "'b.u' is connected twice",
+    ),
+    "a connected parameter": (
+        system(component("a", "gain", GAIN + connector("factor", "parameter")), connection("a.y", "a.factor")),
+        "connection 'a.y' to 'a.factor' sets a parameter",
+    ),
+    "another transformation": (
+        system(TWO, connection("a.y", "b.u", '<c:BooleanMappingTransformation><c:MapEntry source="1" target="0"/>'
+                               "</c:BooleanMappingTransformation>")),
+        "'a.y' to 'b.u' has a BooleanMappingTransformation",
+    ),
+    "a value for an output": (
+        system(component("a", "gain", GAIN, bindings(SSV.format(real("y", 2.0))))),
+        "a value is given to 'a.y', which is of kind 'output'",
+    ),
+    "no number": (
+        system(component("a", "gain", GAIN, bindings(SSV.format(real("u", "x"))))),
+        "component 'a': 'u' is 'x', which is no Real",
+    ),
+    "a missing set": (
+        system(component("a", "gain", GAIN, bindings("", ' source="s.ssv"'))),
+        "source of a parameter binding of component 'a' is 's.ssv', which is not in the archive",
+    ),
+    "an empty binding": (system(component("a", "gain", GAIN, bindings(""))), "has neither a source nor values"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSALS)
+def test_what_cannot_run_is_refused_by_name(make, case):
+    content, message = REFUSALS[case]
+    with pytest.raises(ScenarioError, match=r"other.ssp: ") as error, open_ssp(make(content), step=0.1):
+        pass
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "declaration",
+    ['<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;">', '<!ENTITY b SYSTEM "file:///etc/hostname">', ""],
+)
+@pytest.mark.parametrize("where", ["SystemStructure.ssd", "set.ssv"])
+def test_a_document_type_definition_is_refused_in_every_file(make, declaration, where):
+    doctype = f"<!DOCTYPE x [{declaration}]>"
+    ssd, ssv = SSD, SSV.format(real("u", 1.0))
+    if where == "set.ssv":
+        ssv = doctype + ssv
+    else:
+        ssd = ssd.replace("<SystemStructureD", doctype + "<SystemStructureD", 1)
+    path = make(
+        system(component("a", "gain", GAIN, bindings("", ' source="set.ssv"'))), files={"set.ssv": ssv}, ssd=ssd
+    )
+    with pytest.raises(ScenarioError, match=rf"{where} has a document type definition"), open_ssp(path, step=0.1):
+        pass
+
+
+def raw(path: Path, *names: str, mode: int = 0o644) -> Path:
+    with zipfile.ZipFile(path, "w") as file:
+        for name in names:
+            member = zipfile.ZipInfo(name)
+            member.external_attr = mode << 16
+            file.writestr(member, "x" * 100)
+    return path
+
+
+@pytest.mark.parametrize("name", ["../evil", "/etc/evil", "a\\b", "C:evil"])
+def test_an_archive_that_leaves_its_folder_is_refused(tmp_path, name):
+    with (
+        pytest.raises(ScenarioError, match="would be written outside its folder"),
+        open_ssp(raw(tmp_path / "a.ssp", name)),
+    ):
+        pass
+
+
+def test_a_link_is_refused(tmp_path):
+    path = raw(tmp_path / "a.ssp", "SystemStructure.ssd", mode=stat.S_IFLNK | 0o777)
+    with pytest.raises(ScenarioError, match=r"'SystemStructure.ssd' is a link"), open_ssp(path):
+        pass
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+@pytest.mark.parametrize("second", ["a/b", "a//b", "./a/b"])
+def test_a_member_that_is_there_twice_is_refused(tmp_path, second):
+    path = raw(tmp_path / "a.ssp", "SystemStructure.ssd", "a/b", second)
+    with pytest.raises(ScenarioError, match=f"{second!r} is there twice"), open_ssp(path):
+        pass
+
+
+def test_an_encrypted_member_is_refused(tmp_path):
+    path = raw(tmp_path / "a.ssp", "SystemStructure.ssd")
+    data = bytearray(path.read_bytes())
+    data[data.index(b"PK\x01\x02") + 8] |= 1
+    path.write_bytes(data)
+    with pytest.raises(ScenarioError, match=r"'SystemStructure.ssd' is encrypted"), open_ssp(path):
+        pass
+
+
+def test_a_member_larger_than_it_says_is_refused(tmp_path):
+    path = raw(tmp_path / "a.ssp", "SystemStructure.ssd")
+    data = bytearray(path.read_bytes())
+    at = data.index(b"PK\x01\x02") + 24
+    data[at : at + 4] = (10).to_bytes(4, "little")
+    path.write_bytes(data)
+    with pytest.raises(ScenarioError, match=r"a.ssp cannot be unpacked: Bad CRC-32"), open_ssp(path):
+        pass
+
+
+def test_a_bomb_is_refused_by_what_it_says_and_by_what_comes_out(tmp_path, monkeypatch):
+    path = raw(tmp_path / "a.ssp", "SystemStructure.ssd", "b")
+    monkeypatch.setattr(archive, "MAX_BYTES", 150)
+    with pytest.raises(ScenarioError, match="It is not unpacked"), open_ssp(path):
+        pass
+    with pytest.raises(ScenarioError, match="come out of it"):
+        archive.unpack(path, tmp_path / "x", failure=ScenarioError)
+
+
+def test_a_file_that_is_no_ssp_is_refused(tmp_path):
+    (tmp_path / "a.ssp").write_text("no archive")
+    with pytest.raises(ScenarioError, match="is no SSP: File is not a zip file"), open_ssp(tmp_path / "a.ssp"):
+        pass
+    with pytest.raises(ScenarioError, match=r"it holds no SystemStructure.ssd"), open_ssp(raw(tmp_path / "b.ssp", "x")):
+        pass
+    with pytest.raises(ScenarioError, match="there is no scenario file"):
+        find_scenario("nowhere.ssp")
