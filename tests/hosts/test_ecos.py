@@ -2,17 +2,13 @@
 
 import importlib.util
 import os
+import platform
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-
-pytestmark = pytest.mark.skipif(
-    not (sys.platform == "linux" and importlib.util.find_spec("ecospy")),
-    reason="ecospy has wheels for Linux and Windows on x86_64 only; here it is run on Linux",
-)
 
 
 @pytest.mark.parametrize("source", ["own configuration", "ssp"])
@@ -30,6 +26,9 @@ def ecos(tmp_path_factory):
     return program
 
 
+@pytest.mark.skipif(
+    (platform.system(), platform.machine()) != ("Linux", "x86_64"), reason="run here on Linux and x86_64 only"
+)
 @pytest.mark.parametrize("kind", ["native"], indirect=True, scope="session")
 def test_the_ecos_program_gives_the_trajectories_of_the_jacobi_master(ecos, ssp, own, job, tmp_path):
     """It writes six decimals; they are those of the orchestrator."""

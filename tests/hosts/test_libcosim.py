@@ -9,8 +9,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-pytest.importorskip("libcosimpy", reason="libcosimpy has wheels for Linux and Windows on x86_64 only")
-
 
 @pytest.fixture(scope="module", params=["own configuration", "ssp"])
 def table(request, run_host, ssp):
