@@ -169,36 +169,45 @@ def demo(
 
 
 @app.command()
-def validate(
-    fmus: Annotated[list[Path], typer.Argument(help="FMU files.")],
+def verify(
+    fmus: Annotated[list[Path], typer.Argument(help="FMU files, anybody's.")],
+    limit: Annotated[float, typer.Option(help="Time that one check may take [s].")] = 30.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON in place of tables.")] = False,
 ) -> None:
-    """Check FMUs: archive, model description, and rules of the FMI standard.
+    """Verify FMUs: archive, model description, binary, and how they behave when they run.
 
-    Prints a line per FMU; exits 1 if one has problems.
+    FMI 2.0 and 3.0 for co-simulation. An FMU runs in a process of its own, so that it may crash or hang. Prints a table per
+    FMU; exits 1 if a check failed.
 
     For example:
 
-        gossamer validate out/fmus/*.fmu
+        gossamer verify out/fmus/*.fmu
     """
-    from fmpy.validation import validate_fmu
+    import json
+    from dataclasses import asdict
 
-    from .archive import check_archive
+    from rich.markup import escape
+    from rich.table import Table
 
-    failed = False
+    from .verify import FAILED, verify
+
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    colours = {"passed": "green", "failed": "bold red", "remark": "yellow"}
+    reports = {}
     for path in fmus:
-        try:
-            check_archive(path)
-            problems = validate_fmu(str(path))
-        except FmuError as error:
-            problems = [str(error)]
-        except Exception as error:
-            # FMPy and lxml raise what they like on a broken model description
-            problems = [f"its model description cannot be read: {error}"]
-        failed |= bool(problems)
-        typer.echo(f"{path}: {f'{len(problems)} problems' if problems else 'ok'}")
-        for problem in problems:
-            typer.echo(f"  {problem}", err=True)
-    if failed:
+        with Console(stderr=True).status(f"verifying {escape(str(path))}"):
+            reports[str(path)] = findings = verify(path, limit=limit)
+        table = Table("check", "verdict", "why", title=escape(str(path)), expand=False)
+        for finding in findings:
+            style = colours.get(finding.verdict)
+            table.add_row(
+                finding.check, f"[{style}]{finding.verdict}" if style else finding.verdict, escape(finding.why)
+            )
+        if not as_json:
+            console.print(table)
+    if as_json:
+        typer.echo(json.dumps({path: [asdict(f) for f in findings] for path, findings in reports.items()}, indent=1))
+    if any(finding.verdict == FAILED for findings in reports.values() for finding in findings):
         raise typer.Exit(1)
 
 

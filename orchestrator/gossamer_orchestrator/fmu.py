@@ -43,7 +43,9 @@ class FmuFile:
             description = fmpy.read_model_description(str(self.path))
         except Exception as error:
             # FMPy raises bare exceptions, lxml its own
-            msg = f"{self.path}: its modelDescription.xml is not valid: {error}. Try 'gossamer validate {self.path.name}'."
+            msg = (
+                f"{self.path}: its modelDescription.xml is not valid: {error}. Try 'gossamer verify {self.path.name}'."
+            )
             raise FmuError(msg) from error
         if description.fmiVersion != "2.0" or description.coSimulation is None:
             kind = "co-simulation" if description.coSimulation else "model exchange"

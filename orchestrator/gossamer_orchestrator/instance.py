@@ -116,7 +116,7 @@ class Instance:
             del _logs[self._key]
             if self._slave is not None:
                 self._slave.freeLibrary()  # pythonfmu 0.7.0 may abort the process at its end if it is still loaded
-            msg = f"{name}: {fmu.path} cannot be started: {error}{self._said()} Try 'gossamer validate' on it."
+            msg = f"{name}: {fmu.path} cannot be started: {error}{self._said()} Try 'gossamer verify' on it."
             raise FmuError(msg) from error
         self._component = ctypes.c_void_p(self._slave.component)
         self._state_arguments = (self._component, ctypes.byref(self._state))

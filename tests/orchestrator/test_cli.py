@@ -12,7 +12,7 @@ from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.scenario_files import find_scenario, shipped_scenarios
 from typer.testing import CliRunner
 
-COMMANDS = ("build", "run", "demo", "validate", "info", "train")
+COMMANDS = ("build", "run", "demo", "verify", "info", "train")
 
 FRAGILE = 'step = 0.1\nstop = 1.0\n[components.f]\nfmu = "fragile"\n'
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
@@ -92,14 +92,6 @@ def test_info_lists_variables(call, fmus):
     assert result.exit_code == 0, result.stderr
     for text in ("factor", "offset[1]", "parameter", "-10", "what comes out"):
         assert text in result.stdout
-
-
-def test_validate_tells_good_from_bad(call, fmus, tmp_path):
-    (tmp_path / "bad.fmu").write_text("no archive")
-    result = call("validate", fmus / "gain.fmu", tmp_path / "bad.fmu")
-    assert result.exit_code == 1
-    assert f"{tmp_path / 'bad.fmu'}: 1 problems" in result.stdout
-    assert "is no FMU" in result.stderr
 
 
 def test_help_loads_nothing_heavy():

@@ -1,0 +1,137 @@
+"""Verify any FMU: a report of what it keeps of the FMI standard, made at a safe distance.
+
+The archive is checked here and unpacked; everything that reads or runs what is in it happens in a process of its own
+(``checks``). When that process dies or hangs, the check it was at has failed, and another process goes on with the next.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..archive import check_archive, unpack
+from ..errors import FmuError
+
+PASSED, FAILED, REMARK, NOT_APPLICABLE = "passed", "failed", "remark", "not applicable"
+LIMIT = 30.0  # [s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """Outcome of one check.
+
+    Attributes
+    ----------
+    check : str
+        Its name.
+    verdict : str
+        "passed", "failed", "remark" (allowed, but worth knowing) or "not applicable".
+    why : str
+        A sentence.
+    """
+
+    check: str
+    verdict: str
+    why: str
+
+
+def verify(
+    path: Path,
+    *,
+    only: Collection[str] | None = None,
+    limit: float = LIMIT,
+    progress: Callable[[Finding], None] = lambda _finding: None,
+) -> list[Finding]:
+    """Check an FMU, FMI 2.0 or 3.0 for co-simulation.
+
+    Parameters
+    ----------
+    path : Path
+        The FMU; it need not be trusted as an archive, but its code is run.
+    only : collection of str, optional
+        Names of checks to be made, besides those that others rest on; all of them by default.
+    limit : float
+        Time that one check may take [s]; an FMU that takes longer is stopped.
+    progress : callable, optional
+        Called with every finding as it is made.
+
+    Returns
+    -------
+    list of Finding
+        One per check. What comes after a failure that makes it meaningless is not applicable.
+    """
+    findings: list[Finding] = []
+
+    def add(check: str, verdict: str, why: str) -> None:
+        findings.append(Finding(check=check, verdict=verdict, why=why))
+        progress(findings[-1])
+
+    # The FMU may leave anything behind, and on Windows its library may still be open.
+    with tempfile.TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True) as scratch:
+        folder = Path(scratch) / "fmu"
+        try:
+            check_archive(path)
+            unpack(path, folder)
+        except FmuError as error:
+            add("archive", FAILED, str(error))
+            return findings
+        add("archive", PASSED, f"{sum(p.is_file() for p in folder.rglob('*'))} files, none damaged or misplaced.")
+        _run_checks(path.resolve(), Path(scratch), only, limit, add)
+    return findings
+
+
+def _run_checks(
+    path: Path, scratch: Path, only: Collection[str] | None, limit: float, add: Callable[[str, str, str], None]
+) -> None:
+    """Run all checks, in as many processes as it takes."""
+    from .checks import CHECKS
+
+    names = [name for name, check in CHECKS.items() if check.gate or only is None or name in only]
+    while names:
+        found, death = _run_process(path, scratch, limit, names)
+        if len(found) < len(names) and death is not None:
+            found.append((FAILED, death))
+        for verdict, why in found:
+            name = names.pop(0)
+            add(name, verdict, why)
+            if verdict == FAILED and CHECKS[name].gate:
+                while names:
+                    add(names.pop(0), NOT_APPLICABLE, f"The check {name!r} failed.")
+
+
+def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> tuple[list[tuple[str, str]], str | None]:
+    """Run checks in one process; return what it found, and what it died of if it did not find all."""
+    report, late = scratch / "report", scratch / "late"
+    for file in (report, late):
+        file.write_bytes(b"")
+    command = [sys.executable, "-m", f"{__name__}.checks", str(path), str(scratch), str(limit), *names]
+    try:
+        code = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            check=False,
+            cwd=scratch,
+            env=os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(scratch)),
+            timeout=limit * (len(names) + 1),
+        ).returncode
+    except subprocess.TimeoutExpired:
+        code = 0
+    found = [(str(verdict), str(why)) for verdict, why in map(json.loads, report.read_text("utf-8").splitlines())]
+    if code == 0 and found:
+        death = None
+    elif late.stat().st_size or code == 0:
+        death = f"The FMU did not answer within {limit:g} s."
+    elif code < 0:
+        death = f"The FMU crashed its process: {signal.Signals(-code).name}."
+    else:
+        death = f"The FMU ended its process with exit code {code:#x}."
+    return found, death

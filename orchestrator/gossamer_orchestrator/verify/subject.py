@@ -1,0 +1,225 @@
+"""The FMU under test: one face for FMI 2.0 and 3.0, on FMPy's classes."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import fmpy
+import numpy as np
+from fmpy import fmi2, fmi3
+from fmpy.fmi1 import FMICallException
+from fmpy.logging import addLoggerProxy
+
+OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+REALS = ("Real", "Float64", "Float32")
+STEPS = 100
+
+messages: list[tuple[int, str]] = []  # status and text of what the FMU logged, all instances together
+
+
+def _log2(_environment: int, _name: bytes, status: int, _category: bytes, text: bytes) -> None:
+    messages.append((status, (text or b"").decode("utf-8", "replace")))
+
+
+def _log3(_environment: int, status: int, _category: bytes, text: bytes) -> None:
+    messages.append((status, (text or b"").decode("utf-8", "replace")))
+
+
+_LOGGER2 = fmi2.fmi2CallbackLoggerTYPE(_log2)
+
+
+class Subject:
+    """An unpacked FMU for co-simulation.
+
+    Attributes
+    ----------
+    description : fmpy.model_description.ModelDescription
+        As read by FMPy, not validated.
+    version : int
+        2 or 3.
+    inputs, outputs : list
+        Real inputs, and outputs of every type.
+    start, size : float
+        Start [s] of its runs and their step size [s]: those of its default experiment if there are any.
+    fatal : bool
+        An instance returned Fatal: no function of any instance may be called any more.
+    can : fmpy.model_description.CoSimulation
+        Its capabilities; ``differentiates`` is one that FMPy does not read.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.description: Any = fmpy.read_model_description(str(folder), validate=False)
+        self.version = int(self.description.fmiVersion[0])
+        self.variables = self.description.modelVariables
+        self.inputs = [v for v in self.variables if v.causality == "input" and v.type in REALS]
+        self.outputs = [v for v in self.variables if v.causality == "output"]
+        experiment = self.description.defaultExperiment
+        start, stop, size = (
+            float(text) if text is not None else math.nan
+            for text in (
+                getattr(experiment, "startTime", None),
+                getattr(experiment, "stopTime", None),
+                getattr(experiment, "stepSize", None),
+            )
+        )
+        self.start = 0.0 if math.isnan(start) else start
+        span = 1.0 if math.isnan(stop) else stop - self.start
+        self.size = span / STEPS if math.isnan(size) else size
+        self.fatal = False
+        self.can: Any = self.description.coSimulation
+        capabilities = ElementTree.parse(folder / "modelDescription.xml").find("CoSimulation")
+        names = "providesDirectionalDerivative", "providesDirectionalDerivatives"  # FMPy reads the first, of FMI 2.0
+        self.differentiates = any(capabilities.get(name) in ("true", "1") for name in names if capabilities is not None)
+
+    @property
+    def is_python(self) -> bool:
+        """True if pythonfmu made it, whose log texts are no printf formats."""
+        return (self.folder / "resources/slavemodule.txt").exists()
+
+    @property
+    def library(self) -> Path:
+        """The binary for this machine."""
+        place = fmpy.platform if self.version == 2 else fmpy.platform_tuple
+        name: str = self.can.modelIdentifier + fmpy.sharedLibraryExtension
+        return self.folder.joinpath("binaries", place, name)
+
+    @contextmanager
+    def instance(self, *, initialize: bool = True, token: str | None = None) -> Iterator[Instance]:
+        """Start an instance, and free it unless it said that it must not be called any more."""
+        one = Instance(self, token or self.description.guid)
+        try:
+            if initialize:
+                one.initialize()
+            yield one
+        except FMICallException as error:
+            self.fatal |= error.status == FATAL
+            raise
+        finally:
+            if not self.fatal:
+                one.slave.freeInstance()
+
+
+class Instance:
+    """One instance of the FMU; a status worse than a warning is an ``FMICallException``."""
+
+    def __init__(self, subject: Subject, token: str) -> None:
+        self.subject = subject
+        kind = fmi2.FMU2Slave if subject.version == 2 else fmi3.FMU3Slave
+        self.slave: Any = kind(
+            guid=token,
+            unzipDirectory=str(subject.folder),
+            modelIdentifier=subject.can.modelIdentifier,
+            instanceName="verified",
+        )
+        try:
+            if subject.version == 3:
+                self.slave.instantiate(loggingOn=True, logMessage=_log3)
+            else:
+                self.slave.instantiate(loggingOn=True, callbacks=self._callbacks())
+        except Exception:
+            self.slave.freeLibrary()
+            raise
+
+    def _callbacks(self) -> Any:  # noqa: ANN401
+        callbacks = fmi2.fmi2CallbackFunctions()
+        callbacks.logger = _LOGGER2
+        callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
+        callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
+        if not self.subject.is_python:
+            addLoggerProxy(ctypes.byref(callbacks))
+        return callbacks
+
+    def initialize(self) -> None:
+        """Go through the initialization with default start values."""
+        if self.subject.version == 2:
+            self.slave.setupExperiment(startTime=self.subject.start)
+            self.slave.enterInitializationMode()
+        else:
+            self.slave.enterInitializationMode(startTime=self.subject.start)
+        self.slave.exitInitializationMode()
+
+    def get(self, variable: Any) -> list[Any]:  # noqa: ANN401
+        """Read one variable of any type."""
+        kind, reference = variable.type, [variable.valueReference]
+        if self.subject.version == 2:
+            return list(getattr(self.slave, "getInteger" if kind == "Enumeration" else f"get{kind}")(reference))
+        if kind == "Clock":
+            return list(self.slave.getClock(reference))
+        get = getattr(self.slave, "getInt64" if kind == "Enumeration" else f"get{kind}")
+        return list(get(reference, length(variable)))
+
+    def set(self, variable: Any, values: Sequence[float]) -> None:  # noqa: ANN401
+        """Set one Real variable."""
+        getattr(self.slave, f"set{variable.type}")([variable.valueReference], values)
+
+    def read(self, variables: Iterable[Any]) -> list[Any]:
+        """Read several variables."""
+        return [value for variable in variables for value in self.get(variable)]
+
+    def step(self, k: int) -> None:
+        """Do the k-th step."""
+        subject = self.subject
+        self.slave.doStep(subject.start + k * subject.size, subject.size, False)
+
+    def drive(self, begin: int, end: int, phase: float = 0.0) -> list[str]:
+        """Do steps with inputs that swing by 1 % about their start values; return the outputs after each, to the bit."""
+        trajectory = []
+        for k in range(begin, end):
+            for i, variable in enumerate(self.subject.inputs):
+                self.set(variable, swing(variable, math.sin(0.3 * k + i + phase)))
+            self.step(k)
+            trajectory.append(repr(self.read(self.subject.outputs)))
+        return trajectory
+
+    def save(self) -> Any:  # noqa: ANN401
+        """Copy the state."""
+        return self.slave.getFMUState()
+
+    def restore(self, state: Any) -> None:  # noqa: ANN401
+        """Go back to a state, and free it."""
+        self.slave.setFMUState(state)
+        self.slave.freeFMUState(state)
+
+    def attempt(self, function: Any, *arguments: object) -> int:  # noqa: ANN401
+        """Return the status of a call that may fail."""
+        try:
+            function(*arguments)
+        except FMICallException as error:
+            self.subject.fatal |= error.status == FATAL
+            return int(error.status)
+        return OK
+
+    def derivative(self, output: Any, known: Any, seed: Sequence[float]) -> list[float]:  # noqa: ANN401
+        """Differentiate an output in a direction of an input."""
+        references = [output.valueReference], [known.valueReference]
+        if self.subject.version == 2:
+            return list(self.slave.getDirectionalDerivative(*references, seed))
+        return list(self.slave.getDirectionalDerivative(*references, seed, length(output)))
+
+
+def length(variable: Any) -> int:  # noqa: ANN401
+    """Return the number of elements of a variable."""
+    return int(np.prod(variable.shape)) if variable.shape else 1
+
+
+def start_values(variable: Any) -> list[float]:  # noqa: ANN401
+    """Return the start values of a Real variable, one per element."""
+    texts = str(variable.start if variable.start is not None else 0.0).split()
+    return [float(text) for text in (texts if len(texts) == length(variable) else texts[:1] * length(variable))]
+
+
+def swing(variable: Any, by: float) -> list[float]:  # noqa: ANN401
+    """Return values near the start values of a Real variable and in its range, for ``by`` from -1 to 1."""
+    low, high, nominal = (
+        float(text) if text is not None else default
+        for text, default in ((variable.min, -math.inf), (variable.max, math.inf), (variable.nominal, 1.0))
+    )
+    change = 0.01 * min(abs(nominal), high - low) * by
+    return [value + change if low <= value + change <= high else value - change for value in start_values(variable)]
