@@ -151,6 +151,31 @@ def export_ssp_(
 
 
 @app.command()
+def container(
+    scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
+    out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.fmu if not given.", metavar="FILE")] = None,
+    fmus: FmuFolder = FMUS,
+    fmi: Annotated[int, typer.Option(help="Version of FMI outside, 2 or 3.", min=2, max=3)] = 2,
+) -> None:
+    """Merge a scenario and its FMUs into one FMU.
+
+    Inputs are what the scenario gives from outside, outputs what nobody receives and what is recorded, all named
+    component.variable. Prints the path. Events, gain, bias, noise and dropout are refused.
+
+    For example:
+
+        gossamer build --native && gossamer container damaged
+
+        gossamer container damaged --fmi 3 --out monitoring.fmu
+    """
+    from .container import build_container
+
+    path = find_scenario(scenario)
+    with open_scenario(path) as opened:
+        typer.echo(build_container(opened, fmus, Path("out") / f"{path.stem}.fmu" if out is None else out, fmi=fmi))
+
+
+@app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for FMUs, results and pictures.", metavar="FOLDER")] = Path("out"),
 ) -> None:
