@@ -147,6 +147,7 @@ ROGUES = {
     "crashes": ("ctypes.string_at(0)", "steps", "crashed its process: SIG"),
     "hangs": ("while t > 0.5 and True: pass", "steps", "did not answer within 3 s"),
     "ends the process": ("os._exit(3)", "steps", "ended its process with exit code 0x3"),
+    "ends the process quietly": ("os._exit(0)", "steps", "ended its process with exit code 0x0"),
     "raises": ("1 / 0", "steps", "Step 0 of 0.01 s is fatal"),
     "refuses": ("if t > 0.5: return False", "steps", "Step 51 of 0.01 s is discarded"),
     "computes nonsense": ("self.y = float('nan')", "steps", "output is not finite after step 0"),

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -112,7 +113,8 @@ def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> t
     for file in (report, late):
         file.write_bytes(b"")
     command = [sys.executable, "-m", f"{__name__}.checks", str(path), str(scratch), str(limit), *names]
-    try:
+    code: int | None = None
+    with suppress(subprocess.TimeoutExpired):
         code = subprocess.run(
             command,
             stdin=subprocess.DEVNULL,
@@ -123,15 +125,12 @@ def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> t
             env=os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(scratch)),
             timeout=limit * (len(names) + 1),
         ).returncode
-    except subprocess.TimeoutExpired:
-        code = 0
     found = [(str(verdict), str(why)) for verdict, why in map(json.loads, report.read_text("utf-8").splitlines())]
-    if code == 0 and found:
-        death = None
-    elif late.stat().st_size or code == 0:
+    death = None
+    if code is None or late.stat().st_size:
         death = f"The FMU did not answer within {limit:g} s."
     elif code < 0:
         death = f"The FMU crashed its process: {signal.Signals(-code).name}."
-    else:
+    elif code or not found:
         death = f"The FMU ended its process with exit code {code:#x}."
     return found, death
