@@ -1,11 +1,18 @@
-"""Build pythonfmu FMUs: one generic slave, one serialized step model, reproducible to the byte.
+"""Build FMUs from step models, reproducible to the byte: native ones, and ones that run in Python.
 
-The archive is laid out as pythonfmu 0.7.0 does it (its own builder stamps times and random identifiers, and leaves the
-module search path changed)::
+A native FMU holds C code and what it was compiled to::
+
+    modelDescription.xml
+    binaries/<platform>/<name>.<so|dll|dylib>
+    documentation/index.html, diagram.svg, licenses/
+    sources/                                 see ``native``
+
+A Python FMU holds one generic slave and the serialized step model. It is laid out as pythonfmu 0.7.0 does it (its own
+builder stamps times and random identifiers, and leaves the module search path changed)::
 
     modelDescription.xml
     binaries/<platform>/<name>.<so|dll>      pythonfmu's library, which starts Python
-    documentation/index.html, licenses/
+    documentation/index.html, diagram.svg, licenses/
     resources/slavemodule.txt                names the slave
     resources/slave_<digest>.py              imports the slave from the package
     resources/step_<digest>/                 the slave and what it imports: the stepper and pythonfmu's base class
@@ -19,8 +26,10 @@ import importlib.util
 import uuid
 import zipfile
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import gossamer_models
 from gossamer_models import ParameterError, StepModel
@@ -29,8 +38,10 @@ from gossamer_models.detector import DetectorArtifact, detector_model
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import SensorArtifact, sensor_model
 
-from .description import documentation, model_description
+from . import native
+from .description import build_description, diagram, documentation, model_description, model_description_3
 from .interface import NAMES, Interface, read_interface
+from .native import FmiVersion
 
 MODELS: dict[str, Callable[[], StepModel]] = {
     "membrane": membrane_model,
@@ -52,7 +63,7 @@ _NAMESPACE = uuid.UUID("6f2ad6c2-5a57-5d3c-9c1d-2f4a3c1f6d10")
 
 
 def build_fmu(model: StepModel, folder: Path, interface: Interface | None = None) -> Path:
-    """Build one FMU.
+    """Build an FMU of FMI 2.0 that runs in Python, through pythonfmu.
 
     Parameters
     ----------
@@ -69,35 +80,81 @@ def build_fmu(model: StepModel, folder: Path, interface: Interface | None = None
         The FMU. The same model, interface and package versions give the same bytes.
     """
     interface = interface or read_interface(model.name)
-    files = _resources(model)
-    pages = documentation(model, interface)
-    content = hashlib.sha256()
-    for name, data in sorted(files.items()):
-        content.update(name.encode() + b"\0" + data + b"\0")
-    content.update(model_description(model, interface, guid="") + pages.encode())
-    guid = f"{{{uuid.uuid5(_NAMESPACE, content.hexdigest())}}}"
-    members = {"modelDescription.xml": model_description(model, interface, guid)}
-    members |= {f"resources/{name}": data for name, data in files.items()}
-    members["documentation/index.html"] = pages.encode()
-    members["documentation/licenses/license.txt"] = _license()
+    members = {f"resources/{name}": data for name, data in _resources(model).items()}
     for library in sorted((_package_folder("pythonfmu") / "resources/binaries").rglob("*.*")):
         members[f"binaries/{library.parent.name}/{model.name}{library.suffix}"] = library.read_bytes()
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{model.name}.fmu"
-    partial = path.with_suffix(".partial")
-    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0])):
-            member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
-            member.compress_type = zipfile.ZIP_DEFLATED
-            member.external_attr = 0o644 << 16
-            member.create_system = 3
-            archive.writestr(member, data)
-    partial.replace(path)
-    return path
+    members |= _documents(model, interface)
+    describe = partial(model_description, model, interface, native=False)
+    members["modelDescription.xml"] = describe(_identifier(members, describe("")))
+    return _write(folder / f"{model.name}.fmu", members)
+
+
+def build_native_fmu(
+    model: StepModel,
+    folder: Path,
+    interface: Interface | None = None,
+    *,
+    fmi: FmiVersion = 2,
+    platforms: Iterable[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Path:
+    """Build an FMU of compiled C, which needs nothing where it runs.
+
+    Parameters
+    ----------
+    model : StepModel
+        What it runs, best built with ``compiled=True`` where it has that choice.
+    folder : Path
+        Where ``<model name>.fmu`` is written; made if needed.
+    interface : Interface, optional
+        By default that of this project's FMU of the same name.
+    fmi : {2, 3}
+        Version of the standard.
+    platforms : iterable of str
+        Keys of ``native.PLATFORMS``, or ``all``; by default the one this program runs on.
+    progress : callable
+        Told what is being compiled.
+
+    Returns
+    -------
+    Path
+        The FMU. The same model, interface, compiler and package versions give the same bytes.
+
+    Raises
+    ------
+    ParameterError
+        A platform is unknown or not part of this version of the standard.
+    ModuleNotFoundError
+        The compiler is not installed.
+    """
+    interface = interface or read_interface(model.name)
+    describe = partial(model_description, model, interface, native=True)
+    if fmi == 3:
+        describe = partial(model_description_3, model, interface)
+    members = _documents(model, interface)
+    guid = _identifier(members | native.sources(model, "", fmi), describe(""))
+    files = native.sources(model, guid, fmi)
+    for platform in native.chosen(platforms, fmi):
+        progress(f"{model.name} for {platform}")
+        built = native.compile_library(files, model.name, fmi, platform)
+        members |= {f"binaries/{name}": data for name, data in built.items()}
+    if fmi == 3:
+        files["buildDescription.xml"] = build_description(model)
+    members |= {f"sources/{name}": data for name, data in files.items()}
+    members["modelDescription.xml"] = describe(guid)
+    return _write(folder / f"{model.name}.fmu", members)
 
 
 def build_all(
-    folder: Path, names: Iterable[str] = NAMES, *, artifact: Path | None = None, elements_per_side: int | None = None
+    folder: Path,
+    names: Iterable[str] = NAMES,
+    *,
+    artifact: Path | None = None,
+    elements_per_side: int | None = None,
+    native: bool = False,
+    fmi: FmiVersion = 2,
+    platforms: Iterable[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Path]:
     """Build this project's FMUs, all or some of them.
 
@@ -111,6 +168,10 @@ def build_all(
         Identified sensor or trained detector; every FMU named must be built from this kind of artifact.
     elements_per_side : int, optional
         Mesh of the membrane, which must be among the names.
+    native : bool
+        True: compiled C; False: FMUs that run in Python.
+    fmi, platforms, progress
+        See ``build_native_fmu``; for native FMUs only.
 
     Returns
     -------
@@ -123,17 +184,25 @@ def build_all(
         An option that an FMU does not have.
     ArtifactError
         The artifact cannot be used.
+    ModuleNotFoundError
+        The compiler is not installed.
     """
-    models = {name: _model(name, artifact, elements_per_side) for name in names}  # all or nothing
-    return {name: build_fmu(model, folder) for name, model in models.items()}
+    if not native and (fmi != 2 or tuple(platforms)):
+        msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Ask for native ones."
+        raise ParameterError(msg)
+    models = {name: _model(name, artifact, elements_per_side, compiled=native) for name in names}  # all or nothing
+    if not native:
+        return {name: build_fmu(model, folder) for name, model in models.items()}
+    options: dict[str, Any] = {"fmi": fmi, "platforms": tuple(platforms), "progress": progress}
+    return {name: build_native_fmu(model, folder, **options) for name, model in models.items()}
 
 
-def _model(name: str, artifact: Path | None, elements_per_side: int | None) -> StepModel:
+def _model(name: str, artifact: Path | None, elements_per_side: int | None, *, compiled: bool) -> StepModel:
+    if name == "membrane" and artifact is None:
+        return membrane_model(elements_per_side or 8, compiled=compiled)
     if elements_per_side is not None:
-        if name != "membrane":
-            msg = f"FMU {name!r} has no mesh. Name the membrane alone to choose its elements per side."
-            raise ParameterError(msg)
-        return membrane_model(elements_per_side)
+        msg = f"FMU {name!r} has no mesh. Name the membrane alone to choose its elements per side."
+        raise ParameterError(msg)
     if artifact is None:
         return MODELS[name]()
     if name in ("sensor", "compensator"):
@@ -142,6 +211,37 @@ def _model(name: str, artifact: Path | None, elements_per_side: int | None) -> S
         return detector_model(DetectorArtifact.read(artifact))
     msg = f"FMU {name!r} is not built from an artifact. Name the FMUs to build: sensor compensator, or detector."
     raise ParameterError(msg)
+
+
+def _documents(model: StepModel, interface: Interface) -> dict[str, bytes]:
+    return {
+        "documentation/index.html": documentation(model, interface).encode(),
+        "documentation/diagram.svg": diagram(model),
+        "documentation/licenses/license.txt": _license(),
+    }
+
+
+def _identifier(members: dict[str, bytes], description: bytes) -> str:
+    """Return the guid that belongs to some content."""
+    content = hashlib.sha256()
+    for name, data in sorted((members | {"modelDescription.xml": description}).items()):
+        content.update(name.encode() + b"\0" + data + b"\0")
+    return f"{{{uuid.uuid5(_NAMESPACE, content.hexdigest())}}}"
+
+
+def _write(path: Path, members: dict[str, bytes]) -> Path:
+    """Write an archive that depends on nothing but its content."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_suffix(".partial")
+    with zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0])):
+            member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            member.compress_type = zipfile.ZIP_DEFLATED
+            member.external_attr = 0o644 << 16
+            member.create_system = 3
+            archive.writestr(member, data)
+    unfinished.replace(path)
+    return path
 
 
 def _resources(model: StepModel) -> dict[str, bytes]:

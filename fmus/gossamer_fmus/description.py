@@ -1,4 +1,4 @@
-"""``modelDescription.xml`` (FMI 2.0) and the documentation page, both from a model's table of variables."""
+"""``modelDescription.xml`` (FMI 2.0 and 3.0) and the documentation page, all from a model's table of variables."""
 
 from __future__ import annotations
 
@@ -10,20 +10,12 @@ from xml.etree import ElementTree as ET
 
 from gossamer_models import StepModel, Variable
 
+from .arrays import arrays_of
 from .interface import Interface
 
 # Symbols of SI base dimensions in pint, and attributes of <BaseUnit>.
 _BASE = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "radian": "rad"}
 _BEGIN, _END = "<!-- variables -->", "<!-- end of variables -->"
-_CAPABILITIES = {
-    "needsExecutionTool": "true",
-    "canHandleVariableCommunicationStepSize": "true",
-    "canInterpolateInputs": "false",
-    "canBeInstantiatedOnlyOncePerProcess": "false",
-    "canNotUseMemoryManagementFunctions": "true",
-    "canGetAndSetFMUstate": "true",
-    "canSerializeFMUstate": "true",
-}
 _LOG_CATEGORIES = {
     "logStatusDiscard": "Steps that were refused, and why.",
     "logStatusError": "Calls that were ignored, and why.",
@@ -31,8 +23,8 @@ _LOG_CATEGORIES = {
 }
 
 
-def model_description(model: StepModel, interface: Interface, guid: str) -> bytes:
-    """Write the model description.
+def model_description(model: StepModel, interface: Interface, guid: str, *, native: bool) -> bytes:
+    """Write the model description of FMI 2.0.
 
     Parameters
     ----------
@@ -42,58 +34,186 @@ def model_description(model: StepModel, interface: Interface, guid: str) -> byte
         Default experiment.
     guid : str
         Identifier of interface and content.
+    native : bool
+        True: compiled from ``sources/fmi2.c``; False: runs in Python.
 
     Returns
     -------
     bytes
         UTF-8 XML.
     """
-    root = ET.Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=model.name,
-        guid=guid,
-        description=model.description,
-        author="The Gossamer developers",
-        version=version("gossamer"),
-        copyright="The Gossamer developers",
-        license="BSD-3-Clause",
-        generationTool=f"Gossamer {version('gossamer')} with PythonFMU {version('pythonfmu')}",
-        variableNamingConvention="structured",
-        numberOfEventIndicators="0",
-    )
-    ET.SubElement(root, "CoSimulation", {"modelIdentifier": model.name, **_CAPABILITIES})
-    units = ET.SubElement(root, "UnitDefinitions")
-    for name in dict.fromkeys(variable.unit for variable in model.variables):
-        ET.SubElement(ET.SubElement(units, "Unit", name=name), "BaseUnit", base_unit(name))
-    categories = ET.SubElement(root, "LogCategories")
-    for name, text in _LOG_CATEGORIES.items():
-        ET.SubElement(categories, "Category", name=name, description=text)
-    ET.SubElement(
-        root,
-        "DefaultExperiment",
-        startTime="0",
-        stopTime=f"{interface.stop_time:.16g}",
-        stepSize=f"{interface.step_size:.16g}",
-    )
+    tool = "" if native else f" with PythonFMU {version('pythonfmu')}"
+    root = _root(model, tool, fmiVersion="2.0", guid=guid, numberOfEventIndicators="0")
+    capabilities = {
+        "needsExecutionTool": not native,
+        "canHandleVariableCommunicationStepSize": True,
+        "canInterpolateInputs": False,
+        "canBeInstantiatedOnlyOncePerProcess": False,
+        "canNotUseMemoryManagementFunctions": True,
+        "canGetAndSetFMUstate": True,
+        "canSerializeFMUstate": True,
+        "providesDirectionalDerivative": native and _has_derivatives(model),
+    }
+    kind = ET.SubElement(root, "CoSimulation", {"modelIdentifier": model.name} | _flags(capabilities))
+    if native:
+        ET.SubElement(ET.SubElement(kind, "SourceFiles"), "File", name="fmi2.c")
+    _common(root, model, interface)
     variables = ET.SubElement(root, "ModelVariables")
     for reference, variable in enumerate(model.variables):
         variables.append(_scalar_variable(variable, reference))
     structure = ET.SubElement(root, "ModelStructure")
-    given, results = slice(0, model.slices()[1].stop), model.slices()[2]
+    given = slice(0, model.slices()[1].stop)
     outputs = [i for i, variable in enumerate(model.variables) if variable.causality == "output"]
     listed = ET.SubElement(structure, "Outputs")
-    of_inputs = model.step.jac_sparsity(1, 1)
     for i in outputs:
-        columns = of_inputs.T.row()[
-            of_inputs.T.colind()[i - results.start] : of_inputs.T.colind()[i - results.start + 1]
-        ]
-        dependencies = " ".join(str(model.slices()[1].start + column + 1) for column in columns)
+        dependencies = " ".join(str(k + 1) for k in _dependencies(model, i))
         ET.SubElement(listed, "Unknown", index=str(i + 1), dependencies=dependencies)
     unknowns = ET.SubElement(structure, "InitialUnknowns")
     everything = " ".join(str(i + 1) for i in range(given.stop))
     for i in outputs:
         ET.SubElement(unknowns, "Unknown", index=str(i + 1), dependencies=everything)
+    return _bytes(root)
+
+
+def model_description_3(model: StepModel, interface: Interface, token: str) -> bytes:
+    """Write the model description of FMI 3.0: neighbours such as ``strain[1]``, ``strain[2]`` are one array ``strain``.
+
+    Parameters
+    ----------
+    model : StepModel
+        The model; value references are 0 for time and then count the arrays.
+    interface : Interface
+        Default experiment.
+    token : str
+        Identifier of interface and content.
+
+    Returns
+    -------
+    bytes
+        UTF-8 XML.
+    """
+    root = _root(model, "", fmiVersion="3.0", instantiationToken=token)
+    capabilities = {
+        "canHandleVariableCommunicationStepSize": True,
+        "canGetAndSetFMUState": True,
+        "canSerializeFMUState": True,
+        "providesDirectionalDerivatives": _has_derivatives(model),
+    }
+    ET.SubElement(root, "CoSimulation", {"modelIdentifier": model.name} | _flags(capabilities))
+    _common(root, model, interface)
+    variables = ET.SubElement(root, "ModelVariables")
+    about_time = {"name": "time", "valueReference": "0", "causality": "independent", "variability": "continuous"}
+    ET.SubElement(variables, "Float64", about_time | {"unit": "s", "description": "Time"})
+    arrays = arrays_of(model)
+    reference = {i: str(k) for k, array in enumerate(arrays, 1) for i in range(array.first, array.first + array.size)}
+    for array in arrays:
+        element = ET.SubElement(
+            variables,
+            "Float64",
+            {"name": array.name, "valueReference": reference[array.first]}
+            | _about(array.members[0])
+            | {"description": array.description, "unit": array.members[0].unit}
+            | _numbers(array.members[0])
+            | ({} if array.members[0].start is None else {"start": " ".join(repr(v.start) for v in array.members)}),
+        )
+        for size in array.shape:
+            ET.SubElement(element, "Dimension", start=str(size))
+    structure = ET.SubElement(root, "ModelStructure")
+    given = [array for array in arrays if array.members[0].start is not None]
+    outputs = [array for array in arrays if array.members[0].causality == "output"]
+    for array in outputs:
+        places = range(array.first, array.first + array.size)
+        needed = dict.fromkeys(reference[k] for i in places for k in _dependencies(model, i))
+        ET.SubElement(structure, "Output", valueReference=reference[array.first], dependencies=" ".join(needed))
+    everything = " ".join(reference[array.first] for array in given)
+    for array in outputs:
+        ET.SubElement(structure, "InitialUnknown", valueReference=reference[array.first], dependencies=everything)
+    return _bytes(root)
+
+
+def build_description(model: StepModel) -> bytes:
+    """Write ``sources/buildDescription.xml`` of FMI 3.0: how an importing tool compiles the sources."""
+    root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model.name)
+    files = ET.SubElement(configuration, "SourceFileSet", language="C11", compilerOptions="-O2 -ffp-contract=off")
+    ET.SubElement(files, "SourceFile", name="fmi3.c")
+    ET.SubElement(configuration, "Library", name="m", version="1.0")
+    return _bytes(root)
+
+
+def diagram(model: StepModel) -> bytes:
+    """Draw the model as a block, inputs on the left and outputs on the right, as SVG."""
+    sides = {
+        causality: [array for array in arrays_of(model) if array.members[0].causality == causality]
+        for causality in ("input", "output")
+    }
+    height = 40 * max(map(len, sides.values())) + 50
+    root = ET.Element("svg", xmlns="http://www.w3.org/2000/svg", viewBox=f"0 0 640 {height}")
+    root.set("font-family", "sans-serif")
+    root.set("font-size", "14")
+    box = {"x": "220", "y": "10", "width": "200", "height": str(height - 20), "rx": "6"}
+    ET.SubElement(root, "rect", box | {"fill": "#f4f6f8", "stroke": "#334"})
+    name = {"x": "320", "y": str(height / 2 + 5), "text-anchor": "middle", "font-weight": "bold"}
+    ET.SubElement(root, "text", name).text = model.name
+    for causality, arrays in sides.items():
+        left = causality == "input"
+        for k, array in enumerate(arrays):
+            y = height / 2 + 40 * (k - (len(arrays) - 1) / 2)
+            tip = 220 if left else 450
+            ET.SubElement(root, "line", x1=str(tip - 30), y1=str(y), x2=str(tip), y2=str(y), stroke="#334")
+            ET.SubElement(root, "path", d=f"M{tip} {y}l-8 -4v8z", fill="#334")
+            size = f"[{', '.join(map(str, array.shape))}]" if array.shape else ""
+            unit = array.members[0].unit
+            place = {"x": str(180 if left else 460), "y": str(y + 5), "text-anchor": "end" if left else "start"}
+            ET.SubElement(root, "text", place).text = f"{array.name}{size}" + (f"  [{unit}]" if unit != "1" else "")
+    return _bytes(root)
+
+
+def _root(model: StepModel, tool: str, **attributes: str) -> ET.Element:
+    return ET.Element(
+        "fmiModelDescription",
+        attributes,
+        modelName=model.name,
+        description=model.description,
+        author="The Gossamer developers",
+        version=version("gossamer"),
+        copyright="The Gossamer developers",
+        license="BSD-3-Clause",
+        generationTool=f"Gossamer {version('gossamer')}{tool}",
+        variableNamingConvention="structured",
+    )
+
+
+def _common(root: ET.Element, model: StepModel, interface: Interface) -> None:
+    """Add what both versions of the standard write alike: units, log categories, default experiment."""
+    units = ET.SubElement(root, "UnitDefinitions")
+    for name in dict.fromkeys(["s", *(variable.unit for variable in model.variables)]):
+        ET.SubElement(ET.SubElement(units, "Unit", name=name), "BaseUnit", base_unit(name))
+    categories = ET.SubElement(root, "LogCategories")
+    for name, text in _LOG_CATEGORIES.items():
+        ET.SubElement(categories, "Category", name=name, description=text)
+    times = {"startTime": 0.0, "stopTime": interface.stop_time, "stepSize": interface.step_size}
+    ET.SubElement(root, "DefaultExperiment", {key: f"{value:.16g}" for key, value in times.items()})
+
+
+def _has_derivatives(model: StepModel) -> bool:
+    """Tell whether an output is continuous: FMI defines derivatives for no others."""
+    return any(v.causality == "output" and not v.discrete for v in model.variables)
+
+
+def _dependencies(model: StepModel, output: int) -> list[int]:
+    """Return the places in the table of the inputs that an output depends on directly."""
+    _, inputs, results = model.slices()
+    by_output = model.step.jac_sparsity(1, 1).T
+    begin, end = by_output.colind()[output - results.start :][:2]
+    return [inputs.start + column for column in by_output.row()[begin:end]]
+
+
+def _flags(values: dict[str, bool]) -> dict[str, str]:
+    return {key: str(value).lower() for key, value in values.items()}
+
+
+def _bytes(root: ET.Element) -> bytes:
     ET.indent(root)
     return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
 
@@ -111,46 +231,40 @@ def base_unit(name: str) -> dict[str, str]:
 
 
 def _scalar_variable(variable: Variable, reference: int) -> ET.Element:
-    given = variable.start is not None
-    attributes = {
-        "name": variable.name,
-        "valueReference": str(reference),
-        "description": variable.description,
-        "causality": variable.causality,
-        "variability": "fixed"
-        if variable.causality == "parameter"
-        else "discrete"
-        if variable.discrete
-        else "continuous",
-    }
+    attributes = {"name": variable.name, "valueReference": str(reference), "description": variable.description}
+    attributes |= _about(variable)
     if variable.causality != "input":
-        attributes["initial"] = "exact" if given else "calculated"
+        attributes["initial"] = "calculated" if variable.start is None else "exact"
     element = ET.Element("ScalarVariable", attributes)
-    numbers = {
-        "min": variable.minimum,
-        "max": variable.maximum,
-        "nominal": variable.nominal,
-        "start": variable.start,
-    }
-    shown = {key: repr(float(value)) for key, value in numbers.items() if value is not None}
-    ET.SubElement(element, "Real", {"unit": variable.unit, **shown})
+    start = {} if variable.start is None else {"start": repr(float(variable.start))}
+    ET.SubElement(element, "Real", {"unit": variable.unit} | _numbers(variable) | start)
     return element
+
+
+def _about(variable: Variable) -> dict[str, str]:
+    """Return causality and variability, which both versions of the standard write alike."""
+    changing = "discrete" if variable.discrete else "continuous"
+    return {
+        "causality": variable.causality,
+        "variability": "fixed" if variable.causality == "parameter" else changing,
+    }
+
+
+def _numbers(variable: Variable) -> dict[str, str]:
+    numbers = {"min": variable.minimum, "max": variable.maximum, "nominal": variable.nominal}
+    return {key: repr(float(value)) for key, value in numbers.items() if value is not None}
 
 
 def variables_table(model: StepModel) -> str:
     """Return the variables as a Markdown table; elements of one array share a row."""
-    groups: dict[tuple[str, str], list[Variable]] = {}
-    for variable in model.variables:
-        groups.setdefault((variable.name.split("[")[0], variable.causality), []).append(variable)
     rows = ["| name | causality | unit | start | range | description |", "|---|---|---|---|---|---|"]
-    for members in groups.values():
-        first, last = members[0], members[-1]
-        name = f"`{first.name}`" if len(members) == 1 else f"`{first.name}` .. `{last.name}`"
+    for array in arrays_of(model):
+        first = array.members[0]
         start = "" if first.start is None else f"{first.start:g}"
         low = "" if first.minimum is None else f"{first.minimum:g}"
         high = "" if first.maximum is None else f"{first.maximum:g}"
         span = f"{low} .. {high}" if low or high else ""
-        rows.append(f"| {name} | {first.causality} | {first.unit} | {start} | {span} | {first.description} |")
+        rows.append(f"| {array.label} | {first.causality} | {first.unit} | {start} | {span} | {array.description} |")
     return "\n".join(rows)
 
 

@@ -81,20 +81,39 @@ def build(
     elements_per_side: Annotated[
         int | None, typer.Option(help="Mesh of the membrane, a multiple of 4; 8 if not given.", metavar="N")
     ] = None,
+    native: Annotated[
+        bool, typer.Option("--native", help="Compile C, which runs without Python, instead of packing Python code.")
+    ] = False,
+    platform: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="With --native: linux64, win64, darwin64, aarch64-linux (FMI 3 only) or all; may be repeated. "
+            "This machine's if not given.",
+            metavar="NAME",
+        ),
+    ] = None,
+    fmi: Annotated[
+        int, typer.Option(help="With --native: version of the standard, 2 or 3.", min=2, max=3, metavar="N")
+    ] = 2,
 ) -> None:
     """Build the FMUs.
 
-    Prints the path of every FMU.
+    Prints the path of every FMU. Native FMUs need the compiler of pip install 'gossamer[native]'.
 
     For example:
 
         gossamer build
 
+        gossamer build --native --platform all
+
+        gossamer build --native --fmi 3 --out out/fmus3
+
         gossamer build membrane --elements-per-side 16
 
         gossamer build detector --artifact out/detector/single_damage.json --out somewhere
     """
-    for path in _build(out, names, artifact, elements_per_side).values():
+    options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
+    for path in _build(out, names, artifact=artifact, elements_per_side=elements_per_side, **options).values():
         typer.echo(path)
 
 
@@ -188,7 +207,7 @@ def demo(
 
         gossamer demo
     """
-    _build(out / "fmus", None)
+    _build(out / "fmus")
     for name in DEMO:
         _run(find_scenario(name), out / "fmus", out / name, pictures=True)
 
@@ -300,9 +319,7 @@ def train(
     typer.echo(out)
 
 
-def _build(
-    folder: Path, names: list[str] | None, artifact: Path | None = None, elements_per_side: int | None = None
-) -> dict[str, Path]:
+def _build(folder: Path, names: list[str] | None = None, **options: Any) -> dict[str, Path]:  # noqa: ANN401
     """Build FMUs into a folder, all of them if none is named; a build is reproducible, so it may be repeated."""
     from gossamer_fmus import NAMES, build_all
 
@@ -310,8 +327,9 @@ def _build(
         if name not in NAMES:
             msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
             raise FmuError(msg)
-    with _model_errors(), Console(stderr=True).status("building FMUs"):
-        return build_all(folder, names or NAMES, artifact=artifact, elements_per_side=elements_per_side)
+    with _model_errors(), Console(stderr=True).status("building FMUs") as status:
+        progress = lambda text: status.update(f"compiling {text}; a first time for a platform takes minutes")  # noqa: E731
+        return build_all(folder, names or NAMES, progress=progress, **options)
 
 
 @contextmanager
@@ -321,7 +339,7 @@ def _model_errors() -> Iterator[None]:
 
     try:
         yield
-    except GossamerError as error:
+    except (GossamerError, ModuleNotFoundError) as error:
         raise OrchestratorError(str(error)) from error
     except OSError as error:
         msg = f"cannot write there: {error}. Name another place with --out."

@@ -42,7 +42,8 @@ def similarity(I: ca.MX, X: ca.MX, w1: ca.MX, b: float) -> ca.MX:
     shape (n, 1)
         Similarities between 0 and 1.
     """
-    D = ca.sum2(w1 * (X - ca.repmat(I.T, X.shape[0], 1)) ** 2)
+    rows = ca.mtimes(ca.DM.ones(X.shape[0], 1), I.T)  # one loop of C; repmat would be one per row
+    D = ca.sum2(w1 * (X - rows) ** 2)
     return 1.0 / (1.0 + ca.exp(D - b))
 
 

@@ -30,13 +30,15 @@ _ADVICE = (
 )
 
 
-def membrane_model(elements_per_side: int = 8) -> StepModel:
+def membrane_model(elements_per_side: int = 8, *, compiled: bool = False) -> StepModel:
     r"""Build the step model of a prestressed square membrane under pressure, with damage in 16 zones.
 
     Parameters
     ----------
     elements_per_side : int
         Multiple of 4, at least 4.
+    compiled : bool
+        True if the step is to become C code rather than to run in CasADi's virtual machine; the numbers are the same.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def membrane_model(elements_per_side: int = 8) -> StepModel:
        2nd ed., Wiley, 2014, Section 6.2.
     .. [2] E. Hairer, C. Lubich, G. Wanner, Acta Numerica 12, 399-450, 2003, doi:10.1017/S0962492902000144.
     """
-    equations = MembraneEquations(elements_per_side)
+    equations = MembraneEquations(elements_per_side, compiled=compiled)
     n = equations.n_q
     u, p = ca.MX.sym("u", 2 + N_ZONES), ca.MX.sym("p", N_PARAMETERS)
     pressure, base_acceleration, damage = u[0], u[1], u[2:]

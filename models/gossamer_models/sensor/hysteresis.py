@@ -71,8 +71,15 @@ def cumulate(front: ca.MX, mu: Table, nu: Table) -> tuple[ca.MX, ca.MX]:
         :math:`M_i = \sum_k \mu_{ik} \min(\max(\alpha_i - k/N, 0), 1/N)` and the same sum with :math:`\nu` [1].
     """
     n = mu.shape[0]
-    line, bin_ = np.triu_indices(n)
-    filled = ca.fmin(ca.fmax(front[line.tolist()] - ca.DM(bin_ / n), 0.0), 1.0 / n)
-    place = ca.Sparsity.triplet(n, line.size, line.tolist(), list(range(line.size)))
-    up, down = (ca.mtimes(ca.DM(place, table[line, bin_]), filled) for table in (mu, nu))
-    return up, down
+    k = ca.fmin(ca.floor(n * front), n - 1.0)  # the bin in which each front stands
+    return _weight_below(front, k, mu), _weight_below(front, k, nu)
+
+
+def _weight_below(front: ca.MX, k: ca.MX, table: Table) -> ca.MX:
+    """Look up the weight [1] below the bins ``k`` and add the part of each that lies below its front."""
+    n = table.shape[0]
+    below = np.zeros_like(table)
+    below[:, 1:] = np.cumsum(table, axis=1)[:, :-1] / n
+    place = ca.DM(n * np.arange(n)) + k
+    full, density = (ca.MX(ca.DM(values.reshape(-1)))[place] for values in (below, table))
+    return full + density * (front - k / n)

@@ -1,0 +1,66 @@
+"""Arrays of a model's table: neighbours that share a name, such as ``strain[1]`` .. ``strain[4]``."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from itertools import groupby
+from math import prod
+
+from gossamer_models import StepModel, Variable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Array:
+    """One array, or one scalar.
+
+    Attributes
+    ----------
+    name : str
+        Without indices.
+    first : int
+        Place of the first element in the table.
+    members : tuple of Variable
+        Elements; the last index runs fastest.
+    shape : tuple of int
+        Empty for a scalar.
+    """
+
+    name: str
+    first: int
+    members: tuple[Variable, ...]
+    shape: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return len(self.members)
+
+    @property
+    def label(self) -> str:
+        """Name with the first and last indices."""
+        names = [f"`{v.name}`" for v in self.members]
+        return names[0] if len(names) == 1 else f"{names[0]} .. `{self.members[-1].name}`"
+
+    @property
+    def description(self) -> str:
+        """What the descriptions of all elements begin with."""
+        if self.size == 1:
+            return self.members[0].description
+        common = os.path.commonprefix([v.description for v in self.members])  # noqa: RUF071
+        return re.sub(r"[^\w)]+$", "", common[: common.rfind(" ")]) + " .."
+
+
+def arrays_of(model: StepModel) -> list[Array]:
+    """Return the arrays and scalars of a model in table order."""
+    arrays = []
+    numbered = enumerate(model.variables)
+    for (name, _), group in groupby(numbered, key=lambda item: (item[1].name.split("[")[0], item[1].causality)):
+        places, members = zip(*group, strict=True)
+        last = re.search(r"\[(.*)\]", members[-1].name)
+        shape = tuple(int(part) for part in last[1].split(",")) if last else ()
+        if prod(shape) != len(members):
+            shape = (len(members),)
+        arrays.append(Array(name=name, first=places[0], members=members, shape=shape))
+    return arrays

@@ -1,0 +1,268 @@
+/* Run one instance of a step model: the C twin of gossamer_models/stepper.py.
+
+   Symbols: x state, u inputs, p parameters, y results (outputs, then locals), h step [s]:
+
+       init(u, p)       -> (x, y)        once, when initialization ends
+       step(x, u, p, h) -> (x_next, y)   u holds at the end of the step
+
+   model.h holds the table of variables, functions.h the C code that CasADi generated from the model's expressions. A
+   Stepper holds all the memory it needs; nothing is global, so instances may run in different threads. Every function either
+   does what it says and returns true, or writes a message that says why not, returns false and leaves the state as it was.
+   Everything is static, and FMUs linked into one program do not collide. */
+
+#include <float.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct {
+  const char *name, *unit;
+  double start, minimum, maximum; /* no limit: the largest finite number, so that infinities are out of range */
+} Variable;
+
+#include "model.h"
+
+#define CASADI_SYMBOL_EXPORT static
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-function"
+#endif
+#include "functions.h"
+
+#define MAX_INTERNAL_STEPS 100000.0
+#define FIRST_INPUT N_PARAMETERS
+#define FIRST_RESULT (N_PARAMETERS + N_INPUTS)
+
+typedef enum { INSTANTIATED, INITIALIZING, RUNNING, TERMINATED } Mode;
+
+/* Everything that an instance remembers, and so what a saved state holds. */
+typedef struct {
+  int64_t mode;
+  double time;              /* [s], for messages and for hosts that ask; the model itself is autonomous */
+  double last_step;         /* [s], 0 before the first */
+  double values[N_VARIABLES]; /* parameters, inputs, outputs, locals */
+  double x[N_STATES];
+  double x_before[N_STATES]; /* at the start of the last step, for derivatives */
+} State;
+
+typedef struct {
+  State state;
+  bool checked;       /* the inputs are known to be in range */
+  bool results_known; /* while initializing: results belong to the present parameters and inputs */
+  double x[N_STATES], dx[N_STATES];
+  double next[N_STATES + N_RESULTS], d_next[N_STATES + N_RESULTS]; /* x and y as one, as functions write them */
+  double du[N_INPUTS];
+  const double *arg[SIZE_ARG];
+  double *res[SIZE_RES];
+  casadi_int iw[SIZE_IW];
+  double w[SIZE_W];
+  char message[640];
+} Stepper;
+
+static bool refuse(Stepper *s, const char *format, ...) {
+  va_list values;
+  va_start(values, format);
+  vsnprintf(s->message, sizeof s->message, format, values);
+  va_end(values);
+  return false;
+}
+
+/* Refuse a call that the present mode does not allow. */
+static bool wrong_call(Stepper *s, const char *call) {
+  static const char *const modes[] = {"before initialization", "in initialization mode", "while it runs", "after its end"};
+  return refuse(s, "%s is not allowed %s of model '%s'", call, modes[s->state.mode], MODEL_NAME);
+}
+
+static void stepper_reset(Stepper *s) {
+  memset(&s->state, 0, sizeof s->state);
+  for (int i = 0; i < N_VARIABLES; i++) s->state.values[i] = VARIABLES[i].start;
+  s->checked = s->results_known = false;
+}
+
+static bool stepper_may_set(Stepper *s, size_t index) {
+  if (index >= FIRST_RESULT) {
+    return refuse(s, "'%s' is a result of model '%s' and cannot be set", VARIABLES[index].name, MODEL_NAME);
+  }
+  if (index < FIRST_INPUT && s->state.mode == RUNNING) {
+    return refuse(s, "parameter '%s' is fixed once model '%s' runs. Reset it, then set it.", VARIABLES[index].name, MODEL_NAME);
+  }
+  return true;
+}
+
+/* A value that is not finite or out of range is refused by the step that would use it, so it may still be corrected. */
+static void stepper_set(Stepper *s, size_t index, double value) {
+  s->state.values[index] = value;
+  s->checked = s->results_known = false;
+}
+
+static bool in_range(Stepper *s, int begin, int end) {
+  for (int i = begin; i < end; i++) {
+    const Variable *v = &VARIABLES[i];
+    double value = s->state.values[i];
+    if (!(value >= v->minimum && value <= v->maximum)) {
+      bool plain = strcmp(v->unit, "1") == 0;
+      return refuse(s, "%s '%s' of model '%s' is %g%s%s; it must be a finite number from %g to %g. Correct it and call again.",
+                    i < FIRST_INPUT ? "parameter" : "input", v->name, MODEL_NAME, value, plain ? "" : " ", plain ? "" : v->unit,
+                    v->minimum == -DBL_MAX ? -HUGE_VAL : v->minimum, v->maximum == DBL_MAX ? HUGE_VAL : v->maximum);
+    }
+  }
+  return true;
+}
+
+static bool finite(Stepper *s, const double *results, const char *what) {
+  for (int i = 0; i < N_STATES + N_RESULTS; i++) {
+    if (!isfinite(results[i])) {
+      return refuse(s, "%s of model '%s' gave a result that is not finite. %s", what, MODEL_NAME, MODEL_ADVICE);
+    }
+  }
+  return true;
+}
+
+/* Initial state and results from parameters and inputs. May be repeated: it depends on nothing else. */
+static bool stepper_initialize(Stepper *s) {
+  double *values = s->state.values;
+  if (!in_range(s, 0, FIRST_RESULT)) return false;
+  s->arg[0] = values + FIRST_INPUT;
+  s->arg[1] = values;
+  s->res[0] = s->next;
+  s->res[1] = s->next + N_STATES;
+  if (init(s->arg, s->res, s->iw, s->w, 0)) s->next[0] = NAN;
+  if (!finite(s, s->next, "initialization")) return false;
+  memcpy(s->state.x, s->next, sizeof s->state.x);
+  memcpy(values + FIRST_RESULT, s->next + N_STATES, N_RESULTS * sizeof(double));
+  s->checked = s->results_known = true;
+  return true;
+}
+
+/* Make a value ready to be read: while initializing, results are computed when they are asked for. */
+static bool stepper_may_get(Stepper *s, size_t index) {
+  if (index < FIRST_RESULT || s->state.mode >= RUNNING || s->results_known) return true;
+  if (s->state.mode == INSTANTIATED) return wrong_call(s, "reading a result");
+  return stepper_initialize(s);
+}
+
+/* Count the equal internal steps, none longer than limit [s], that make up h [s]. */
+static bool divide(Stepper *s, double h, double limit, double *count) {
+  double ratio = h / limit * (1.0 - 1e-12);
+  if (!(ratio <= MAX_INTERNAL_STEPS)) {
+    return refuse(s, "a step of %g s needs %.3g internal steps of %.3e s of model '%s', more than %g. Use shorter communication steps.",
+                  h, ratio, limit, MODEL_NAME, MAX_INTERNAL_STEPS);
+  }
+  *count = ratio > 1.0 ? ceil(ratio) : 1.0;
+  return true;
+}
+
+/* Carry s->x over h [s] in internal steps and leave the end in s->next; if asked, carry s->dx along with inputs that change
+   by s->du, and leave the end of that in s->d_next. */
+static bool integrate(Stepper *s, double h, bool with_derivative) {
+  const double *values = s->state.values;
+  double limit = STEP_LIMIT < 0 ? HUGE_VAL : values[STEP_LIMIT], remaining, part;
+  if (!divide(s, h, limit, &remaining)) return false;
+  part = h / remaining;
+  for (;;) {
+    s->arg[0] = s->x;
+    s->arg[1] = values + FIRST_INPUT;
+    s->arg[2] = values;
+    s->arg[3] = &part;
+    if (with_derivative) {
+      s->arg[4] = s->dx;
+      s->arg[5] = s->du;
+      s->res[0] = s->d_next;
+      s->res[1] = s->d_next + N_STATES;
+      if (derivative(s->arg, s->res, s->iw, s->w, 0)) s->d_next[0] = NAN;
+      if (!finite(s, s->d_next, "the derivative")) return false;
+      memcpy(s->dx, s->d_next, sizeof s->dx);
+      s->arg[0] = s->x; /* generated code may use arg as work space */
+      s->arg[1] = values + FIRST_INPUT;
+      s->arg[2] = values;
+      s->arg[3] = &part;
+    }
+    s->res[0] = s->next;
+    s->res[1] = s->next + N_STATES;
+    if (step(s->arg, s->res, s->iw, s->w, 0)) s->next[0] = NAN;
+    if (!finite(s, s->next, "a step")) return false;
+    memcpy(s->x, s->next, sizeof s->x);
+    if (--remaining == 0.0) return true;
+    if (STEP_LIMIT >= FIRST_RESULT) {
+      limit = s->next[N_STATES + STEP_LIMIT - FIRST_RESULT];
+      if (part > limit) {
+        double rest = part * remaining;
+        if (!divide(s, rest, limit, &remaining)) return false;
+        part = rest / remaining;
+      }
+    }
+  }
+}
+
+/* Advance by h seconds with the inputs as set. */
+static bool stepper_step(Stepper *s, double h) {
+  if (!(isfinite(h) && h > 0.0)) {
+    return refuse(s, "the step of model '%s' must be a positive time [s], not %g", MODEL_NAME, h);
+  }
+  if (!s->checked && !in_range(s, FIRST_INPUT, FIRST_RESULT)) return false;
+  s->checked = true;
+  memcpy(s->x, s->state.x, sizeof s->x);
+  if (!integrate(s, h, false)) return false;
+  memcpy(s->state.x_before, s->state.x, sizeof s->state.x);
+  memcpy(s->state.x, s->next, sizeof s->state.x);
+  memcpy(s->state.values + FIRST_RESULT, s->next + N_STATES, N_RESULTS * sizeof(double));
+  s->state.last_step = h;
+  return true;
+}
+
+/* Change of all results (s->d_next + N_STATES) with the inputs (s->du) over the last step, taken again from its beginning
+   with the inputs as they stand. Leaves the state alone. */
+static bool stepper_derivative(Stepper *s) {
+  if (s->state.last_step == 0.0) {
+    return refuse(s, "model '%s' gives derivatives of the last step, and none was done yet", MODEL_NAME);
+  }
+  if (!in_range(s, FIRST_INPUT, FIRST_RESULT)) return false;
+  memcpy(s->x, s->state.x_before, sizeof s->x);
+  memset(s->dx, 0, sizeof s->dx);
+  return integrate(s, s->state.last_step, true);
+}
+
+/* What stepper_derivative found for one variable. */
+static double derivative_of(const Stepper *s, size_t index) {
+  if (index >= FIRST_RESULT) return s->d_next[N_STATES + index - FIRST_RESULT];
+  return index >= FIRST_INPUT ? s->du[index - FIRST_INPUT] : 0.0;
+}
+
+/* A serialized state is the magic, the model's digest, a checksum, and the state. */
+#define STATE_HEAD (sizeof STATE_MAGIC + 4)
+#define STATE_SIZE (STATE_HEAD + sizeof(State))
+static const uint8_t STATE_MAGIC[24] = {'G', 'O', 'S', 'S', 'A', 'M', 'E', 'R', MODEL_DIGEST};
+
+static uint32_t crc32(const uint8_t *bytes, size_t size) {
+  uint32_t crc = ~0u;
+  for (size_t i = 0; i < size; i++) {
+    crc ^= bytes[i];
+    for (int bit = 0; bit < 8; bit++) crc = crc >> 1 ^ (0xEDB88320u & -(crc & 1));
+  }
+  return ~crc;
+}
+
+static void state_write(const State *state, uint8_t *bytes) {
+  uint32_t crc;
+  memcpy(bytes, STATE_MAGIC, sizeof STATE_MAGIC);
+  memcpy(bytes + STATE_HEAD, state, sizeof *state);
+  crc = crc32(bytes + STATE_HEAD, sizeof *state);
+  memcpy(bytes + sizeof STATE_MAGIC, &crc, 4);
+}
+
+static bool state_read(Stepper *s, State *state, const uint8_t *bytes, size_t size) {
+  uint32_t crc;
+  if (size != STATE_SIZE || memcmp(bytes, STATE_MAGIC, sizeof STATE_MAGIC) != 0) {
+    return refuse(s, "this is no saved state of model '%s', which is %zu bytes and begins with its digest", MODEL_NAME, STATE_SIZE);
+  }
+  memcpy(&crc, bytes + sizeof STATE_MAGIC, 4);
+  if (crc != crc32(bytes + STATE_HEAD, sizeof *state)) {
+    return refuse(s, "this saved state of model '%s' is damaged: its checksum does not fit", MODEL_NAME);
+  }
+  memcpy(state, bytes + STATE_HEAD, sizeof *state);
+  if (state->mode < INSTANTIATED || state->mode > TERMINATED) return refuse(s, "this saved state of model '%s' is forged", MODEL_NAME);
+  return true;
+}
