@@ -71,3 +71,14 @@ class SspFiles:
         except Exception as error:
             # pyssp-standard trusts its files
             self.refuse(f"{path.name} cannot be read: {type(error).__name__}: {error}", "Correct it by SSP's schema")
+
+    def schema_reason(self, path: Path) -> str | None:
+        """Say where a system structure first departs from SSP's schema; None if it does not."""
+        from pyssp_standard.ssd import SSD
+
+        try:
+            SSD(path, mode="r").__check_compliance__()
+        except Exception as error:
+            # xmlschema's errors have a reason and a place, pyssp-standard's neither
+            return f"{getattr(error, 'reason', None) or error} (at {getattr(error, 'path', None) or path.name})"
+        return None

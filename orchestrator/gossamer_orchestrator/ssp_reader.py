@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from .archive import check_archive, unpack
-from .errors import ScenarioError
+from .errors import OrchestratorError, ScenarioError
 from .fmu import FmuFile
 from .graph import find_cycle, sort_components
 from .names import split_endpoint
@@ -67,7 +67,16 @@ def open_ssp(path: Path, *, step: float | None = None, stop: float | None = None
     check_archive(path, kind="SSP", needs=STRUCTURE, failure=ScenarioError)
     with TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True) as name:
         unpack(path, Path(name), failure=ScenarioError)
-        yield _Reader(SspFiles(path.name, Path(name))).scenario(step, stop)
+        files = SspFiles(path.name, Path(name))
+        try:
+            scenario = _Reader(files).scenario(step, stop)
+        except OrchestratorError:
+            raise
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+            # something that the schema requires is missing, or is no number
+            reason = files.schema_reason(files.folder / STRUCTURE) or f"{type(error).__name__}: {error}"
+            files.refuse(f"its system structure cannot be understood: {reason}", "Correct it by SSP's schema")
+        yield scenario
 
 
 @dataclass(frozen=True)

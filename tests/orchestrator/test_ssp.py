@@ -357,6 +357,29 @@ def test_what_cannot_run_is_refused_by_name(make, case):
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (
+            ' startConnector="y"',
+            "",
+            r"missing required attribute 'startConnector' \(at /ssd:SystemStructureDescription/",
+        ),
+        ('<Component name="a" ', "<Component ", "missing required attribute"),
+        ('factor="2"', 'factor="two"', r"attribute factor='two': .*/ssd:Connection/ssc:LinearTransformation\)"),
+        ('value="1.0"', "", "parameter binding of component 'a': 'u' is None, which is no Real"),
+    ],
+)
+def test_what_the_schema_forbids_is_refused_with_its_place(make, old, new, reason):
+    wire = connection("a.y", "b.u", '<c:LinearTransformation factor="2"/>')
+    content = system(
+        component("a", "gain", GAIN, bindings(SSV.format(real("u", 1.0)))) + component("b", "gain", GAIN), wire
+    )
+    assert old in content
+    with pytest.raises(ScenarioError, match=reason), open_ssp(make(content.replace(old, new, 1)), step=0.1):
+        pass
+
+
+@pytest.mark.parametrize(
     "declaration",
     ['<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;">', '<!ENTITY b SYSTEM "file:///etc/hostname">', ""],
 )
