@@ -75,6 +75,22 @@ def test_feedback_through_an_output_without_feedthrough_runs_under_jacobi_and_in
     assert stated["b.y"].values.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
 
 
+@pytest.mark.parametrize("master", ["gauss-seidel", "jacobi"])
+@pytest.mark.parametrize(("twice", "once"), [("begin", "end"), ("end", "begin")])
+def test_inputs_that_stand_side_by_side_or_not_arrive_where_they_belong(fmus, master, twice, once):
+    """Outputs in the order of the inputs are read where they stand, others are gathered; y = 2 u + offset[1]."""
+    text = (
+        f'step = 0.25\nstop = 2.0\nmaster = "{master}"\n[components]\nclock = {{ fmu = "clock", inputs = {{ u = 0.0 }} }}\n'
+        'sum = { fmu = "gain", parameters = { factor = 2.0 }, inputs = { "offset[2]" = 0.0 } }\n'
+        f'[[connections]]\nfrom = "clock.{twice}"\nto = "sum.u"\n'
+        f'[[connections]]\nfrom = "clock.{once}"\nto = "sum.offset[1]"\n'
+    )
+    data = run_scenario(parse_scenario(text), fmus)
+    expected = 2.0 * data[f"clock.{twice}"].values + data[f"clock.{once}"].values
+    late = 1 if master == "jacobi" else 0
+    assert data["sum.y"].values[late:].tolist() == expected[: len(expected) - late].tolist()
+
+
 def test_a_hundred_thousand_steps_land_exactly(fmus):
     text = 'step = 1e-4\nstop = 10.0\n[components.c]\nfmu = "clock"\ninputs = { u = 0.0 }\n[record]\nevery = 50000\n'
     data = run_scenario(parse_scenario(text), fmus)

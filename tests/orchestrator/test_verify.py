@@ -12,7 +12,7 @@ import sys
 import zipfile
 
 import pytest
-from gossamer_fmus import build_fmu
+from gossamer_fmus import build_all, build_fmu
 from gossamer_models.sensor import sensor_model
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.verify import FAILED, NOT_APPLICABLE, PASSED, REMARK, verify
@@ -47,6 +47,13 @@ def test_our_sensor_has_no_failure(tmp_path):
     for name in ("rules, by FMPy", "rules, by fmutool", "units", "steps", "save and restore", "serialize", "reset"):
         assert verdicts[name] == PASSED
     assert verdicts["two instances"] == verdicts["not a number"] == verdicts["memory"] == PASSED
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_our_native_sensor_passes_every_check(tmp_path, fmi):
+    pytest.importorskip("ziglang")
+    fmu = build_all(tmp_path, ["sensor"], native=True, fmi=fmi)["sensor"]
+    assert [f for f in verify(fmu) if f.verdict != PASSED] == []
 
 
 # --- files ---
