@@ -22,8 +22,8 @@ from .scenario import Scenario
 from .source import Problems
 
 ANNOTATION = "gossamer.scenario"
-OSP = "com.opensimulationplatform"
-OSP_NAMESPACE = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+_OSP = "com.opensimulationplatform"
+_OSP_NAMESPACE = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 KEPT = {"master", "order", "record"}
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
@@ -139,7 +139,7 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     ssd.default_experiment.annotations.add_annotation(_osp_step(scenario.step))
     ssd.__write__()
     ssd.root.append(ssd.root.find("ssd:DefaultExperiment", ssd.namespaces))  # after the units, as the schema wants it
-    namespaces = {prefix: ssd.namespaces[prefix] for prefix in ("ssd", "ssc", "ssv")} | {"osp": OSP_NAMESPACE}
+    namespaces = {prefix: ssd.namespaces[prefix] for prefix in ("ssd", "ssc", "ssv")} | {"osp": _OSP_NAMESPACE}
     etree.cleanup_namespaces(
         ssd.root, top_nsmap=namespaces
     )  # libcosim wants them declared at the top, under these names
@@ -228,9 +228,9 @@ def _osp_step(step: float) -> Any:  # noqa: ANN401
     from lxml import etree
     from pyssp_standard.common_content_ssc import Annotation
 
-    annotation = Annotation(OSP)
-    algorithm = etree.SubElement(annotation.root, f"{{{OSP_NAMESPACE}}}Algorithm", nsmap={"osp": OSP_NAMESPACE})
-    etree.SubElement(algorithm, f"{{{OSP_NAMESPACE}}}FixedStepAlgorithm", baseStepSize=repr(step))
+    annotation = Annotation(_OSP)
+    algorithm = etree.SubElement(annotation.root, f"{{{_OSP_NAMESPACE}}}Algorithm", nsmap={"osp": _OSP_NAMESPACE})
+    etree.SubElement(algorithm, f"{{{_OSP_NAMESPACE}}}FixedStepAlgorithm", baseStepSize=repr(step))
     return annotation
 
 

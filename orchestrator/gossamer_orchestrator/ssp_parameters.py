@@ -9,6 +9,7 @@ from typing import Any
 
 from .scenario import Value
 from .ssp_files import SspFiles
+from .units import factors
 
 _SET = "application/x-ssp-parameter-set"
 _MAPPING = "application/x-ssp-parameter-mapping"
@@ -17,10 +18,19 @@ _POWERS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 @dataclass(frozen=True)
 class Given:
-    """A value, and the definition of its unit if it has one."""
+    """A value, the definition of its unit if it has one, and what is done to a Real once its unit is the receiver's."""
 
     value: Value
-    unit: Any
+    unit: Any = None
+    gain: float = 1.0
+    bias: float = 0.0
+
+    def converted(self, unit: Any) -> Value:  # noqa: ANN401
+        """Return the value for a receiver with a unit."""
+        if not isinstance(self.value, float):
+            return self.value
+        factor, offset = factors(self.unit, unit) or (1.0, 0.0)
+        return self.gain * (factor * self.value + offset) + self.bias
 
 
 def read_bindings(files: SspFiles, bindings: Iterable[Any] | None, owner: str) -> dict[str, Given]:
@@ -88,7 +98,7 @@ def _parameters(files: SspFiles, values: Any, prefix: str, label: str) -> dict[s
 
 
 def _renamed(files: SspFiles, found: dict[str, Given], mapping: Any, label: str) -> dict[str, Given]:  # noqa: ANN401
-    """Rename and transform values; a mapping names all that is used."""
+    """Rename and transform values; what a mapping does not name keeps its name, as OMSimulator does it."""
     from pyssp_standard.ssm import SSM, SSMElem
 
     _check(files, mapping, _MAPPING, f"the mapping of {label}")
@@ -98,16 +108,17 @@ def _renamed(files: SspFiles, found: dict[str, Given], mapping: Any, label: str)
         entries = SSMElem.from_xml(mapping.ssm).entries
     else:
         files.refuse(f"the mapping of {label} is empty", "Remove it")
-    renamed = {}
+    renamed = {name: given for name, given in found.items() if name not in {entry.source for entry in entries}}
     for entry in entries:
         given = found.get(entry.source)
         if given is None:
             continue
+        gain, bias = 1.0, 0.0
         if entry.transformation is not None:
             kind, numbers = entry.transformation.transformation_type, entry.transformation.transformation
             if kind != "LinearTransformation" or not isinstance(given.value, float):
                 files.refuse(f"the mapping to {entry.target!r} has a {kind}", "Only linear ones of Reals can be run")
-            factor, offset = float(numbers.get("factor") or 1.0), float(numbers.get("offset") or 0.0)
-            given = Given(factor * given.value + offset, given.unit)
-        renamed[entry.target] = given
+            gain, bias = float(numbers.get("factor") or 1.0), float(numbers.get("offset") or 0.0)
+        unit = None if entry.suppress_unit_conversion in (True, "true", "1") else given.unit
+        renamed[entry.target] = Given(given.value, unit, gain, bias)
     return renamed

@@ -27,7 +27,7 @@ from .graph import find_cycle, sort_components
 from .names import split_endpoint
 from .scenario import Scenario, Value, make_scenario
 from .source import Source
-from .ssp import ANNOTATION, KEPT, OSP, OSP_NAMESPACE
+from .ssp import ANNOTATION, KEPT
 from .ssp_files import SspFiles
 from .ssp_parameters import Given, convert, definitions, read_bindings
 from .units import factors
@@ -298,11 +298,11 @@ class _Reader:
             return None if start is None else convert(variable.type, start)
         if variable.type == "Enumeration":
             self.files.refuse(f"{_text(node)!r} is an enumeration", "Leave it at the FMU's start value")
-        if not isinstance(given.value, float):
-            return given.value
-        factor, offset = factors(given.unit, self.units.get(chain[-1])) or (1.0, 0.0)
+        value = given.converted(self.units.get(chain[-1]))
+        if not isinstance(value, float):
+            return value
         gain, bias = self._transfer(chain)
-        return gain * (factor * given.value + offset) + bias
+        return gain * value + bias
 
     def _order(self, connections: list[dict[str, Any]]) -> dict[str, Any]:
         """Choose an order where FMUs feed each other in a circle; SSP does not state one."""
@@ -332,11 +332,9 @@ class _Reader:
         return {}
 
     def _step(self, root: Any) -> float:  # noqa: ANN401
-        """Return the step that the archive states, else the smallest that one of its FMUs prefers."""
-        for annotation in root.iterfind("{*}DefaultExperiment/{*}Annotations/{*}Annotation"):
-            algorithm = annotation.find(f".//{{{OSP_NAMESPACE}}}FixedStepAlgorithm")
-            if annotation.get("type") == OSP and algorithm is not None:
-                return float(algorithm.get("baseStepSize"))
+        """Return the step that the archive states for libcosim or OMSimulator, else the smallest that an FMU prefers."""
+        for algorithm in root.iter("{*}FixedStepAlgorithm", "{*}FixedStepMaster"):
+            return float(algorithm.get("baseStepSize") or algorithm.get("stepSize"))
         steps = self._preferred("stepSize")
         if not steps:
             self.files.refuse("neither it nor its FMUs state a step", "Name one with --step")

@@ -270,13 +270,30 @@ def test_nested_systems_are_flattened_and_higher_levels_override_lower_ones(make
     assert last(path, "sum.y") == pytest.approx(7.0 * 3.0 + 1.0, rel=1e-14)
 
 
-def test_a_mapping_renames_and_transforms_and_drops_the_rest(make):
+def test_a_mapping_renames_and_transforms_and_leaves_the_rest(make):
     mapping = """<ParameterMapping><m:ParameterMapping version="1.0">
       <m:MappingEntry source="gain.k" target="gain.factor"><c:LinearTransformation factor="2" offset="1"/></m:MappingEntry>
       </m:ParameterMapping></ParameterMapping>"""
-    values = bindings(SSV.format(real("k", 4.0) + real("u", 9.0)), ' prefix="gain."', mapping)
-    given = bindings(SSV.format(real("u", 1.0)))
-    assert last(make(system(component("gain", "gain", GAIN, given), more=values)), "gain.y") == 9.0
+    values = bindings(SSV.format(real("k", 4.0) + real("u", 2.0)), ' prefix="gain."', mapping)
+    assert last(make(system(component("gain", "gain", GAIN), more=values)), "gain.y") == 18.0
+
+
+@pytest.mark.parametrize("element", ['FixedStepAlgorithm baseStepSize="0.2"', 'FixedStepMaster stepSize="0.2"'])
+def test_the_step_may_stand_in_an_annotation_of_libcosim_or_omsimulator(make, element):
+    annotation = f'<Annotations><c:Annotation type="any"><x:{element} xmlns:x="any"/></c:Annotation></Annotations>'
+    path = make(
+        system(component("a", "gain")), rest=f'<DefaultExperiment stopTime="1">{annotation}</DefaultExperiment>'
+    )
+    with open_ssp(path) as scenario:
+        assert scenario.step == 0.2
+
+
+@pytest.mark.parametrize(("more", "expected"), [("", 4001.0), (' suppressUnitConversion="true"', 5.0)])
+def test_a_mapping_converts_units_before_it_transforms(make, more, expected):
+    mapping = f"""<ParameterMapping><m:ParameterMapping version="1.0"><m:MappingEntry source="k" target="u"{more}>
+      <c:LinearTransformation factor="2" offset="1"/></m:MappingEntry></m:ParameterMapping></ParameterMapping>"""
+    given = bindings(SSV.format(real("k", 2.0, ' unit="km"')), "", mapping)
+    assert last(make(system(component("m", "metre", GAIN, given))), "m.y") == expected
 
 
 def test_a_mapping_may_be_a_file(make):
