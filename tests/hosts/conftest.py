@@ -6,9 +6,9 @@ job names FMUs, start values, connections and what to watch; the table has a row
 start, and a column per watched variable.
 """
 
-import inspect
 import json
 import platform
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -44,8 +44,6 @@ WATCHED = [
 @pytest.fixture(scope="session", params=["pythonfmu", "native"])
 def kind(request):
     """Kind of FMU."""
-    if request.param == "native" and "native" not in inspect.signature(build_all).parameters:
-        pytest.skip("there are no native FMUs yet")
     return request.param
 
 
@@ -53,8 +51,23 @@ def kind(request):
 def fmus(kind, tmp_path_factory):
     """Folder of the four FMUs."""
     folder = tmp_path_factory.mktemp(kind)
-    build_all(folder, **({"native": True} if kind == "native" else {}))
+    build_all(folder, native=kind == "native")
     return folder
+
+
+@pytest.fixture(scope="session")
+def with_fmi3(job, tmp_path_factory):
+    """Make components of the job use FMUs of FMI 3.0: all, or those that a pattern of their name names."""
+    folder = tmp_path_factory.mktemp("fmi3")
+    build_all(folder, native=True, fmi=3)
+
+    def change(pattern=""):
+        return [
+            c | {"fmu": str(folder / Path(c["fmu"]).name)} if re.match(pattern, c["name"]) else c
+            for c in job["components"]
+        ]
+
+    return change
 
 
 @pytest.fixture(scope="session")

@@ -2,40 +2,77 @@
 
 import json
 import sys
+from math import prod
 from pathlib import Path
 
 import fmpy
 import numpy as np
-from fmpy import fmi2
+from fmpy import fmi2, fmi3
 
 
 class Member:
-    """An FMU and where its variables are."""
+    """An FMI 2.0 FMU and where its variables are."""
+
+    slave = fmi2.FMU2Slave
 
     def __init__(self, name, path, start):
-        description = fmpy.read_model_description(path)
-        self.references = {v.name: v.valueReference for v in description.modelVariables}
-        self.fmu = fmi2.FMU2Slave(
-            guid=description.guid,
+        self.description = fmpy.read_model_description(path)
+        self.variables = {v.name: v for v in self.description.modelVariables}
+        self.fmu = self.slave(
+            guid=self.description.guid,
             unzipDirectory=fmpy.extract(path),
-            modelIdentifier=description.coSimulation.modelIdentifier,
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
             instanceName=name,
         )
         self.fmu.instantiate()
+        self.initialize(start)
+
+    def initialize(self, start):
         self.fmu.setupExperiment(startTime=0.0)
-        for variable, value in start.items():
-            self.set(variable, value)
+        for name, value in start.items():
+            self.set(name, value)
         self.fmu.enterInitializationMode()
 
-    def set(self, variable, value):
-        self.fmu.setReal([self.references[variable]], [value])
+    def set(self, name, value):
+        self.fmu.setReal([self.variables[name].valueReference], [value])
 
-    def get(self, variable):
-        return self.fmu.getReal([self.references[variable]])[0]
+    def get(self, name):
+        return self.fmu.getReal([self.variables[name].valueReference])[0]
+
+
+class Member3(Member):
+    """An FMI 3.0 FMU, of whose arrays ``name[i]`` is an element."""
+
+    slave = fmi3.FMU3Slave
+
+    def initialize(self, start):
+        for name, value in start.items():
+            self.set(name, value)
+        self.fmu.enterInitializationMode()
+
+    def set(self, name, value):
+        reference, array, place = self._look_up(name)
+        array[place] = value
+        self.fmu.setFloat64([reference], array)
+
+    def get(self, name):
+        _, array, place = self._look_up(name)
+        return array[place]
+
+    def _look_up(self, name):
+        base, _, index = name.removesuffix("]").partition("[")
+        variable = self.variables[base]
+        size = prod(dimension.start for dimension in variable.dimensions)
+        array = self.fmu.getFloat64([variable.valueReference], nValues=size)
+        return variable.valueReference, array, int(index or 1) - 1
 
 
 def main(job, table):
-    members = {c["name"]: Member(c["name"], c["fmu"], c["start"]) for c in job["components"]}
+    kind = {"2.0": Member, "3.0": Member3}
+    members = {
+        c["name"]: kind[fmpy.read_model_description(c["fmu"]).fmiVersion](c["name"], c["fmu"], c["start"])
+        for c in job["components"]
+    }
 
     def receive(name):
         for sender, output, receiver, entry in job["connections"]:

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from libcosimpy._internal import get_last_error_message
 from libcosimpy.CosimEnums import CosimVariableType
 from libcosimpy.CosimExecution import CosimExecution
 from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
@@ -17,6 +18,7 @@ def configure(job):
     execution = CosimExecution.from_step_size(round(job["step"] * 1e9))  # [ns]
     slaves = [CosimLocalSlave(fmu_path=c["fmu"], instance_name=c["name"]) for c in job["components"]]
     for slave in slaves:
+        assert slave.ptr(), get_last_error_message()
         assert execution.add_local_slave(slave) >= 0
     places = look_up(execution)
     for component in job["components"]:

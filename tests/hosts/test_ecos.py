@@ -17,6 +17,18 @@ def test_ecospy_gives_the_trajectories_of_the_jacobi_master(source, run_host, ss
     assert_equal(host.table, own["jacobi"])
 
 
+@pytest.mark.parametrize("kind", ["native"], indirect=True, scope="session")
+def test_ecospy_runs_fmi_3_without_arrays(run_host, with_fmi3, own, assert_equal):
+    host = run_host("ecos_host.py", components=with_fmi3("sensor|compensator"))
+    assert_equal(host.table, own["jacobi"])
+
+
+@pytest.mark.parametrize("kind", ["native"], indirect=True, scope="session")
+def test_ecospy_has_no_elements_of_arrays(run_host, with_fmi3):
+    host = run_host("ecos_host.py", must_end_well=False, components=with_fmi3("membrane"))
+    assert "No such real property: membrane::strain[1]" in host.said
+
+
 @pytest.fixture(scope="module")
 def ecos(tmp_path_factory):
     """The program; it comes without the right to be executed."""
