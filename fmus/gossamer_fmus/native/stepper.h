@@ -112,7 +112,7 @@ static bool in_range(Stepper *s, int begin, int end) {
   return true;
 }
 
-static bool finite(Stepper *s, const double *results, const char *what) {
+static bool all_finite(Stepper *s, const double *results, const char *what) {
   for (int i = 0; i < N_STATES + N_RESULTS; i++) {
     if (!isfinite(results[i])) {
       return refuse(s, "%s of model '%s' gave a result that is not finite. %s", what, MODEL_NAME, MODEL_ADVICE);
@@ -130,7 +130,7 @@ static bool stepper_initialize(Stepper *s) {
   s->res[0] = s->next;
   s->res[1] = s->next + N_STATES;
   if (init(s->arg, s->res, s->iw, s->w, 0)) s->next[0] = NAN;
-  if (!finite(s, s->next, "initialization")) return false;
+  if (!all_finite(s, s->next, "initialization")) return false;
   memcpy(s->state.x, s->next, sizeof s->state.x);
   memcpy(values + FIRST_RESULT, s->next + N_STATES, N_RESULTS * sizeof(double));
   s->checked = s->results_known = true;
@@ -173,7 +173,7 @@ static bool integrate(Stepper *s, double h, bool with_derivative) {
       s->res[0] = s->d_next;
       s->res[1] = s->d_next + N_STATES;
       if (derivative(s->arg, s->res, s->iw, s->w, 0)) s->d_next[0] = NAN;
-      if (!finite(s, s->d_next, "the derivative")) return false;
+      if (!all_finite(s, s->d_next, "the derivative")) return false;
       memcpy(s->dx, s->d_next, sizeof s->dx);
       s->arg[0] = s->x; /* generated code may use arg as work space */
       s->arg[1] = values + FIRST_INPUT;
@@ -183,7 +183,7 @@ static bool integrate(Stepper *s, double h, bool with_derivative) {
     s->res[0] = s->next;
     s->res[1] = s->next + N_STATES;
     if (step(s->arg, s->res, s->iw, s->w, 0)) s->next[0] = NAN;
-    if (!finite(s, s->next, "a step")) return false;
+    if (!all_finite(s, s->next, "a step")) return false;
     memcpy(s->x, s->next, sizeof s->x);
     if (--remaining == 0.0) return true;
     if (STEP_LIMIT >= FIRST_RESULT) {
