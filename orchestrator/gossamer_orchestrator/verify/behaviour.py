@@ -88,8 +88,9 @@ def _equal(first: list[str], second: list[str], good: str, bad: str) -> Outcome:
 @check("save and restore", needs=_STATE)
 def _restore(subject: Subject) -> Outcome:
     with subject.instance() as one:
+        older = one.save()
         one.drive(0, STEPS // 2)
-        state = one.save()
+        state = one.save(over=older)
         first = one.drive(STEPS // 2, STEPS)
         one.restore(state)
         second = one.drive(STEPS // 2, STEPS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,7 +21,7 @@ OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 REALS = ("Real", "Float64", "Float32")
 STEPS = 100
 
-messages: list[tuple[int, str]] = []  # status and text of what the FMU logged, all instances together
+messages: deque[tuple[int, str]] = deque(maxlen=1000)  # status and text of what the FMU logged, all instances together
 
 
 def _log2(_environment: int, _name: bytes, status: int, _category: bytes, text: bytes) -> None:
@@ -178,11 +179,14 @@ class Instance:
             trajectory.append(repr(self.read(self.subject.outputs)))
         return trajectory
 
-    def save(self) -> Any:  # noqa: ANN401
-        """Copy the state."""
-        return self.slave.getFMUState()
+    def save(self, over: ctypes.c_void_p | None = None) -> ctypes.c_void_p:
+        """Copy the state, over an older copy if one is given."""
+        state = ctypes.c_void_p() if over is None else over
+        get = self.slave.fmi2GetFMUstate if self.subject.version == 2 else self.slave.fmi3GetFMUState
+        get(self.slave.component, ctypes.byref(state))
+        return state
 
-    def restore(self, state: Any) -> None:  # noqa: ANN401
+    def restore(self, state: ctypes.c_void_p) -> None:
         """Go back to a state, and free it."""
         self.slave.setFMUState(state)
         self.slave.freeFMUState(state)
