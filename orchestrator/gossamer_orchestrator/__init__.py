@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .container import build_container
     from .errors import FmuError, OrchestratorError, ResultsError, ScenarioError, SimulationError
     from .fmu import FmuFile
     from .master import Observer, Simulation
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from .results import load_results, save_results
     from .run import run_scenario
     from .scenario import Scenario, load_scenario, parse_scenario
+    from .ssp import export_ssp
+    from .ssp_reader import open_ssp
 
 __all__ = [
     # from a scenario to results
@@ -25,6 +28,10 @@ __all__ = [
     "run_scenario",
     "load_results",
     "save_results",
+    # to and from other tools
+    "export_ssp",
+    "open_ssp",
+    "build_container",
     # step by step
     "FmuFile",
     "Plan",
@@ -45,6 +52,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "container": ("build_container",),
     "errors": ("OrchestratorError", "ScenarioError", "FmuError", "SimulationError", "ResultsError"),
     "fmu": ("FmuFile",),
     "master": ("Observer", "Simulation"),
@@ -55,6 +63,8 @@ _HOMES = {
     "results": ("load_results", "save_results"),
     "run": ("run_scenario",),
     "scenario": ("Scenario", "load_scenario", "parse_scenario"),
+    "ssp": ("export_ssp",),
+    "ssp_reader": ("open_ssp",),
 }
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import platform
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import fmpy
@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 from gossamer_fmus import build_all
-from gossamer_orchestrator import ScenarioError, load_scenario, parse_scenario, run_scenario
-from gossamer_orchestrator.container import build_container
+from gossamer_orchestrator import ScenarioError, build_container, load_scenario, parse_scenario, run_scenario
+from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import split_indices
 from gossamer_orchestrator.scenario_files import find_scenario
+from typer.testing import CliRunner
 
 HOST = Path(__file__).with_name("container_host.py")
 SCENARIO = find_scenario("damaged")
@@ -55,7 +56,7 @@ set = { u = 1.0 }
 @pytest.fixture(scope="module")
 def chain_fmus(tmp_path_factory):
     folder = tmp_path_factory.mktemp("chain")
-    build_all(folder, **({"native": True} if "native" in inspect.signature(build_all).parameters else {}))
+    build_all(folder, native=find_spec("ziglang") is not None)
     return folder
 
 
@@ -68,10 +69,11 @@ def container(request, chain_fmus):
 
 @pytest.fixture
 def simulate(tmp_path):
-    def run(host, fmu, scenario, watched=WATCHED, **start):
+    def run(host, fmu, scenario, watched=WATCHED, every=1, **start):
         if host == "libcosim" and (platform.system() not in ("Linux", "Windows") or platform.machine() == "aarch64"):
             pytest.skip("libcosimpy has no binaries for this machine")
-        job = {"host": host, "fmu": str(fmu), "step": scenario.step, "ticks": scenario.ticks, "watched": watched}
+        steps = {"step": every * scenario.step, "ticks": scenario.ticks // every}
+        job = {"host": host, "fmu": str(fmu), "watched": watched, **steps}
         (tmp_path / "job.json").write_text(json.dumps(job | {"start": start}))
         command = [sys.executable, HOST, tmp_path / "job.json", tmp_path / "table.npy"]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
@@ -91,10 +93,13 @@ def own(scenario, fmus, watched=WATCHED):
     return np.column_stack(columns)
 
 
-def with_damage(value):
+def short(damage=0.4):
+    """The first 150 steps of the scenario, with another damage in zone 1."""
     text = SCENARIO.read_text()
-    assert '"damage[1]" = 0.4' in text
-    return parse_scenario(text.replace('"damage[1]" = 0.4', f'"damage[1]" = {value}'), name="damaged.toml")
+    for old, new in (('"damage[1]" = 0.4', f'"damage[1]" = {damage}'), ("stop = 0.2532", "stop = 0.045")):
+        assert old in text
+        text = text.replace(old, new)
+    return parse_scenario(text, name="damaged.toml")
 
 
 def test_fmpy_gives_the_trajectories_of_the_orchestrator_to_the_last_bit(container, chain_fmus, simulate):
@@ -105,23 +110,43 @@ def test_fmpy_gives_the_trajectories_of_the_orchestrator_to_the_last_bit(contain
 
 
 def test_libcosim_gives_the_trajectories_of_the_orchestrator_to_the_last_bit(chain_fmus, simulate):
-    scenario = load_scenario(SCENARIO)
+    scenario = short()
     fmu = build_container(scenario, chain_fmus, chain_fmus / "cosim.fmu")
     assert np.array_equal(simulate("libcosim", fmu, scenario), own(scenario, chain_fmus))
+
+
+def test_a_host_may_take_longer_steps(chain_fmus, simulate):
+    scenario = short()
+    fmu = build_container(scenario, chain_fmus, chain_fmus / "long.fmu")
+    assert np.array_equal(simulate("fmpy", fmu, scenario, every=3), own(scenario, chain_fmus)[::3])
+
+
+def test_a_container_runs_under_the_orchestrator_too(chain_fmus):
+    scenario = short()
+    build_container(scenario, chain_fmus, chain_fmus / "again.fmu")
+    text = f"""
+    step = {scenario.step}
+    stop = {scenario.stop}
+    [components.all]
+    fmu = "again"
+    inputs = {{ "membrane.*" = 0.0, "membrane.damage[1]" = 0.4 }}
+    """
+    outer = own(parse_scenario(text), chain_fmus, [f"all.{name}" for name in WATCHED])
+    assert np.array_equal(outer, own(scenario, chain_fmus))
 
 
 @pytest.mark.parametrize("host", ["fmpy", "libcosim"])
 @pytest.mark.parametrize("before", [0.0, 0.4])
 def test_a_value_that_the_host_sets_replaces_that_of_the_scenario(chain_fmus, simulate, host, before):
-    fmu = build_container(with_damage(before), chain_fmus, chain_fmus / "set.fmu")
-    expected = own(with_damage(0.2), chain_fmus)
-    assert np.array_equal(simulate(host, fmu, with_damage(0.2), **{"membrane.damage[1]": 0.2}), expected)
+    fmu = build_container(short(before), chain_fmus, chain_fmus / "set.fmu")
+    expected = own(short(0.2), chain_fmus)
+    assert np.array_equal(simulate(host, fmu, short(0.2), **{"membrane.damage[1]": 0.2}), expected)
 
 
 def test_a_host_of_fmi_3_can_replace_values_that_are_the_fmus_own(chain_fmus, simulate):
-    fmu = build_container(with_damage(0.0), chain_fmus, chain_fmus / "set3.fmu", fmi=3)
-    expected = own(with_damage(0.2), chain_fmus)
-    assert np.array_equal(simulate("fmpy", fmu, with_damage(0.2), **{"membrane.damage[1]": 0.2}), expected)
+    fmu = build_container(short(0.0), chain_fmus, chain_fmus / "set3.fmu", fmi=3)
+    expected = own(short(0.2), chain_fmus)
+    assert np.array_equal(simulate("fmpy", fmu, short(0.2), **{"membrane.damage[1]": 0.2}), expected)
 
 
 def test_a_container_is_a_valid_fmu_with_units_ranges_and_start_values(container):
@@ -188,6 +213,14 @@ def test_a_name_that_no_binary_can_have_is_refused(fmus, chain, tmp_path, name):
 def test_another_fmi_is_refused(fmus, chain, tmp_path):
     with pytest.raises(ScenarioError, match=r"FMI 2 or 3 outside, not 4"):
         build_container(chain(), fmus, tmp_path / "c.fmu", fmi=4)
+
+
+def test_the_command_prints_the_path(fmus, tmp_path):
+    (tmp_path / "ring.toml").write_text(RING.format(master='order = ["gain", "Early"]'))
+    arguments = ["container", tmp_path / "ring.toml", "--fmus", fmus, "--out", tmp_path / "ring.fmu", "--fmi", 3]
+    result = CliRunner().invoke(app, [str(a) for a in arguments])
+    assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'ring.fmu'}\n"), result.stderr
+    assert fmpy.read_model_description(str(tmp_path / "ring.fmu")).fmiVersion == "3.0"
 
 
 def test_nothing_is_printed(fmus, chain, tmp_path, capfd, caplog):

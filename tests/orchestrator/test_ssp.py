@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import copy
+import random
 import stat
 import zipfile
 from pathlib import Path
 
 import pytest
-from gossamer_orchestrator import ScenarioError, archive, make_plan, parse_scenario, run_scenario
+from gossamer_orchestrator import (
+    ScenarioError,
+    archive,
+    export_ssp,
+    make_plan,
+    open_ssp,
+    parse_scenario,
+    run_scenario,
+)
+from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.scenario_files import find_scenario
-from gossamer_orchestrator.ssp import export_ssp
-from gossamer_orchestrator.ssp_reader import open_ssp
+from lxml import etree
+from typer.testing import CliRunner
 
 CHAIN = """
 title = "A chain"
@@ -173,6 +184,18 @@ set = { u = 1.0 }
     assert not (tmp_path / "no.ssp").exists()
 
 
+def test_the_command_writes_what_run_reads(fmus, tmp_path):
+    (tmp_path / "chain.toml").write_text(CHAIN)
+    call = lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])  # noqa: E731
+    written = call("export-ssp", tmp_path / "chain.toml", "--fmus", fmus, "--out", tmp_path / "chain.ssp")
+    assert (written.exit_code, written.stdout) == (0, f"{tmp_path / 'chain.ssp'}\n"), written.stderr
+    for source in ("toml", "ssp"):
+        out = ("--fmus", fmus, "--out", tmp_path / source, "--no-pictures", "--step", 0.25)
+        result = call("run", tmp_path / f"chain.{source}", *out)
+        assert result.exit_code == 0, result.stderr
+    assert (tmp_path / "ssp/results.csv").read_bytes() == (tmp_path / "toml/results.csv").read_bytes()
+
+
 # what others write
 
 
@@ -250,24 +273,24 @@ def test_a_value_in_another_unit_is_converted(make):
     assert last(path, "m.y") == 2000.0
 
 
-def test_nested_systems_are_flattened_and_higher_levels_override_lower_ones(make):
-    inner = f"""<System name="inner">{
-        system(
-            component("gain", "gain", GAIN, bindings(SSV.format(real("factor", 2.0) + real("offset[1]", 1.0)))),
-            connection("in", "gain.u") + connection("gain.y", "out"),
-            connector("in", "input") + connector("out", "output"),
-            bindings(SSV.format(real("gain.factor", 5.0))),
-        )
-    }</System>"""
-    path = make(
-        system(
-            inner + component("sum", "integrator", SUM),
-            connection("drive", "inner.in") + connection("inner.out", "sum.u"),
-            connector("drive", "input"),
-            bindings(SSV.format(real("drive", 3.0) + real("inner.gain.factor", 7.0))),
-        )
+INNER = f"""<System name="inner">{
+    system(
+        component("gain", "gain", GAIN, bindings(SSV.format(real("factor", 2.0) + real("offset[1]", 1.0)))),
+        connection("in", "gain.u") + connection("gain.y", "out"),
+        connector("in", "input") + connector("out", "output"),
+        bindings(SSV.format(real("gain.factor", 5.0))),
     )
-    assert last(path, "sum.y") == pytest.approx(7.0 * 3.0 + 1.0, rel=1e-14)
+}</System>"""
+NESTED = system(
+    INNER + component("sum", "integrator", SUM),
+    connection("drive", "inner.in") + connection("inner.out", "sum.u", '<c:LinearTransformation factor="1"/>'),
+    connector("drive", "input"),
+    bindings(SSV.format(real("drive", 3.0) + real("inner.gain.factor", 7.0))),
+)
+
+
+def test_nested_systems_are_flattened_and_higher_levels_override_lower_ones(make):
+    assert last(make(NESTED), "sum.y") == pytest.approx(7.0 * 3.0 + 1.0, rel=1e-14)
 
 
 def test_a_mapping_renames_and_transforms_and_leaves_the_rest(make):
@@ -413,6 +436,28 @@ def test_a_document_type_definition_is_refused_in_every_file(make, declaration, 
     )
     with pytest.raises(ScenarioError, match=rf"{where} has a document type definition"), open_ssp(path, step=0.1):
         pass
+
+
+def test_however_a_structure_is_damaged_the_answer_is_a_scenario_or_a_scenario_error(make):
+    root = etree.fromstring(SSD.format(content=NESTED, rest=EXPERIMENT).encode())
+    outcomes = set()
+    for seed in range(60):
+        rng, damaged = random.Random(seed), copy.deepcopy(root)
+        elements = [e for e in damaged.iter() if isinstance(e.tag, str)]
+        victim, other = rng.choice(elements[1:]), rng.choice(elements[1:])
+        if seed % 3 == 0:
+            victim.getparent().remove(victim)
+        elif seed % 3 == 1:
+            other.append(copy.deepcopy(victim))
+        else:
+            key = rng.choice(sorted(victim.attrib) or ["name"])
+            victim.set(key, rng.choice(["", "-1", "nan", "1e999", "..", "true", "gain", "u"]))
+        try:
+            with open_ssp(make(NESTED, ssd=etree.tostring(damaged).decode()), step=0.1):
+                outcomes.add("scenario")
+        except ScenarioError:
+            outcomes.add("refused")
+    assert outcomes == {"scenario", "refused"}
 
 
 def raw(path: Path, *names: str, mode: int = 0o644) -> Path:
