@@ -90,13 +90,13 @@ def _refuse_unsayable(plan: Plan) -> None:
                 problems.add(("connections", i, key), f"SSP connections have no {key}. Remove it from this scenario.")
     for component in plan.components:
         for name, value in component.start.items():
-            kind = component.fmu.variables[name].type
-            if kind != "Real":
-                table = "inputs" if component.fmu.variables[name].causality == "input" else "parameters"
+            variable = component.fmu.variables[name]
+            if variable.type != "Real" and str(value).lower() != str(variable.start).lower():
+                table = "inputs" if variable.causality == "input" else "parameters"
                 problems.add(
                     ("components", component.name, table, name),
-                    f"{component.name}.{name} = {value!r} is a {kind}, and only Reals can be given in an SSP that other "
-                    "tools read. Leave it at the FMU's start value.",
+                    f"{component.name}.{name} = {value!r} is a {variable.type}, and only Reals can be given in an SSP that "
+                    f"other tools read. Leave it at the FMU's start value, {variable.start!r}.",
                 )
     problems.raise_if_any()
 
@@ -159,22 +159,19 @@ def _component(plan: ComponentPlan, sources: dict[FmuFile, str], units: Any) -> 
     component.implementation = "CoSimulation"
     shown = [
         *plan.fmu.names("input", "output", kind="Real"),
-        *(v for v in plan.start if v in plan.fmu.names("parameter")),
+        *(v for v in plan.fmu.names("parameter", kind="Real") if v in plan.start),
     ]
     for name in shown:
         kind = plan.fmu.variables[name].causality
         unit = _declare_unit(plan.fmu, plan.fmu.unit(name), units)
         component.connectors.append(Connector(name=name, kind=kind, type_=TypeReal(unit)))
-    if plan.start:
-        parameters = [
-            Parameter(name=name, type_name="Real", type_value=ParameterType("Real", {"value": repr(float(value))}))
-            for name, value in plan.start.items()
-        ]
-        values = SSVElem(name="initialValues", parameters=parameters)
-        for parameter in values.parameters:
-            parameter["type_value"].parameter = {
-                key: text for key, text in parameter["type_value"].parameter.items() if text is not None
-            }
+    start = {name: float(value) for name, value in plan.start.items() if plan.fmu.variables[name].type == "Real"}
+    if start:
+        values = SSVElem(name="initialValues")
+        for name, value in start.items():
+            content = ParameterType("Real", {"value": repr(value)})
+            content.parameter = {"value": repr(value)}  # without the unit that pyssp-standard 0.9 sets to None
+            values.parameters.append(Parameter(name=name, type_name="Real", type_value=content))
         component.parameter_bindings = [ParameterBinding(ssv=values)]
     return component
 

@@ -184,6 +184,33 @@ set = { u = 1.0 }
     assert not (tmp_path / "no.ssp").exists()
 
 
+def test_values_that_are_no_reals_must_be_the_fmus_own(fmus, tmp_path):
+    more = "".join(
+        f'<ScalarVariable name="{name}" valueReference="{90 + i}" causality="{causality}" variability="{variability}">'
+        f"<{kind}/></ScalarVariable>"
+        for i, (name, causality, variability, kind) in enumerate(
+            (("on", "input", "discrete", 'Boolean start="true"'), ("file", "parameter", "fixed", 'String start="a"'))
+        )
+    )
+    with zipfile.ZipFile(fmus / "gain.fmu") as old, zipfile.ZipFile(tmp_path / "typed.fmu", "w") as new:
+        for member in old.namelist():
+            new.writestr(member, old.read(member).replace(b"</ModelVariables>", f"{more}</ModelVariables>".encode()))
+    text = """step = 0.1
+stop = 1.0
+[components.c]
+fmu = "typed"
+parameters = {{ file = "{}" }}
+inputs = {{ u = 1.0, "offset[*]" = 0.0, on = {} }}
+"""
+    with open_ssp(export_ssp(parse_scenario(text.format("a", "true")), tmp_path, tmp_path / "ok.ssp")) as scenario:
+        assert scenario.components["c"].inputs["on"] is True
+    with pytest.raises(ScenarioError) as error:
+        export_ssp(parse_scenario(text.format("b", "false")), tmp_path, tmp_path / "no.ssp")
+    assert "c.file = 'b' is a String, and only Reals can be given" in str(error.value)
+    assert "c.on = False is a Boolean" in str(error.value)
+    assert "Leave it at the FMU's start value, 'true'." in str(error.value)
+
+
 def test_the_command_writes_what_run_reads(fmus, tmp_path):
     (tmp_path / "chain.toml").write_text(CHAIN)
     call = lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])  # noqa: E731
