@@ -1,10 +1,12 @@
-"""The four FMUs, built once for all tests."""
+"""The four FMUs of both kinds, built once for all tests: those that run in Python and native ones."""
 
 import fmpy
 import pytest
 from fmu_host import Instance
-from gossamer_fmus import NAMES, build_fmu
+from gossamer_fmus import NAMES, build_all
 from gossamer_fmus.build import MODELS
+
+KINDS = ("python", "native")
 
 
 @pytest.fixture(scope="session")
@@ -13,18 +15,44 @@ def models():
 
 
 @pytest.fixture(scope="session")
-def fmus(models, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("fmus")
-    return {name: build_fmu(model, folder) for name, model in models.items()}
+def built(tmp_path_factory):
+    """Paths by kind and name; a kind is built when it is first asked for."""
+    paths = {}
+
+    def get(kind):
+        if kind not in paths:
+            paths[kind] = build_all(tmp_path_factory.mktemp(kind), native=kind == "native")
+        return paths[kind]
+
+    return get
 
 
 @pytest.fixture(scope="session")
-def unzipped(fmus, tmp_path_factory):
+def unzipped_once(tmp_path_factory):
     folders = {}
-    for name, path in fmus.items():
-        folders[name] = tmp_path_factory.mktemp(name)
-        fmpy.extract(path, str(folders[name]))
-    return folders
+
+    def get(path):
+        if path not in folders:
+            folders[path] = fmpy.extract(path, str(tmp_path_factory.mktemp(path.stem)))
+        return folders[path]
+
+    return get
+
+
+@pytest.fixture(params=KINDS)
+def kind(request):
+    return request.param
+
+
+@pytest.fixture
+def fmus(built, kind):
+    """FMUs of the kind by name."""
+    return built(kind)
+
+
+@pytest.fixture
+def unzipped(fmus, unzipped_once):
+    return {name: unzipped_once(path) for name, path in fmus.items()}
 
 
 @pytest.fixture

@@ -1,9 +1,24 @@
-"""A thin host over FMPy: one instance with its variables by name and the messages it logged."""
+"""A thin host over FMPy: one instance with its variables by name and the messages it logged; and something to feed it."""
 
 import ctypes
+import math
 
 import fmpy
 from fmpy import fmi2
+
+INPUTS = {
+    "membrane": {"pressure": 500.0, "base_acceleration": 3.0, "damage[7]": 0.2},
+    "sensor": {"strain": 0.11},
+    "compensator": {},
+    "detector": {"strain[1]": 0.1, "strain[2]": 0.2, "strain[3]": 0.05, "strain[4]": 0.3},
+}
+
+
+def excite(name, k):
+    """Input values that move, different for each step; a resistance stays near its rest value."""
+    if name == "compensator":
+        return {"resistance": 100.0 * (1.0 + 0.01 * math.sin(0.3 * k))}
+    return {key: value * (1.0 + 0.1 * math.sin(0.3 * k)) for key, value in INPUTS[name].items()}
 
 
 class Instance:
