@@ -1,7 +1,7 @@
 """A spacecraft in Basilisk carries the membrane, and its motion shakes the chain: one FMU, made by ``gossamer container``.
 
-Symbols, all in body axes: ``B`` origin of the body frame, ``r`` from B to the membrane [m], ``n`` the membrane's normal, ``w``
-angular velocity [1/s]. The frame of the membrane accelerates along its normal by
+Symbols, all in body axes: ``B`` origin of the body frame, ``r`` from B to the membrane [m], ``n`` the membrane's normal,
+``w`` angular velocity [1/s]. The frame of the membrane accelerates along its normal by
 
     base_acceleration = n . (a_B + w' x r + w x (w x r))
 

@@ -14,12 +14,22 @@ def check(fmu):
     return done.returncode, done.stdout + done.stderr
 
 
+def assert_nothing_wrong(fmu, version):
+    status, said = check(fmu)
+    assert f"seems to be compliant with FMI-{version}.0" in said
+    assert f"No semantic error against the FMI-{version} standard" in said
+    assert (status, said.count("ERROR")) == (0, 0), said
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_fmutool_finds_nothing_wrong(name, fmus):
-    status, said = check(fmus / f"{name}.fmu")
-    assert "seems to be compliant with FMI-2.0" in said
-    assert "No semantic error against the FMI-2 standard" in said
-    assert (status, said.count("ERROR")) == (0, 0), said
+    assert_nothing_wrong(fmus / f"{name}.fmu", 2)
+
+
+@pytest.mark.parametrize("kind", ["native"], indirect=True, scope="session")
+def test_fmutool_finds_nothing_wrong_in_fmi_3(with_fmi3):
+    for fmu in {component["fmu"] for component in with_fmi3()}:
+        assert_nothing_wrong(fmu, 3)
 
 
 def test_fmutool_finds_what_is_wrong(fmus, tmp_path):
