@@ -147,7 +147,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t 
   }
   for (size_t i = 0; i < n; i++) {
     const Array *array = &ARRAYS[vr[i] - 1];
-    for (size_t k = 0; k < array->size; k++) stepper_set(&m->stepper, array->first + k, *values++);
+    for (int k = 0; k < array->size; k++) stepper_set(&m->stepper, array->first + k, *values++);
   }
   return fmi3OK;
 }
@@ -234,12 +234,12 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
       refuse(s, "derivatives of model '%s' are those by inputs, and '%s' is none", MODEL_NAME, VARIABLES[array->first].name);
       return fail(m, fmi3Error);
     }
-    for (size_t k = 0; k < array->size; k++) s->du[array->first + k - FIRST_INPUT] += *seed++;
+    for (int k = 0; k < array->size; k++) s->du[array->first + k - FIRST_INPUT] += *seed++;
   }
   if (!stepper_derivative(s)) return fail(m, fmi3Discard);
   for (size_t i = 0; i < n_unknowns; i++) {
     const Array *array = &ARRAYS[unknowns[i] - 1];
-    for (size_t k = 0; k < array->size; k++) *sensitivity++ = derivative_of(s, array->first + k);
+    for (int k = 0; k < array->size; k++) *sensitivity++ = derivative_of(s, array->first + k);
   }
   return fmi3OK;
 }
@@ -299,6 +299,9 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_
 }
 
 /* Every other function of FMI 3.0 belongs to what model description denies: events, clocks, configuration, model exchange. */
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
 #define NOT_PROVIDED(name, ...)                                  \
   fmi3Status name(__VA_ARGS__) { return wrong(c, #name ": the model description does not offer it, so it"); }
 

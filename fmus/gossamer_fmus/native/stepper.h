@@ -43,6 +43,7 @@ typedef struct {
   int64_t mode;
   double time;              /* [s], for messages and for hosts that ask; the model itself is autonomous */
   double last_step;         /* [s], 0 before the first */
+  double limit_before;      /* [s], largest internal step when the last step began, for derivatives */
   double values[N_VARIABLES]; /* parameters, inputs, outputs, locals */
   double x[N_STATES];
   double x_before[N_STATES]; /* at the start of the last step, for derivatives */
@@ -155,11 +156,11 @@ static bool divide(Stepper *s, double h, double limit, double *count) {
   return true;
 }
 
-/* Carry s->x over h [s] in internal steps and leave the end in s->next; if asked, carry s->dx along with inputs that change
-   by s->du, and leave the end of that in s->d_next. */
-static bool integrate(Stepper *s, double h, bool with_derivative) {
+/* Carry s->x over h [s] in internal steps, the first no longer than limit [s], and leave the end in s->next; if asked, carry
+   s->dx along with inputs that change by s->du, and leave the end of that in s->d_next. */
+static bool integrate(Stepper *s, double h, double limit, bool with_derivative) {
   const double *values = s->state.values;
-  double limit = STEP_LIMIT < 0 ? HUGE_VAL : values[STEP_LIMIT], remaining, part;
+  double remaining = 1.0, part;
   if (!divide(s, h, limit, &remaining)) return false;
   part = h / remaining;
   for (;;) {
@@ -199,17 +200,20 @@ static bool integrate(Stepper *s, double h, bool with_derivative) {
 
 /* Advance by h seconds with the inputs as set. */
 static bool stepper_step(Stepper *s, double h) {
+  double limit;
   if (!(isfinite(h) && h > 0.0)) {
     return refuse(s, "the step of model '%s' must be a positive time [s], not %g", MODEL_NAME, h);
   }
   if (!s->checked && !in_range(s, FIRST_INPUT, FIRST_RESULT)) return false;
   s->checked = true;
+  limit = STEP_LIMIT < 0 ? HUGE_VAL : s->state.values[STEP_LIMIT];
   memcpy(s->x, s->state.x, sizeof s->x);
-  if (!integrate(s, h, false)) return false;
+  if (!integrate(s, h, limit, false)) return false;
   memcpy(s->state.x_before, s->state.x, sizeof s->state.x);
   memcpy(s->state.x, s->next, sizeof s->state.x);
   memcpy(s->state.values + FIRST_RESULT, s->next + N_STATES, N_RESULTS * sizeof(double));
   s->state.last_step = h;
+  s->state.limit_before = limit;
   return true;
 }
 
@@ -222,7 +226,7 @@ static bool stepper_derivative(Stepper *s) {
   if (!in_range(s, FIRST_INPUT, FIRST_RESULT)) return false;
   memcpy(s->x, s->state.x_before, sizeof s->x);
   memset(s->dx, 0, sizeof s->dx);
-  return integrate(s, s->state.last_step, true);
+  return integrate(s, s->state.last_step, s->state.limit_before, true);
 }
 
 /* What stepper_derivative found for one variable. */
