@@ -23,13 +23,14 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import os
 import uuid
 import zipfile
 from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import gossamer_models
 from gossamer_models import ParameterError, StepModel
@@ -193,8 +194,9 @@ def build_all(
     models = {name: _model(name, artifact, elements_per_side, compiled=native) for name in names}  # all or nothing
     if not native:
         return {name: build_fmu(model, folder) for name, model in models.items()}
-    options: dict[str, Any] = {"fmi": fmi, "platforms": tuple(platforms), "progress": progress}
-    return {name: build_native_fmu(model, folder, **options) for name, model in models.items()}
+    compile_ = partial(build_native_fmu, folder=folder, fmi=fmi, platforms=tuple(platforms), progress=progress)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # the compiler is a program of its own
+        return dict(zip(models, pool.map(compile_, models.values()), strict=True))
 
 
 def _model(name: str, artifact: Path | None, elements_per_side: int | None, *, compiled: bool) -> StepModel:

@@ -3,7 +3,7 @@
 import fmpy
 import pytest
 from fmu_host import Instance
-from gossamer_fmus import NAMES, build_all
+from gossamer_fmus import NAMES
 from gossamer_fmus.build import MODELS
 
 KINDS = ("python", "native")
@@ -12,19 +12,6 @@ KINDS = ("python", "native")
 @pytest.fixture(scope="session")
 def models():
     return {name: MODELS[name]() for name in NAMES}
-
-
-@pytest.fixture(scope="session")
-def built(tmp_path_factory):
-    """Paths by kind and name; a kind is built when it is first asked for."""
-    paths = {}
-
-    def get(kind):
-        if kind not in paths:
-            paths[kind] = build_all(tmp_path_factory.mktemp(kind), native=kind == "native")
-        return paths[kind]
-
-    return get
 
 
 @pytest.fixture(scope="session")

@@ -178,6 +178,16 @@ def test_a_failed_initialization_can_be_corrected_and_repeated(instance):
     assert fmu.step(3e-4) == OK
 
 
+def test_a_read_that_fails_leaves_no_stale_number_behind(instance):
+    """Some hosts go on without looking at the status."""
+    fmu = instance("sensor")
+    fmu.slave.enterInitializationMode()
+    fmu.set("rest_strain", 0.7)
+    resistance, buffer = (ctypes.c_uint * 1)(fmu.references["resistance"]), (ctypes.c_double * 1)(5.0)
+    assert status(fmu, "fmi2GetReal", resistance, ctypes.c_size_t(1), buffer) == ERROR
+    assert math.isnan(buffer[0])
+
+
 def test_a_strain_beyond_full_scale_before_the_run_is_refused_with_advice(instance):
     fmu = instance("sensor")
     fmu.slave.setupExperiment(startTime=0.0)

@@ -16,7 +16,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from gossamer_fmus import build_all
 from gossamer_orchestrator import load_scenario, run_scenario
 from gossamer_orchestrator.plan import make_plan
 from gossamer_orchestrator.ssp import export_ssp
@@ -41,25 +40,22 @@ WATCHED = [
 ]
 
 
-@pytest.fixture(scope="session", params=["pythonfmu", "native"])
+@pytest.fixture(scope="session", params=["python", "native"])
 def kind(request):
     """Kind of FMU."""
     return request.param
 
 
 @pytest.fixture(scope="session")
-def fmus(kind, tmp_path_factory):
+def fmus(kind, built):
     """Folder of the four FMUs."""
-    folder = tmp_path_factory.mktemp(kind)
-    build_all(folder, native=kind == "native")
-    return folder
+    return built(kind)["sensor"].parent
 
 
 @pytest.fixture(scope="session")
-def with_fmi3(job, tmp_path_factory):
+def with_fmi3(job, built):
     """Make components of the job use FMUs of FMI 3.0: all, or those that a pattern of their name names."""
-    folder = tmp_path_factory.mktemp("fmi3")
-    build_all(folder, native=True, fmi=3)
+    folder = built("native FMI 3")["sensor"].parent
 
     def change(pattern=""):
         return [

@@ -6,14 +6,12 @@ import json
 import platform
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
-from gossamer_fmus import build_all
 from gossamer_orchestrator import ScenarioError, build_container, load_scenario, parse_scenario, run_scenario
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import split_indices
@@ -54,10 +52,8 @@ set = { u = 1.0 }
 
 
 @pytest.fixture(scope="module")
-def chain_fmus(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("chain")
-    build_all(folder, native=find_spec("ziglang") is not None)
-    return folder
+def chain_fmus(built):
+    return built("native")["sensor"].parent
 
 
 @pytest.fixture(scope="module", params=[2, 3], ids=["FMI 2", "FMI 3"])

@@ -126,11 +126,13 @@ static bool known(Instance *m, const fmi2ValueReference vr[], size_t n, const vo
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
   Instance *m = c;
   if (!m) return fmi2Error;
+  /* a host that ignores the status must not take what the buffer held before for a value */
+  for (size_t i = 0; value && i < n; i++) value[i] = NAN;
   if (!known(m, vr, n, value)) return fail(m, fmi2Error);
   for (size_t i = 0; i < n; i++) {
     if (!stepper_may_get(&m->stepper, vr[i])) return fail(m, fmi2Error);
-    value[i] = m->stepper.state.values[vr[i]];
   }
+  for (size_t i = 0; i < n; i++) value[i] = m->stepper.state.values[vr[i]];
   return fmi2OK;
 }
 

@@ -124,14 +124,18 @@ static bool known(Instance *m, const fmi3ValueReference vr[], size_t n, const vo
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[], size_t n_values) {
   Instance *m = c;
   if (!m) return fmi3Error;
+  /* a host that ignores the status must not take what the buffer held before for a value */
+  for (size_t i = 0; values && i < n_values; i++) values[i] = NAN;
   if (!known(m, vr, n, values, n_values, true)) return fail(m, fmi3Error);
+  for (size_t i = 0; i < n; i++) {
+    if (vr[i] > 0 && !stepper_may_get(&m->stepper, ARRAYS[vr[i] - 1].first)) return fail(m, fmi3Error);
+  }
   for (size_t i = 0; i < n; i++) {
     if (vr[i] == 0) {
       *values++ = m->stepper.state.time;
       continue;
     }
     const Array *array = &ARRAYS[vr[i] - 1];
-    if (!stepper_may_get(&m->stepper, array->first)) return fail(m, fmi3Error);
     memcpy(values, m->stepper.state.values + array->first, array->size * sizeof *values);
     values += array->size;
   }
