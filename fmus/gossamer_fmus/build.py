@@ -128,22 +128,8 @@ def build_native_fmu(
     ModuleNotFoundError
         The compiler is not installed.
     """
-    interface = interface or read_interface(model.name)
-    describe = partial(model_description, model, interface, native=True)
-    if fmi == 3:
-        describe = partial(model_description_3, model, interface)
-    members = _documents(model, interface)
-    guid = _identifier(members | native.sources(model, "", fmi), describe(""))
-    files = native.sources(model, guid, fmi)
-    for platform in native.chosen(platforms, fmi):
-        progress(f"{model.name} for {platform}")
-        built = native.compile_library(files, model.name, fmi, platform)
-        members |= {f"binaries/{name}": data for name, data in built.items()}
-    if fmi == 3:
-        files["buildDescription.xml"] = build_description(model)
-    members |= {f"sources/{name}": data for name, data in files.items()}
-    members["modelDescription.xml"] = describe(guid)
-    return _write(folder / f"{model.name}.fmu", members)
+    pairs = [(model, interface or read_interface(model.name))]
+    return _build_native(pairs, folder, fmi=fmi, platforms=platforms, progress=progress)[0]
 
 
 def build_all(
@@ -194,9 +180,45 @@ def build_all(
     models = {name: _model(name, artifact, elements_per_side, compiled=native) for name in names}  # all or nothing
     if not native:
         return {name: build_fmu(model, folder) for name, model in models.items()}
-    compile_ = partial(build_native_fmu, folder=folder, fmi=fmi, platforms=tuple(platforms), progress=progress)
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # the compiler is a program of its own
-        return dict(zip(models, pool.map(compile_, models.values()), strict=True))
+    pairs = [(model, read_interface(name)) for name, model in models.items()]
+    paths = _build_native(pairs, folder, fmi=fmi, platforms=platforms, progress=progress)
+    return dict(zip(models, paths, strict=True))
+
+
+def _build_native(
+    pairs: list[tuple[StepModel, Interface]],
+    folder: Path,
+    *,
+    fmi: FmiVersion,
+    platforms: Iterable[str],
+    progress: Callable[[str], None],
+) -> list[Path]:
+    """Write the sources of all, compile them side by side (the compiler is a program of its own), and pack them."""
+    prepared = []
+    for model, interface in pairs:
+        describe = partial(model_description, model, interface, native=True)
+        if fmi == 3:
+            describe = partial(model_description_3, model, interface)
+        members = _documents(model, interface)
+        guid = _identifier(members | native.sources(model, "", fmi), describe(""))
+        members["modelDescription.xml"] = describe(guid)
+        prepared.append((model.name, native.sources(model, guid, fmi), members))
+        if fmi == 3:
+            members["sources/buildDescription.xml"] = build_description(model)
+
+    def compile_one(job: tuple[int, str]) -> dict[str, bytes]:
+        name, files, _ = prepared[job[0]]
+        progress(f"{name} for {job[1]}")
+        return native.compile_library(files, name, fmi, job[1])
+
+    jobs = [(k, platform) for platform in native.chosen(platforms, fmi) for k in range(len(prepared))]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for (k, _), libraries in zip(jobs, pool.map(compile_one, jobs), strict=True):
+            prepared[k][2].update({f"binaries/{name}": data for name, data in libraries.items()})
+    return [
+        _write(folder / f"{name}.fmu", members | {f"sources/{file}": data for file, data in files.items()})
+        for name, files, members in prepared
+    ]
 
 
 def _model(name: str, artifact: Path | None, elements_per_side: int | None, *, compiled: bool) -> StepModel:
