@@ -1,10 +1,11 @@
-"""Unpack an archive from anywhere: what it says about itself is checked first, what comes out of it is counted."""
+"""Unpack an archive from anywhere, checking what it says about itself and counting what comes out of it; and write one."""
 
 from __future__ import annotations
 
 import stat
 import zipfile
 import zlib
+from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
 from .errors import FmuError, OrchestratorError
@@ -111,3 +112,27 @@ def is_python_fmu(path: Path) -> bool:
     """Tell whether an FMU is one of pythonfmu's, whose log texts are no printf formats."""
     with zipfile.ZipFile(path) as archive:
         return "resources/slavemodule.txt" in archive.namelist()
+
+
+def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
+    """Write a ZIP archive that depends on nothing but its content, whole or not at all.
+
+    Raises
+    ------
+    OrchestratorError
+        It cannot be written there.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_suffix(".partial")
+        with zipfile.ZipFile(partial, "w") as archive:
+            for name, content in members.items():
+                member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+                member.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
+                member.external_attr = 0o644 << 16
+                member.create_system = 3
+                archive.writestr(member, content)
+        partial.replace(path)
+    except OSError as error:
+        msg = f"cannot write {path}: {error}. Name another place with --out."
+        raise OrchestratorError(msg) from error

@@ -17,21 +17,20 @@ from __future__ import annotations
 import hashlib
 import logging
 import uuid
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from .errors import OrchestratorError, ScenarioError
+from .archive import write_archive
+from .errors import ScenarioError
 from .plan import Plan, make_plan
 from .scenario import Scenario
 from .source import Problems
 from .units import factors
 
 _NAMESPACE = uuid.UUID("6c0ac8a6-6d8d-5a15-8f0e-6ed3a6a0c1b4")
-_EPOCH = (1980, 1, 1, 0, 0, 0)
 _POWERS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _REAL = {2: "Real", 3: "Float64"}
 
@@ -73,17 +72,9 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
     try:
         _refuse_unable(plan)
         with TemporaryDirectory(prefix="gossamer-") as folder:
-            data = _build(plan, Path(folder), out.stem, fmi)
+            write_archive(out, _build(plan, Path(folder), out.stem, fmi))
     finally:
         plan.close()
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        partial = out.with_suffix(".partial")
-        partial.write_bytes(data)
-        partial.replace(out)
-    except OSError as error:
-        msg = f"cannot write {out}: {error}. Name another place with --out."
-        raise OrchestratorError(msg) from error
     return out
 
 
@@ -99,8 +90,8 @@ def _refuse_unable(plan: Plan) -> None:
     problems.raise_if_any()
 
 
-def _build(plan: Plan, folder: Path, name: str, fmi: int) -> bytes:
-    """Let fmucontainer merge the FMUs, and return the archive."""
+def _build(plan: Plan, folder: Path, name: str, fmi: int) -> dict[str, bytes]:
+    """Let fmucontainer merge the FMUs, and return the files of the archive."""
     from fmu_manipulation_toolbox.container import FMUContainer, FMUContainerError
     from fmu_manipulation_toolbox.operations import FMUError
 
@@ -119,11 +110,11 @@ def _build(plan: Plan, folder: Path, name: str, fmi: int) -> bytes:
             for port in inputs:
                 port.causality = "input"
 
-        def make_fmu_package(self, base_directory: Path, fmu_filename: Path) -> None:
+        def make_fmu_package(self, base_directory: Path, _name: Path) -> None:
             if plan.scenario.source.text:
                 (base_directory / "documentation/scenario.toml").write_text(plan.scenario.source.text, encoding="utf-8")
             _mend(base_directory, plan, fmi)
-            _pack(base_directory, self.fmu_directory / fmu_filename)
+            self.members = _members(base_directory)
 
     with _complaints() as complaints:
         try:
@@ -138,7 +129,7 @@ def _build(plan: Plan, folder: Path, name: str, fmi: int) -> bytes:
     if complaints:
         msg = f"{plan.scenario.source.name}: fmucontainer says: {'; '.join(complaints)}. Correct the scenario or its FMUs."
         raise ScenarioError(msg)
-    return (folder / f"{name}.fmu").read_bytes()
+    return dict(container.members)
 
 
 def _wire(container: Any, plan: Plan) -> None:  # noqa: ANN401
@@ -244,28 +235,17 @@ def _structure(root: Any, fmi: int) -> None:  # noqa: ANN401
                 etree.SubElement(parent, section, valueReference=variable.get("valueReference"))
 
 
-def _members(folder: Path) -> dict[str, Path]:
+def _members(folder: Path) -> dict[str, bytes]:
     """Return every file by its name in the archive, the model description first."""
-    paths = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
-    return dict(sorted(paths.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0])))
+    files = {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    return dict(sorted(files.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0])))
 
 
 def _digest(folder: Path) -> str:
     digest = hashlib.sha256()
-    for name, path in _members(folder).items():
-        digest.update(name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    for name, content in _members(folder).items():
+        digest.update(name.encode() + b"\0" + hashlib.sha256(content).digest())
     return digest.hexdigest()
-
-
-def _pack(folder: Path, out: Path) -> None:
-    """Write the archive with fixed order and times."""
-    with zipfile.ZipFile(out, "w") as archive:
-        for name, path in _members(folder).items():
-            member = zipfile.ZipInfo(name, date_time=_EPOCH)
-            member.compress_type = zipfile.ZIP_DEFLATED
-            member.external_attr = 0o644 << 16
-            member.create_system = 3
-            archive.writestr(member, path.read_bytes())
 
 
 @contextmanager

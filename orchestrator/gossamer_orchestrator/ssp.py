@@ -9,13 +9,12 @@ order and record in one of type ``ANNOTATION``.
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from . import scenario as sc
-from .errors import OrchestratorError
+from .archive import write_archive
 from .fmu import FmuFile
 from .plan import ComponentPlan, Plan, make_plan
 from .scenario import Scenario
@@ -25,7 +24,6 @@ ANNOTATION = "gossamer.scenario"
 _OSP = "com.opensimulationplatform"
 _OSP_NAMESPACE = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 KEPT = {"master", "order", "record"}
-_EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 def export_ssp(scenario: Scenario, fmus: Path, out: Path) -> Path:
@@ -58,22 +56,8 @@ def export_ssp(scenario: Scenario, fmus: Path, out: Path) -> Path:
         members |= {source: file.path.read_bytes() for file, source in sources.items()}
     finally:
         plan.close()
-    out = Path(out)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        partial = out.with_suffix(".partial")
-        with zipfile.ZipFile(partial, "w") as archive:
-            for name, data in members.items():
-                member = zipfile.ZipInfo(name, date_time=_EPOCH)
-                member.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
-                member.external_attr = 0o644 << 16
-                member.create_system = 3
-                archive.writestr(member, data)
-        partial.replace(out)
-    except OSError as error:
-        msg = f"cannot write {out}: {error}. Name another place with --out."
-        raise OrchestratorError(msg) from error
-    return out
+    write_archive(Path(out), members)
+    return Path(out)
 
 
 def _refuse_unsayable(plan: Plan) -> None:
