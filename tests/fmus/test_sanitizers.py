@@ -1,0 +1,125 @@
+"""The C code of the native FMUs under the compilers' sanitizers and warnings, driven by the random calls of ``fuzz.c``."""
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from gossamer_fmus import NAMES
+
+FUZZ = Path(__file__).with_name("fuzz.c")
+STANDARD = "-std=c11"
+MEMORY = [
+    "-O1",
+    "-g1",
+    "-fno-var-tracking",
+    "-fsanitize=address,undefined,float-cast-overflow",
+    "-fno-sanitize-recover=all",
+]
+THREADS = ["-O1", "-g", "-fsanitize=thread"]
+ZIG = [sys.executable, "-m", "ziglang", "cc"]
+
+
+def run(*command, **options):
+    return subprocess.run(
+        [str(part) for part in command], capture_output=True, text=True, check=False, timeout=300, **options
+    )
+
+
+@pytest.fixture(scope="module")
+def compiler(tmp_path_factory):
+    """Find a C compiler whose sanitizers, named by their flags, can be linked and run here."""
+
+    def find(flags):
+        folder = tmp_path_factory.mktemp("try")
+        (folder / "try.c").write_text("int main(void) { return 0; }\n")
+        for name in filter(shutil.which, ("gcc", "clang")):
+            built = run(name, *flags, "try.c", "-o", "try", cwd=folder)
+            if built.returncode == 0 and run(folder / "try").returncode == 0:
+                return name
+        return pytest.skip(f"no C compiler here has {flags[-1]}")
+
+    return find
+
+
+@pytest.fixture(scope="module")
+def sources(built, tmp_path_factory):
+    """Folder of the C sources inside an FMU, by version of FMI and name."""
+
+    def get(fmi, name):
+        folder = tmp_path_factory.mktemp(f"{name}{fmi}")
+        with zipfile.ZipFile(built("native" if fmi == 2 else "native FMI 3")[name]) as archive:
+            archive.extractall(folder, [member for member in archive.namelist() if member.startswith("sources/")])
+        return folder / "sources"
+
+    return get
+
+
+def fuzzer(compiler, flags, fmi, sources):
+    """Compile the random calls together with an FMU."""
+    program = sources / "fuzz"
+    command = [compiler(flags), STANDARD, f"-DFMI={fmi}", *flags, "-isystem", sources, FUZZ, "-o", program]
+    done = run(*command, "-lm", "-pthread")
+    assert done.returncode == 0, done.stderr
+    return program
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_random_calls_touch_no_foreign_memory_leak_nothing_and_leave_no_trace_where_refused(
+    compiler, sources, fmi, name
+):
+    calls = 1000 if name == "membrane" else 4000
+    done = run(fuzzer(compiler, MEMORY, fmi, sources(fmi, name)), calls, 1, 1)
+    assert done.returncode == 0, done.stderr
+    _, steps, refused = done.stdout.split()
+    assert int(steps) > calls / 5
+    assert int(refused) > calls / 5
+
+
+@pytest.mark.parametrize(
+    ("file", "right", "wrong", "report"),
+    [
+        ("stepper.h", "size != STATE_SIZE || ", "", "heap-buffer-overflow"),
+        ("fmi2.c", "    free(read);\n", "", "LeakSanitizer"),
+        ("fmi2.c", "given[i] < FIRST_INPUT || given[i] >= FIRST_RESULT", "0", "fmi2GetDirectionalDerivative"),
+        ("stepper.h", "  s->checked = true;\n", "  s->checked = true, s->state.last_step = h;\n", "memcmp"),
+    ],
+)
+def test_the_random_calls_would_find_a_mistake(compiler, sources, file, right, wrong, report):
+    folder = sources(2, "sensor")
+    text = (folder / file).read_text()
+    assert right in text
+    (folder / file).write_text(text.replace(right, wrong))
+    done = run(fuzzer(compiler, MEMORY, 2, folder), 5000, 1, 1)
+    assert done.returncode != 0
+    assert report in done.stderr
+
+
+@pytest.mark.parametrize("name", ["sensor", "detector"])
+def test_four_threads_with_instances_of_their_own_do_not_meet(compiler, sources, name):
+    program = fuzzer(compiler, THREADS, 3, sources(3, name))
+    together = run(program, 2000, 7, 4)
+    assert together.returncode == 0, together.stderr
+    assert together.stdout == "".join(run(program, 2000, 7 + k, 1).stdout for k in range(4))
+
+
+@pytest.mark.parametrize("command", [["gcc"], ["clang"], ZIG], ids=["gcc", "clang", "zig"])
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_our_own_sources_compile_without_a_warning(sources, tmp_path, command, fmi):
+    """Warnings about what CasADi and the standard wrote do not count: theirs are system headers here."""
+    there = shutil.which(command[0]) if command != ZIG else importlib.util.find_spec("ziglang")
+    if not there:
+        pytest.skip(f"no {command[0]} here")
+    for path in sources(fmi, "sensor").iterdir():
+        ours = path.name in ("fmi2.c", "fmi3.c", "stepper.h", "model.h")
+        folder = tmp_path / ("ours" if ours else "theirs")
+        folder.mkdir(exist_ok=True)
+        shutil.copy(path, folder)
+    warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    flags = [STANDARD, "-O2", *warnings, "-isystem", tmp_path / "theirs", "-c", "-o", tmp_path / "object"]
+    done = run(*command, *flags, tmp_path / "ours" / f"fmi{fmi}.c")
+    assert done.returncode == 0, done.stderr
