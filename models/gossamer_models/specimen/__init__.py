@@ -1,0 +1,6 @@
+"""SYNTHETIC specimen: a sensor material of no fitted family, and the datasets measured on it."""
+
+from .datasets import Dataset, dataset, random_reversals
+from .specimen import SpecimenParams, VirtualSpecimen
+
+__all__ = ["Dataset", "SpecimenParams", "VirtualSpecimen", "dataset", "random_reversals"]

@@ -1,0 +1,158 @@
+"""SYNTHETIC Dataset-1, -2 and -3, and a long random history, measured on the virtual specimen.
+
+The thesis prints its experiments as pictures only. Strain and times are what the project assumes of them (Section 2.1):
+ramps of 50 s. Every record starts with a fully recovered specimen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ParameterError
+from .specimen import VirtualSpecimen
+
+SAMPLING_STEP = 0.5  # [s]
+RAMP = 50.0  # [s]
+NOISE = 1.5  # [ohm], standard deviation: 0.24 % of the range of Dataset-1; real records show 0.1 to 0.25 %
+STRAIN_1, STRAIN_2 = 0.075, 0.15  # [1] at 0.15 %/s and 0.30 %/s
+SLOWEST, FASTEST = 0.0005, 0.003  # [1/s] of a random history
+NAMES = {1: "Dataset-1 (synthetic)", 2: "Dataset-2 (synthetic)", 3: "Dataset-3 (synthetic)"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Dataset:
+    """One SYNTHETIC record; arrays are read-only.
+
+    Attributes
+    ----------
+    name : str
+        Name, for titles; says that the record is synthetic.
+    description : str
+        What was done to the specimen.
+    time : ndarray, shape (n,)
+        Time [s], in equal steps.
+    strain : ndarray, shape (n,)
+        Strain [1], exact.
+    resistance : ndarray, shape (n,)
+        Resistance [ohm] with noise.
+    noise_free : ndarray, shape (n,)
+        Resistance [ohm] without noise; for judging, not for fitting.
+    rest_resistance : float
+        Resistance [ohm] before the record: what the models' output, a change of resistance, is counted from.
+    train_until : float
+        End [s] of the stretch for fitting; 0 for a record that is for judging only.
+    """
+
+    name: str
+    description: str
+    time: NDArray[np.float64]
+    strain: NDArray[np.float64]
+    resistance: NDArray[np.float64]
+    noise_free: NDArray[np.float64]
+    rest_resistance: float
+    train_until: float
+
+    @property
+    def train(self) -> slice:
+        """Samples for fitting: those before ``train_until``."""
+        return slice(0, int(np.searchsorted(self.time, self.train_until)))
+
+    @property
+    def test(self) -> slice:
+        """Samples after the stretch for fitting."""
+        return slice(self.train.stop, self.time.size)
+
+    @property
+    def resistance_change(self) -> NDArray[np.float64]:
+        """Measured change of resistance [ohm] against the specimen at rest, shape (n,)."""
+        return self.resistance - self.rest_resistance
+
+
+@cache
+def dataset(number: int) -> Dataset:
+    """Measure one of the three SYNTHETIC datasets.
+
+    Parameters
+    ----------
+    number : int
+        1: two triangles to 7.5 % at 0.15 %/s, then no strain from 200 s to 400 s. 2: two triangles to 15 % at 0.30 %/s.
+        3: four triangles to 7.5 % at 0.15 %/s.
+
+    Returns
+    -------
+    Dataset
+        801, 401 and 801 samples, 0.5 s apart; fitting takes the first 200 s of Dataset-1 or -3, Dataset-2 is for judging.
+
+    Raises
+    ------
+    ParameterError
+        There is no such dataset.
+    """
+    if number not in NAMES:
+        msg = f"there is no Dataset-{number}. Ask for 1, 2 or 3."
+        raise ParameterError(msg)
+    cycles, top, end, train = {
+        1: (2, STRAIN_1, 400.0, 200.0),
+        2: (2, STRAIN_2, 200.0, 0.0),
+        3: (4, STRAIN_1, 400.0, 200.0),
+    }[number]
+    corners = RAMP * np.arange(2 * cycles + 1)
+    peaks = top * (np.arange(2 * cycles + 1) % 2)
+    rest = ", then no strain to 400 s" if end > corners[-1] else ""
+    text = f"SYNTHETIC: {cycles} triangles to {top:.1%} in ramps of {RAMP:g} s{rest}"
+    time: NDArray[np.float64] = SAMPLING_STEP * np.arange(round(end / SAMPLING_STEP) + 1)
+    return _measure(NAMES[number], text, time, np.interp(time, corners, peaks), train_until=train, seed=number)
+
+
+@cache
+def random_reversals(samples: int = 4001, *, seed: int = 55) -> Dataset:
+    """Measure a long SYNTHETIC history of random reversals, for judging compensators as Section 5.5 does.
+
+    Parameters
+    ----------
+    samples : int, optional
+        Number of samples, 0.5 s apart.
+    seed : int, optional
+        Of the history and of the noise.
+
+    Returns
+    -------
+    Dataset
+        Ramps between random strains of 0 to 7.5 % at random rates of 0.05 to 0.30 %/s; the first half is for fitting.
+    """
+    rng = np.random.default_rng(seed)
+    time: NDArray[np.float64] = SAMPLING_STEP * np.arange(samples)
+    corners, turns = [0.0], [0.0]
+    while corners[-1] < time[-1]:
+        turns.append(rng.uniform(0.0, STRAIN_1))
+        corners.append(corners[-1] + abs(turns[-1] - turns[-2]) / rng.uniform(SLOWEST, FASTEST))
+    text = (
+        f"SYNTHETIC: random reversals between 0 and {STRAIN_1:.1%} at {SLOWEST:.2%}/s to {FASTEST:.2%}/s, seed {seed}"
+    )
+    strain = np.interp(time, corners, turns)
+    return _measure("Random reversals (synthetic)", text, time, strain, train_until=time[-1] / 2, seed=seed)
+
+
+def _measure(
+    name: str, text: str, time: NDArray[np.float64], strain: NDArray[np.float64], *, train_until: float, seed: int
+) -> Dataset:
+    """Stretch the specimen and read the meter: white noise, the size of which does not depend on the record."""
+    specimen = VirtualSpecimen()
+    exact = specimen.resistance(time, strain)
+    read = exact + NOISE * np.random.default_rng(seed).standard_normal(time.size)
+    for array in (time, strain, exact, read):
+        array.setflags(write=False)
+    return Dataset(
+        name=name,
+        description=f"{text}; noise of {NOISE:g} ohm",
+        time=time,
+        strain=strain,
+        resistance=read,
+        noise_free=exact,
+        rest_resistance=specimen.params.rest_resistance,
+        train_until=train_until,
+    )
