@@ -156,6 +156,7 @@ class GossamerSlave(Fmi2Slave):
     @never_raises(lambda *_: None)
     def _set_fmu_state(self, state: bytes) -> None:
         self.stepper.state = state
+        self.results_known = False
         self.failed_start = ""
 
     @staticmethod
