@@ -2,6 +2,11 @@
 
 The thesis prints its experiments as pictures only. Strain and times are what the project assumes of them (Section 2.1):
 ramps of 50 s. Every record starts with a fully recovered specimen.
+
+The observations of Section 2.1, in Dataset-1 and in % of its range of 620 ohm: (1) the loop is anticlockwise, (2) 7.7 wide
+on average in the first cycle and 5.8 in the second, (3) which lies 5.4 higher, while resistance at zero strain climbs to 8.8
+and 12.0; (4) the width at half strain is 2.4, 9.3 and 13.5 at 0.05, 0.15 and 0.45 %/s; (5) at rest 12.0 relaxes to 3.2 in
+200 s.
 """
 
 from __future__ import annotations
@@ -104,7 +109,7 @@ def dataset(number: int) -> Dataset:
     peaks = top * (np.arange(2 * cycles + 1) % 2)
     rest = ", then no strain to 400 s" if end > corners[-1] else ""
     text = f"SYNTHETIC: {cycles} triangles to {top:.1%} in ramps of {RAMP:g} s{rest}"
-    time: NDArray[np.float64] = SAMPLING_STEP * np.arange(round(end / SAMPLING_STEP) + 1)
+    time = _clock(round(end / SAMPLING_STEP) + 1)
     return _measure(NAMES[number], text, time, np.interp(time, corners, peaks), train_until=train, seed=number)
 
 
@@ -115,7 +120,7 @@ def random_reversals(samples: int = 4001, *, seed: int = 55) -> Dataset:
     Parameters
     ----------
     samples : int, optional
-        Number of samples, 0.5 s apart.
+        Number of samples, 0.5 s apart, 2 or more.
     seed : int, optional
         Of the history and of the noise.
 
@@ -123,9 +128,17 @@ def random_reversals(samples: int = 4001, *, seed: int = 55) -> Dataset:
     -------
     Dataset
         Ramps between random strains of 0 to 7.5 % at random rates of 0.05 to 0.30 %/s; the first half is for fitting.
+
+    Raises
+    ------
+    ParameterError
+        Fewer than two samples.
     """
+    if samples < 2:
+        msg = f"a history of {samples} samples has no reversals. Ask for 2 samples or more."
+        raise ParameterError(msg)
     rng = np.random.default_rng(seed)
-    time: NDArray[np.float64] = SAMPLING_STEP * np.arange(samples)
+    time = _clock(samples)
     corners, turns = [0.0], [0.0]
     while corners[-1] < time[-1]:
         turns.append(rng.uniform(0.0, STRAIN_1))
@@ -135,6 +148,13 @@ def random_reversals(samples: int = 4001, *, seed: int = 55) -> Dataset:
     )
     strain = np.interp(time, corners, turns)
     return _measure("Random reversals (synthetic)", text, time, strain, train_until=time[-1] / 2, seed=seed)
+
+
+def _clock(samples: int) -> NDArray[np.float64]:
+    """Return the times [s] of that many samples; a half is exact in binary."""
+    time: NDArray[np.float64] = np.arange(samples, dtype=np.float64)
+    time *= SAMPLING_STEP
+    return time
 
 
 def _measure(
