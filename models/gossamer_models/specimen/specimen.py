@@ -13,11 +13,11 @@ Symbols: :math:`\varepsilon` strain [1], ``v`` viscous strain of the bound rubbe
     \dot n_j &= -k_b\,e^{(q + \chi \varepsilon)/f_0}\,n_j + k_m\,e^{-(s_j - \bar g)/\ell}\,(1 - n_j), \\
     R &= C\,(1 + \varepsilon)^2 \Big/ \sum_j p_j \left[n_j\,e^{-\beta s_j} + (1 - n_j)\,e^{-\beta (s_j + d)}\right].
 
-The parameters are of physical order (``SpecimenParams`` says why; those without a reference are orders of magnitude). Within
-those orders a few were settled by eye, so that gauge factor, loop and relaxation on both levels of a hold resemble real
-sensors; the gauge factor, 8 at 7.5 %, is above the 3 to 5 of measured bars of carbon black in silicone. They were committed
-before any model was fitted to what the specimen gives, and were not, and must not be, tuned to make a model look good or bad.
-Not shown: the jump of resistance at the start of unloading that some carbon-black sensors have.
+The parameters are of physical order (``SpecimenParams`` says why; those without a reference are orders of magnitude). A
+few were settled by eye within those orders, so that gauge factor, loop and relaxation on both levels of a hold resemble real
+sensors; the gauge factor, 8 at 7.5 %, is above the 4 of two measured bars of carbon black in silicone. They were committed
+before any model was fitted to what the specimen gives, and were not, and must not be, tuned to make a model look good or
+bad. Not shown: the jump of resistance at the start of unloading that some carbon-black sensors have.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class SpecimenParams:
     static_share : float
         :math:`\chi` [1], force of a junction that remains at rest, as a share of that of a fast stretch.
     mending_rate : float
-        :math:`k_m` [1/s] of the median gap: resistance of filled rubber recovers in minutes to hours.
+        :math:`k_m` [1/s] of the median gap: resistance of filled rubber recovers in minutes or longer.
     mending_length : float
         :math:`\ell` [m]: wider gaps mend e times slower for every :math:`\ell`, which spreads the times over decades.
     break_width : float
