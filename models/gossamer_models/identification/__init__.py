@@ -1,0 +1,30 @@
+"""Identification: records of strain and resistance to a sensor artifact."""
+
+from .plots import everett, plot_everett, plot_history, plot_loop, plot_plane, plot_residual, save_pictures
+from .preisach import Fit, FitSettings, fit_preisach
+from .quality import Errors, errors
+from .records import Columns, Record, read_record, read_records
+from .run import Identified, identify_files, settings_for, training_rows
+
+__all__ = [
+    "Columns",
+    "Record",
+    "read_record",
+    "read_records",
+    "FitSettings",
+    "Fit",
+    "fit_preisach",
+    "Identified",
+    "identify_files",
+    "settings_for",
+    "training_rows",
+    "Errors",
+    "errors",
+    "everett",
+    "plot_everett",
+    "plot_history",
+    "plot_loop",
+    "plot_plane",
+    "plot_residual",
+    "save_pictures",
+]

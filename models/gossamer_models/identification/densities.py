@@ -1,0 +1,178 @@
+r"""Densities over the Preisach plane and spectra of relaxation as functions of few parameters.
+
+Symbols: bins (i, j), ``i`` counting :math:`\alpha` and ``j <= i`` counting :math:`\beta`, numbers 1 to N; ``mu(i, j)``,
+``eta(i, j)`` [1]; :math:`\tau = b^{-1/c}` [s] and ``c`` [1] of a kernel :math:`e^{-b t^c} = e^{-(t/\tau)^c}`.
+Everything here is a CasADi expression, linear in part of its parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+GRID_PER_DECADE = 3.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """One group of parameters.
+
+    Attributes
+    ----------
+    name : str
+        Name with one index per parameter, for instance ``b_mu``.
+    start, lower, upper : ndarray, shape (n,)
+        Start value and bounds [1].
+    linear : bool
+        Whether the output is linear in them, everything else held.
+    spread : float
+        How far other starts lie from this one [1].
+    stiffness : float
+        Weight of the pull towards the start value, relative to the output's range [1].
+    """
+
+    name: str
+    start: Vector
+    lower: Vector
+    upper: Vector
+    linear: bool = False
+    spread: float = 0.0
+    stiffness: float = 0.0
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return self.start.size
+
+
+def block(
+    name: str,
+    start: Vector,
+    lower: float,
+    upper: float,
+    *,
+    linear: bool = False,
+    spread: float = 0.0,
+    stiffness: float = 0.0,
+) -> Block:
+    """Make a block with the same bounds for every parameter."""
+    n = start.size
+    return Block(
+        name=name,
+        start=start,
+        lower=np.full(n, lower),
+        upper=np.full(n, upper),
+        linear=linear,
+        spread=spread,
+        stiffness=stiffness,
+    )
+
+
+def modal_field(amplitudes: ca.SX, m: ca.SX, n: ca.SX, n_lines: int) -> ca.SX:
+    r"""Return a sum of modal functions on all cells, Eqs. (4.14) and (4.16) or (4.15) and (4.17).
+
+    Parameters
+    ----------
+    amplitudes, m, n : casadi.SX, shape (M,)
+        :math:`b_l` and the wave numbers :math:`m_l, n_l` [1].
+    n_lines : int
+        Lines of the tables.
+
+    Returns
+    -------
+    casadi.SX, shape (N (N + 1) / 2,)
+        :math:`\sum_l b_l [\cos(\pi m_l i/N)\cos(\pi n_l j/N) + \cos(\pi n_l i/N)\cos(\pi m_l j/N)]` in the order of
+        ``numpy.triu_indices``.
+
+    Notes
+    -----
+    The diagonal of bin (i, j) is the cell of line i - j at :math:`\alpha` bin i, so bins and cells correspond one to one.
+    Places i/N are taken at the middle of the bins.
+    """
+    line, k = np.triu_indices(n_lines)
+    axis = np.pi * (np.arange(n_lines) + 0.5) / n_lines
+    field = ca.SX.zeros(line.size)
+    for a in range(amplitudes.numel()):
+        cos_m, cos_n = ca.cos(m[a] * axis), ca.cos(n[a] * axis)
+        i, j = k.tolist(), (k - line).tolist()
+        field += amplitudes[a] * (cos_m[i] * cos_n[j] + cos_n[i] * cos_m[j])
+    return field
+
+
+def wave_numbers(count: int) -> tuple[Vector, Vector]:
+    """Return the lowest pairs m >= n of wave numbers to start from, each of shape (count,)."""
+    pairs = sorted(((m, n) for m in range(count) for n in range(m + 1)), key=lambda pair: (sum(pair), pair[0]))
+    chosen = np.array(pairs[:count], dtype=float)
+    return chosen[:, 0], chosen[:, 1]
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    r"""Fixed decay rates on which stretched exponentials are expanded.
+
+    Attributes
+    ----------
+    rates : ndarray, shape (R,)
+        :math:`\lambda` [1/s], evenly spaced in the logarithm.
+    times : ndarray, shape (T,)
+        Where the expansion is fitted [s].
+    expand : ndarray, shape (R, T)
+        Weights [1] of the rates for a kernel given at ``times``: regularised least squares, so linear in the kernel.
+    """
+
+    rates: Vector
+    times: Vector
+    expand: Matrix
+
+    @classmethod
+    def over(cls, shortest: float, longest: float) -> Spectrum:
+        """Make the grid for kernels seen between two times [s]."""
+        low, high = np.log10(0.1 / longest), np.log10(5.0 / shortest)
+        rates = np.logspace(low, high, int(np.ceil(GRID_PER_DECADE * (high - low))) + 1)
+        times = np.concatenate([[0.0], np.geomspace(0.1 * shortest, 2.0 * longest, 200)])
+        E = np.exp(-np.outer(times, rates))
+        E = np.vstack([E, 1e-5 * np.eye(rates.size)])
+        return cls(rates, times, np.linalg.pinv(E)[:, : times.size])
+
+    def kernel(self, log_tau: ca.SX, c: ca.SX) -> ca.SX:
+        r"""Return the weights [1], shape (R,), of :math:`e^{-(t/\tau)^c}`."""
+        seen = np.maximum(self.times, 1e-12 * self.times[1])
+        return ca.mtimes(ca.DM(self.expand), ca.exp(-ca.exp(c * (ca.log(ca.DM(seen)) - log_tau))))
+
+
+def hat_functions(n_lines: int, n_knots: int) -> tuple[Matrix, Matrix]:
+    """Return hat functions on all cells of the triangle.
+
+    Parameters
+    ----------
+    n_lines, n_knots : int
+        Lines of the tables, and knots of the hats along either axis.
+
+    Returns
+    -------
+    hats : ndarray, shape (N (N + 1) / 2, n_knots (n_knots + 1) / 2)
+        Values [1] at the cells' middles, zero on the elastic line 0.
+    spring : ndarray, shape (N (N + 1) / 2, n_knots)
+        The same along the elastic line, zero elsewhere.
+    """
+    i, k = np.triu_indices(n_lines)
+
+    def along(x: Vector) -> Matrix:
+        return np.maximum(0.0, 1.0 - np.abs(x[:, None] * (n_knots - 1) - np.arange(n_knots)))
+
+    alpha, beta = along((k + 0.5) / n_lines), along((k - i + 0.5) / n_lines)
+    columns = []
+    for a in range(n_knots):
+        for b in range(a + 1):
+            column = alpha[:, a] * beta[:, b]
+            if b == a and a + 1 < n_knots:  # the half hat above the diagonal belongs to its foot
+                column = column + alpha[:, a] * beta[:, a + 1]
+            columns.append(column)
+    hysteretic = (i > 0)[:, None]
+    return np.array(columns).T * hysteretic, alpha * ~hysteretic

@@ -1,0 +1,235 @@
+r"""Constrained Gauss-Newton with the linear parameters eliminated.
+
+Symbols: ``x`` parameters, ``q`` those of them in which the residual is linear, ``f(x)`` coefficients (weights of cells and
+modes), ``g(x) >= 0`` constraints, ``A`` matrix of the record, ``b`` measured output,
+
+.. math:: \min_x \tfrac12 \|A f(x) - b\|^2 + \tfrac12 \|P (x - x_p)\|^2, \quad l \le x \le u,\; g(x) \ge 0.
+
+Derivatives of f and g come from CasADi; A is compressed by QR once, so an iteration does not cost more for a longer record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr, solve_triangular
+from scipy.optimize import nnls
+
+from ..errors import ConvergenceError
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+SMALL = 1e-9  # a violation of a constraint this little is rounding
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    r"""What to minimize.
+
+    Attributes
+    ----------
+    A : ndarray, shape (m, K)
+        Matrix of the record, rows weighted.
+    b : ndarray, shape (m,)
+        Measured output, weighted.
+    model : casadi.Function
+        ``x -> (f, g)``, shapes (n,) -> (K,), (G,); g is linear in q.
+    linear : ndarray of bool, shape (n,)
+        Which parameters belong to q.
+    lower, upper : ndarray, shape (n,)
+        Bounds l and u.
+    prior, stiffness : ndarray, shape (n,)
+        :math:`x_p`, and the diagonal of P.
+    """
+
+    A: Matrix
+    b: Vector
+    model: ca.Function
+    linear: NDArray[np.bool_]
+    lower: Vector
+    upper: Vector
+    prior: Vector
+    stiffness: Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """Where the iteration ended.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        Parameters.
+    cost : float
+        Half the sum of squares, prior included.
+    iterations : int
+        Steps taken.
+    converged : bool
+        False if the steps ran out.
+    """
+
+    x: Vector
+    cost: float
+    iterations: int
+    converged: bool
+
+
+def compress(A: Matrix, b: Vector) -> tuple[Matrix, Vector]:
+    """Return a triangular system with the same sums of squares."""
+    if A.shape[0] <= A.shape[1] + 1:
+        return A, b
+    R = qr(np.column_stack([A, b]), mode="r", check_finite=False)[0][: A.shape[1] + 1]
+    return R[:, :-1], R[:, -1]
+
+
+def solve_constrained(E: Matrix, e: Vector, G: Matrix, h: Vector) -> Vector:
+    r"""Minimize :math:`\|E x - e\|` subject to :math:`G x \ge h`; E has full column rank.
+
+    Notes
+    -----
+    Least distance programming, chapter 23 of [1]_: with E = QR the problem is the nearest point of a polyhedron, whose dual
+    is a non-negative least-squares problem with as many unknowns as constraints.
+
+    References
+    ----------
+    .. [1] C. L. Lawson, R. J. Hanson, Solving Least Squares Problems, SIAM, 1995, doi:10.1137/1.9781611971217.
+    """
+    n = E.shape[1]
+    R = qr(np.column_stack([E, e]), mode="r", check_finite=False)[0]
+    R, free = R[:n, :n], R[:n, n]
+    GR = solve_triangular(R, G.T, trans="T", check_finite=False).T
+    short = h - GR @ free
+    if (short <= 0.0).all():
+        return np.asarray(solve_triangular(R, free), dtype=float)
+    size = np.maximum(np.linalg.norm(GR, axis=1), 1e-300)
+    dual, level = (GR / size[:, None]).T, short / size
+    scale = float(np.abs(level).max())
+    system = np.vstack([dual, level / scale])
+    u, _ = nnls(system, np.append(np.zeros(n), 1.0), maxiter=50 * G.shape[0])
+    r = system @ u
+    gap = 1.0 - r[n]
+    if gap < 1e-13:
+        msg = "the constraints of the fit contradict each other. Widen the bounds of the parameters."
+        raise ConvergenceError(msg)
+    return np.asarray(solve_triangular(R, free + scale * r[:n] / gap), dtype=float)
+
+
+class GaussNewton:
+    r"""Gauss-Newton on the nonlinear parameters, constrained, damped.
+
+    Parameters
+    ----------
+    problem : Problem
+        What to minimize.
+
+    Notes
+    -----
+    Variable projection in the form of Algorithm III of [1]_: a step of the full, linearised problem moves the nonlinear
+    parameters, then the linear ones are solved for anew. Every inner problem is a least-squares problem with linear
+    inequalities and is solved exactly.
+
+    References
+    ----------
+    .. [1] A. Ruhe, P. A. Wedin, SIAM Review 22(3), 318-337, 1980, doi:10.1137/1022057.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        x = ca.SX.sym("x", problem.lower.size)
+        f, g = problem.model(x)
+        self._value = ca.Function("value", [x], [f, g])
+        self._slopes = ca.Function("slopes", [x], [f, g, ca.jacobian(f, x), ca.jacobian(g, x)])
+        self.A, self.b = compress(problem.A, problem.b)
+
+    def residual(self, x: Vector) -> Vector:
+        """Return A f(x) - b."""
+        return np.asarray(self.A @ _column(self._value(x)[0]) - self.b, dtype=float)
+
+    def cost(self, x: Vector) -> float:
+        """Return half the sum of squares, prior included."""
+        return 0.5 * float(
+            np.sum(self.residual(x) ** 2) + np.sum((self.problem.stiffness * (x - self.problem.prior)) ** 2)
+        )
+
+    def jacobian(self, x: Vector) -> Matrix:
+        """Return the derivative of A f(x)."""
+        return np.asarray(self.A @ self._slopes(x)[2].full(), dtype=float)
+
+    def project(self, x: Vector) -> Vector:
+        """Replace the linear parameters by the best ones for the others."""
+        return self._step(x, self.problem.linear, 0.0)
+
+    def feasible(self, x: Vector) -> bool:
+        """Tell whether no constraint is violated by more than rounding."""
+        return bool((_column(self._value(x)[1]) > -1e-7).all())
+
+    def minimize(
+        self, x: Vector, *, most: int = 60, tolerance: float = 1e-5, watch: Callable[[int, float], None] | None = None
+    ) -> Solution:
+        """Iterate from a start.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n,)
+            Start within the bounds; its linear parameters do not matter.
+        most : int
+            Most iterations.
+        tolerance : float
+            Relative decrease of the cost at which to stop.
+        watch : callable, optional
+            Called with the number of every iteration and the cost reached.
+
+        Returns
+        -------
+        Solution
+            The best point found.
+        """
+        x = self.project(x)
+        cost, damping, small = self.cost(x), 1e-3, 0
+        everything = np.ones(x.size, dtype=bool)
+        for iteration in range(most):
+            while True:
+                trial = self._step(x, everything, damping)
+                trial = self.project(np.where(self.problem.linear, x, trial))
+                found = self.cost(trial)
+                if found <= cost and self.feasible(trial):
+                    break
+                damping *= 6.0
+                if damping > 1e8:
+                    return Solution(x=x, cost=cost, iterations=iteration, converged=True)
+            small = small + 1 if cost - found < tolerance * cost else 0
+            x, cost, damping = trial, found, max(damping / 5.0, 1e-9)
+            if watch is not None:
+                watch(iteration + 1, cost)
+            if small >= 2:
+                return Solution(x=x, cost=cost, iterations=iteration + 1, converged=True)
+        return Solution(x=x, cost=cost, iterations=most, converged=False)
+
+    def _step(self, x: Vector, moving: NDArray[np.bool_], damping: float) -> Vector:
+        p = self.problem
+        f, g, df, dg = (value.full() for value in self._slopes(x))
+        J = self.A @ df[:, moving]
+        r = self.A @ f[:, 0] - self.b
+        stiffness = p.stiffness[moving]
+        size = np.sqrt(np.sum(J**2, axis=0) + stiffness**2)
+        free = np.where(p.linear[moving], 1e-9, np.sqrt(damping)) * np.maximum(size, 1e-6 * size.max())
+        E = np.vstack([J, np.diag(stiffness), np.diag(free)])
+        e = -np.concatenate([r, stiffness * (x - p.prior)[moving], np.zeros(free.size)])
+        identity = np.eye(free.size)
+        below, above = np.isfinite(p.lower[moving]), np.isfinite(p.upper[moving])
+        G = np.vstack([dg[:, moving], identity[below], -identity[above]])
+        h = np.concatenate([-g[:, 0], (p.lower - x)[moving][below], (x - p.upper)[moving][above]])
+        touched = G.any(axis=1)
+        step = solve_constrained(E, e, G[touched], h[touched])
+        moved = x.copy()
+        moved[moving] = np.clip(x[moving] + step, p.lower[moving], p.upper[moving])
+        return moved
+
+
+def _column(value: ca.DM) -> Vector:
+    return np.asarray(value.full()[:, 0], dtype=float)

@@ -1,0 +1,146 @@
+"""Pictures of a fit: loop, history, residual, densities over the Preisach plane and Everett surfaces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..sensor.artifact import SensorArtifact
+from .preisach import Fit
+from .records import Record
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+MEASURED, FITTED, PREDICTED = "0.45", "tab:blue", "tab:orange"
+
+
+def plot_loop(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax: Axes | None = None) -> Axes:
+    """Draw output over strain, measured and modelled."""
+    ax = _axes(ax)
+    ax.plot(100.0 * record.strain, record.output, color=MEASURED, lw=1.0, label="measured")
+    _stretches(ax, 100.0 * record.strain, predicted, train)
+    ax.set(xlabel="strain [%]", ylabel="output", title=record.name)
+    ax.legend()
+    return ax
+
+
+def plot_history(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax: Axes | None = None) -> Axes:
+    """Draw output over time, measured and modelled."""
+    ax = _axes(ax)
+    ax.plot(record.time, record.output, color=MEASURED, lw=1.0, label="measured")
+    _stretches(ax, record.time, predicted, train)
+    ax.set(xlabel="time [s]", ylabel="output", title=record.name)
+    ax.legend()
+    return ax
+
+
+def plot_residual(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax: Axes | None = None) -> Axes:
+    """Draw what the model leaves, over time [% of the record's range]."""
+    ax = _axes(ax)
+    _stretches(ax, record.time, 100.0 * (predicted - record.output) / np.ptp(record.output), train)
+    ax.axhline(0.0, color=MEASURED, lw=0.8)
+    ax.set(xlabel="time [s]", ylabel="model - measured [% of range]", title=record.name)
+    ax.legend()
+    return ax
+
+
+def plot_plane(artifact: SensorArtifact, name: str, *, ax: Axes | None = None) -> Axes:
+    """Draw ``mu`` or ``eta`` over the Preisach plane; the cell of line i and bin k stands in row k, column k - i."""
+    ax = _axes(ax)
+    mu, nu = artifact.tables()
+    N = artifact.n_lines
+    plane = np.full((N, N), np.nan)
+    line, k = np.triu_indices(N)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = mu if name == "mu" else np.where(mu > 0.0, nu / mu, np.nan)
+    plane[k, k - line] = values[line, k]
+    off_line = plane[np.tril_indices(N, -1)]
+    top = float(np.nanmax(off_line)) if np.isfinite(off_line).any() else 1.0
+    image = ax.imshow(plane, origin="lower", extent=(0, 1, 0, 1), vmax=top, cmap="viridis")
+    ax.figure.colorbar(image, ax=ax, label=r"$\mu$ [1]" if name == "mu" else r"$\eta$ [1]")
+    ax.set(xlabel=r"$\beta$ [1]", ylabel=r"$\alpha$ [1]", title=f"{name} (the elastic line may exceed the scale)")
+    return ax
+
+
+def everett(artifact: SensorArtifact) -> tuple[Matrix, Matrix]:
+    """Return the Everett surfaces of the static operators on the lattice.
+
+    Returns
+    -------
+    up, down : ndarray, shape (N + 1, N + 1)
+        Element [a, b]: rise of the output [1] when strain rises from b/N, at rest or after falling from full scale, to a/N
+        >= b/N, and its fall on the way back from a/N to b/N, Eqs. (5.3) and (5.4) without relaxation; not a number for
+        a < b.
+    """
+    N = artifact.n_lines
+    surfaces = np.full((2, N + 1, N + 1), np.nan)
+    line, k = np.triu_indices(N)
+    for surface, table in zip(surfaces, artifact.tables(), strict=True):
+        square = np.zeros((N, N))
+        square[k, k - line] = table[line, k] / N
+        for b in range(N + 1):
+            grown = square[:, b:].sum(axis=1)
+            surface[b:, b] = np.concatenate([[0.0], np.cumsum(grown[b:])])
+    return surfaces[0], surfaces[1]
+
+
+def plot_everett(artifact: SensorArtifact, *, ax: Any = None) -> Any:  # noqa: ANN401
+    """Draw the Everett surfaces for rising and falling strain."""
+    import matplotlib.pyplot as plt
+
+    ax = plt.figure(figsize=(7, 5.5), layout="constrained").add_subplot(projection="3d") if ax is None else ax
+    up, down = everett(artifact)
+    axis = np.linspace(0.0, 1.0, artifact.n_lines + 1)
+    low, high = np.meshgrid(axis, axis)
+    ax.plot_wireframe(high, low, up, color=FITTED, lw=0.6, label="rising")
+    ax.plot_wireframe(low, high, -down, color=PREDICTED, lw=0.6, label="falling")
+    ax.set(
+        xlabel="new strain [1]", ylabel="extreme before [1]", zlabel="change of output [1]", title="Everett surfaces"
+    )
+    ax.legend()
+    return ax
+
+
+def save_pictures(fit: Fit, records: tuple[Record, ...], folder: Path) -> list[Path]:
+    """Write all pictures of a fit as PNG files; return their paths."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for record, predicted, train in zip(records, fit.predicted, fit.train, strict=True):
+        stem = Path(record.name).stem
+        for name, plot in (("loop", plot_loop), ("history", plot_history), ("residual", plot_residual)):
+            paths += [_save(plot(record, predicted, train), folder / f"{stem}_{name}.png")]
+    paths += [_save(plot_plane(fit.artifact, name), folder / f"{name}.png") for name in ("mu", "eta")]
+    paths.append(_save(plot_everett(fit.artifact), folder / "everett.png"))
+    return paths
+
+
+def _axes(ax: Axes | None) -> Axes:
+    if ax is not None:
+        return ax
+    import matplotlib.pyplot as plt
+
+    return plt.subplots(figsize=(7, 5), layout="constrained")[1]
+
+
+def _stretches(ax: Axes, x: Vector, y: Vector, train: NDArray[np.bool_]) -> None:
+    for rows, colour, label in ((train, FITTED, "fitted"), (~train, PREDICTED, "predicted")):
+        if rows.any():
+            ax.plot(np.where(rows, x, np.nan), np.where(rows, y, np.nan), color=colour, lw=1.0, label=label)
+
+
+def _save(ax: Any, path: Path) -> Path:  # noqa: ANN401
+    import matplotlib.pyplot as plt
+
+    ax.figure.savefig(path, dpi=130)
+    plt.close(ax.figure)
+    return path

@@ -1,0 +1,315 @@
+r"""Records of strain and output: read, converted to SI, checked and repaired by stated rules.
+
+Rules, each with the line of the file named where it applies:
+
+- Columns are named by options or recognised by their names (``TIME``, ``STRAIN``, ``OUTPUT`` below); units are those given,
+  or those in a column's name (``t_ms``, ``strain [%]``, ``R_kohm``), or s, 1 and ohm. Two units for one column are refused.
+- A value that is missing or no finite number: the sample is left out; more than ``MOST_MISSING`` of them is refused.
+- Repeated times: their samples are averaged. Times that go backwards are refused; ``sort`` sorts them instead.
+- No time column: samples are ``sampling_step`` apart, which must then be given.
+- A gap, a step longer than ``LONGEST_GAP`` median steps in which strain changes by more than ``GAP_STRAIN`` of its range, is
+  refused: what switched in it is unknown. Over constant strain a gap is harmless and stays.
+- Strain above ``LARGEST_STRAIN`` in a column without a unit, and an output that jumps by a factor of ``LARGEST_JUMP``
+  between samples, are taken for mixed units and refused.
+- Constant strain or output, and strain below zero by more than rounding of the meter, are refused.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DataError
+
+Vector = NDArray[np.float64]
+
+TIME = ("t", "time", "timestamp", "seconds")
+STRAIN = ("strain", "eps", "epsilon")
+OUTPUT = ("resistance", "r", "r_inner", "ohm")
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
+STRAINS = {"1": 1.0, "%": 0.01, "percent": 0.01, "permille": 1e-3, "ustrain": 1e-6}
+OHMS = {"ohm": 1.0, "kohm": 1e3, "mohm": 1e-3, "megohm": 1e6, "1": 1.0}
+MOST_MISSING = 0.05
+LONGEST_GAP = 20.0
+GAP_STRAIN = 0.05
+LARGEST_STRAIN = 5.0  # more than this without a stated unit is per cent
+LARGEST_JUMP = 100.0  # of the output between two samples: a meter that changed its unit
+LEAST_STRAIN = -0.01  # of the range: a zero that has crept
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """One measurement.
+
+    Attributes
+    ----------
+    name : str
+        For messages and tables.
+    time, strain, output : ndarray, shape (m,)
+        Time [s], increasing; strain [1]; resistance [ohm] or a signal linear in it.
+    lines : ndarray of int, shape (m,)
+        Line of the file that each sample stands in.
+    weight : float
+        Weight of its squared errors in a fit with others [1].
+    repairs : tuple of str
+        What was repaired, one sentence each.
+    """
+
+    name: str
+    time: Vector
+    strain: Vector
+    output: Vector
+    lines: NDArray[np.int_]
+    weight: float = 1.0
+    repairs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns:
+    """Which columns to read, and in which units.
+
+    Attributes
+    ----------
+    time, strain, output : str or None
+        Names of columns; None to recognise them.
+    time_unit, strain_unit, output_unit : str or None
+        Keys of ``SECONDS``, ``STRAINS`` and ``OHMS``; None to recognise them.
+    sampling_step : float or None
+        Time between samples [s] where there is no time column.
+    sort : bool
+        Sort samples by time instead of refusing times that go backwards.
+    """
+
+    time: str | None = None
+    strain: str | None = None
+    output: str | None = None
+    time_unit: str | None = None
+    strain_unit: str | None = None
+    output_unit: str | None = None
+    sampling_step: float | None = None
+    sort: bool = False
+
+
+@dataclass(slots=True)
+class _Table:
+    """Numbers of a file by column, and what was repaired on the way."""
+
+    path: Path
+    columns: list[Vector]
+    lines: NDArray[np.int_]
+    strain_unit_stated: bool
+    repairs: list[str] = field(default_factory=list)
+
+    def keep(self, rows: NDArray[np.bool_] | NDArray[np.int_]) -> None:
+        self.columns = [c[rows] for c in self.columns]
+        self.lines = self.lines[rows]
+
+
+def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1.0) -> Record:
+    """Read one record from a CSV file with a header line.
+
+    Parameters
+    ----------
+    path : Path
+        Comma, semicolon or tab separated.
+    columns : Columns or None
+        None to recognise names and units.
+    weight : float
+        Weight of the record among others [1].
+
+    Returns
+    -------
+    Record
+        In SI units, times from zero.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read or breaks one of the rules above; the line is named.
+    """
+    columns = columns or Columns()
+    header, rows, lines = _open(path)
+    strain_at, strain_unit = _find(path, header, columns.strain, columns.strain_unit, STRAIN, STRAINS, "strain")
+    output_at, output_unit = _find(path, header, columns.output, columns.output_unit, OUTPUT, OHMS, "output")
+    wanted = [(strain_at, strain_unit), (output_at, output_unit)]
+    if columns.sampling_step is None:
+        wanted.insert(0, _find(path, header, columns.time, columns.time_unit, TIME, SECONDS, "time"))
+    elif not columns.sampling_step > 0.0:
+        msg = f"the sampling step must be a positive time [s], not {columns.sampling_step:g}"
+        raise DataError(msg)
+    numbers: list[Vector] = [np.array([_number(row, at) for row in rows]) * unit for at, unit in wanted]
+    if columns.sampling_step is not None:
+        numbers.insert(0, columns.sampling_step * np.arange(len(rows)))
+    stated = columns.strain_unit is not None or _split(header[strain_at], STRAINS)[1] is not None
+    table = _Table(path, numbers, np.array(lines, dtype=int), strain_unit_stated=stated)
+    _drop_missing(table)
+    _order_times(table, sort=columns.sort)
+    time, strain, output = table.columns
+    _check(table)
+    low = float(strain.min())
+    if low < 0.0:
+        table.repairs.append(f"strain from {low:g} up to 0 was set to 0")
+    return Record(
+        name=path.name,
+        time=time - time[0],
+        strain=np.maximum(strain, 0.0),
+        output=output,
+        lines=table.lines,
+        weight=weight,
+        repairs=tuple(table.repairs),
+    )
+
+
+def read_records(paths: Sequence[Path], columns: Columns | None = None) -> tuple[Record, ...]:
+    """Read several records with the same columns."""
+    return tuple(read_record(path, columns) for path in paths)
+
+
+def _open(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            sample = file.read(4096)
+            file.seek(0)
+            first = sample.splitlines()[0] if sample else ""
+            reader = csv.reader(file, delimiter=max(",;\t", key=first.count))
+            header = [name.strip() for name in next(reader)]
+            pairs = [(row, reader.line_num) for row in reader if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError, csv.Error, StopIteration) as error:
+        msg = f"cannot read {path}: {error or 'it is empty'}. Name a CSV file with a header line."
+        raise DataError(msg) from error
+    if not pairs:
+        msg = f"{path} holds no samples. Name a CSV file with a header line and numbers below it."
+        raise DataError(msg)
+    return header, [row for row, _ in pairs], [line for _, line in pairs]
+
+
+def _find(
+    path: Path,
+    header: list[str],
+    name: str | None,
+    unit: str | None,
+    known: tuple[str, ...],
+    units: dict[str, float],
+    what: str,
+) -> tuple[int, float]:
+    """Return the place of a column and the factor to SI."""
+    parsed = [_split(cell, units) for cell in header]
+    if name is not None:
+        places = [k for k, cell in enumerate(header) if cell == name]
+    else:
+        found = ([k for k, (stem, _) in enumerate(parsed) if stem == word] for word in known)
+        places = next((group for group in found if group), [])
+    if len(places) > 1:
+        msg = f"{path}, line 1: {len(places)} columns may be the {what}: {', '.join(header[k] for k in places)}. Name one."
+        raise DataError(msg)
+    if not places:
+        which = "no column is recognised as" if name is None else f"no column {name!r} for"
+        step = " or give the sampling step" if what == "time" else ""
+        msg = f"{path}, line 1: {which} {what} among {', '.join(header)}. Name one{step}."
+        raise DataError(msg)
+    place = places[0]
+    stated = parsed[place][1]
+    if unit is not None and unit not in units:
+        msg = f"{unit!r} is no unit of {what}; it is one of {', '.join(units)}"
+        raise DataError(msg)
+    if unit is not None and stated is not None and units[unit] != units[stated]:
+        msg = f"{path}, line 1: column {header[place]!r} is in {stated}, the option says {unit}. Drop or correct the option."
+        raise DataError(msg)
+    return place, units[unit or stated or next(iter(units))]
+
+
+def _split(cell: str, units: dict[str, float]) -> tuple[str, str | None]:
+    """Divide ``strain [%]`` or ``t_ms`` into name and unit."""
+    text = cell.strip().lower()
+    match = re.fullmatch(r"(.*?)\s*[\[(]\s*(.+?)\s*[\])]", text) or re.fullmatch(r"(.+)_([^_]+)", text)
+    if match and match[2] in units:
+        return match[1], match[2]
+    return text, None
+
+
+def _number(row: list[str], place: int) -> float:
+    try:
+        return float(row[place])
+    except (IndexError, ValueError):
+        return float("nan")
+
+
+def _drop_missing(table: _Table) -> None:
+    good = np.all([np.isfinite(c) for c in table.columns], axis=0)
+    missing = int((~good).sum())
+    if not missing:
+        return
+    line = int(table.lines[~good][0])
+    if missing > MOST_MISSING * good.size:
+        msg = (
+            f"{table.path}, line {line}: {missing} of {good.size} samples hold no finite number, more than "
+            f"{100 * MOST_MISSING:g} %. Clean the record or name other columns."
+        )
+        raise DataError(msg)
+    table.repairs.append(f"{missing} samples without a finite number were left out, the first in line {line}")
+    table.keep(good)
+
+
+def _order_times(table: _Table, *, sort: bool) -> None:
+    time = table.columns[0]
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    if back.size and not sort:
+        line = int(table.lines[back[0] + 1])
+        first, second = time[back[0]], time[back[0] + 1]
+        msg = f"{table.path}, line {line}: time goes backwards, {first:g} s to {second:g} s. Sort the record."
+        raise DataError(msg)
+    if back.size:
+        table.repairs.append(f"samples were sorted by time, the first out of order in line {table.lines[back[0] + 1]}")
+        table.keep(np.argsort(time, kind="stable"))
+        time = table.columns[0]
+    again = np.flatnonzero(np.diff(time) == 0.0)
+    if again.size:
+        table.repairs.append(
+            f"{again.size} repeated times were averaged, the first in line {table.lines[again[0] + 1]}"
+        )
+        _, first, group = np.unique(time, return_index=True, return_inverse=True)
+        count = np.bincount(group)
+        table.columns = [np.bincount(group, weights=c) / count for c in table.columns]
+        table.columns[0] = time[first]
+        table.lines = table.lines[first]
+
+
+def _check(table: _Table) -> None:
+    time, strain, output = table.columns
+    size = float(np.ptp(strain)) if strain.size else 0.0
+    if time.size < 3 or not size > 0.0 or not np.ptp(output) > 0.0:
+        what = "too short" if time.size < 3 else "of constant strain" if not size > 0.0 else "of constant output"
+        msg = f"{table.path}, lines {table.lines[0]} to {table.lines[-1]}: the record is {what}. Name one that moves."
+        raise DataError(msg)
+    k = int(np.argmin(strain))
+    if strain[k] < LEAST_STRAIN * size:
+        msg = f"{table.path}, line {table.lines[k]}: strain {strain[k]:g} is negative. Subtract the strain at rest."
+        raise DataError(msg)
+    k = int(np.argmax(strain))
+    if strain[k] > LARGEST_STRAIN and not table.strain_unit_stated:
+        msg = f"{table.path}, line {table.lines[k]}: strain {strain[k]:g} in a column without a unit. State the unit."
+        raise DataError(msg)
+    level = np.maximum(np.abs(output), 1e-2 * np.abs(output).max())
+    jumps = np.flatnonzero(np.abs(np.diff(np.log(level))) >= np.log(LARGEST_JUMP) - 1e-9)
+    if jumps.size:
+        k = int(jumps[0]) + 1
+        msg = (
+            f"{table.path}, line {table.lines[k]}: the output jumps from {output[k - 1]:g} to {output[k]:g}, as if its unit "
+            "changed there. Convert the record to one unit."
+        )
+        raise DataError(msg)
+    steps = np.diff(time)
+    gaps = np.flatnonzero((steps > LONGEST_GAP * np.median(steps)) & (np.abs(np.diff(strain)) > GAP_STRAIN * size))
+    if gaps.size:
+        k = int(gaps[0]) + 1
+        msg = (
+            f"{table.path}, line {table.lines[k]}: a gap of {steps[k - 1]:g} s in which strain changes by "
+            f"{abs(strain[k] - strain[k - 1]):g}; what switched there is unknown. Cut the record there into two files."
+        )
+        raise DataError(msg)

@@ -1,0 +1,161 @@
+"""From CSV files to an artifact: what the command ``gossamer identify`` calls."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DataError, ParameterError
+from .preisach import Fit, FitSettings, Watch, fit_preisach, with_provenance
+from .quality import Errors, errors
+from .records import Columns, Record, read_records
+from .regressors import DRIVES
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identified:
+    """What came of an identification.
+
+    Attributes
+    ----------
+    fit : Fit
+        The fit.
+    records : tuple of Record
+        What was fitted.
+    errors : tuple of Errors
+        Training and test stretch of every record.
+    remarks : tuple of str
+        What was repaired, and what the data do not determine.
+    """
+
+    fit: Fit
+    records: tuple[Record, ...]
+    errors: tuple[Errors, ...]
+    remarks: tuple[str, ...] = ()
+
+
+MODELS = ("preisach", "preisach-hats")
+
+
+def settings_for(
+    model: str, *, modes: int = 7, relaxations: int = 7, extension: bool = False, starts: int = 2, seed: int = 0
+) -> FitSettings:
+    """Return the settings of a model by its name.
+
+    Raises
+    ------
+    ParameterError
+        No such model.
+    """
+    if model not in MODELS:
+        msg = f"there is no model {model!r}; it is one of {', '.join(MODELS)}"
+        raise ParameterError(msg)
+    density: Literal["modal", "hats"] = "modal" if model == "preisach" else "hats"
+    drives = DRIVES if extension else DRIVES[:2]
+    return FitSettings(density=density, modes=modes, relaxations=relaxations, drives=drives, starts=starts, seed=seed)
+
+
+def training_rows(record: Record, train: str) -> NDArray[np.bool_]:
+    """Return which samples to fit.
+
+    Parameters
+    ----------
+    record : Record
+        Times from zero.
+    train : str
+        ``A:B`` for times from A to B [s], either of which may be missing, or ``P%`` for the leading part of the samples.
+
+    Raises
+    ------
+    DataError
+        The text is neither, or no sample lies there.
+    """
+    try:
+        if train.endswith("%"):
+            rows = np.arange(record.time.size) < round(0.01 * float(train[:-1]) * record.time.size)
+        else:
+            low, high = (float(part) if part.strip() else None for part in train.split(":"))
+            rows = np.ones(record.time.size, dtype=bool)
+            rows &= record.time >= (0.0 if low is None else low)
+            rows &= record.time <= (np.inf if high is None else high)
+    except ValueError:
+        msg = f"cannot read {train!r} as a training stretch. Write 0:200 for seconds or 50% for a leading part."
+        raise DataError(msg) from None
+    if not rows.any():
+        msg = f"{record.name} runs from 0 to {record.time[-1]:g} s: no sample lies in {train!r}. Name another stretch."
+        raise DataError(msg)
+    return rows
+
+
+def identify_files(
+    paths: Sequence[Path],
+    *,
+    columns: Columns | None = None,
+    train: str = "50%",
+    settings: FitSettings | None = None,
+    full_scale: float | None = None,
+    command: str = "",
+    origin: str = "not stated",
+    watch: Watch | None = None,
+) -> Identified:
+    """Fit a sensor to the records in some files.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        CSV files, one record each.
+    columns : Columns or None
+        Which columns, in which units.
+    train : str
+        Training stretch of every record, see ``training_rows``.
+    settings : FitSettings or None
+        How to fit.
+    full_scale : float or None
+        Strain [1] at the end of the range.
+    command, origin : str
+        For the provenance of the artifact.
+    watch : callable, optional
+        Progress, see ``fit_preisach``.
+
+    Returns
+    -------
+    Identified
+        Fit and errors; the artifact carries its provenance.
+    """
+    settings = settings or FitSettings()
+    records = read_records(paths, columns)
+    rows = tuple(training_rows(record, train) for record in records)
+    fit = fit_preisach(records, rows, settings, full_scale=full_scale, watch=watch)
+    found = stretch_errors(fit, records)
+    provenance = {
+        "data": ", ".join(record.name for record in records),
+        "origin": origin,
+        "sha256": ", ".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in paths),
+        "command": command,
+        "train": train,
+        "settings": repr(settings),
+        "full_scale_strain": repr(fit.full_scale),
+        "offset": repr(fit.offset),
+        "scale": repr(fit.scale),
+        **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in found},
+        **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
+    }
+    remarks = tuple(f"{record.name}: {text}" for record in records for text in record.repairs)
+    return Identified(fit=with_provenance(fit, provenance), records=records, errors=found, remarks=remarks)
+
+
+def stretch_errors(fit: Fit, records: tuple[Record, ...]) -> tuple[Errors, ...]:
+    """Return the errors of a fit on what it was fitted to and on the rest, record by record."""
+    found = []
+    for record, predicted, rows in zip(records, fit.predicted, fit.train, strict=True):
+        size = float(np.ptp(record.output))
+        for stretch, part in (("train", rows), ("test", ~rows)):
+            if part.any():
+                found.append(errors(record.name, stretch, record.output[part], predicted[part], size))
+    return tuple(found)
