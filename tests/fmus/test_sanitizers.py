@@ -7,11 +7,13 @@ import sys
 import zipfile
 from pathlib import Path
 
+import fmpy
 import pytest
 from gossamer_fmus import NAMES
 
 FUZZ = Path(__file__).with_name("fuzz.c")
-STANDARD = "-std=c11"
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+STANDARD = ["-std=c11", "-isystem", HEADERS]
 MEMORY = [
     "-O1",
     "-g1",
@@ -61,7 +63,7 @@ def sources(built, tmp_path_factory):
 def fuzzer(compiler, flags, fmi, sources):
     """Compile the random calls together with an FMU."""
     program = sources / "fuzz"
-    command = [compiler(flags), STANDARD, f"-DFMI={fmi}", *flags, "-isystem", sources, FUZZ, "-o", program]
+    command = [compiler(flags), *STANDARD, f"-DFMI={fmi}", *flags, "-isystem", sources, FUZZ, "-o", program]
     done = run(*command, "-lm", "-pthread")
     assert done.returncode == 0, done.stderr
     return program
@@ -120,6 +122,6 @@ def test_our_own_sources_compile_without_a_warning(sources, tmp_path, command, f
         folder.mkdir(exist_ok=True)
         shutil.copy(path, folder)
     warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
-    flags = [STANDARD, "-O2", *warnings, "-isystem", tmp_path / "theirs", "-c", "-o", tmp_path / "object"]
+    flags = [*STANDARD, "-O2", *warnings, "-isystem", tmp_path / "theirs", "-c", "-o", tmp_path / "object"]
     done = run(*command, *flags, tmp_path / "ours" / f"fmi{fmi}.c")
     assert done.returncode == 0, done.stderr

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from fmu_host import Instance
-from gossamer_fmus import NAMES
 
 OK, DISCARD = 0, 2
 
@@ -204,14 +203,3 @@ def test_a_truncated_resource_fails_to_instantiate_without_harm(fmus, unzipped, 
         Instance(fmus["sensor"], folder)
     fine = Instance(fmus["sensor"], unzipped["sensor"])
     fine.slave.freeInstance()
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("seed", range(3))
-def test_random_calls_do_not_crash_the_process(fmus, unzipped, name, seed):
-    """500 legal and illegal calls with legal and illegal values, in a process of their own."""
-    script = Path(__file__).with_name("random_calls.py")
-    command = [sys.executable, str(script), str(fmus[name]), str(unzipped[name]), str(seed)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 0, done.stderr[-2000:]
-    assert done.stdout.endswith("survived\n")
