@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import re
 from dataclasses import dataclass
-from itertools import groupby
-from math import prod
+from itertools import groupby, product
 
-from gossamer_models import StepModel, Variable
+from gossamer_models import ParameterError, StepModel, Variable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,14 +52,27 @@ class Array:
 
 
 def arrays_of(model: StepModel) -> list[Array]:
-    """Return the arrays and scalars of a model in table order."""
-    arrays = []
+    """Return the arrays and scalars of a model in table order.
+
+    Raises
+    ------
+    ParameterError
+        Elements are missing, in another order than with the last index fastest, or differ in unit, range or variability.
+    """
+    arrays: list[Array] = []
     numbered = enumerate(model.variables)
     for (name, _), group in groupby(numbered, key=lambda item: (item[1].name.split("[")[0], item[1].causality)):
         places, members = zip(*group, strict=True)
         last = re.search(r"\[(.*)\]", members[-1].name)
         shape = tuple(int(part) for part in last[1].split(",")) if last else ()
-        if prod(shape) != len(members):
-            shape = (len(members),)
+        indices = product(*(range(1, size + 1) for size in shape))
+        names = [f"{name}[{','.join(map(str, index))}]" if index else name for index in indices]
+        kinds = {(v.unit, v.minimum, v.maximum, v.nominal, v.discrete) for v in members}
+        if [v.name for v in members] != names or len(kinds) > 1 or name in {array.name for array in arrays}:
+            msg = (
+                f"the elements of {name!r} in model {model.name!r} are no array: list all of them in one place, the last "
+                "index fastest, with one unit, range and variability."
+            )
+            raise ParameterError(msg)
         arrays.append(Array(name=name, first=places[0], members=members, shape=shape))
     return arrays

@@ -4,7 +4,7 @@ A native FMU holds C code and what it was compiled to::
 
     modelDescription.xml
     binaries/<platform>/<name>.<so|dll|dylib>
-    documentation/index.html, diagram.svg, licenses/
+    documentation/index.html, diagram.*, licenses/
     sources/                                 see ``native``
 
 A Python FMU holds one generic slave and the serialized step model. It is laid out as pythonfmu 0.7.0 does it (its own
@@ -12,7 +12,7 @@ builder stamps times and random identifiers, and leaves the module search path c
 
     modelDescription.xml
     binaries/<platform>/<name>.<so|dll>      pythonfmu's library, which starts Python
-    documentation/index.html, diagram.svg, licenses/
+    documentation/index.html, diagram.*, licenses/
     resources/slavemodule.txt                names the slave
     resources/slave_<digest>.py              imports the slave from the package
     resources/step_<digest>/                 the slave and what it imports: the stepper and pythonfmu's base class
@@ -40,7 +40,8 @@ from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import SensorArtifact, sensor_model
 
 from . import native
-from .description import build_description, diagram, documentation, model_description, model_description_3
+from .description import build_description, documentation, model_description, model_description_3
+from .diagram import diagrams
 from .interface import NAMES, Interface, read_interface
 from .native import FmiVersion
 
@@ -238,11 +239,8 @@ def _model(name: str, artifact: Path | None, elements_per_side: int | None, *, c
 
 
 def _documents(model: StepModel, interface: Interface) -> dict[str, bytes]:
-    return {
-        "documentation/index.html": documentation(model, interface).encode(),
-        "documentation/diagram.svg": diagram(model),
-        "documentation/licenses/license.txt": _license(),
-    }
+    pages = {"index.html": documentation(model, interface).encode(), "licenses/license.txt": _license()}
+    return {f"documentation/{name}": data for name, data in (pages | diagrams(model)).items()}
 
 
 def _identifier(members: dict[str, bytes], description: bytes) -> str:

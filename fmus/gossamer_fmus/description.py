@@ -8,18 +8,26 @@ from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from gossamer_models import StepModel, Variable
+from gossamer_models import ParameterError, StepModel, Variable
 
 from .arrays import arrays_of
 from .interface import Interface
 
 # Symbols of SI base dimensions in pint, and attributes of <BaseUnit>.
-_BASE = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "radian": "rad"}
+_BASE = {
+    "kilogram": "kg",
+    "meter": "m",
+    "second": "s",
+    "ampere": "A",
+    "kelvin": "K",
+    "mole": "mol",
+    "candela": "cd",
+    "radian": "rad",
+}
 _BEGIN, _END = "<!-- variables -->", "<!-- end of variables -->"
 _LOG_CATEGORIES = {
     "logStatusDiscard": "Steps that were refused, and why.",
-    "logStatusError": "Calls that were ignored, and why.",
-    "logStatusFatal": "The FMU could not be started.",
+    "logStatusError": "Calls that were refused, and why.",
 }
 
 
@@ -58,6 +66,9 @@ def model_description(model: StepModel, interface: Interface, guid: str, *, nati
     if native:
         ET.SubElement(ET.SubElement(kind, "SourceFiles"), "File", name="fmi2.c")
     _common(root, model, interface)
+    if not native:
+        fatal = {"name": "logStatusFatal", "description": "The FMU could not be started."}
+        ET.SubElement(root.find("LogCategories"), "Category", fatal)  # type: ignore[arg-type]
     variables = ET.SubElement(root, "ModelVariables")
     for reference, variable in enumerate(model.variables):
         variables.append(_scalar_variable(variable, reference))
@@ -135,37 +146,9 @@ def build_description(model: StepModel) -> bytes:
     """Write ``sources/buildDescription.xml`` of FMI 3.0: how an importing tool compiles the sources."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model.name)
-    files = ET.SubElement(configuration, "SourceFileSet", language="C11", compilerOptions="-O2 -ffp-contract=off")
+    files = ET.SubElement(configuration, "SourceFileSet", language="C11")
     ET.SubElement(files, "SourceFile", name="fmi3.c")
-    ET.SubElement(configuration, "Library", name="m", version="1.0")
-    return _bytes(root)
-
-
-def diagram(model: StepModel) -> bytes:
-    """Draw the model as a block, inputs on the left and outputs on the right, as SVG."""
-    sides = {
-        causality: [array for array in arrays_of(model) if array.members[0].causality == causality]
-        for causality in ("input", "output")
-    }
-    height = 40 * max(map(len, sides.values())) + 50
-    root = ET.Element("svg", xmlns="http://www.w3.org/2000/svg", viewBox=f"0 0 640 {height}")
-    root.set("font-family", "sans-serif")
-    root.set("font-size", "14")
-    box = {"x": "220", "y": "10", "width": "200", "height": str(height - 20), "rx": "6"}
-    ET.SubElement(root, "rect", box | {"fill": "#f4f6f8", "stroke": "#334"})
-    name = {"x": "320", "y": str(height / 2 + 5), "text-anchor": "middle", "font-weight": "bold"}
-    ET.SubElement(root, "text", name).text = model.name
-    for causality, arrays in sides.items():
-        left = causality == "input"
-        for k, array in enumerate(arrays):
-            y = height / 2 + 40 * (k - (len(arrays) - 1) / 2)
-            tip = 220 if left else 450
-            ET.SubElement(root, "line", x1=str(tip - 30), y1=str(y), x2=str(tip), y2=str(y), stroke="#334")
-            ET.SubElement(root, "path", d=f"M{tip} {y}l-8 -4v8z", fill="#334")
-            size = f"[{', '.join(map(str, array.shape))}]" if array.shape else ""
-            unit = array.members[0].unit
-            place = {"x": str(180 if left else 460), "y": str(y + 5), "text-anchor": "end" if left else "start"}
-            ET.SubElement(root, "text", place).text = f"{array.name}{size}" + (f"  [{unit}]" if unit != "1" else "")
+    ET.SubElement(configuration, "Library", name="m", external="true")
     return _bytes(root)
 
 
@@ -202,8 +185,10 @@ def _has_derivatives(model: StepModel) -> bool:
 
 
 def _dependencies(model: StepModel, output: int) -> list[int]:
-    """Return the places in the table of the inputs that an output depends on directly."""
+    """Return the places in the table of the inputs that an output depends on within a communication step."""
     _, inputs, results = model.slices()
+    if model.step_limit is not None:  # several internal steps, in which what acts on a state reaches every output
+        return list(range(inputs.start, inputs.stop))
     by_output = model.step.jac_sparsity(1, 1).T
     begin, end = by_output.colind()[output - results.start :][:2]
     return [inputs.start + column for column in by_output.row()[begin:end]]
@@ -219,12 +204,27 @@ def _bytes(root: ET.Element) -> bytes:
 
 
 def base_unit(name: str) -> dict[str, str]:
-    """Return the attributes of ``<BaseUnit>`` for a unit symbol: exponents of the SI base units and a factor."""
+    """Return the attributes of ``<BaseUnit>`` for a unit symbol: exponents of the SI base units and a factor.
+
+    Raises
+    ------
+    ParameterError
+        The unit is unknown, has an offset as degC has, or is no product of whole powers of base units.
+    """
     import pint
 
     powers = re.sub(r"(?<=[A-Za-z])(?=-?\d)", "**", name)  # kg/m3 is kg/m**3
-    quantity = pint.application_registry.Quantity(powers).to_base_units()
-    attributes = {_BASE[str(unit)]: str(int(exponent)) for unit, exponent in quantity.unit_items()}
+    registry = pint.application_registry
+    try:
+        quantity, twice = (registry.Quantity(value, powers).to_base_units() for value in (1.0, 2.0))
+        items = {_BASE[str(unit)]: exponent for unit, exponent in quantity.unit_items()}
+    except (pint.PintError, KeyError) as error:
+        msg = f"unit {name!r} cannot be written in base units: {error}. Use another."
+        raise ParameterError(msg) from error
+    if twice.magnitude != 2.0 * quantity.magnitude or any(exponent != int(exponent) for exponent in items.values()):
+        msg = f"unit {name!r} is no product of whole powers of SI base units. Use one that is."
+        raise ParameterError(msg)
+    attributes = {unit: str(int(exponent)) for unit, exponent in items.items()}
     if quantity.magnitude != 1.0:
         attributes["factor"] = repr(float(quantity.magnitude))
     return attributes

@@ -5,8 +5,9 @@ The sources of an FMU are, in one translation unit::
     fmi2.c or fmi3.c    the FMI functions
     stepper.h           initialize, step, derivatives, states; the same for every model
     model.h             the table of variables and sizes, written here
-    functions.h         init, step and their derivative, written by CasADi
-    fmi?*.h             the headers of the FMI standard
+    functions.h         init, step and their derivatives, written by CasADi
+
+The headers of the FMI standard come from whoever compiles, as the standard asks; here from FMPy.
 
 One compiler for all platforms keeps the numbers the same: IEEE arithmetic in the order of the expressions, no contraction
 to fused multiply-adds, no reordering. Only ``sin`` and its like come from each platform's C library.
@@ -68,10 +69,6 @@ FLAGS = (
     "-ffp-contract=off",
     "-fno-math-errno",  # inline square roots; nobody reads errno
 )
-_HEADERS = {
-    2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
-    3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
-}
 
 
 def chosen(names: Iterable[str], fmi: FmiVersion) -> list[str]:
@@ -112,10 +109,8 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
         Version of the standard.
     """
     here = Path(__file__).parent / "native"
-    headers = Path(str(find_spec("fmpy").origin)).parent / "c-code"  # type: ignore[union-attr]
     files = {name: (here / name).read_bytes() for name in (f"fmi{fmi}.c", "stepper.h")}
-    files |= {name: (headers / name).read_bytes().replace(b"\r\n", b"\n") for name in _HEADERS[fmi]}
-    functions = [model.init, model.step, derivative(model)]
+    functions = [model.init, model.step, derivative(model), initial_derivative(model)]
     files["model.h"] = _model_header(model, guid, functions).encode()
     generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 1})
     for function in functions:
@@ -132,6 +127,19 @@ def derivative(model: StepModel) -> ca.Function:
     result = ca.vertcat(*model.step.call(arguments, True, False))  # inlined: else parameters are differentiated too
     change = ca.jtimes(result, ca.vertcat(x, u), ca.vertcat(dx, du))
     return ca.Function("derivative", [*arguments, dx, du], ca.vertsplit(change, [0, x.numel(), change.numel()]))
+
+
+def initial_derivative(model: StepModel) -> ca.Function:
+    """Return ``initial_derivative(u, p, du) -> dy``: how the results of the initialization change with the inputs."""
+    arguments = [ca.MX.sym(name, model.init.nnz_in(i)) for i, name in enumerate("up")]
+    du = ca.MX.sym("du", arguments[0].numel())
+    _, y = model.init.call(arguments, True, False)
+    return ca.Function("initial_derivative", [*arguments, du], [ca.jtimes(y, arguments[0], du)])
+
+
+def fmi_headers() -> Path:
+    """Return the folder of the FMI standard's headers."""
+    return Path(str(find_spec("fmpy").origin)).parent / "c-code"  # type: ignore[union-attr]
 
 
 def compile_library(files: dict[str, bytes], name: str, fmi: FmiVersion, platform: str) -> dict[str, bytes]:
@@ -197,21 +205,8 @@ def universal(libraries: Iterable[bytes]) -> bytes:
 
 def _compile(folder: Path, source: str, library: str, target: str) -> bytes:
     windows = "windows" in target
-    command = [
-        sys.executable,
-        "-m",
-        "ziglang",
-        "cc",
-        "-target",
-        target,
-        *FLAGS,
-        "-g0",
-        "-s",
-        "-shared",
-        "-o",
-        library,
-        source,
-    ]
+    compiler = [sys.executable, "-m", "ziglang", "cc", "-target", target]
+    command = [*compiler, *FLAGS, "-I", str(fmi_headers()), "-g0", "-s", "-shared", "-o", library, source]
     if not windows:
         command.append("-lm")
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
@@ -244,7 +239,8 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
         f"#define MODEL_GUID {_c_text(guid)}",
         f"#define MODEL_ADVICE {_c_text(model.advice)}",
         f"#define MODEL_DIGEST {digest}",
-        f"#define CASADI_CODEGEN_PREFIX {model.name}_",
+        "#define CASADI_CODEGEN_PREFIX",
+        f"#define CODEGEN_PREFIX {model.name}_",
         *(f"#define {name} {value}" for name, value in sizes.items()),
         "",
         "/* name, unit, start, minimum, maximum */",
@@ -259,7 +255,6 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
         "",
         "/* arrays of FMI 3.0: first variable and size */",
         f"#define N_ARRAYS {len(arrays_of(model))}",
-        "typedef struct { int first, size; } Array;",
         "static const Array ARRAYS[N_ARRAYS] = {",
         *(f" {{{array.first}, {array.size}}}," for array in arrays_of(model)),
         "};",

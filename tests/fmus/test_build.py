@@ -5,14 +5,16 @@ import subprocess
 import sys
 import zipfile
 
+import casadi as ca
 import fmpy
 import pytest
 from fmpy.validation import validate_fmu
 from gossamer_fmus import NAMES, build_all, build_fmu
+from gossamer_fmus.arrays import arrays_of
 from gossamer_fmus.build import MODELS
 from gossamer_fmus.description import base_unit, with_variables
 from gossamer_fmus.interface import fmu_folder
-from gossamer_models import ArtifactError, ParameterError
+from gossamer_models import ArtifactError, ParameterError, StepModel, Variable
 
 only_python = pytest.mark.parametrize("kind", ["python"], indirect=True)
 
@@ -107,10 +109,29 @@ def test_the_table_in_the_readme_is_up_to_date(models, name, rewrite_goldens):
         ("rad", {"rad": "1"}),
         ("ohm", {"kg": "1", "m": "2", "s": "-3", "A": "-2"}),
         ("kPa", {"kg": "1", "m": "-1", "s": "-2", "factor": "1000.0"}),
+        ("mol", {"mol": "1"}),
     ],
 )
 def test_units_are_reduced_to_si(unit, attributes):
     assert base_unit(unit) == attributes
+
+
+@pytest.mark.parametrize("unit", ["degC", "m**0.5", "lbs_per_moon", "bit"])
+def test_a_unit_that_a_model_description_cannot_say_is_refused(unit):
+    with pytest.raises(ParameterError, match=re.escape(repr(unit))):
+        base_unit(unit)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("a[1]", "a[3]"), ("a[1,1]", "a[2,1]", "a[1,2]", "a[2,2]"), ("a[1]", "b", "a[2]"), ("a[2]", "a[1]")],
+)
+def test_elements_that_are_no_array_are_refused(names):
+    variables = tuple(Variable(name=n, causality="input", unit="1", description="x", start=0.0) for n in names)
+    u, p, x, h = ca.MX.sym("u", len(names)), ca.MX.sym("p", 0), ca.MX.sym("x", 0), ca.MX.sym("h")
+    init, step = ca.Function("init", [u, p], [x, x]), ca.Function("step", [x, u, p, h], [x, x])
+    with pytest.raises(ParameterError, match="the elements of 'a'"):
+        arrays_of(StepModel(name="toy", description="x", variables=variables, init=init, step=step))
 
 
 @only_python

@@ -69,7 +69,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 void fmi2FreeInstance(fmi2Component c) { free(c); }
 
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[]) {
-  (void)on, (void)n, (void)categories; /* refusals are always logged, and there is nothing else to log */
+  (void)on, (void)n, (void)categories; /* refusals are logged always: FMI 2.0 allows it, and hosts that ask for nothing want to know */
   return c ? fmi2OK : fmi2Error;
 }
 
@@ -242,7 +242,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                         fmi2Real d_unknown[]) {
   Instance *m = c;
   Stepper *s;
-  if (!is_in(m, RUNNING)) return wrong(m, "fmi2GetDirectionalDerivative");
+  if (!m || is_in(m, TERMINATED)) return wrong(m, "fmi2GetDirectionalDerivative");
   s = &m->stepper;
   if (!known(m, unknown, n_unknown, d_unknown) || !known(m, given, n_given, d_given)) return fail(m, fmi2Error);
   memset(s->du, 0, sizeof s->du);
@@ -253,7 +253,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     }
     s->du[given[i] - FIRST_INPUT] += d_given[i];
   }
-  if (!stepper_derivative(s)) return fail(m, fmi2Discard);
+  if (!stepper_derivative(s)) return fail(m, fmi2Error);
   for (size_t i = 0; i < n_unknown; i++) d_unknown[i] = derivative_of(s, unknown[i]);
   return fmi2OK;
 }
@@ -307,7 +307,6 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     free(read);
     return fail(m, fmi2Error);
   }
-  free(*state);
   *state = read;
   return fmi2OK;
 }

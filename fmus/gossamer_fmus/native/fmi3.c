@@ -8,11 +8,12 @@ typedef struct {
   Stepper stepper;
   fmi3InstanceEnvironment environment;
   fmi3LogMessageCallback logger;
+  bool logging;
 } Instance;
 
-/* Log the stepper's message. */
+/* Log the stepper's message: an error always, as the standard allows, anything else if the host wants it. */
 static fmi3Status fail(Instance *m, fmi3Status status) {
-  if (m->logger) m->logger(m->environment, status, status == fmi3Discard ? "logStatusDiscard" : "logStatusError", m->stepper.message);
+  if (m->logger && (m->logging || status >= fmi3Error)) m->logger(m->environment, status, status == fmi3Discard ? "logStatusDiscard" : "logStatusError", m->stepper.message);
   return status;
 }
 
@@ -28,8 +29,11 @@ static bool is_in(const Instance *m, Mode mode) { return m && m->stepper.state.m
 const char *fmi3GetVersion(void) { return fmi3Version; }
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String categories[]) {
-  (void)on, (void)n, (void)categories; /* refusals are always logged, and there is nothing else to log */
-  return c ? fmi3OK : fmi3Error;
+  Instance *m = c;
+  (void)n, (void)categories; /* all or nothing: there are refusals only */
+  if (!m) return fmi3Error;
+  m->logging = on;
+  return fmi3OK;
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
@@ -39,15 +43,17 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3IntermediateUpdateCallback update) {
   const char *complaint = NULL;
   Instance *m = NULL;
-  (void)resources, (void)visible, (void)logging, (void)event_mode, (void)early_return, (void)required, (void)n_required, (void)update;
+  (void)resources, (void)visible, (void)early_return, (void)required, (void)n_required, (void)update;
   if (!name || !*name) complaint = "an instance needs a name";
   else if (!token || strcmp(token, MODEL_GUID) != 0) complaint = "the token is not " MODEL_GUID ", which this binary was built for";
+  else if (event_mode) complaint = "model '" MODEL_NAME "' has no event mode, as its description says";
   else if (!(m = calloc(1, sizeof *m))) complaint = "there is no memory for another instance of model '" MODEL_NAME "'";
   if (complaint) {
     if (logger) logger(environment, fmi3Error, "logStatusError", complaint);
     return NULL;
   }
   m->logger = logger;
+  m->logging = logging;
   m->environment = environment;
   stepper_reset(&m->stepper);
   return m;
@@ -226,7 +232,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
                                         fmi3Float64 sensitivity[], size_t n_sensitivity) {
   Instance *m = c;
   Stepper *s;
-  if (!is_in(m, RUNNING)) return wrong(m, "fmi3GetDirectionalDerivative");
+  if (!m || is_in(m, TERMINATED)) return wrong(m, "fmi3GetDirectionalDerivative");
   if (!known(m, unknowns, n_unknowns, sensitivity, n_sensitivity, false) || !known(m, knowns, n_knowns, seed, n_seed, false)) {
     return fail(m, fmi3Error);
   }
@@ -240,7 +246,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
     }
     for (int k = 0; k < array->size; k++) s->du[array->first + k - FIRST_INPUT] += *seed++;
   }
-  if (!stepper_derivative(s)) return fail(m, fmi3Discard);
+  if (!stepper_derivative(s)) return fail(m, fmi3Error);
   for (size_t i = 0; i < n_unknowns; i++) {
     const Array *array = &ARRAYS[unknowns[i] - 1];
     for (int k = 0; k < array->size; k++) *sensitivity++ = derivative_of(s, array->first + k);
@@ -297,7 +303,6 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_
     free(read);
     return fail(m, fmi3Error);
   }
-  free(*state);
   *state = read;
   return fmi3OK;
 }

@@ -8,7 +8,17 @@
    model.h holds the table of variables, functions.h the C code that CasADi generated from the model's expressions. A
    Stepper holds all the memory it needs; nothing is global, so instances may run in different threads. Every function either
    does what it says and returns true, or writes a message that says why not, returns false and leaves the state as it was.
-   Everything is static, and FMUs linked into one program do not collide. */
+   Everything is static or carries the model's name, so that sources of several FMUs can be linked into one program; define
+   FMI2_FUNCTION_PREFIX or FMI3_FUNCTION_PREFIX for that, as the standard says. */
+
+/* the same numbers everywhere: no fused multiply-add */
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__GNUC__)
+#pragma GCC optimize("fp-contract=off")
+#elif defined(_MSC_VER)
+#pragma fp_contract(off)
+#endif
 
 #include <float.h>
 #include <math.h>
@@ -23,6 +33,10 @@ typedef struct {
   const char *name, *unit;
   double start, minimum, maximum; /* no limit: the largest finite number, so that infinities are out of range */
 } Variable;
+
+typedef struct {
+  int first, size; /* place of its first element in the table, number of elements */
+} Array;
 
 #include "model.h"
 
@@ -218,12 +232,19 @@ static bool stepper_step(Stepper *s, double h) {
 }
 
 /* Change of all results (s->d_next + N_STATES) with the inputs (s->du) over the last step, taken again from its beginning
-   with the inputs as they stand. Leaves the state alone. */
+   with the inputs as they stand; before the first step, change of the initial results. Leaves the state alone. */
 static bool stepper_derivative(Stepper *s) {
+  if (s->state.mode == INSTANTIATED) return wrong_call(s, "taking a derivative");
+  if (!in_range(s, 0, FIRST_RESULT)) return false;
   if (s->state.last_step == 0.0) {
-    return refuse(s, "model '%s' gives derivatives of the last step, and none was done yet", MODEL_NAME);
+    s->arg[0] = s->state.values + FIRST_INPUT;
+    s->arg[1] = s->state.values;
+    s->arg[2] = s->du;
+    s->res[0] = s->d_next + N_STATES;
+    memset(s->d_next, 0, sizeof s->d_next);
+    if (initial_derivative(s->arg, s->res, s->iw, s->w, 0)) s->d_next[0] = NAN;
+    return all_finite(s, s->d_next, "the derivative");
   }
-  if (!in_range(s, FIRST_INPUT, FIRST_RESULT)) return false;
   memcpy(s->x, s->state.x_before, sizeof s->x);
   memset(s->dx, 0, sizeof s->dx);
   return integrate(s, s->state.last_step, s->state.limit_before, true);
