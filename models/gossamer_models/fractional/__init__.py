@@ -1,0 +1,27 @@
+"""Fractional models of the sensor: memory that fades as a power of time."""
+
+from .artifact import FadingTerm, FractionalArtifact, FractionalTerm
+from .identify import FractionalFit, FractionalSettings, Misfit, Record, identify_fractional, misfit
+from .kernels import ModeGrid
+from .model import fractional_sensor_model, predict
+from .operators import derivative, derivative_sum, integral, integral_sum, turned
+
+__all__ = [
+    "FadingTerm",
+    "FractionalArtifact",
+    "FractionalFit",
+    "FractionalSettings",
+    "FractionalTerm",
+    "Misfit",
+    "ModeGrid",
+    "Record",
+    "derivative",
+    "derivative_sum",
+    "fractional_sensor_model",
+    "identify_fractional",
+    "integral",
+    "integral_sum",
+    "misfit",
+    "predict",
+    "turned",
+]

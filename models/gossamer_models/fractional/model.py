@@ -1,0 +1,188 @@
+r"""Fractional models: forward on a whole record, and sub-model-1 as a ``StepModel``.
+
+Symbols: ``s`` strain over full scale [1], ``z[q]`` modes [s], ``w[q]`` their weights [1/s], ``D`` direct part [1],
+``h`` step [s]; ``R0``, ``dR`` scales [ohm]. Sub-model-1, Eq. (3.21) of [1]_, is
+
+.. math:: R = R_0 + \Delta R\,(C_0 s + \sum_k C_k J^{a_k} s) = R_0 + \Delta R\,(D s + \sum_q w_q z_q),
+          \qquad \dot z_q = -\lambda_q z_q + s.
+
+All orders share the modes, so a step costs the same for any number of terms and at any time of a record.
+
+References
+----------
+.. [1] M. R. Sunny, dissertation, Virginia Tech, chapter 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ParameterError
+from ..sensor.model import SCALE_VARIABLES
+from ..sensor.relaxation import phi_1, phi_2
+from ..step_model import StepModel, Variable
+from .artifact import FadingTerm, FractionalArtifact
+from .kernels import at_order
+from .operators import grid_of, quadrature, rise_modes, started, weighed_modes
+
+Vector = NDArray[np.float64]
+
+
+def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:
+    """Return the resistance [ohm], shape (m,), of a whole record.
+
+    Parameters
+    ----------
+    artifact : FractionalArtifact
+        Any of the three models.
+    strain : ndarray, shape (m,)
+        Strain [1] from the first loading on; linear between samples. Models with phases take it as one period.
+    h : float
+        Sampling step [s].
+
+    Raises
+    ------
+    DataError
+        The record is not finite, or outside the range of times of the artifact.
+    """
+    grid_of(strain, h, artifact.grid)
+    s = strain / artifact.full_scale_strain
+    output = artifact.direct * s
+    if any(term.phase for term in artifact.terms):
+        output = output + _remembered(artifact, s, h, "cosine") + _remembered(artifact, quadrature(s), h, "sine")
+    elif artifact.terms:
+        output = output + _remembered(artifact, s, h, "cosine")
+    for fading in artifact.fading:
+        output = output + fading.coefficient * faded(s, h, fading)
+    return np.asarray(artifact.rest_resistance + artifact.resistance_change * output)
+
+
+def _remembered(artifact: FractionalArtifact, v: Vector, h: float, part: str) -> Vector:
+    """Return the sum of all fractional terms on the record or on its quadrature [1], shape (m,)."""
+    w, mass = summed_weights(artifact, part)
+    rates = artifact.grid.rates
+    if artifact.model != "model-1":
+        return weighed_modes(v, h, rates, w) + mass * started(v)
+    slope = np.diff(v, prepend=v[:1]) / h
+    found = rise_modes(v, h, rates) @ w + mass * slope
+    found[0] = (
+        0.0  # the derivative of a jump at t = 0 is infinite there, Eq. (3.11); the sample at t = 0 is left without
+    )
+    return np.asarray(found)
+
+
+def summed_weights(artifact: FractionalArtifact, part: str = "cosine") -> tuple[Vector, float]:
+    r"""Return weights of the modes, shape (n,), and mass of all fractional terms, on the record or on its quadrature.
+
+    The kernels of :math:`D^a` and :math:`J^{1-a}` are the same. A term weighs the record with :math:`\cos(\pi b/2)`
+    and its quadrature with :math:`-\sin(\pi b/2)`.
+    """
+    w, mass = np.zeros(artifact.grid.rates.size), 0.0
+    for term in artifact.terms:
+        g, m = at_order(artifact.grid, 1.0 - term.order if artifact.model == "model-1" else term.order)
+        angle = 0.5 * np.pi * term.phase
+        C = term.coefficient * (np.cos(angle) if part == "cosine" else -np.sin(angle))
+        w, mass = w + C * g, mass + C * m
+    return w, float(mass)
+
+
+def faded(s: Vector, h: float, term: FadingTerm) -> Vector:
+    r"""Return :math:`\int_0^t e^{-p(t-\tau)} s^q\,d\tau` [s], shape (m,), with the power linear between samples.
+
+    The thesis takes the trapezoidal rule for the whole integrand, Eq. (3.20), which fails where p h is not small; with
+    :math:`s^{q}` as in Eq. (3.15). Negative strain counts as none.
+    """
+    power = np.where(s > 0.0, np.maximum(s, 1e-300) ** term.exponent, 0.0)
+    return weighed_modes(power, h, np.array([term.rate]), np.ones(1))
+
+
+def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
+    """Build sub-model-1 as a sensor.
+
+    Parameters
+    ----------
+    artifact : FractionalArtifact
+        Identified sub-model-1.
+
+    Returns
+    -------
+    StepModel
+        Input ``strain`` [1]; output ``resistance`` [ohm]; parameters named as those of ``sensor_model``.
+
+    Raises
+    ------
+    ParameterError
+        Another model: phases need the whole record, so they cannot step.
+
+    Notes
+    -----
+    The step is exact for strain that is linear over it, so a ramp may be cut into any steps. Its memory is that of
+    the batch evaluation, so both give the same numbers. A fractional integral of a constant grows without end, so
+    here it acts on the change of strain since the run began: a sensor at rest stays at rest. With ``rest_strain`` =
+    0, as in the thesis, this is Eq. (3.21).
+    """
+    if artifact.model != "sub-model-1":
+        msg = f"{artifact.model} cannot step: its phases need the whole record. Identify sub-model-1."
+        raise ParameterError(msg)
+    weights, mass = summed_weights(artifact)
+    rates, w = ca.DM(artifact.grid.rates), ca.DM(weights)
+    n = rates.numel()
+    x, h = ca.MX.sym("x", n + 1), ca.MX.sym("h")
+    strain, p = ca.MX.sym("strain"), ca.MX.sym("p", len(SCALE_VARIABLES))
+    R0, dR, full_scale, rest_strain = ca.vertsplit(p)
+
+    init = ca.Function("init", [strain, p], [ca.DM.zeros(n + 1), R0 + dR * artifact.direct * rest_strain / full_scale])
+
+    z, before = x[:n], x[n]  # before, s: changes of strain since the run began [1]
+    s = (strain - rest_strain) / full_scale
+    late = phi_2(rates * h)
+    z = ca.exp(-rates * h) * z + h * ((phi_1(rates * h) - late) * before + late * s)
+    output = artifact.direct * strain / full_scale + mass * s + ca.dot(w, z)
+    step = ca.Function("step", [x, strain, p, h], [ca.vertcat(z, s), R0 + dR * output])
+    return StepModel(
+        name="fractional_sensor",
+        description="Conductive polymer strain sensor with fractional memory",
+        variables=(
+            *_scale_variables(artifact),
+            Variable(
+                name="strain",
+                causality="input",
+                unit="1",
+                description="Strain of the sensor, taken as linear over a step",
+                start=0.0,
+                nominal=0.1,
+            ),
+            Variable(
+                name="resistance",
+                causality="output",
+                unit="ohm",
+                description="Resistance of the sensor",
+                nominal=100.0,
+            ),
+        ),
+        init=init,
+        step=step,
+        advice="Inputs and steps must be of a sensible size.",
+        provenance=dict(artifact.provenance),
+    )
+
+
+def _scale_variables(artifact: FractionalArtifact) -> tuple[Variable, ...]:
+    """Return the sensor's parameters, same names and order, with the artifact's values and what they mean here."""
+    rest, change, full_scale, rest_strain = SCALE_VARIABLES
+    return (
+        replace(rest, start=artifact.rest_resistance),
+        replace(
+            change,
+            start=artifact.resistance_change,
+            description="Change of resistance that a model output of one stands for",
+        ),
+        replace(
+            full_scale, start=artifact.full_scale_strain, description="Strain that the model's strain is measured in"
+        ),
+        replace(rest_strain, description="Strain at which the run starts; its memory acts on the change from there"),
+    )
