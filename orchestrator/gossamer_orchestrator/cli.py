@@ -464,22 +464,16 @@ def _run(
 
 def _show(data: xr.Dataset) -> None:
     """Print what the detector found as tables on stderr, if there is a detector."""
-    from .report import doubts, history_table, judgements, zone_table
+    from .report import doubts, history_table, windows, zone_table
 
     console = Console(stderr=True)
     try:
-        found = judgements(data)
+        ended = windows(data)
     except ResultsError:
         return
-    if len(found) > 1:
-        console.print(history_table(found))
-    if found:
-        console.print(zone_table(found[-1]))
-    else:
-        console.print(
-            "The detector made no valid judgement: no window like those it was trained on ended within the run. Either none "
-            "ended, or 'window_length', 'sampling_step' or 'start_time' are not the trained ones, or what it saw resembles "
-            "no reference case (output 'similarity' below one half). Its outputs are in the results all the same."
-        )
-    for sentence in doubts(data, found):
-        console.print(sentence, style="bold yellow")
+    if len(ended) > 1:
+        console.print(history_table(ended))
+    for judgement in [window for window in ended if window.valid][-1:]:
+        console.print(zone_table(judgement))
+    for sentence in doubts(data, ended):
+        console.print(sentence, style="bold yellow", highlight=False)

@@ -1,7 +1,7 @@
 """What the detector found, against what was put in.
 
-A judgement is the instant at which a window of the detector ends: its damage estimate or its indices change while ``valid``
-is 1. Everything is read from recorded results, so it works on a file as well as right after a run.
+A window of the detector ends when its outputs change; it is a judgement if ``valid`` is 1 then. Everything is read from
+recorded results, so it works on a file as well as right after a run.
 """
 
 from __future__ import annotations
@@ -14,33 +14,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ResultsError
+from .roles import find
 
 if TYPE_CHECKING:
     import xarray as xr
     from rich.table import Table
 
 
-UNKNOWN = 1e-3  # similarity below which a judgement is an extrapolation
+KNOWN = 0.5  # least similarity of a valid judgement, see the detector's README
 
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
-    """One judgement of the detector.
+    """What the detector said when a window ended.
 
     Attributes
     ----------
     time : float
-        When it was made [s].
+        When the window ended [s].
     true, estimated : numpy.ndarray
         Damage of every zone [1], at that time.
     similarity : float
-        Largest similarity with a case the detector was trained on [1].
+        Largest similarity with a case the detector was trained on [1]; not a number if it was not recorded.
+    valid : bool
+        False if the detector says that this is no judgement.
     """
 
     time: float
     true: NDArray[np.float64]
     estimated: NDArray[np.float64]
     similarity: float
+    valid: bool = True
 
     @property
     def mean_absolute_error(self) -> float:
@@ -67,62 +71,87 @@ def need(data: xr.Dataset, *names: str) -> list[xr.DataArray]:
     return [data[name] for name in names]
 
 
-def judgements(data: xr.Dataset, membrane: str = "membrane", detector: str = "detector") -> list[Judgement]:
-    """List all judgements of a run, in order of time; ``membrane`` and ``detector`` are component names."""
-    true, estimated, valid = need(data, f"{membrane}.damage", f"{detector}.damage", f"{detector}.valid")
-    watched = [estimated.to_numpy(), valid.to_numpy()[:, None]]
-    for name in ("index", "similarity"):
-        if f"{detector}.{name}" in data.data_vars:
-            values = data[f"{detector}.{name}"].to_numpy()
-            watched.append(values.reshape(len(values), -1))
-    changed = np.any(np.diff(np.hstack(watched), axis=0) != 0.0, axis=1)
-    rows = np.flatnonzero(changed & (valid.to_numpy()[1:] > 0.5)) + 1
-    similarity = f"{detector}.similarity"
+def windows(data: xr.Dataset) -> list[Judgement]:
+    """List what the detector said at the end of every window, valid or not, in order of time."""
+    detector = find(data, "detector")
+    true, estimated, valid = need(data, f"{find(data, 'membrane')}.damage", f"{detector}.damage", f"{detector}.valid")
+    names = (f"{detector}.{name}" for name in ("damage", "valid", "index", "similarity"))
+    watched = [data[name].to_numpy().reshape(data.sizes["time"], -1) for name in names if name in data.data_vars]
+    rows = np.flatnonzero(np.any(np.diff(np.hstack(watched), axis=0) != 0.0, axis=1)) + 1
+    similarity = data.get(f"{detector}.similarity", math.nan * data["time"])
     return [
         Judgement(
             time=float(data["time"][k]),
             true=true.to_numpy()[k],
             estimated=estimated.to_numpy()[k],
-            similarity=float(data[similarity][k]) if similarity in data.data_vars else math.nan,
+            similarity=float(similarity[k]),
+            valid=float(valid[k]) > 0.5,
         )
         for k in rows
     ]
 
 
-def judge(data: xr.Dataset, membrane: str = "membrane", detector: str = "detector") -> Judgement:
-    """Return the last judgement of a run.
+def judgements(data: xr.Dataset) -> list[Judgement]:
+    """List the valid judgements of a run, in order of time."""
+    return [window for window in windows(data) if window.valid]
+
+
+def judge(data: xr.Dataset) -> Judgement:
+    """Return the last valid judgement of a run.
 
     Raises
     ------
     ResultsError
-        Damage was not recorded, or no window ended in time.
+        Damage was not recorded, or there is no valid judgement.
     """
-    found = judgements(data, membrane, detector)
-    if not found:
-        msg = (
-            f"the detector made no valid judgement until t = {float(data['time'][-1]):.9g} s. Run for at least one window, "
-            "with the window length and sampling step it was trained for."
+    ended = windows(data)
+    valid = [window for window in ended if window.valid]
+    if not valid:
+        raise ResultsError(_why_none(data, ended))
+    return valid[-1]
+
+
+def _why_none(data: xr.Dataset, ended: list[Judgement]) -> str:
+    """Say why there is no valid judgement."""
+    if not ended:
+        return (
+            f"No window of the detector ended until t = {float(data['time'][-1]):.9g} s, so there is no judgement. "
+            "Run longer than its 'start_time' and 'window_length' together."
         )
-        raise ResultsError(msg)
-    return found[-1]
+    last = ended[-1]
+    many = (
+        f"{len(ended)} windows of the detector ended, the last" if len(ended) > 1 else "A window of the detector ended"
+    )
+    if last.similarity >= KNOWN:
+        why = f"in spite of a similarity of {last.similarity:.2g}"
+        advice = "Give it the 'start_time', 'window_length' and 'sampling_step' it was trained for."
+    elif last.similarity < KNOWN:
+        why = f"its similarity with every trained case is below one half: {last.similarity:.2g}"
+        advice = "It was trained on nothing like this."
+    else:
+        why, advice = "its similarity was not recorded", "Record it to see why."
+    return f"{many} at {last.time:.4f} s, but gave no valid judgement; {why}. {advice}"
 
 
-def doubts(data: xr.Dataset, found: list[Judgement]) -> list[str]:
-    """Say why the last judgement should not be trusted: sensors beyond their range, or nothing like it in training."""
+def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
+    """Say why not to trust the judgement shown: none is valid, a later window is not, sensors beyond their range."""
+    valid = [window for window in ended if window.valid]
+    sentences = []
+    if not valid:
+        sentences.append(_why_none(data, ended))
+    elif not ended[-1].valid:
+        sentences.append(
+            f"The last window, ended at {ended[-1].time:.4f} s, was not valid (similarity {ended[-1].similarity:.2g}); "
+            f"shown is the judgement at {valid[-1].time:.4f} s."
+        )
     beyond = [
         name.removesuffix(".saturated")
         for name in map(str, data.data_vars)
         if name.endswith(".saturated") and float(data[name].max()) > 0.5
     ]
-    sentences = []
     if beyond:
         sentences.append(
             f"Beyond their range during the run: {', '.join(beyond)}. What follows from them is a lower bound."
-        )
-    if found and found[-1].similarity < UNKNOWN:
-        sentences.append(
-            f"The detector was trained on nothing like this (similarity {found[-1].similarity:.1g}). "
-            "Do not trust its numbers."
         )
     return sentences
 
@@ -152,21 +181,22 @@ def zone_table(judgement: Judgement) -> Table:
     return table
 
 
-def history_table(found: list[Judgement]) -> Table:
-    """Draw a row per judgement: its errors and the zone it suspects most."""
+def history_table(ended: list[Judgement]) -> Table:
+    """Draw a row per window: its errors and the zone it suspects most."""
     from rich.table import Table
 
     table = Table(title="Judgements")
     for heading in (
-        "t [s]",
+        r"t \[s]",  # [s] would strike the rest through
         "most damaged zone",
         "estimated [%]",
         "true there [%]",
         "mean abs. error [%]",
         "similarity",
+        "valid",
     ):
         table.add_column(heading, justify="right")
-    for judgement in found:
+    for judgement in ended:
         zone = int(np.argmax(judgement.estimated))
         table.add_row(
             f"{judgement.time:.4f}",
@@ -175,5 +205,7 @@ def history_table(found: list[Judgement]) -> Table:
             f"{100 * judgement.true[zone]:.0f}",
             f"{100 * judgement.mean_absolute_error:.2f}",
             f"{judgement.similarity:.2g}",
+            "yes" if judgement.valid else "no",
+            style=None if judgement.valid else "dim",
         )
     return table

@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
+from os.path import commonprefix
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 
 from .errors import ResultsError
 from .names import split_endpoint, split_indices
-from .plan import Plan
+from .plan import ComponentPlan, Plan
 from .recorder import Recorder
 
 if TYPE_CHECKING:
@@ -58,12 +60,24 @@ def make_dataset(plan: Plan, recorder: Recorder, **attributes: Any) -> xr.Datase
         "scenario": scenario.source.text,
         "step": scenario.step,
         "master": scenario.master,
-        "fmus": json.dumps(
-            {c.name: {"file": c.fmu.path.name, "guid": c.fmu.guid, "start": c.start} for c in plan.components}
-        ),
+        "fmus": json.dumps({name: _provenance(plan.component(name)) for name in scenario.components}),
+        "connections": json.dumps([(c.origin, c.target) for c in scenario.connections]),
         "versions": json.dumps({name: _version(name) for name in ("gossamer", "FMPy", "numpy")}),
     } | attributes
     return data
+
+
+def _provenance(component: ComponentPlan) -> dict[str, Any]:
+    """Describe a component: its FMU, what the scenario set, and all Real parameters with their values."""
+    fmu, start = component.fmu, component.start
+    values = {v: start.get(v, fmu.variables[v].start) for v in fmu.names("parameter", kind="Real")}
+    return {
+        "file": fmu.path.name,
+        "model": fmu.description.modelName,
+        "guid": fmu.guid,
+        "start": start,
+        "parameters": {v: float(value) for v, value in values.items() if value is not None},
+    }
 
 
 def _arrange(
@@ -73,13 +87,15 @@ def _arrange(
     import xarray as xr
 
     groups: dict[str, list[tuple[tuple[int, ...], int]]] = {}
-    attributes: dict[str, dict[str, str]] = {}
+    units: dict[str, str] = {}
+    descriptions: dict[str, list[str]] = {}
     for column, (name, unit, description) in enumerate(labels):
         base, indices = split_indices(name)
         if base in groups and len(groups[base][0][0]) != len(indices):
             base = name
         groups.setdefault(base, []).append((indices, column))
-        attributes.setdefault(base, {"units": unit, "long_name": description})
+        units.setdefault(base, unit)
+        descriptions.setdefault(base, []).append(description)
     coordinates: dict[str, Any] = {"time": ("time", time, {"units": "s", "long_name": "time"})}
     variables: dict[str, Any] = {}
     for base, members in groups.items():
@@ -97,8 +113,17 @@ def _arrange(
         for indices, column in members:
             place: tuple[Any, ...] = (slice(None), *(axes[axis].index(i) for axis, i in enumerate(indices)))
             array[place] = table[:, column]
-        variables[base] = (("time", *dims), array, attributes[base])
+        attributes = {"units": units[base], "long_name": _common(descriptions[base])}
+        variables[base] = (("time", *dims), array, attributes)
     return xr.Dataset(variables, coords=coordinates)
+
+
+def _common(descriptions: list[str]) -> str:
+    """Return what the descriptions of all elements begin with, in whole words."""
+    if len(set(descriptions)) == 1:
+        return descriptions[0]
+    common = commonprefix(descriptions)  # noqa: RUF071
+    return re.sub(r"[^\w)]+$", "", common[: common.rfind(" ") + 1])
 
 
 def save_results(data: xr.Dataset, folder: Path) -> tuple[Path, Path]:

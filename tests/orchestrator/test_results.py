@@ -29,7 +29,11 @@ def test_results_carry_scenario_units_guids_and_versions(chain, fmus, tmp_path):
     assert data.attrs["scenario"] == scenario.source.text
     assert data.attrs["title"] == "A constant, integrated"
     assert json.loads(data.attrs["fmus"])["source"]["start"] == {"u": 2.0, "offset[1]": 0.0, "offset[2]": 0.0}
-    assert len(json.loads(data.attrs["fmus"])["integral"]["guid"]) > 10
+    integral = json.loads(data.attrs["fmus"])["integral"]
+    assert len(integral["guid"]) > 10
+    assert integral["model"] == "ToyIntegrator"
+    assert integral["parameters"] == {"limit": 1e9, "until": 1e9}
+    assert json.loads(data.attrs["connections"]) == [["source.y", "integral.u"]]
     assert set(json.loads(data.attrs["versions"])) == {"gossamer", "FMPy", "numpy"}
     assert data.attrs["ended"] == "complete"
     assert data["time"].attrs["units"] == "s"
@@ -37,13 +41,15 @@ def test_results_carry_scenario_units_guids_and_versions(chain, fmus, tmp_path):
 
 def test_elements_become_dimensions_with_their_indices_as_labels():
     labels = [(f"m.w[{i},{j}]", "m", "") for i in (1, 2) for j in (1, 2, 3)]
-    labels += [("m.s[2]", "1", ""), ("m.s[4]", "1", ""), ("d.s[1]", "1", ""), ("m.y", "Pa", "scalar")]
+    labels += [("m.s[2]", "1", "Strain at sensor 2, x = 1"), ("m.s[4]", "1", "Strain at sensor 4, x = 1")]
+    labels += [("d.s[1]", "1", ""), ("m.y", "Pa", "scalar")]
     table = np.arange(20.0).reshape(2, 10)
     data = _arrange(np.array([0.0, 1.0]), table, labels)
     assert data["m.w"].dims == ("time", "w_i", "w_j")
     assert data["m.w"].sel(w_i=2, w_j=1).values.tolist() == [3.0, 13.0]
     assert data["m.s"].sel(s_index=4).values.tolist() == [7.0, 17.0]
     assert data["d.s"].dims == ("time", "d.s_index")
+    assert data["m.s"].attrs["long_name"] == "Strain at sensor"
     assert data["m.y"].values.tolist() == [9.0, 19.0]
     assert data["m.y"].attrs == {"units": "Pa", "long_name": "scalar"}
 
