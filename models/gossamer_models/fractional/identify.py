@@ -103,7 +103,7 @@ class FractionalSettings:
     exponents: tuple[float, float] = (0.1, 4.0)
     nonnegative: bool = True
     ridge: float = 1e-2
-    starts: int = 8
+    starts: int = 12
     seed: int = 0
     most_evaluations: int = 60
     shortest: float = 1e-4
