@@ -1,7 +1,7 @@
 """Fractional models of the sensor: memory that fades as a power of time."""
 
 from .artifact import FadingTerm, FractionalArtifact, FractionalTerm
-from .identify import FractionalFit, FractionalSettings, Misfit, Record, identify_fractional, misfit
+from .identify import FractionalFit, FractionalSettings, Misfit, UniformRecord, identify_fractional, misfit
 from .kernels import ModeGrid
 from .model import fractional_sensor_model, predict
 from .operators import derivative, derivative_sum, integral, integral_sum, turned
@@ -14,7 +14,7 @@ __all__ = [
     "FractionalTerm",
     "Misfit",
     "ModeGrid",
-    "Record",
+    "UniformRecord",
     "derivative",
     "derivative_sum",
     "fractional_sensor_model",

@@ -42,7 +42,7 @@ AT_BOUND = 1e-6  # of the width of the box
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Record:
+class UniformRecord:
     """One measurement, sampled in equal steps.
 
     Attributes
@@ -58,7 +58,7 @@ class Record:
     train : slice
         Samples that are fitted.
     weight : float
-        Weight [1] of the residuals of this record.
+        Weight [1] of the squared errors of this record in a fit with others.
     name : str
         For tables and messages.
     """
@@ -70,6 +70,31 @@ class Record:
     train: slice = field(default_factory=lambda: slice(None))
     weight: float = 1.0
     name: str = "record"
+
+    @classmethod
+    def resampled(
+        cls, time: Vector, strain: Vector, resistance: Vector, *, train_until: float = np.inf, name: str = "record"
+    ) -> UniformRecord:
+        """Bring samples at increasing times to as many in equal steps, by linear interpolation.
+
+        Parameters
+        ----------
+        time, strain, resistance : ndarray, shape (m,)
+            Time [s], strain [1] and resistance [ohm]; the first sample is taken for the sensor at rest.
+        train_until : float
+            Samples up to this time [s] are fitted.
+        name : str
+            For tables and messages.
+        """
+        even = np.linspace(time[0], time[-1], time.size)
+        return cls(
+            strain=np.interp(even, time, strain),
+            resistance=np.interp(even, time, resistance),
+            sampling_step=float((time[-1] - time[0]) / max(time.size - 1, 1)),
+            rest_resistance=float(resistance[0]),
+            train=slice(0, int(np.searchsorted(even, train_until, side="right"))),
+            name=name,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +208,7 @@ class FractionalFit:
 
 
 def identify_fractional(
-    records: Sequence[Record],
+    records: Sequence[UniformRecord],
     model: ModelName,
     settings: FractionalSettings | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -192,7 +217,7 @@ def identify_fractional(
 
     Parameters
     ----------
-    records : sequence of Record
+    records : sequence of UniformRecord
         Measurements of one sensor.
     model : {"model-1", "sub-model-1", "sub-model-2"}
         See ``FractionalArtifact``.
@@ -253,7 +278,7 @@ def identify_fractional(
     )
 
 
-def misfit(artifact: FractionalArtifact, record: Record, stretch: slice = slice(None)) -> Misfit:
+def misfit(artifact: FractionalArtifact, record: UniformRecord, stretch: slice = slice(None)) -> Misfit:
     """Compare a model, run through the whole record, with a stretch of it; not a number if that is empty."""
     change = record.resistance - record.rest_resistance
     error = change + artifact.rest_resistance - predict(artifact, record.strain, record.sampling_step)
@@ -269,7 +294,7 @@ def misfit(artifact: FractionalArtifact, record: Record, stretch: slice = slice(
 class _Fit:
     """One model on some records: the problem to solve, and what its solution means."""
 
-    def __init__(self, records: Sequence[Record], model: ModelName, settings: FractionalSettings) -> None:
+    def __init__(self, records: Sequence[UniformRecord], model: ModelName, settings: FractionalSettings) -> None:
         self._model, self._settings, self._rest = model, settings, records[0].rest_resistance
         self.full_scale = max(float(np.abs(record.strain).max()) for record in records)
         changes = [(record.resistance - record.rest_resistance)[record.train] for record in records]
@@ -395,7 +420,7 @@ def _covariance(J: Matrix, residual: Vector) -> Matrix:
     return np.asarray(covariance)
 
 
-def _check(record: Record, settings: FractionalSettings) -> None:
+def _check(record: UniformRecord, settings: FractionalSettings) -> None:
     train = record.strain[record.train]
     n_parameters = 1 + 3 * (settings.n_terms + settings.n_fading)
     problem = None

@@ -29,7 +29,7 @@ class SeparableProblem:
     y : list of ndarray
         Changes of resistance over their scale [1], the kept samples of each record.
     weights : list of float
-        Weight of the residuals of each record.
+        Weight of the squared residuals of each record.
     nonnegative : ndarray of bool, shape (n_columns,)
         Coefficients that may not be negative.
     ridge : float
@@ -45,7 +45,7 @@ class SeparableProblem:
         ridge: float,
     ) -> None:
         self._columns, self._nonnegative, self._ridge = columns, nonnegative, ridge
-        self._row_weights = np.concatenate([np.full(part.size, w) for part, w in zip(y, weights, strict=True)])
+        self._row_weights = np.concatenate([np.full(part.size, np.sqrt(w)) for part, w in zip(y, weights, strict=True)])
         self.y = self._row_weights * np.concatenate(y)
         self._last: tuple[Vector, Matrix, list[Matrix], Vector] | None = None
 
