@@ -339,9 +339,14 @@ def identify(
     modes: Annotated[int, typer.Option(help="Modal functions of mu and of eta.", min=1)] = 7,
     relaxations: Annotated[int, typer.Option(help="Relaxation kernels.", min=0)] = 7,
     train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
-    extension: Annotated[bool, typer.Option("--extension", help="Let falling strain drive relaxation too.")] = False,
+    extension: Annotated[
+        str, typer.Option(help="Falling strain drives relaxation: none, falling, or reversing (carbon black).")
+    ] = "none",
     full_scale: Annotated[
         float | None, typer.Option(help="Strain [1] at the end of the range; the largest if not given.")
+    ] = None,
+    rest_resistance: Annotated[
+        float | None, typer.Option(help="Resistance at rest [ohm] where it is known; fitted if not given.")
     ] = None,
     time: Annotated[str | None, typer.Option(help="Column of time; recognised if not given.", metavar="NAME")] = None,
     strain: Annotated[str | None, typer.Option(help="Column of strain.", metavar="NAME")] = None,
@@ -395,6 +400,7 @@ def identify(
                 model, modes=modes, relaxations=relaxations, extension=extension, starts=starts, seed=seed
             ),
             full_scale=full_scale,
+            rest_output=rest_resistance,
             command=command,
             origin=origin,
             watch=lambda name, i, error: status.update(f"{name}, step {i}: error {error:.3f} % of range"),

@@ -279,7 +279,7 @@ def test_the_default_artifact_says_where_it_comes_from():
         (lambda card: card["relaxation"][0]["weights"].pop(), "one weight per decay rate"),
         (lambda card: card["relaxation"][0].update(extra=1), "extra"),
         (lambda card: card.pop("nu"), "nu"),
-        (lambda card: card.update(version=2), "version 2"),
+        (lambda card: card.update(version=3), "version 3"),
         (lambda card: card.update(schema="gossamer.detector"), "gossamer.detector"),
     ],
 )

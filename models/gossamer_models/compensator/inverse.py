@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from ..sensor.hysteresis import offsets
-from ..sensor.relaxation import rise
+from ..sensor.relaxation import fall, rise
 from ..sensor.state import SensorLaw, SensorState
 
 REACH_TOLERANCE = 1e-9  # a target this little [1] out of reach is rounding at the end of the range, not saturation
@@ -50,7 +50,9 @@ def invert(law: SensorLaw, state: SensorState, target: ca.MX, h: ca.MX) -> tuple
     target = ca.fabs(target)
     first = second = 0.0
     if law.bank.size:
-        first, second = (ca.if_else(up, ca.sum1(part), 0.0) for part in rise(law.bank, state.s, h))
+        rising = [ca.sum1(part) for part in rise(law.bank, state.s, h)]
+        falling = [-ca.sum1(part) for part in fall(law.bank, state.s, h)] if law.bank.falls else [0.0, 0.0]
+        first, second = (ca.if_else(up, a, b) for a, b in zip(rising, falling, strict=True))
 
     def relaxation(s: ca.MX) -> ca.MX:
         delta = ca.fmax(s - s0, 0.0)

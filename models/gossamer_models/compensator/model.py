@@ -10,11 +10,13 @@ from dataclasses import replace
 
 import casadi as ca
 
+from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
 from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable
 from ..sensor.relaxation import decay, phi_1
 from ..sensor.state import SensorLaw
 from ..step_model import StepModel, Variable
+from .direct import direct_model
 from .inverse import invert
 
 SHORTEST_FILTER_TIME = 1e-300  # [s]; stands for 0
@@ -48,6 +50,13 @@ def compensator_model(artifact: SensorArtifact | None = None) -> StepModel:
     .. [1] M. R. Sunny, dissertation, Virginia Tech, chapter 5.
     """
     artifact = default_artifact() if artifact is None else artifact
+    if artifact.inverse is not None:
+        return direct_model(artifact, compensator_model(replace(artifact, inverse=None, relaxation=())))
+    if artifact.signed:
+        msg = (
+            "the output of this sensor may move against the strain, so it has no exact inverse. Identify a direct one."
+        )
+        raise ParameterError(msg)
     law = SensorLaw(artifact)
     n_x = law.n_states
     x, h = ca.MX.sym("x", n_x + 2), ca.MX.sym("h")

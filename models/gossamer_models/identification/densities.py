@@ -74,15 +74,15 @@ def block(
     )
 
 
-def modal_field(amplitudes: ca.SX, m: ca.SX, n: ca.SX, n_lines: int) -> ca.SX:
+def modal_field(amplitudes: ca.SX, m: ca.SX, n: ca.SX, places: Vector) -> ca.SX:
     r"""Return a sum of modal functions on all cells, Eqs. (4.14) and (4.16) or (4.15) and (4.17).
 
     Parameters
     ----------
     amplitudes, m, n : casadi.SX, shape (M,)
         :math:`b_l` and the wave numbers :math:`m_l, n_l` [1].
-    n_lines : int
-        Lines of the tables.
+    places : ndarray, shape (N,)
+        Middles of the bins over the range of the modes [1], see ``bin_places``.
 
     Returns
     -------
@@ -95,14 +95,27 @@ def modal_field(amplitudes: ca.SX, m: ca.SX, n: ca.SX, n_lines: int) -> ca.SX:
     The diagonal of bin (i, j) is the cell of line i - j at :math:`\alpha` bin i, so bins and cells correspond one to one.
     Places i/N are taken at the middle of the bins.
     """
-    line, k = np.triu_indices(n_lines)
-    axis = np.pi * (np.arange(n_lines) + 0.5) / n_lines
+    line, k = np.triu_indices(places.size)
+    axis = np.pi * places
     field = ca.SX.zeros(line.size)
     for a in range(amplitudes.numel()):
         cos_m, cos_n = ca.cos(m[a] * axis), ca.cos(n[a] * axis)
         i, j = k.tolist(), (k - line).tolist()
         field += amplitudes[a] * (cos_m[i] * cos_n[j] + cos_n[i] * cos_m[j])
     return field
+
+
+def bin_places(n_lines: int, seen: float) -> Vector:
+    """Return the middles of the bins over the range of strain that is fitted [1], shape (N,).
+
+    Beyond that range they stand still at 1, so densities keep the value at its end: nothing is known there.
+    """
+    return np.minimum((np.arange(n_lines) + 0.5) / n_lines / seen, 1.0)
+
+
+def elastic_field(amplitudes: ca.SX, places: Vector) -> ca.SX:
+    r"""Return :math:`\sum_l b_l \cos(\pi l \alpha)`, l = 0, 1, ..., on the bins of the elastic line, shape (N,)."""
+    return ca.mtimes(ca.DM(np.cos(np.pi * np.outer(places, np.arange(amplitudes.numel())))), amplitudes)
 
 
 def wave_numbers(count: int) -> tuple[Vector, Vector]:
@@ -135,7 +148,7 @@ class Spectrum:
         """Make the grid for kernels seen between two times [s]."""
         low, high = np.log10(0.1 / longest), np.log10(5.0 / shortest)
         rates = np.logspace(low, high, int(np.ceil(GRID_PER_DECADE * (high - low))) + 1)
-        times = np.concatenate([[0.0], np.geomspace(0.1 * shortest, 2.0 * longest, 200)])
+        times = np.concatenate([[0.0], np.geomspace(0.1 * shortest, 2.0 * longest, 100)])
         E = np.exp(-np.outer(times, rates))
         E = np.vstack([E, 1e-5 * np.eye(rates.size)])
         return cls(rates, times, np.linalg.pinv(E)[:, : times.size])

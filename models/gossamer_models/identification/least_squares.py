@@ -1,11 +1,12 @@
 r"""Constrained Gauss-Newton with the linear parameters eliminated.
 
 Symbols: ``x`` parameters, ``q`` those of them in which the residual is linear, ``f(x)`` coefficients (weights of cells and
-modes), ``g(x) >= 0`` constraints, ``A`` matrix of the record, ``b`` measured output,
+modes), ``g(x) >= 0`` constraints, ``p(x)`` what is
+preferred to be small, ``A`` matrix of the record, ``b`` measured output,
 
-.. math:: \min_x \tfrac12 \|A f(x) - b\|^2 + \tfrac12 \|P (x - x_p)\|^2, \quad l \le x \le u,\; g(x) \ge 0.
+.. math:: \min_x \tfrac12 \|A f(x) - b\|^2 + \tfrac12 \|p(x)\|^2, \quad l \le x \le u,\; g(x) \ge 0.
 
-Derivatives of f and g come from CasADi; A is compressed by QR once, so an iteration does not cost more for a longer record.
+Derivatives of f, g and p come from CasADi; A is compressed by QR once, so a longer record does not cost more.
 """
 
 from __future__ import annotations
@@ -38,13 +39,11 @@ class Problem:
     b : ndarray, shape (m,)
         Measured output, weighted.
     model : casadi.Function
-        ``x -> (f, g)``, shapes (n,) -> (K,), (G,); g is linear in q.
+        ``x -> (f, g, p)``, shapes (n,) -> (K,), (G,), (S,); g and p are linear in q.
     linear : ndarray of bool, shape (n,)
         Which parameters belong to q.
     lower, upper : ndarray, shape (n,)
         Bounds l and u.
-    prior, stiffness : ndarray, shape (n,)
-        :math:`x_p`, and the diagonal of P.
     """
 
     A: Matrix
@@ -53,8 +52,6 @@ class Problem:
     linear: NDArray[np.bool_]
     lower: Vector
     upper: Vector
-    prior: Vector
-    stiffness: Vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,24 +138,23 @@ class GaussNewton:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         x = ca.SX.sym("x", problem.lower.size)
-        f, g = problem.model(x)
-        self._value = ca.Function("value", [x], [f, g])
-        self._slopes = ca.Function("slopes", [x], [f, g, ca.jacobian(f, x), ca.jacobian(g, x)])
+        values = [ca.densify(value) for value in problem.model(x)]
+        slopes = ca.vertsplit(ca.densify(ca.jacobian(ca.vertcat(*values), x)), _offsets(values))
+        self._value = _Fast(ca.Function("value", [x], values))
+        self._slopes = _Fast(ca.Function("slopes", [x], [*values, *slopes]))
         self.A, self.b = compress(problem.A, problem.b)
 
     def residual(self, x: Vector) -> Vector:
         """Return A f(x) - b."""
-        return np.asarray(self.A @ _column(self._value(x)[0]) - self.b, dtype=float)
+        return np.asarray(self.A @ self._value(x)[0] - self.b, dtype=float)
 
     def cost(self, x: Vector) -> float:
         """Return half the sum of squares, prior included."""
-        return 0.5 * float(
-            np.sum(self.residual(x) ** 2) + np.sum((self.problem.stiffness * (x - self.problem.prior)) ** 2)
-        )
+        return 0.5 * float(np.sum(self.residual(x) ** 2) + np.sum(self._value(x)[2] ** 2))
 
     def jacobian(self, x: Vector) -> Matrix:
         """Return the derivative of A f(x)."""
-        return np.asarray(self.A @ self._slopes(x)[2].full(), dtype=float)
+        return np.asarray(self.A @ self._slopes(x)[3], dtype=float)
 
     def project(self, x: Vector) -> Vector:
         """Replace the linear parameters by the best ones for the others."""
@@ -166,7 +162,7 @@ class GaussNewton:
 
     def feasible(self, x: Vector) -> bool:
         """Tell whether no constraint is violated by more than rounding."""
-        return bool((_column(self._value(x)[1]) > -1e-7).all())
+        return bool((self._value(x)[1] > -1e-7).all())
 
     def minimize(
         self, x: Vector, *, most: int = 60, tolerance: float = 1e-5, watch: Callable[[int, float], None] | None = None
@@ -211,25 +207,42 @@ class GaussNewton:
         return Solution(x=x, cost=cost, iterations=most, converged=False)
 
     def _step(self, x: Vector, moving: NDArray[np.bool_], damping: float) -> Vector:
-        p = self.problem
-        f, g, df, dg = (value.full() for value in self._slopes(x))
-        J = self.A @ df[:, moving]
-        r = self.A @ f[:, 0] - self.b
-        stiffness = p.stiffness[moving]
-        size = np.sqrt(np.sum(J**2, axis=0) + stiffness**2)
-        free = np.where(p.linear[moving], 1e-9, np.sqrt(damping)) * np.maximum(size, 1e-6 * size.max())
-        E = np.vstack([J, np.diag(stiffness), np.diag(free)])
-        e = -np.concatenate([r, stiffness * (x - p.prior)[moving], np.zeros(free.size)])
+        lower, upper = (bound - x for bound in (self.problem.lower, self.problem.upper))
+        f, g, p, df, dg, dp = self._slopes(x)
+        J = np.vstack([self.A @ df[:, moving], dp[:, moving]])
+        r = np.concatenate([self.A @ f - self.b, p])
+        size = np.linalg.norm(J, axis=0)
+        free = np.where(self.problem.linear[moving], 1e-9, np.sqrt(damping)) * np.maximum(size, 1e-6 * size.max())
+        E = np.vstack([J, np.diag(free)])
+        e = -np.concatenate([r, np.zeros(free.size)])
         identity = np.eye(free.size)
-        below, above = np.isfinite(p.lower[moving]), np.isfinite(p.upper[moving])
+        below, above = np.isfinite(lower[moving]), np.isfinite(upper[moving])
         G = np.vstack([dg[:, moving], identity[below], -identity[above]])
-        h = np.concatenate([-g[:, 0], (p.lower - x)[moving][below], (x - p.upper)[moving][above]])
+        h = np.concatenate([-g, lower[moving][below], -upper[moving][above]])
         touched = G.any(axis=1)
         step = solve_constrained(E, e, G[touched], h[touched])
         moved = x.copy()
-        moved[moving] = np.clip(x[moving] + step, p.lower[moving], p.upper[moving])
+        moved[moving] += np.clip(step, lower[moving], upper[moving])
         return moved
 
 
-def _column(value: ca.DM) -> Vector:
-    return np.asarray(value.full()[:, 0], dtype=float)
+def _offsets(values: list[ca.SX]) -> list[int]:
+    return [0, *np.cumsum([value.numel() for value in values]).tolist()]
+
+
+class _Fast:
+    """Evaluate a CasADi function of one vector into arrays made once: conversion would cost more than evaluation."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self._x = np.zeros(function.nnz_in(0))
+        self._results = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
+        self._buffer, self._run = function.buffer()
+        self._buffer.set_arg(0, self._x.data)
+        for i, result in enumerate(self._results):
+            self._buffer.set_res(i, result.reshape(-1, order="F").data)
+
+    def __call__(self, x: Vector) -> list[Matrix]:
+        """Return the results at x; the next call overwrites them."""
+        self._x[:] = x
+        self._run()
+        return [result[:, 0] if result.shape[1] == 1 else result for result in self._results]

@@ -143,9 +143,11 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     elif not columns.sampling_step > 0.0:
         msg = f"the sampling step must be a positive time [s], not {columns.sampling_step:g}"
         raise DataError(msg)
-    numbers: list[Vector] = [np.array([_number(row, at) for row in rows]) * unit for at, unit in wanted]
+    numbers: list[Vector] = [
+        np.array([unit * _number(row, at) for row in rows], dtype=np.float64) for at, unit in wanted
+    ]
     if columns.sampling_step is not None:
-        numbers.insert(0, columns.sampling_step * np.arange(len(rows)))
+        numbers.insert(0, columns.sampling_step * np.arange(len(rows), dtype=np.float64))
     stated = columns.strain_unit is not None or _split(header[strain_at], STRAINS)[1] is not None
     table = _Table(path, numbers, np.array(lines, dtype=int), strain_unit_stated=stated)
     _drop_missing(table)

@@ -1,7 +1,7 @@
 r"""What a record of strain does to the operators: the matrix in which the output is linear.
 
 Symbols: ``s`` normalised strain [1], ``N`` lines, ``U``, ``D`` length of every cell (i, k >= i) of ``hysteresis.py`` that
-has switched up and down so far [1], :math:`\lambda` decay rates [1/s], ``Z`` responses of one mode per rate and drive [1]; with
+has switched up and down so far [1], ``Z`` responses of one mode per decay rate :math:`\lambda` [1/s] and drive [1]; with
 ``mu``, ``nu = eta*mu`` the weights on the cells and ``w`` the weights of the modes,
 
 .. math:: y = U\mu - D\nu + Z w + y_0,

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,24 +41,45 @@ class Identified:
 
 
 MODELS = ("preisach", "preisach-hats")
+EXTENSIONS = ("none", "falling", "reversing")
 
 
 def settings_for(
-    model: str, *, modes: int = 7, relaxations: int = 7, extension: bool = False, starts: int = 2, seed: int = 0
+    model: str, *, modes: int = 7, relaxations: int = 7, extension: str = "none", starts: int = 2, seed: int = 0
 ) -> FitSettings:
     """Return the settings of a model by its name.
+
+    Parameters
+    ----------
+    model : {"preisach", "preisach-hats"}
+        The thesis' modal densities, or hat functions, which follow rich measurements more closely.
+    modes, relaxations : int
+        M (modal densities only) and P.
+    extension : {"none", "falling", "reversing"}
+        What falling strain does to relaxation: nothing, as in the thesis; excite it, little enough that the exact inverse
+        exists; or excite it with either sign, so that the output may reverse under steady strain. The last comes with a
+        direct inverse, fixed kernels and eta = 1.
+    starts, seed : int
+        How many starts, and their seed.
 
     Raises
     ------
     ParameterError
-        No such model.
+        No such model or extension.
     """
-    if model not in MODELS:
-        msg = f"there is no model {model!r}; it is one of {', '.join(MODELS)}"
-        raise ParameterError(msg)
-    density: Literal["modal", "hats"] = "modal" if model == "preisach" else "hats"
-    drives = DRIVES if extension else DRIVES[:2]
-    return FitSettings(density=density, modes=modes, relaxations=relaxations, drives=drives, starts=starts, seed=seed)
+    for name, known in ((model, MODELS), (extension, EXTENSIONS)):
+        if name not in known:
+            msg = f"there is no {name!r}; it is one of {', '.join(known)}"
+            raise ParameterError(msg)
+    common: dict[str, Any] = {"modes": modes, "relaxations": relaxations, "starts": starts, "seed": seed}
+    if model == "preisach-hats":
+        common |= {"density": "hats", "ridge": 3e-3}
+    if extension != "none":
+        common["drives"] = DRIVES
+    if extension == "reversing":
+        common |= {"signed": True, "invertible": False, "eta": (1.0, 1.0), "fit_kernels": False}
+        common |= {"ridge": 1e-4, "smoothness": 1e-4, "relaxation_ridge": 1e-4, "starts": 1}
+    return FitSettings(**common)
 
 
 def training_rows(record: Record, train: str) -> NDArray[np.bool_]:
@@ -100,6 +121,7 @@ def identify_files(
     train: str = "50%",
     settings: FitSettings | None = None,
     full_scale: float | None = None,
+    rest_output: float | None = None,
     command: str = "",
     origin: str = "not stated",
     watch: Watch | None = None,
@@ -118,6 +140,8 @@ def identify_files(
         How to fit.
     full_scale : float or None
         Strain [1] at the end of the range.
+    rest_output : float or None
+        Output of the unstrained sensor at rest, where it is known.
     command, origin : str
         For the provenance of the artifact.
     watch : callable, optional
@@ -131,7 +155,7 @@ def identify_files(
     settings = settings or FitSettings()
     records = read_records(paths, columns)
     rows = tuple(training_rows(record, train) for record in records)
-    fit = fit_preisach(records, rows, settings, full_scale=full_scale, watch=watch)
+    fit = fit_preisach(records, rows, settings, full_scale=full_scale, rest_output=rest_output, watch=watch)
     found = stretch_errors(fit, records)
     provenance = {
         "data": ", ".join(record.name for record in records),

@@ -21,6 +21,8 @@ from ..errors import ArtifactError, ParameterError
 
 SCHEMA = "gossamer.sensor"
 VERSION = 1
+EXTENDED_VERSION = 2  # with terms that falling strain drives, negative amplitudes or a direct inverse
+DRIVES = ("rising", "falling")
 MIN_SPRING_WEIGHT = 1e-3  # of mu and nu on line 0: the slope that the inverse divides by is never smaller
 DEFAULT_PATH = Path(__file__).with_name("nylon_silver.json")
 
@@ -46,6 +48,11 @@ class RelaxationTerm:
         Rates [1/s] of the exponentials whose sum is :math:`e^{-b t^c}`, positive.
     weights : tuple of float, length n
         Their weights [1], positive; the sum is close to 1.
+    drive : {"rising", "falling"}
+        The strain that excites the term: rising, as in the thesis, or falling (extension).
+    signed : bool
+        Whether the amplitude may be negative (extension). The output may then move against the strain, which the exact
+        inverse cannot undo; such a sensor needs a direct inverse.
     """
 
     amplitude: float
@@ -54,13 +61,18 @@ class RelaxationTerm:
     exponent: float
     decay_rates: tuple[float, ...]
     weights: tuple[float, ...]
+    drive: str = "rising"
+    signed: bool = False
 
     def __post_init__(self) -> None:
         numbers = (self.amplitude, self.rate, self.exponent, *self.decay_rates, *self.weights)
         if not np.isfinite(numbers).all():
             msg = "a relaxation term holds a number that is not finite. Identify it again."
             raise ParameterError(msg)
-        if self.amplitude < 0.0:
+        if self.drive not in DRIVES:
+            msg = f"a relaxation term is driven by {self.drive!r} strain; it is one of {', '.join(DRIVES)}"
+            raise ParameterError(msg)
+        if self.amplitude < 0.0 and not self.signed:
             msg = f"a relaxation amplitude is {self.amplitude:g}, it must not be negative: the inverse needs a rising output"
             raise ParameterError(msg)
         if self.power not in (0, 1):
@@ -88,6 +100,8 @@ class SensorArtifact:
         :math:`\alpha`; zero for k < i, nowhere negative.
     relaxation : tuple of RelaxationTerm
         Terms of the dynamic operators; empty for a rate-independent sensor.
+    inverse : DirectInverse or None
+        The way from output to strain where it was identified on its own (extension); None for the exact inverse.
     provenance : dict
         Origin and digest of the data, command, errors reached, assumptions.
 
@@ -101,6 +115,7 @@ class SensorArtifact:
     mu: Table
     nu: Table
     relaxation: tuple[RelaxationTerm, ...] = ()
+    inverse: DirectInverse | None = None
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -134,6 +149,11 @@ class SensorArtifact:
                 raise ParameterError(msg)
 
     @property
+    def signed(self) -> bool:
+        """Tell whether the output may move against the strain."""
+        return any(term.signed for term in self.relaxation)
+
+    @property
     def n_lines(self) -> int:
         """Number of lines and of bins along a line."""
         return len(self.mu)
@@ -144,8 +164,20 @@ class SensorArtifact:
 
     def write(self, path: Path) -> None:
         """Write the artifact as JSON."""
-        content = {"mu": self.mu, "nu": self.nu, "relaxation": [asdict(term) for term in self.relaxation]}
-        write_artifact(path, SCHEMA, VERSION, self.provenance, content)
+        extended = self.inverse is not None or any(t.drive != "rising" or t.signed for t in self.relaxation)
+        content: dict[str, Any] = {"mu": self.mu, "nu": self.nu, "relaxation": [asdict(t) for t in self.relaxation]}
+        if not extended:
+            for item in content["relaxation"]:
+                del item["drive"], item["signed"]
+        if self.inverse is not None:
+            law = self.inverse.law
+            content["inverse"] = {
+                "mu": law.mu,
+                "nu": law.nu,
+                "relaxation": [asdict(t) for t in law.relaxation],
+                **{name: getattr(self.inverse, name) for name in ("lowest", "highest", "offset", "scale")},
+            }
+        write_artifact(path, SCHEMA, EXTENDED_VERSION if extended else VERSION, self.provenance, content)
 
     @classmethod
     def read(cls, path: Path) -> SensorArtifact:
@@ -156,17 +188,53 @@ class SensorArtifact:
         ArtifactError
             The file is missing, truncated, of another schema or version, or its content is not a usable sensor.
         """
-        card = read_artifact(path, SCHEMA, VERSION)
         try:
+            card = read_artifact(path, SCHEMA, VERSION)
+        except ArtifactError as error:
+            try:
+                card = read_artifact(path, SCHEMA, EXTENDED_VERSION)
+            except ArtifactError:
+                raise error from None
+        try:
+            beside = card.get("inverse")
+            inverse = None
+            if beside is not None:
+                numbers = {name: float(beside[name]) for name in ("lowest", "highest", "offset", "scale")}
+                inverse = DirectInverse(law=cls(**_parts(beside)), **numbers)
             return cls(
-                mu=_freeze(card["mu"]),
-                nu=_freeze(card["nu"]),
-                relaxation=tuple(_term(item) for item in card["relaxation"]),
+                **_parts(card),
+                inverse=inverse,
                 provenance={str(key): str(value) for key, value in card["provenance"].items()},
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             msg = f"{path} does not hold a usable sensor: {error}. Identify it again or name another file."
             raise ArtifactError(msg) from error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DirectInverse:
+    """The same operators the other way round: driven by the output, they give the strain.
+
+    Attributes
+    ----------
+    law : SensorArtifact
+        Operators over the normalised output.
+    lowest, highest : float
+        Normalised outputs [1] that the range of ``law`` begins and ends with.
+    offset, scale : float
+        Normalised strain [1] = offset + scale * result of ``law``.
+    """
+
+    law: SensorArtifact
+    lowest: float
+    highest: float
+    offset: float
+    scale: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite((self.lowest, self.highest, self.offset, self.scale)).all() and self.lowest < self.highest):
+            msg = f"a direct inverse runs from {self.lowest:g} to {self.highest:g}: need a rising range. Identify it again."
+            raise ParameterError(msg)
 
 
 @cache
@@ -177,6 +245,11 @@ def default_artifact() -> SensorArtifact:
 
 def _freeze(rows: Any) -> Table:  # noqa: ANN401
     return tuple(tuple(float(value) for value in row) for row in rows)
+
+
+def _parts(card: dict[str, Any]) -> dict[str, Any]:
+    relaxation = tuple(_term(item) for item in card["relaxation"])
+    return {"mu": _freeze(card["mu"]), "nu": _freeze(card["nu"]), "relaxation": relaxation}
 
 
 def _term(item: dict[str, Any]) -> RelaxationTerm:

@@ -5,7 +5,9 @@ Symbols: ``z[q]`` mode [1], :math:`\lambda_q` decay rate [1/s], :math:`g_q, k_q`
 .. math:: \dot z_q = -\lambda_q z_q + (g_q + k_q s)\,\dot s, \qquad f_d = \sum_q z_q,
 
 which is Eq. (4.13) with :math:`A = a\zeta^d`, d = 0 (:math:`g`) or 1 (:math:`k`), and the stretched exponentials replaced by
-sums. Falling strain drives nothing. ``x`` = :math:`\lambda h` [1]. The step is exact for strain that rises linearly over it.
+sums. Falling strain drives nothing in the thesis. As an extension it drives the same modes with amplitudes of its own,
+:math:`(g'_q + k'_q s)\,|\dot s|`: carbon-black sensors jump up when unloading begins. ``x`` = :math:`\lambda h` [1]. The
+step is exact for strain linear over it.
 """
 
 from __future__ import annotations
@@ -32,12 +34,16 @@ class ModeBank:
     decay_rates : ndarray, shape (n,)
         Rates [1/s], increasing, all different.
     constant, linear : ndarray, shape (n,)
-        Drives per unit of strain [1]: independent of strain, and proportional to it.
+        Drives per unit of rising strain [1]: independent of strain, and proportional to it.
+    falling_constant, falling_linear : ndarray, shape (n,)
+        The same for falling strain.
     """
 
     decay_rates: NDArray[np.float64]
     constant: NDArray[np.float64]
     linear: NDArray[np.float64]
+    falling_constant: NDArray[np.float64]
+    falling_linear: NDArray[np.float64]
 
     @classmethod
     def of(cls, terms: tuple[RelaxationTerm, ...]) -> ModeBank:
@@ -45,9 +51,10 @@ class ModeBank:
         drives: dict[float, list[float]] = {}
         for term in terms:
             for rate, weight in zip(term.decay_rates, term.weights, strict=True):
-                drives.setdefault(rate, [0.0, 0.0])[term.power] += term.amplitude * weight
-        kept = sorted((rate, *pair) for rate, pair in drives.items() if sum(pair) > 0.0)
-        table = np.array(kept, dtype=float).reshape(len(kept), 3)
+                place = term.power + 2 * (term.drive == "falling")
+                drives.setdefault(rate, [0.0] * 4)[place] += term.amplitude * weight
+        kept = sorted((rate, *four) for rate, four in drives.items() if any(four))
+        table = np.array(kept, dtype=float).reshape(len(kept), 5)
         return cls(*table.T)
 
     @property
@@ -55,13 +62,27 @@ class ModeBank:
         """Number of modes."""
         return int(self.decay_rates.size)
 
+    @property
+    def falls(self) -> bool:
+        """Tell whether falling strain drives a mode."""
+        return bool(self.falling_constant.any() or self.falling_linear.any())
+
+    @property
+    def signed(self) -> bool:
+        """Tell whether a mode may be negative."""
+        drives = (self.constant, self.linear, self.falling_constant, self.falling_linear)
+        return any((drive < 0.0).any() for drive in drives)
+
 
 def decay(bank: ModeBank, z: ca.MX, h: ca.MX) -> ca.MX:
     """Let the modes [1], shape (n,), decay for ``h`` seconds at constant strain.
 
     They end in zero: subnormal numbers, which processors are slow with, would stay for hours of a simulated hold.
     """
-    return ca.fmax(ca.exp(-ca.DM(bank.decay_rates) * h) * z - SMALLEST, 0.0)
+    left = ca.exp(-ca.DM(bank.decay_rates) * h) * z
+    if bank.signed:
+        return ca.if_else(ca.fabs(left) > SMALLEST, left, 0.0)
+    return ca.fmax(left - SMALLEST, 0.0)
 
 
 def rise(bank: ModeBank, start: ca.MX, h: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -92,6 +113,24 @@ def rise(bank: ModeBank, start: ca.MX, h: ca.MX) -> tuple[ca.MX, ca.MX]:
     if not bank.linear.any():
         return first, ca.DM.zeros(bank.size)
     return first, ca.DM(bank.linear) * phi_2(x)
+
+
+def fall(bank: ModeBank, start: ca.MX, h: ca.MX) -> tuple[ca.MX, ca.MX]:
+    r"""Prepare what a linear fall within one step leaves in the modes: ``rise`` for falling strain.
+
+    Returns
+    -------
+    first, second : casadi.MX, shape (n,)
+        A fall by :math:`\Delta \ge 0` adds :math:`\Delta\,(first + \Delta\,second)` to the modes [1].
+
+    Notes
+    -----
+    :math:`\int_0^h (g' + k'(s - \Delta\,\tau/h))\,(\Delta/h)\,e^{-\lambda(h - \tau)}\,d\tau
+    = \Delta\,(g' + k' s)\,\varphi_1(\lambda h) - \Delta^2 k'\,\varphi_2(\lambda h)`.
+    """
+    x = ca.DM(bank.decay_rates) * h
+    first = (ca.DM(bank.falling_constant) + ca.DM(bank.falling_linear) * start) * phi_1(x)
+    return first, -ca.DM(bank.falling_linear) * phi_2(x)
 
 
 def phi_1(x: ca.MX) -> ca.MX:

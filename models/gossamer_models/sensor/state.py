@@ -13,7 +13,7 @@ import casadi as ca
 
 from .artifact import SensorArtifact
 from .hysteresis import cumulate, move_fronts, resting_fronts
-from .relaxation import ModeBank, decay, rise
+from .relaxation import ModeBank, decay, fall, rise
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,5 +104,9 @@ class SensorLaw:
         if self.bank.size:
             delta = ca.fmax(s - state.s, 0.0)
             first, second = rise(self.bank, state.s, h)
+            z = z + delta * (first + delta * second)
+        if self.bank.falls:
+            delta = ca.fmax(state.s - s, 0.0)
+            first, second = fall(self.bank, state.s, h)
             z = z + delta * (first + delta * second)
         return SensorState(front, up, down, f, s, z)
