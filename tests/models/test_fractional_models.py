@@ -226,7 +226,7 @@ def test_a_model_is_found_again_from_its_own_record(artifact):
 def test_standard_errors_are_the_scatter_of_repeated_fits():
     chosen = FractionalSettings(n_terms=1, ridge=0.0, starts=1)
     one = replace(INTEGRALS, terms=INTEGRALS.terms[:1])
-    fits = [identify_fractional([record(one, 1.0, seed)], "sub-model-1", chosen) for seed in range(20)]
+    fits = [identify_fractional([record(one, 1.0, seed)], "sub-model-1", chosen) for seed in range(40)]
     values = np.array([[each.value for each in fit.parameters.values()] for fit in fits])
     errors = np.array([each.standard_error for each in fits[0].parameters.values()])
     assert list(fits[0].parameters) == ["C_0", "C_1", "a_1"]

@@ -1,10 +1,13 @@
 """Fractional models of the sensor: memory that fades as a power of time."""
 
 from .artifact import FadingTerm, FractionalArtifact, FractionalTerm
-from .identify import FractionalFit, FractionalSettings, Misfit, UniformRecord, identify_fractional, misfit
+from .identify import FractionalFit, identify_fractional
 from .kernels import ModeGrid
 from .model import fractional_sensor_model, predict
 from .operators import derivative, derivative_sum, integral, integral_sum, turned
+from .parameters import Parameter
+from .records import Misfit, UniformRecord, misfit
+from .settings import FractionalSettings
 
 __all__ = [
     "FadingTerm",
@@ -14,6 +17,7 @@ __all__ = [
     "FractionalTerm",
     "Misfit",
     "ModeGrid",
+    "Parameter",
     "UniformRecord",
     "derivative",
     "derivative_sum",

@@ -14,8 +14,10 @@ import numpy as np
 
 from ..specimen import Dataset, dataset
 from .artifact import MODELS, ModelName
-from .identify import FractionalFit, FractionalSettings, Misfit, UniformRecord, identify_fractional, misfit
+from .identify import FractionalFit, identify_fractional
 from .operators import modes, quadrature
+from .records import Misfit, UniformRecord, misfit
+from .settings import FractionalSettings
 
 THESIS = {  # error [%] on Dataset-1 and Dataset-2, Tables 3.1 and 3.2, by model and number of fractional terms
     ("model-1", 3): (1.4539, 5.1200),
@@ -165,7 +167,7 @@ def limits() -> Limits:
         replace(each, train=slice(None), weight=float(np.ptp(each.resistance)) ** -2.0)
         for each in (record, record_of(two))
     ]
-    informed = identify_fractional(both, "model-1", FractionalSettings(ridge=1e-3, nonnegative=False))
+    informed = identify_fractional(both, "model-1", FractionalSettings(ridge=1e-3, nonnegative=False, starts=4))
     n = two.time.size
     twice = 2.0 * (one.noise_free[:n] - one.rest_resistance)
     return Limits(

@@ -1,0 +1,98 @@
+"""Records that fractional models are fitted to and judged on, and the measures of misfit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .artifact import FractionalArtifact
+from .model import predict
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UniformRecord:
+    """One measurement, sampled in equal steps.
+
+    Attributes
+    ----------
+    strain : ndarray, shape (m,)
+        Strain [1] from the first loading on.
+    resistance : ndarray, shape (m,)
+        Resistance [ohm].
+    sampling_step : float
+        Time between samples [s].
+    rest_resistance : float
+        Resistance [ohm] before the first loading; models and errors count from there.
+    train : slice
+        Samples that are fitted.
+    weight : float
+        Weight [1] of the squared errors of this record in a fit with others.
+    name : str
+        For tables and messages.
+    """
+
+    strain: Vector
+    resistance: Vector
+    sampling_step: float
+    rest_resistance: float = 0.0
+    train: slice = field(default_factory=lambda: slice(None))
+    weight: float = 1.0
+    name: str = "record"
+
+    @classmethod
+    def resampled(
+        cls, time: Vector, strain: Vector, resistance: Vector, *, train_until: float = np.inf, name: str = "record"
+    ) -> UniformRecord:
+        """Bring samples at increasing times to as many in equal steps, by linear interpolation.
+
+        Parameters
+        ----------
+        time, strain, resistance : ndarray, shape (m,)
+            Time [s], strain [1] and resistance [ohm]; the first sample is taken for the sensor at rest.
+        train_until : float
+            Samples up to this time [s] are fitted.
+        name : str
+            For tables and messages.
+        """
+        even = np.linspace(time[0], time[-1], time.size)
+        return cls(
+            strain=np.interp(even, time, strain),
+            resistance=np.interp(even, time, resistance),
+            sampling_step=float((time[-1] - time[0]) / max(time.size - 1, 1)),
+            rest_resistance=float(resistance[0]),
+            train=slice(0, int(np.searchsorted(even, train_until, side="right"))),
+            name=name,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Misfit:
+    """How far a model is from a stretch of a record.
+
+    Attributes
+    ----------
+    e1 : float
+        100 sum |R_ex - R| / sum |R_ex| [%] of the change of resistance, the measure of Section 3.3.
+    nrmse : float
+        Root mean square error [% of the range of the record].
+    """
+
+    e1: float
+    nrmse: float
+
+
+def misfit(artifact: FractionalArtifact, record: UniformRecord, stretch: slice = slice(None)) -> Misfit:
+    """Compare a model, run through the whole record, with a stretch of it; not a number if that is empty."""
+    change = record.resistance - record.rest_resistance
+    error = change + artifact.rest_resistance - predict(artifact, record.strain, record.sampling_step)
+    size, part = np.abs(change[stretch]).sum(), error[stretch]
+    if not size > 0.0:
+        return Misfit(e1=float("nan"), nrmse=float("nan"))
+    return Misfit(
+        e1=float(100.0 * np.abs(part).sum() / size),
+        nrmse=float(100.0 * np.sqrt(np.mean(part**2)) / np.ptp(change)),
+    )
