@@ -176,7 +176,7 @@ def build_all(
         The compiler is not installed.
     """
     if not native and (fmi != 2 or tuple(platforms)):
-        msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Ask for native ones."
+        msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Add --native."
         raise ParameterError(msg)
     models = {name: _model(name, artifact, elements_per_side, compiled=native) for name in names}  # all or nothing
     if not native:

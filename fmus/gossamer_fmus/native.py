@@ -84,6 +84,8 @@ def chosen(names: Iterable[str], fmi: FmiVersion) -> list[str]:
     for name in names:
         if name != "all" and name not in possible:
             msg = f"FMUs of FMI {fmi}.0 cannot be built for {name!r}; there are {', '.join(possible)} and all."
+            if name in PLATFORMS:
+                msg = f"FMUs can be built for {name!r} only with --fmi 3."
             raise ParameterError(msg)
     return possible if "all" in names else names
 
