@@ -44,6 +44,9 @@ def suggest(name: str, known: Iterable[str]) -> str:
         A sentence, for instance ``Did you mean 'strain'?``.
     """
     candidates = list(known)
+    elements = [candidate for candidate in candidates if candidate.startswith(f"{name}[")]
+    if elements:
+        return f"It is an array: {elements[0]} .. {elements[-1]}."
     close = difflib.get_close_matches(name, candidates, n=1)
     if close:
         return f"Did you mean {close[0]!r}?"

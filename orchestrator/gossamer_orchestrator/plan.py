@@ -108,10 +108,10 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
     problems = Problems(scenario.source)
     files = _find_files(scenario, Path(fmus), problems)
     problems.raise_if_any()
-    wires = _check_connections(scenario, files, problems)
+    wires, meant = _check_connections(scenario, files, problems)
     start = {
         name: _parameters(name, component, files[name], problems)
-        | _inputs(name, component, files[name], wires[name], problems)
+        | _inputs(name, component, files[name], wires[name], meant, problems)
         for name, component in scenario.components.items()
     }
     events = _check_events(scenario, files, wires, problems)
@@ -147,47 +147,65 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
 
 
 def _find_files(scenario: Scenario, folder: Path, problems: Problems) -> dict[str, FmuFile]:
-    by_path: dict[Path, FmuFile] = {}
-    files = {}
+    """Read every FMU once; what is wrong with one is said once."""
+    found: dict[Path, FmuFile | None] = {}
+    files: dict[str, FmuFile] = {}
     for name, component in scenario.components.items():
-        is_path = component.fmu.endswith(".fmu")
-        path = (scenario.folder / component.fmu if is_path else folder / f"{component.fmu}.fmu").resolve()
+        path = scenario.fmu_path(name, folder)
         place: Location = ("components", name, "fmu")
-        if not path.is_file():
-            near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
-            advice = (
-                near if is_path else f"{near} Build the FMUs with 'gossamer build' or name their folder with --fmus."
-            )
-            problems.add(place, f"there is no FMU {component.fmu!r} in {path.parent}. {advice}")
+        if not component.fmu.endswith(".fmu") and not folder.is_dir():
+            text = f"there is no folder {folder} with FMUs. Build them: gossamer build --out {folder}"
+            problems.found.append(f"{scenario.source.name}: {text}, or name their folder with --fmus.")
             continue
-        try:
-            if path not in by_path:
-                by_path[path] = FmuFile(path)
-        except FmuError as error:
-            problems.add(place, str(error))
+        if path not in found:
+            found[path] = _read_file(component.fmu, path, place, problems)
+        file = found[path]
+        if file is None:
             continue
-        files[name] = by_path[path]
-        if files[name].description.coSimulation.canBeInstantiatedOnlyOncePerProcess and files[name] in [
-            other for key, other in files.items() if key != name
-        ]:
+        if file.description.coSimulation.canBeInstantiatedOnlyOncePerProcess and file in files.values():
             problems.add(
                 place, f"FMU {component.fmu!r} can be used by one component only. Make a copy under another name."
             )
+        files[name] = file
     return files
 
 
-def _check_connections(scenario: Scenario, files: Mapping[str, FmuFile], problems: Problems) -> dict[str, list[Wire]]:
+def _read_file(fmu: str, path: Path, place: Location, problems: Problems) -> FmuFile | None:
+    """Read an FMU; None, and a problem, if that is not possible."""
+    if not path.is_file():
+        near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
+        more = "" if fmu.endswith(".fmu") else " Build the FMUs with 'gossamer build' or name their folder with --fmus."
+        problems.add(place, f"there is no FMU {fmu!r} in {path.parent}. {near}{more}")
+        return None
+    try:
+        return FmuFile(path)
+    except FmuError as error:
+        problems.add(place, str(error))
+        return None
+
+
+def _check_connections(
+    scenario: Scenario, files: Mapping[str, FmuFile], problems: Problems
+) -> tuple[dict[str, list[Wire]], set[str]]:
+    """Return what arrives at each component, and all inputs that a connection feeds, or would if it were right."""
     wires: dict[str, list[Wire]] = {name: [] for name in files}
     fed: dict[str, int] = {}
     for i, connection in enumerate(scenario.connections):
-        ends = []
-        for key, endpoint, causality in (("from", connection.origin, "output"), ("to", connection.target, "input")):
-            problem = _explain_endpoint(endpoint, causality, files)
+        explained = {
+            "from": _explain_endpoint(connection.origin, "output", files),
+            "to": _explain_endpoint(connection.target, "input", files),
+        }
+        if all(explained.values()) and _is_swapped(connection, files):
+            problems.add(
+                ("connections", i, "from"),
+                f"{connection.origin!r} is an input and {connection.target!r} an output. Swap from and to.",
+            )
+            fed.setdefault(connection.origin, i)
+            continue
+        for key, problem in explained.items():
             if problem:
                 problems.add(("connections", i, key), problem)
-            ends.append(split_endpoint(endpoint))
-        (sender, origin), (receiver, target) = ends
-        if any(c not in files or v not in files[c].variables for c, v in ends):
+        if explained["to"]:
             continue
         if connection.target in fed:
             line = scenario.source.where(("connections", fed[connection.target], "to"))
@@ -197,9 +215,18 @@ def _check_connections(scenario: Scenario, files: Mapping[str, FmuFile], problem
             )
             continue
         fed[connection.target] = i
+        if explained["from"]:
+            continue
         _check_units(i, connection, files, problems)
+        (sender, origin), (receiver, target) = split_endpoint(connection.origin), split_endpoint(connection.target)
         wires[receiver].append(Wire(target=target, sender=sender, origin=origin, connection=connection))
-    return wires
+    return wires, set(fed)
+
+
+def _is_swapped(connection: Connection, files: Mapping[str, FmuFile]) -> bool:
+    """Tell whether a connection would be right the other way round."""
+    other_way = ((connection.target, "output"), (connection.origin, "input"))
+    return not any(_explain_endpoint(endpoint, causality, files) for endpoint, causality in other_way)
 
 
 def _explain_endpoint(endpoint: str, causality: str, files: Mapping[str, FmuFile]) -> str | None:
@@ -241,7 +268,7 @@ def _parameters(name: str, component: Component, fmu: FmuFile, problems: Problem
 
 
 def _inputs(
-    name: str, component: Component, fmu: FmuFile, wires: Iterable[Wire], problems: Problems
+    name: str, component: Component, fmu: FmuFile, wires: Iterable[Wire], meant: set[str], problems: Problems
 ) -> dict[str, Value]:
     place: Location = ("components", name, "inputs")
     connected = {wire.target for wire in wires}
@@ -249,7 +276,7 @@ def _inputs(
         if key in connected:
             problems.add((*place, key), f"input '{name}.{key}' is connected and given a value. Remove one of the two.")
     given = expand(place, component.inputs, fmu, fmu.names("input"), "input", problems)
-    missing = [v for v in fmu.names("input") if v not in connected and v not in given]
+    missing = [v for v in fmu.names("input") if f"{name}.{v}" not in meant and v not in given]
     if missing:
         shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
         starts = ", ".join(f'"{v}" = {fmu.variables[v].start}' for v in missing[:2])
@@ -302,6 +329,10 @@ def _check_record(
         ]
     for i, pattern in enumerate(patterns):
         if not any(matches(pattern, f"{c}.{v}") for c, v in every):
-            near = suggest(pattern, [f"{c}.{v}" for c, v in every])
+            component = pattern.split(".")[0]
+            if any(matches(component, c) for c in files):
+                near = suggest(pattern, [f"{c}.{v}" for c, v in every])
+            else:
+                near = f"There is no component {component!r}. {suggest(component, files)}"
             problems.add(("record", "variables", i), f"nothing to record fits {pattern!r}. {near}")
     return [(c, v) for c, v in every if any(matches(p, f"{c}.{v}") for p in patterns)]

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import ScenarioError
 from .plan import Plan
 
 if TYPE_CHECKING:
     from .master import Simulation
+
+MAX_BYTES = 2_000_000_000
 
 
 class Recorder:
@@ -25,14 +29,29 @@ class Recorder:
     ----------
     columns : tuple of (component, variable)
         Names of the columns.
+
+    Raises
+    ------
+    ScenarioError
+        The table would be absurdly large.
     """
 
     def __init__(self, plan: Plan) -> None:
         self.columns = plan.columns
-        self._every = plan.scenario.record.every
-        ticks = range(0, plan.scenario.ticks + 1, self._every)
-        self._time = np.array([plan.scenario.seconds(tick) for tick in ticks])
-        self._table = np.zeros((len(ticks), len(self.columns)))
+        scenario = plan.scenario
+        self._every = scenario.record.every
+        rows = scenario.ticks // self._every + 1
+        size = 8 * rows * (len(self.columns) + 1)
+        if size > MAX_BYTES:
+            msg = (
+                f"{scenario.source.where(('record',))}: {len(self.columns)} variables at {rows} points take "
+                f"{size / 1e9:.1f} GB, more than {MAX_BYTES / 1e9:g}. Record fewer variables, or fewer points with "
+                f"'every' = {self._every * math.ceil(size / MAX_BYTES)}."
+            )
+            raise ScenarioError(msg)
+        ticks = np.arange(0, scenario.ticks + 1, self._every)
+        self._time = np.asarray(scenario.start + ticks * scenario.step, dtype=np.float64)
+        self._table = np.zeros((rows, len(self.columns)))
         self._rows = 0
         self._places: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
 

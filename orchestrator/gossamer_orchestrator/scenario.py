@@ -31,6 +31,8 @@ A TOML file such as::
 
 from __future__ import annotations
 
+import math
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -39,9 +41,12 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError
 
 from .errors import ScenarioError
+from .kinds import explain_file
 from .names import suggest
 from .source import Location, Problems, Source
 
+MAX_STEPS = 1e8
+_VALUE_DEPTH = 5  # components, name, table, key and the type that a value could not be taken for
 Value = bool | int | float | str
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Endpoint = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*\..+$")]
@@ -149,7 +154,7 @@ class Record(_Table):
     """
 
     variables: list[str] | None = None
-    every: int = Field(default=1, ge=1)
+    every: int = Field(default=1, ge=1, le=int(MAX_STEPS))
 
 
 class Scenario(_Table):
@@ -202,6 +207,11 @@ class Scenario(_Table):
         """Number of communication steps."""
         return round((self.stop - self.start) / self.step)
 
+    def fmu_path(self, component: str, fmus: Path) -> Path:
+        """Return the FMU file of a component; names are looked up in a folder."""
+        fmu = self.components[component].fmu
+        return (self.folder / fmu if fmu.endswith(".fmu") else fmus / f"{fmu}.fmu").resolve()
+
     def seconds(self, tick: int) -> float:
         """Convert a count of steps to time [s]."""
         return self.start + tick * self.step
@@ -229,8 +239,8 @@ def load_scenario(path: Path, *, step: float | None = None, stop: float | None =
         near = suggest(path.name, sorted(p.name for p in path.parent.glob("*.toml")))
         msg = f"there is no scenario file {path}. {near}"
         raise ScenarioError(msg) from None
-    except (OSError, UnicodeDecodeError) as error:
-        msg = f"cannot read the scenario file {path}: {error}. A scenario is a TOML file in UTF-8."
+    except (OSError, UnicodeDecodeError):
+        msg = f"{path} is no scenario, which is a TOML file in UTF-8. {explain_file(path)}"
         raise ScenarioError(msg) from None
     return parse_scenario(text, name=path.name, folder=path.parent, step=step, stop=stop)
 
@@ -247,7 +257,12 @@ def parse_scenario(
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        msg = f"{name}: {error}. Correct the TOML syntax there."
+        found = re.fullmatch(r"(.*) \(at line (\d+), (column \d+)\)", str(error))
+        what, line, column = found.groups() if found else (str(error), len(text.splitlines()), "")
+        msg = f"{name}:{line}: {what}{', ' * bool(column)}{column}. Correct the TOML syntax there."
+        raise ScenarioError(msg) from None
+    except RecursionError:
+        msg = f"{name}: its tables or arrays are nested too deeply. A scenario needs four levels."
         raise ScenarioError(msg) from None
     content |= {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
     return make_scenario(content, source=Source(name, text), folder=folder)
@@ -260,7 +275,10 @@ def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | 
         scenario = Scenario.model_validate(content)
     except ValidationError as error:
         for item in error.errors():
-            problems.add(item["loc"], _explain(item["type"], item["loc"], item["msg"], item["input"]))
+            kind, place, message = item["type"], item["loc"], item["msg"]
+            if place[2:3] in (("parameters",), ("inputs",)) and len(place) == _VALUE_DEPTH:
+                kind, place, message = "value", place[:-1], "should be a finite number, true, false or a text"
+            problems.add(place, _explain(kind, place, message, item["input"]))
         problems.raise_if_any()
         raise
     scenario._source = source
@@ -272,7 +290,7 @@ def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | 
 
 def _explain(kind: str, location: Location, message: str, value: Any) -> str:  # noqa: ANN401
     """Turn one finding of pydantic into a sentence."""
-    key, table = str(location[-1]), ".".join(str(part) for part in location[:-1])
+    key, table = str(location[-1]), ".".join(part for part in location[:-1] if isinstance(part, str))
     known = [field.alias or name for name, field in _owner(location).model_fields.items()]
     place = f" in {table!r}" if table else ""
     if kind == "extra_forbidden":
@@ -281,6 +299,8 @@ def _explain(kind: str, location: Location, message: str, value: Any) -> str:  #
         return f"key {key!r}{place} is missing. Add it."
     if key == "[key]":
         return f"{location[-2]!r} cannot be a name: use letters, digits and underscores, no digit first."
+    if kind == "string_pattern_mismatch" and key in ("from", "to"):
+        return f"{key!r}{place}: write component.variable, not {value!r}."
     return f"{key!r}{place}: {message[0].lower()}{message[1:]}, not {value!r}."
 
 
@@ -300,10 +320,20 @@ def _owner(location: Location) -> type[_Table]:
 
 def _check_time(scenario: Scenario, problems: Problems) -> None:
     """Require a run that is a whole number of steps, and events within it."""
-    step, start, stop, ticks = scenario.step, scenario.start, scenario.stop, scenario.ticks
+    step, start, stop = scenario.step, scenario.start, scenario.stop
     if stop <= start:
         problems.add(("stop",), f"'stop' ({stop:g} s) must lie after 'start' ({start:g} s).")
         return
+    steps = (stop - start) / step
+    if not steps <= MAX_STEPS:
+        many = f"{steps:.3g} steps" if math.isfinite(steps) else "more steps than can be counted"
+        problems.add(
+            ("step",),
+            f"'step' = {step:g} s makes {many} from 'start' = {start:g} s to 'stop' = {stop:g} s; at most {MAX_STEPS:.0e} "
+            "are run. Use a longer 'step' or an earlier 'stop'.",
+        )
+        return
+    ticks = scenario.ticks
     if abs((stop - start) / step - ticks) > 1e-6:
         nearest = scenario.seconds(max(ticks, 1))
         problems.add(

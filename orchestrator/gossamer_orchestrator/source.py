@@ -45,6 +45,7 @@ class Source:
                 parts = tuple(part.strip("\"'") for part in _PART.findall(header[2]))
                 table = parts
                 if header[1] == "[[":
+                    found.setdefault(parts, number)
                     counts[parts] = counts.get(parts, -1) + 1
                     table = (*parts, counts[parts])
                 found.setdefault(table, number)
@@ -92,9 +93,8 @@ class Source:
         return start
 
     def where(self, location: Location) -> str:
-        """Return ``file:line`` for a key."""
-        line = self.line(location)
-        return self.name if line is None else f"{self.name}:{line}"
+        """Return ``file:line`` for a key, its first line for what is not there."""
+        return f"{self.name}:{self.line(location) or 1}" if self.text else self.name
 
 
 @dataclass

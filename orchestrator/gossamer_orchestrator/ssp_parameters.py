@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -9,11 +11,12 @@ from typing import Any
 
 from .scenario import Value
 from .ssp_files import SspFiles
-from .units import factors
+from .units import POWERS, factors
+
+logger = logging.getLogger(__name__)
 
 _SET = "application/x-ssp-parameter-set"
 _MAPPING = "application/x-ssp-parameter-mapping"
-_POWERS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
 @dataclass(frozen=True)
@@ -53,17 +56,21 @@ def read_bindings(files: SspFiles, bindings: Iterable[Any] | None, owner: str) -
     return found
 
 
-def definitions(units: Iterable[Any] | None) -> dict[str, Any]:
-    """Return pyssp-standard's unit definitions by name, in the form of FMPy's."""
-    return {
+def definitions(files: SspFiles, units: Iterable[Any] | None) -> dict[str, Any]:
+    """Return pyssp-standard's unit definitions by name, in the form of FMPy's; refuse one that converts nothing."""
+    found = {
         unit.name: SimpleNamespace(
-            **{name: getattr(unit.base_unit, name) or 0 for name in _POWERS},
+            **{name: getattr(unit.base_unit, name) or 0 for name in POWERS},
             factor=1.0 if unit.base_unit.factor is None else unit.base_unit.factor,
             offset=unit.base_unit.offset or 0.0,
         )
         for unit in units or ()
         if unit.base_unit is not None
     }
+    for name, unit in found.items():
+        if unit.factor == 0.0 or not math.isfinite(unit.factor) or not math.isfinite(unit.offset):
+            files.refuse(f"unit {name!r} has the factor {unit.factor:g}, offset {unit.offset:g}", "Correct the unit")
+    return found
 
 
 def convert(kind: str, text: str) -> Value:
@@ -82,7 +89,7 @@ def _check(files: SspFiles, item: Any, kind: str, label: str) -> None:  # noqa: 
 
 
 def _parameters(files: SspFiles, values: Any, prefix: str, label: str) -> dict[str, Given]:  # noqa: ANN401
-    units = definitions(values.units)
+    units = definitions(files, values.units)
     found = {}
     for parameter in values.parameters:
         name, kind = prefix + parameter["name"], parameter["type_name"]
@@ -112,6 +119,8 @@ def _renamed(files: SspFiles, found: dict[str, Given], mapping: Any, label: str)
     for entry in entries:
         given = found.get(entry.source)
         if given is None:
+            text = "%s: the mapping of %s has no %r to give to %r; it is ignored"
+            logger.warning(text, files.name, label, entry.source, entry.target)
             continue
         gain, bias = 1.0, 0.0
         if entry.transformation is not None:

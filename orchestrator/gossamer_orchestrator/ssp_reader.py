@@ -111,7 +111,7 @@ class _Reader:
         if ssd.system is None:
             self.files.refuse("its system structure holds no system", "Ask its author for a complete one")
         root = self.files.parse(self.files.folder / STRUCTURE).getroot()  # pyssp-standard leaves out transformations
-        self._read_system(ssd.system, root.find("{*}System"), (), definitions(ssd.units))
+        self._read_system(ssd.system, root.find("{*}System"), (), definitions(self.files, ssd.units))
         if not self.fmus:
             self.files.refuse("it holds no FMU", "There is nothing to run")
         content = self._annotation(root)
@@ -324,7 +324,7 @@ class _Reader:
                 try:
                     content = json.loads(annotation.text or "")
                     version = content.pop("version")
-                except (ValueError, AttributeError, KeyError, TypeError) as error:
+                except (ValueError, AttributeError, KeyError, TypeError, RecursionError) as error:
                     self.files.refuse(f"its annotation {ANNOTATION!r} cannot be read: {error!r}", "Remove it")
                 if version != 1:
                     self.files.refuse(f"its annotation {ANNOTATION!r} is of version {version!r}, not 1", "Remove it")

@@ -54,6 +54,12 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture
+def other_unit(fmus: Path, tmp_path: Path) -> Callable[[str, str, str, str], None]:
+    """Copy the toy gain under another name, with a unit for one of its variables."""
+    return lambda name, *unit: rewrite(fmus / "gain.fmu", tmp_path / f"{name}.fmu", with_unit(*unit))
+
+
 def _with_bounds(xml: str) -> str:
     return re.sub(r'(name="factor"[^>]*>\s*<Real)', r'\1 unit="m" min="-10" max="10"', xml).replace(
         "<LogCategories>", '<UnitDefinitions><Unit name="m"><BaseUnit m="1"/></Unit></UnitDefinitions><LogCategories>'
