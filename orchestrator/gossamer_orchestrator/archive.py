@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
 from .errors import FmuError, OrchestratorError
+from .kinds import explain_file
+from .names import suggest
 
 MAX_FILES = 20_000
 MAX_BYTES = 2 * 1024**3
@@ -38,11 +40,15 @@ def check_archive(
     FmuError
         Or ``failure``, with the name or number at fault.
     """
+    if not path.exists():
+        known = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))
+        msg = f"there is no file {path}. {suggest(path.name, known) if known else ''}".rstrip()
+        raise failure(msg)
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
-    except (OSError, zipfile.BadZipFile) as error:
-        msg = f"{path} is no {kind}: {error}. It should be a ZIP archive; build or copy it again."
+    except (OSError, zipfile.BadZipFile):
+        msg = f"{path} is no {kind}. {explain_file(path)}"
         raise failure(msg) from None
     size = sum(member.file_size for member in members)
     if len(members) > MAX_FILES or size > MAX_BYTES:
@@ -59,7 +65,7 @@ def check_archive(
             raise failure(msg)
         seen.add(PurePosixPath(member.filename))
     if PurePosixPath(needs) not in seen:
-        msg = f"{path} is no {kind}: it holds no {needs}. Build or copy it again."
+        msg = f"{path} is no {kind}: it holds no {needs}. {explain_file(path)}"
         raise failure(msg)
 
 
@@ -114,6 +120,31 @@ def is_python_fmu(path: Path) -> bool:
         return "resources/slavemodule.txt" in archive.namelist()
 
 
+def describe_fmu(path: Path) -> str:
+    """Say what an FMU runs in and on which platforms."""
+    with zipfile.ZipFile(path) as archive:
+        places = [PurePosixPath(name).parts for name in archive.namelist()]
+    platforms = sorted({parts[1] for parts in places if parts[0] == "binaries" and len(parts) > 2})
+    kind = "runs in Python" if is_python_fmu(path) else "native"
+    return f"{kind}, for {', '.join(platforms) or 'no platform'}"
+
+
+def check_target(path: Path, ending: str) -> None:
+    """Refuse to write an archive where it would not be one by its name, or over a folder.
+
+    Raises
+    ------
+    OrchestratorError
+        It cannot be written there.
+    """
+    if path.suffix != ending:
+        msg = f"cannot write {path}: its name must end in {ending}. Name another file with --out."
+        raise OrchestratorError(msg)
+    if path.is_dir():
+        msg = f"cannot write {path}: it is a folder. Name a file in it with --out."
+        raise OrchestratorError(msg)
+
+
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
     """Write a ZIP archive that depends on nothing but its content, whole or not at all.
 
@@ -122,17 +153,20 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
     OrchestratorError
         It cannot be written there.
     """
+    partial = path.with_suffix(".partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_suffix(".partial")
-        with zipfile.ZipFile(partial, "w") as archive:
-            for name, content in members.items():
-                member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
-                member.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
-                member.external_attr = 0o644 << 16
-                member.create_system = 3
-                archive.writestr(member, content)
-        partial.replace(path)
+        try:
+            with zipfile.ZipFile(partial, "w") as archive:
+                for name, content in members.items():
+                    member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+                    member.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
+                    member.external_attr = 0o644 << 16
+                    member.create_system = 3
+                    archive.writestr(member, content)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
     except OSError as error:
-        msg = f"cannot write {path}: {error}. Name another place with --out."
+        msg = f"cannot write {path}: {error.strerror or error}. Name another place with --out."
         raise OrchestratorError(msg) from error

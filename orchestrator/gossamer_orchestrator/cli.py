@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -123,8 +123,10 @@ def build(
         gossamer build detector --artifact out/detector/single_damage.json --out somewhere
     """
     options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
-    for path in _build(out, names, artifact=artifact, elements_per_side=elements_per_side, **options).values():
+    paths = _build(out, names, artifact=artifact, elements_per_side=elements_per_side, **options).values()
+    for path in paths:
         typer.echo(path)
+    _say_kinds(f"FMI {fmi}.0", paths)
 
 
 @app.command()
@@ -176,7 +178,8 @@ def export_ssp_(
 
     path = find_scenario(scenario)
     with open_scenario(path) as opened:
-        typer.echo(export_ssp(opened, fmus, Path("out") / f"{path.stem}.ssp" if out is None else out))
+        typer.echo(export_ssp(opened, fmus, _target(out, path, ".ssp")))
+        _say_kinds("packed", (opened.fmu_path(component, fmus) for component in opened.components))
 
 
 @app.command()
@@ -201,7 +204,8 @@ def container(
 
     path = find_scenario(scenario)
     with open_scenario(path) as opened:
-        typer.echo(build_container(opened, fmus, Path("out") / f"{path.stem}.fmu" if out is None else out, fmi=fmi))
+        typer.echo(build_container(opened, fmus, _target(out, path, ".fmu"), fmi=fmi))
+        _say_kinds("packed", (opened.fmu_path(component, fmus) for component in opened.components))
 
 
 @app.command()
@@ -418,6 +422,25 @@ def identify(
         typer.echo(path)
 
 
+def _say_kinds(what: str, paths: Iterable[Path]) -> None:
+    """Print on stderr, as one line, what FMUs run in and on which platforms."""
+    from .archive import describe_fmu
+
+    kinds: dict[str, list[str]] = {}
+    for path in dict.fromkeys(paths):
+        kinds.setdefault(describe_fmu(path), []).append(path.stem)
+    typer.echo(f"{what}: " + "; ".join(f"{', '.join(names)} ({kind})" for kind, names in kinds.items()), err=True)
+
+
+def _target(out: Path | None, scenario: Path, ending: str) -> Path:
+    """Return the file to write, which must not be the scenario itself."""
+    target = Path("out") / f"{scenario.stem}{ending}" if out is None else out
+    if target.resolve() == scenario.resolve():
+        msg = f"{target} is the scenario itself. Name another file with --out."
+        raise OrchestratorError(msg)
+    return target
+
+
 def _build(folder: Path, names: list[str] | None = None, **options: Any) -> dict[str, Path]:  # noqa: ANN401
     """Build FMUs into a folder, all of them if none is named; a build is reproducible, so it may be repeated."""
     from gossamer_fmus import NAMES, build_all
@@ -426,8 +449,15 @@ def _build(folder: Path, names: list[str] | None = None, **options: Any) -> dict
         if name not in NAMES:
             msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
             raise FmuError(msg)
-    with _model_errors(), Console(stderr=True).status("building FMUs") as status:
-        progress = lambda text: status.update(f"compiling {text}; a first time for a platform takes minutes")  # noqa: E731
+    console = Console(stderr=True)
+    with _model_errors(), console.status("building FMUs") as status:
+
+        def progress(text: str) -> None:
+            if console.is_terminal:
+                status.update(f"compiling {text}; a first time for a platform takes minutes")
+            else:
+                typer.echo(f"compiling {text}", err=True)
+
         return build_all(folder, names or NAMES, progress=progress, **options)
 
 

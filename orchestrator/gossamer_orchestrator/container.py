@@ -23,15 +23,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from .archive import write_archive
+from .archive import check_target, write_archive
 from .errors import ScenarioError
 from .plan import Plan, make_plan
 from .scenario import Scenario
 from .source import Problems
-from .units import factors
+from .units import POWERS, factors
 
 _NAMESPACE = uuid.UUID("6c0ac8a6-6d8d-5a15-8f0e-6ed3a6a0c1b4")
-_POWERS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _REAL = {2: "Real", 3: "Float64"}
 
 
@@ -60,6 +59,7 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
         The scenario is wrong, or does what a container cannot; every such key with its line.
     """
     out = Path(out)
+    check_target(out, ".fmu")
     if fmi not in _REAL:
         msg = f"a container can be FMI 2 or 3 outside, not {fmi}. Choose one of them."
         raise ScenarioError(msg)
@@ -70,6 +70,9 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
         raise ScenarioError(msg)
     plan = make_plan(scenario, Path(fmus))
     try:
+        if out.resolve() in [file.path.resolve() for file in plan.files]:
+            msg = f"{out} is one of the scenario's FMUs. Name another file with --out."
+            raise ScenarioError(msg)
         _refuse_unable(plan)
         with TemporaryDirectory(prefix="gossamer-") as folder:
             write_archive(out, _build(plan, Path(folder), out.stem, fmi))
@@ -84,8 +87,8 @@ def _refuse_unable(plan: Plan) -> None:
     for i, _ in enumerate(plan.scenario.events):
         problems.add(("events", i), "a container has no events. Remove it; let the host change the container's input.")
     for i, connection in enumerate(plan.scenario.connections):
-        for key in ("gain", "bias", "noise", "dropout"):
-            if getattr(connection, key) is not None:
+        for key, neutral in (("gain", 1.0), ("bias", 0.0), ("noise", None), ("dropout", None)):
+            if getattr(connection, key) not in (None, neutral):
                 problems.add(("connections", i, key), f"a container's connections have no {key}. Remove it.")
     problems.raise_if_any()
 
@@ -213,7 +216,7 @@ def _definitions(units: dict[str, Any]) -> Any:  # noqa: ANN401
     for name, base in units.items():
         unit = etree.SubElement(element, "Unit", name=name)
         if base is not None:
-            powers = {power: str(getattr(base, power)) for power in _POWERS if getattr(base, power)}
+            powers = {power: str(getattr(base, power)) for power in POWERS if getattr(base, power)}
             scale = {k: repr(getattr(base, k)) for k, d in (("factor", 1.0), ("offset", 0.0)) if getattr(base, k) != d}
             etree.SubElement(unit, "BaseUnit", {**powers, **scale})
     return element

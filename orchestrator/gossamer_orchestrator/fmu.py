@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from .archive import check_archive, is_python_fmu
+from .archive import check_archive, is_python_fmu, unpack
 from .errors import FmuError
 
 
@@ -49,8 +49,10 @@ class FmuFile:
             raise FmuError(msg) from error
         if description.fmiVersion != "2.0" or description.coSimulation is None:
             kind = "co-simulation" if description.coSimulation else "model exchange"
+            three = description.fmiVersion.startswith("3")
             msg = (
-                f"{self.path} is FMI {description.fmiVersion} for {kind}; this program runs FMI 2.0 for co-simulation."
+                f"{self.path} is FMI {description.fmiVersion} for {kind}; this program runs FMI 2.0 for co-simulation. "
+                f"{'Build it without --fmi 3.' if three else 'Export it as that.'}"
             )
             raise FmuError(msg)
         self.description: Any = description
@@ -114,19 +116,36 @@ class FmuFile:
 
     def folder(self) -> Path:
         """Unpack it into a temporary folder, once."""
-        import fmpy
-
         if self._folder is None:
             self._folder = tempfile.TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True)
-            try:
-                fmpy.extract(self.path, self._folder.name)
-            except Exception as error:
-                msg = f"{self.path} cannot be unpacked: {error}. Build or copy it again."
-                raise FmuError(msg) from error
+            unpack(self.path, Path(self._folder.name))
         return Path(self._folder.name)
+
+    def library(self) -> Path:
+        """Unpack it and return its binary for this machine.
+
+        Raises
+        ------
+        FmuError
+            It has none.
+        """
+        import fmpy
+
+        file: str = self.description.coSimulation.modelIdentifier + fmpy.sharedLibraryExtension
+        library = self.folder().joinpath("binaries", str(fmpy.platform), file)
+        if not library.is_file():
+            raise FmuError(explain_platforms(self.folder(), library))
+        return library
 
     def close(self) -> None:
         """Remove the temporary folder."""
         if self._folder is not None:
             self._folder.cleanup()
             self._folder = None
+
+
+def explain_platforms(folder: Path, library: Path) -> str:
+    """Say that an unpacked FMU lacks a binary, and which it has."""
+    there = sorted(p.name for p in (folder / "binaries").glob("*") if p.is_dir())
+    has = f"binaries for {', '.join(there)}" if there else "no binaries"
+    return f"It has no {library.relative_to(folder).as_posix()}, which this machine needs; it has {has}."

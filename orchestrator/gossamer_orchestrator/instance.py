@@ -100,6 +100,7 @@ class Instance:
         self._component: Any = None
         self._slave: Any = None
         try:
+            fmu.library()
             self._slave = fmi2.FMU2Slave(
                 guid=fmu.guid,
                 unzipDirectory=str(fmu.folder()),
@@ -116,7 +117,9 @@ class Instance:
             del _logs[self._key]
             if self._slave is not None:
                 self._slave.freeLibrary()  # pythonfmu 0.7.0 may abort the process at its end if it is still loaded
-            msg = f"{name}: {fmu.path} cannot be started: {error}{self._said()} Try 'gossamer verify' on it."
+            msg = f"{name}: {fmu.path} cannot be started: {error}{self._said()}"
+            if not isinstance(error, FmuError):
+                msg += " Try 'gossamer verify' on it."
             raise FmuError(msg) from error
         self._component = ctypes.c_void_p(self._slave.component)
         self._state_arguments = (self._component, ctypes.byref(self._state))
@@ -217,12 +220,12 @@ class Instance:
         _logs.pop(self._key, None)
 
     def said(self) -> str:
-        """Return what the FMU logged lately, as the end of a sentence."""
+        """Return what the FMU logged lately, as the end of a sentence; nothing if that is nothing."""
         return self._said()
 
     def _said(self) -> str:
         texts = list(dict.fromkeys(self.messages))[-2:]
-        return f" It said: {' | '.join(texts)}" if texts else " It said nothing."
+        return f" It said: {' | '.join(texts)}" if texts else ""
 
     def _check(self, status: int, what: str) -> None:
         """Raise ``SimulationError`` unless a call went well."""

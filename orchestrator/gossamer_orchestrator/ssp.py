@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from . import scenario as sc
-from .archive import write_archive
+from .archive import check_target, write_archive
 from .fmu import FmuFile
 from .plan import ComponentPlan, Plan, make_plan
 from .scenario import Scenario
 from .source import Problems
+from .units import POWERS
 
 ANNOTATION = "gossamer.scenario"
 _OSP = "com.opensimulationplatform"
@@ -48,6 +49,8 @@ def export_ssp(scenario: Scenario, fmus: Path, out: Path) -> Path:
     ScenarioError
         The scenario is wrong, or says what SSP cannot; every such key with its line.
     """
+    out = Path(out)
+    check_target(out, ".ssp")
     plan = make_plan(scenario, Path(fmus))
     try:
         _refuse_unsayable(plan)
@@ -56,8 +59,8 @@ def export_ssp(scenario: Scenario, fmus: Path, out: Path) -> Path:
         members |= {source: file.path.read_bytes() for file, source in sources.items()}
     finally:
         plan.close()
-    write_archive(Path(out), members)
-    return Path(out)
+    write_archive(out, members)
+    return out
 
 
 def _refuse_unsayable(plan: Plan) -> None:
@@ -167,9 +170,7 @@ def _declare_unit(fmu: FmuFile, unit: str | None, units: Any) -> str | None:  # 
     base = fmu.units.get(unit or "")
     if unit is None or base is None:
         return None
-    powers = {
-        name: getattr(base, name) for name in ("kg", "m", "s", "A", "K", "mol", "cd", "rad") if getattr(base, name)
-    }
+    powers = {name: getattr(base, name) for name in POWERS if getattr(base, name)}
     definition = BaseUnit(powers)
     if base.factor != 1.0:
         definition.factor = base.factor

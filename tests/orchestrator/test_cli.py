@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import re
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -85,6 +87,54 @@ def test_unknown_scenarios_and_fmus_are_refused_with_a_suggestion(call):
     result = call("build", "senser")
     assert (result.exit_code, result.stdout) == (1, "")
     assert "there is no FMU 'senser' to build. Did you mean 'sensor'?" in result.stderr
+
+
+def test_a_build_says_what_its_fmus_run_in(call, tmp_path):
+    result = call("build", "sensor", "--out", tmp_path)
+    assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'sensor.fmu'}\n"), result.stderr
+    assert re.fullmatch(r"FMI 2.0: sensor \(runs in Python, for .*linux64.*\)\n", result.stderr)
+
+
+def test_progress_of_compiling_is_a_line_each_where_there_is_no_terminal(call, fmus, tmp_path, monkeypatch):
+    import gossamer_fmus
+
+    def build_all(_folder, _names, *, progress, **_options):
+        progress("sensor for win64")
+        return {"sensor": fmus / "gain.fmu"}
+
+    monkeypatch.setattr(gossamer_fmus, "build_all", build_all)
+    assert call("build", "sensor", "--native").stderr.startswith("compiling sensor for win64\n")
+
+
+def test_options_of_native_fmus_alone_are_refused_with_the_way_out(call, tmp_path):
+    for option in (("--fmi", 3), ("--platform", "win64")):
+        assert "Add --native." in call("build", "--out", tmp_path, *option).stderr
+    result = call("build", "--out", tmp_path, "--native", "--platform", "aarch64-linux")
+    assert "only with --fmi 3" in result.stderr
+
+
+def test_what_a_file_is_instead_is_said(call, fmus, tmp_path):
+    (tmp_path / "a.toml").write_text(GAIN)
+    assert "It is an FMU; 'gossamer info' and 'gossamer verify' take it." in call("run", fmus / "gain.fmu").stderr
+    assert "'gossamer run' takes it." in call("info", tmp_path / "a.toml").stderr
+    assert "there is no file" in call("info", tmp_path / "nothing.fmu").stderr
+
+
+def test_an_fmu_of_fmi_3_is_refused_once_and_with_advice(call, tmp_path):
+    description = (
+        '<fmiModelDescription fmiVersion="3.0" modelName="gain" instantiationToken="x">'
+        '<CoSimulation modelIdentifier="gain"/><ModelVariables><Float64 name="time" valueReference="0" '
+        'causality="independent" variability="continuous"/></ModelVariables><ModelStructure/></fmiModelDescription>'
+    )
+    with zipfile.ZipFile(tmp_path / "gain.fmu", "w") as file:
+        file.writestr("modelDescription.xml", description)
+    (tmp_path / "g.toml").write_text(
+        GAIN + GAIN.partition("stop = 1.0\n")[2].replace("[components.g]", "[components.h]")
+    )
+    result = call("run", tmp_path / "g.toml", "--fmus", tmp_path)
+    (line,) = result.stderr.splitlines()
+    assert "is FMI 3.0 for co-simulation" in line
+    assert line.endswith("Build it without --fmi 3.")
 
 
 def test_info_lists_variables(call, fmus):

@@ -12,7 +12,14 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
-from gossamer_orchestrator import ScenarioError, build_container, load_scenario, parse_scenario, run_scenario
+from gossamer_orchestrator import (
+    OrchestratorError,
+    ScenarioError,
+    build_container,
+    load_scenario,
+    parse_scenario,
+    run_scenario,
+)
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import split_indices
 from gossamer_orchestrator.scenario_files import find_scenario
@@ -206,6 +213,20 @@ def test_a_name_that_no_binary_can_have_is_refused(fmus, chain, tmp_path, name):
         build_container(chain(), fmus, tmp_path / name)
 
 
+def test_gain_and_bias_that_change_nothing_are_accepted(fmus, chain, tmp_path):
+    fmu = build_container(chain(more="gain = 1.0\nbias = 0.0\n"), fmus, tmp_path / "c.fmu")
+    assert fmu.is_file()
+
+
+def test_another_ending_or_one_of_its_own_fmus_is_refused(fmus, chain, tmp_path):
+    with pytest.raises(OrchestratorError, match=r"c.toml: its name must end in .fmu"):
+        build_container(chain(), fmus, tmp_path / "c.toml")
+    before = (fmus / "gain.fmu").read_bytes()
+    with pytest.raises(ScenarioError, match=r"gain.fmu is one of the scenario's FMUs. Name another file"):
+        build_container(chain(), fmus, fmus / "gain.fmu")
+    assert (fmus / "gain.fmu").read_bytes() == before
+
+
 def test_another_fmi_is_refused(fmus, chain, tmp_path):
     with pytest.raises(ScenarioError, match=r"FMI 2 or 3 outside, not 4"):
         build_container(chain(), fmus, tmp_path / "c.fmu", fmi=4)
@@ -216,6 +237,7 @@ def test_the_command_prints_the_path(fmus, tmp_path):
     arguments = ["container", tmp_path / "ring.toml", "--fmus", fmus, "--out", tmp_path / "ring.fmu", "--fmi", 3]
     result = CliRunner().invoke(app, [str(a) for a in arguments])
     assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'ring.fmu'}\n"), result.stderr
+    assert result.stderr.startswith("packed: delay, gain (runs in Python, for ")
     assert fmpy.read_model_description(str(tmp_path / "ring.fmu")).fmiVersion == "3.0"
 
 

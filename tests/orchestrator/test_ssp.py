@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from gossamer_orchestrator import (
+    OrchestratorError,
     ScenarioError,
     archive,
     export_ssp,
@@ -216,11 +217,38 @@ def test_the_command_writes_what_run_reads(fmus, tmp_path):
     call = lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])  # noqa: E731
     written = call("export-ssp", tmp_path / "chain.toml", "--fmus", fmus, "--out", tmp_path / "chain.ssp")
     assert (written.exit_code, written.stdout) == (0, f"{tmp_path / 'chain.ssp'}\n"), written.stderr
+    assert written.stderr.startswith("packed: integrator, gain (runs in Python, for ")
     for source in ("toml", "ssp"):
         out = ("--fmus", fmus, "--out", tmp_path / source, "--no-pictures", "--step", 0.25)
         result = call("run", tmp_path / f"chain.{source}", *out)
         assert result.exit_code == 0, result.stderr
     assert (tmp_path / "ssp/results.csv").read_bytes() == (tmp_path / "toml/results.csv").read_bytes()
+
+
+def test_an_ssp_is_not_written_over_its_scenario_nor_under_another_ending_nor_over_a_folder(fmus, tmp_path):
+    (tmp_path / "folder.ssp").mkdir()
+    path = export_ssp(parse_scenario(CHAIN), fmus, tmp_path / "chain.ssp")
+    before = path.read_bytes()
+    for out, message in (
+        ("chain.ssp", "chain.ssp is the scenario itself. Name another file with --out."),
+        ("chain.toml", "its name must end in .ssp"),
+        ("folder.ssp", "it is a folder. Name a file in it with --out."),
+    ):
+        command = ("export-ssp", path, "--fmus", fmus, "--out", tmp_path / out)
+        result = CliRunner().invoke(app, [str(a) for a in command])
+        assert (result.exit_code, result.stdout) == (1, "")
+        assert message in result.stderr
+        assert "Errno" not in result.stderr
+    assert path.read_bytes() == before
+
+
+def test_an_archive_that_cannot_be_finished_leaves_nothing(tmp_path):
+    with pytest.raises(TypeError):
+        archive.write_archive(tmp_path / "a.ssp", {"one": b"1", "two": None})
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OrchestratorError, match=r"cannot write [^\[]* Name another place with --out."):
+        archive.write_archive(tmp_path / "file/a.ssp", {})
 
 
 # what others write
@@ -360,6 +388,45 @@ def test_names_that_match_nothing_are_ignored_as_ssp_says_but_told(make, caplog)
     path = make(system(component("gain", "gain", GAIN, bindings(SSV.format(real("facter", 2.0) + real("u", 1.0))))))
     assert last(path, "gain.y") == 1.0
     assert "there is no 'gain.facter' to give a value to" in caplog.text
+
+
+def test_a_mapping_of_a_value_that_is_not_given_is_told(make, caplog):
+    mapping = """<ParameterMapping><m:ParameterMapping version="1.0"><m:MappingEntry source="l" target="u"/>
+      </m:ParameterMapping></ParameterMapping>"""
+    last(make(system(component("m", "metre", GAIN, bindings(SSV.format(real("k", 4.0)), "", mapping)))), "m.y")
+    assert "has no 'l' to give to 'u'; it is ignored" in caplog.text
+
+
+@pytest.mark.parametrize("factor", ["0", "INF", "NaN"])
+def test_a_unit_that_converts_nothing_is_refused(make, factor):
+    given = SSV.format(real("u", 2.0, ' unit="km"')).replace('factor="1000"', f'factor="{factor}"')
+    path = make(system(component("m", "metre", GAIN, bindings("", ' source="s.ssv"'))), files={"s.ssv": given})
+    with pytest.raises(ScenarioError, match=r"unit 'km' has the factor"), open_ssp(path, step=0.1):
+        pass
+
+
+def test_an_annotation_nested_too_deeply_is_refused(make):
+    text = f'<Annotations><c:Annotation type="gossamer.scenario">{100_000 * "["}</c:Annotation></Annotations>'
+    with pytest.raises(ScenarioError, match=r"its annotation 'gossamer.scenario' cannot be read: RecursionError"):
+        last(make(system(component("a", "gain")) + text), "a.y")
+
+
+@pytest.mark.parametrize(
+    ("times", "step", "message"),
+    [
+        ('startTime="-1e308"', "0.1", "more steps than can be counted"),
+        ('startTime="1e308"', "0.1", r"'stop' \(1 s\) must lie after 'start' \(1e\+308 s\)"),
+        ("", "1e-300", r"'step' = 1e-300 s makes 1e\+300 steps"),
+        ("", "1e-9", r"'step' = 1e-09 s makes 1e\+09 steps"),
+        ("", "inf", r"'step': input should be a finite number"),
+    ],
+)
+def test_absurd_times_are_refused_on_one_line(make, times, step, message):
+    annotation = f'<c:Annotation type="x"><x:FixedStepAlgorithm baseStepSize="{step}" xmlns:x="any"/></c:Annotation>'
+    experiment = f'<DefaultExperiment {times} stopTime="1"><Annotations>{annotation}</Annotations></DefaultExperiment>'
+    path = make(system(component("a", "gain")), rest=experiment)
+    with pytest.raises(ScenarioError, match=f"^other.ssp: [^\n]*{message}[^\n]*$"), open_ssp(path):
+        pass
 
 
 def test_a_circle_without_an_order_gets_one(make, caplog):
@@ -549,7 +616,7 @@ def test_a_bomb_is_refused_by_what_it_says_and_by_what_comes_out(tmp_path, monke
 
 def test_a_file_that_is_no_ssp_is_refused(tmp_path):
     (tmp_path / "a.ssp").write_text("no archive")
-    with pytest.raises(ScenarioError, match="is no SSP: File is not a zip file"), open_ssp(tmp_path / "a.ssp"):
+    with pytest.raises(ScenarioError, match=r"a.ssp is no SSP. It is text."), open_ssp(tmp_path / "a.ssp"):
         pass
     with pytest.raises(ScenarioError, match=r"it holds no SystemStructure.ssd"), open_ssp(raw(tmp_path / "b.ssp", "x")):
         pass

@@ -63,7 +63,7 @@ def test_a_truncated_archive_fails_and_nothing_else_is_tried(fmus, tmp_path):
     (tmp_path / "half.fmu").write_bytes((fmus / "gain.fmu").read_bytes()[:5000])
     (finding,) = verify(tmp_path / "half.fmu")
     assert (finding.check, finding.verdict) == ("archive", FAILED)
-    assert "is not a zip file" in finding.why
+    assert "It is not a whole ZIP archive" in finding.why
 
 
 def test_a_damaged_member_fails(fmus, tmp_path):
@@ -153,6 +153,8 @@ class Rogue(Fmi2Slave):
 ROGUES = {
     "crashes": ("ctypes.string_at(0)", "steps", "crashed its process: SIG"),
     "hangs": ("while t > 0.5 and True: pass", "steps", "did not answer within 3 s"),
+    "raises a signal without a name": ("os.kill(os.getpid(), 40)", "steps", "crashed its process: "),
+    "cuts the report short": ("open('report', 'a').write('[\"pas'); os._exit(3)", "steps", "exit code 0x3"),
     "ends the process": ("os._exit(3)", "steps", "ended its process with exit code 0x3"),
     "ends the process quietly": ("os._exit(0)", "steps", "ended its process with exit code 0x0"),
     "raises": ("1 / 0", "steps", "Step 0 of 0.01 s is fatal"),

@@ -125,12 +125,21 @@ def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> t
             env=os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(scratch)),
             timeout=limit * (len(names) + 1),
         ).returncode
-    found = [(str(verdict), str(why)) for verdict, why in map(json.loads, report.read_text("utf-8").splitlines())]
+    lines = report.read_text("utf-8").split("\n")[:-1]  # without a line cut short by the end of the process
+    found = [(str(verdict), str(why)) for verdict, why in map(json.loads, lines)]
     death = None
     if code is None or late.stat().st_size:
         death = f"The FMU did not answer within {limit:g} s."
     elif code < 0:
-        death = f"The FMU crashed its process: {signal.Signals(-code).name}."
+        death = f"The FMU crashed its process: {_signal_name(-code)}."
     elif code or not found:
         death = f"The FMU ended its process with exit code {code:#x}."
     return found, death
+
+
+def _signal_name(number: int) -> str:
+    """Name a signal; real-time signals have no name of their own."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return signal.strsignal(number) or f"signal {number}"

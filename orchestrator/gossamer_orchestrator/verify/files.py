@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import logging
 
+from ..fmu import explain_platforms
 from . import FAILED, NOT_APPLICABLE, PASSED, REMARK
 from .registry import Checks, Context, Outcome, listed
 from .subject import REALS, Subject
@@ -65,8 +66,7 @@ def _units(subject: Subject) -> Outcome:
 def _platform(subject: Subject) -> Outcome:
     there = sorted(p.name for p in (subject.folder / "binaries").glob("*") if p.is_dir())
     if not subject.library.is_file():
-        wanted = subject.library.relative_to(subject.folder).as_posix()
-        return FAILED, f"It has no {wanted}, which this machine needs; it has binaries for {listed(there) or 'none'}."
+        return FAILED, explain_platforms(subject.folder, subject.library)
     return PASSED, f"Binaries for {', '.join(there)}; this machine is {subject.library.parent.name}."
 
 

@@ -78,4 +78,4 @@ def listed(items: list[str], most: int = 4) -> str:
 def said() -> str:
     """Return what the FMU logged last, as the end of a sentence."""
     texts = [" ".join(text.split()) for level, text in messages if level != OK]
-    return f" It said: {texts[-1]}" if texts else " It said nothing."
+    return f" It said: {texts[-1]}" if texts else ""
