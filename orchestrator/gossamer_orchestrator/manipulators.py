@@ -14,6 +14,7 @@ from __future__ import annotations
 import zlib
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .scenario import Connection
 
@@ -40,19 +41,19 @@ class Channel:
         self.held = 0.0
         name = zlib.crc32(connection.target.encode())
         noise, dropout = connection.noise, connection.dropout
-        self._noise: list[float] | None = None
-        self._lost: list[bool] | None = None
+        self._noise: NDArray[np.float64] | None = None
+        self._lost: NDArray[np.bool_] | None = None
         self._hold = True
         if noise is not None:
             generator = np.random.default_rng([noise.seed, name, 0])
             unit = (
                 generator.uniform(-1.0, 1.0, ticks + 1) if noise.kind == "uniform" else generator.normal(size=ticks + 1)
             )
-            self._noise = (noise.amplitude * unit).tolist()
+            self._noise = noise.amplitude * unit
         if dropout is not None:
             lost = np.random.default_rng([dropout.seed, name, 1]).random(ticks + 1) < dropout.probability
             lost[0] &= not dropout.hold  # there is nothing to hold yet
-            self._lost = lost.tolist()
+            self._lost = lost
             self._hold = dropout.hold
 
     @classmethod
@@ -67,6 +68,6 @@ class Channel:
             return self.held if self._hold else 0.0
         value = self.gain * value + self.bias
         if self._noise is not None:
-            value += self._noise[tick]
+            value += float(self._noise[tick])
         self.held = value
         return value

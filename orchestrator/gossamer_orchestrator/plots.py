@@ -193,7 +193,7 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
         if zone in damaged:
             ax.step(time, t[:, zone], where="post", color=color, lw=1.2, ls="--", label=f"zone {zone + 1}, true")
     ended = windows(data)
-    for valid, marker, label in ((True, "o", "judgement"), (False, "x", "window without valid judgement")):
+    for valid, marker, label in ((True, "o", "judgement"), (False, "x", "not valid")):
         some = [window for window in ended if window.valid == valid]
         heights = [100.0 * window.estimated.max() for window in some]
         if some:

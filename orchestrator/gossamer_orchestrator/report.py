@@ -140,8 +140,10 @@ def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
     if not valid:
         sentences.append(_why_none(data, ended))
     elif not ended[-1].valid:
+        last = ended[-1]
+        similarity = "" if math.isnan(last.similarity) else f" (similarity {last.similarity:.2g})"
         sentences.append(
-            f"The last window, ended at {ended[-1].time:.4f} s, was not valid (similarity {ended[-1].similarity:.2g}); "
+            f"The last window, ended at {last.time:.4f} s, was not valid{similarity}; "
             f"shown is the judgement at {valid[-1].time:.4f} s."
         )
     beyond = [
@@ -195,7 +197,7 @@ def history_table(ended: list[Judgement]) -> Table:
         "similarity",
         "valid",
     ):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", min_width=max(map(len, heading.split())))
     for judgement in ended:
         zone = int(np.argmax(judgement.estimated))
         table.add_row(

@@ -123,7 +123,8 @@ def _common(descriptions: list[str]) -> str:
     if len(set(descriptions)) == 1:
         return descriptions[0]
     common = commonprefix(descriptions)  # noqa: RUF071
-    return re.sub(r"[^\w)]+$", "", common[: common.rfind(" ") + 1])
+    begin = re.sub(r"[^\w)]+$", "", common[: common.rfind(" ") + 1])
+    return f"{begin} .." if begin else ""
 
 
 def save_results(data: xr.Dataset, folder: Path) -> tuple[Path, Path]:

@@ -49,7 +49,7 @@ def test_elements_become_dimensions_with_their_indices_as_labels():
     assert data["m.w"].sel(w_i=2, w_j=1).values.tolist() == [3.0, 13.0]
     assert data["m.s"].sel(s_index=4).values.tolist() == [7.0, 17.0]
     assert data["d.s"].dims == ("time", "d.s_index")
-    assert data["m.s"].attrs["long_name"] == "Strain at sensor"
+    assert data["m.s"].attrs["long_name"] == "Strain at sensor .."
     assert data["m.y"].values.tolist() == [9.0, 19.0]
     assert data["m.y"].attrs == {"units": "Pa", "long_name": "scalar"}
 
