@@ -362,6 +362,9 @@ def identify(
         float | None, typer.Option(help="Time between samples [s] of a record without time.")
     ] = None,
     sort: Annotated[bool, typer.Option("--sort", help="Sort samples by time instead of refusing them.")] = False,
+    direct_inverse: Annotated[
+        bool, typer.Option("--direct-inverse", help="Fit the way from resistance to strain too, for the compensator.")
+    ] = False,
     starts: Annotated[int, typer.Option(help="How many starts.", min=1)] = 2,
     seed: Annotated[int, typer.Option(help="Seed of the starts.")] = 0,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
@@ -401,7 +404,13 @@ def identify(
             columns=columns,
             train=train,
             settings=settings_for(
-                model, modes=modes, relaxations=relaxations, extension=extension, starts=starts, seed=seed
+                model,
+                modes=modes,
+                relaxations=relaxations,
+                extension=extension,
+                starts=starts,
+                seed=seed,
+                direct_inverse=direct_inverse,
             ),
             full_scale=full_scale,
             rest_output=rest_resistance,

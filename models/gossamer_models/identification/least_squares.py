@@ -152,9 +152,15 @@ class GaussNewton:
         """Return half the sum of squares, prior included."""
         return 0.5 * float(np.sum(self.residual(x) ** 2) + np.sum(self._value(x)[2] ** 2))
 
-    def jacobian(self, x: Vector) -> Matrix:
-        """Return the derivative of A f(x)."""
-        return np.asarray(self.A @ self._slopes(x)[3], dtype=float)
+    def stacked(self, x: Vector) -> Vector:
+        """Return A f(x) - b followed by p(x): what the sum of squares is of."""
+        f, _, p = self._value(x)
+        return np.concatenate([self.A @ f - self.b, p])
+
+    def slopes(self, x: Vector) -> tuple[Matrix, Matrix]:
+        """Return the derivatives of A f(x) and of p(x)."""
+        _, _, _, df, _, dp = self._slopes(x)
+        return np.asarray(self.A @ df, dtype=float), dp.copy()
 
     def project(self, x: Vector) -> Vector:
         """Replace the linear parameters by the best ones for the others."""

@@ -64,6 +64,8 @@ class FitSettings:
         Whether amplitudes of relaxation may be negative.
     invertible : bool
         Whether the output must fall with falling strain in a step of any size, so that the exact inverse exists.
+    direct_inverse : bool
+        Whether to fit the way from output to strain too, which then replaces the exact inverse.
     earlier : bool
         Whether relaxation from before a record may still be under way when it begins.
     eta : tuple of float
@@ -95,6 +97,7 @@ class FitSettings:
     drives: tuple[str, ...] = DRIVES[:2]
     signed: bool = False
     invertible: bool = True
+    direct_inverse: bool = False
     earlier: bool = True
     eta: tuple[float, float] = (0.5, 1.2)
     least_spring: float = 0.02
@@ -251,7 +254,7 @@ def fit_preisach(
     solutions.sort(key=lambda s: s.cost)
     x = solutions[0].x
     artifact, y0, rise = _artifact(settings, blocks, model, x)
-    if not settings.invertible:
+    if settings.direct_inverse or not settings.invertible:
         artifact = replace(artifact, inverse=_direct_inverse(stretches, y0, rise))
     coefficients = model(x)[0].full()[:, 0]
     return Fit(

@@ -7,7 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .preisach import Fit
+from .records import Record
+
 Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+DETERMINED = 0.5  # share of a parameter's information that must come from the data
+ALIKE = 0.98  # correlation from which two parameters cannot be told apart
+HOLD_RATE = 0.02  # of the fastest strain rate: slower is a hold
+LEAST_HOLD = 0.05  # of the training stretch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,3 +53,102 @@ def errors(record: str, stretch: str, measured: Vector, predicted: Vector, size:
         e1=100.0 * float(np.abs(off).sum()) / total if total else float("nan"),
         nrmse=100.0 * float(np.sqrt(np.mean(off**2))) / size if off.size else float("nan"),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Determination:
+    """How well one parameter is known.
+
+    Attributes
+    ----------
+    name : str
+        Parameter, for instance ``b_mu[2]``.
+    value, deviation : float
+        Estimate and its standard deviation, data and preferences taken together.
+    share : float
+        Part of what is known about it that comes from the data, 0 to 1 [1]; the rest are preferences of the settings.
+    """
+
+    name: str
+    value: float
+    deviation: float
+    share: float
+
+
+def covariance(fit: Fit) -> tuple[Matrix, Matrix]:
+    r"""Return how well the parameters are determined.
+
+    Returns
+    -------
+    covariance : ndarray, shape (n, n)
+        :math:`C = \sigma^2 (J^T J + P^T P)^{-1}` of the parameters that are not at a bound, zero for the others.
+    resolution : ndarray, shape (n, n)
+        :math:`C J^T J / \sigma^2`: the identity where the data alone decide, zero where the settings do.
+
+    Notes
+    -----
+    Linearised at the solution, with white residuals of one variance. Residuals of a model that is not exact are correlated,
+    so deviations are too small; what cannot be told apart shows all the same.
+    """
+    n = fit.x.size
+    lower, upper = fit.solver.problem.lower, fit.solver.problem.upper
+    slack = 1e-7 * np.maximum(1.0, np.abs(fit.x))
+    free = (fit.x > lower + slack) & (fit.x < upper - slack)
+    data, preferred = (part[:, free] for part in fit.solver.slopes(fit.x))
+    count = sum(int(rows.sum()) for rows in fit.train)
+    variance = 2.0 * fit.solutions[0].cost / max(count - int(free.sum()), 1)
+    information = data.T @ data
+    inverse = np.linalg.pinv(information + preferred.T @ preferred, rcond=1e-14, hermitian=True)
+    C, R = np.zeros((n, n)), np.zeros((n, n))
+    C[np.ix_(free, free)] = variance * inverse
+    R[np.ix_(free, free)] = inverse @ information
+    return C, R
+
+
+def determinations(fit: Fit) -> tuple[Determination, ...]:
+    """Return how well every parameter is determined."""
+    C, R = covariance(fit)
+    deviations, shares = np.sqrt(np.maximum(np.diag(C), 0.0)), np.clip(np.diag(R), 0.0, 1.0)
+    return tuple(
+        Determination(name=name, value=float(value), deviation=float(deviation), share=float(share))
+        for name, value, deviation, share in zip(fit.names, fit.x, deviations, shares, strict=True)
+    )
+
+
+def doubts(fit: Fit, records: tuple[Record, ...]) -> tuple[str, ...]:
+    """Say what the data cannot decide, one sentence each."""
+    sentences = []
+    held = [_held(record, rows) for record, rows in zip(records, fit.train, strict=True) if rows.any()]
+    if fit.settings.relaxations and max(held) < LEAST_HOLD:
+        sentences.append(
+            f"The strain is at rest for {100.0 * max(held):.1f} % of the training stretch: without holds, eta and slow "
+            "relaxation cannot be told apart. Add a hold to the record, or read eta as an assumption."
+        )
+    C, R = covariance(fit)
+    weak = [name for name, share in zip(fit.names, np.diag(R), strict=True) if share < DETERMINED]
+    groups: dict[str, int] = {}
+    for name in weak:
+        groups[name.split("[")[0]] = groups.get(name.split("[")[0], 0) + 1
+    sizes = {b.name: b.size for b in fit.blocks}
+    if groups:
+        told = ", ".join(f"{count} of {sizes[name]} {name}" for name, count in groups.items())
+        sentences.append(
+            f"The settings rather than the data decide or bound {told}. Fewer modes or relaxations would do."
+        )
+    deviations = np.sqrt(np.maximum(np.diag(C), 1e-300))
+    correlation = np.triu(np.abs(C / np.outer(deviations, deviations)), 1)
+    i, k = np.unravel_index(int(np.argmax(correlation)), correlation.shape)
+    if correlation[i, k] > ALIKE:
+        sentences.append(
+            f"{fit.names[i]} and {fit.names[k]} cannot be told apart: their correlation is {correlation[i, k]:.3f}. Fix one."
+        )
+    return tuple(sentences)
+
+
+def _held(record: Record, rows: NDArray[np.bool_]) -> float:
+    """Return the part of the training time in which strain stands still."""
+    steps = np.diff(record.time)
+    rates = np.abs(np.diff(record.strain)) / steps
+    inside = rows[1:]
+    still = rates[inside] < HOLD_RATE * rates.max()
+    return float(steps[inside][still].sum() / steps[inside].sum())

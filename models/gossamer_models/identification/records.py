@@ -39,7 +39,7 @@ MOST_MISSING = 0.05
 LONGEST_GAP = 20.0
 GAP_STRAIN = 0.05
 LARGEST_STRAIN = 5.0  # more than this without a stated unit is per cent
-LARGEST_JUMP = 100.0  # of the output between two samples: a meter that changed its unit
+LARGEST_JUMP = 30.0  # of the output between two samples: a meter that changed its unit
 LEAST_STRAIN = -0.01  # of the range: a zero that has crept
 
 
@@ -183,7 +183,7 @@ def _open(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
             header = [name.strip() for name in next(reader)]
             pairs = [(row, reader.line_num) for row in reader if any(cell.strip() for cell in row)]
     except (OSError, UnicodeDecodeError, csv.Error, StopIteration) as error:
-        msg = f"cannot read {path}: {error or 'it is empty'}. Name a CSV file with a header line."
+        msg = f"cannot read {path}: {str(error) or 'it is empty'}. Name a CSV file with a header line."
         raise DataError(msg) from error
     if not pairs:
         msg = f"{path} holds no samples. Name a CSV file with a header line and numbers below it."

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import DataError, ParameterError
 from .preisach import Fit, FitSettings, Watch, fit_preisach, with_provenance
-from .quality import Errors, errors
+from .quality import Errors, doubts, errors
 from .records import Columns, Record, read_records
 from .regressors import DRIVES
 
@@ -45,7 +45,14 @@ EXTENSIONS = ("none", "falling", "reversing")
 
 
 def settings_for(
-    model: str, *, modes: int = 7, relaxations: int = 7, extension: str = "none", starts: int = 2, seed: int = 0
+    model: str,
+    *,
+    modes: int = 7,
+    relaxations: int = 7,
+    extension: str = "none",
+    starts: int = 2,
+    seed: int = 0,
+    direct_inverse: bool = False,
 ) -> FitSettings:
     """Return the settings of a model by its name.
 
@@ -61,6 +68,8 @@ def settings_for(
         direct inverse, fixed kernels and eta = 1.
     starts, seed : int
         How many starts, and their seed.
+    direct_inverse : bool
+        Whether to fit the way from output to strain as well, for the compensator to use.
 
     Raises
     ------
@@ -72,6 +81,7 @@ def settings_for(
             msg = f"there is no {name!r}; it is one of {', '.join(known)}"
             raise ParameterError(msg)
     common: dict[str, Any] = {"modes": modes, "relaxations": relaxations, "starts": starts, "seed": seed}
+    common["direct_inverse"] = direct_inverse
     if model == "preisach-hats":
         common |= {"density": "hats", "ridge": 3e-3}
     if extension != "none":
@@ -170,7 +180,8 @@ def identify_files(
         **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in found},
         **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
     }
-    remarks = tuple(f"{record.name}: {text}" for record in records for text in record.repairs)
+    repairs = tuple(f"{record.name}: {text}." for record in records for text in record.repairs)
+    remarks = (*repairs, *doubts(fit, records))
     return Identified(fit=with_provenance(fit, provenance), records=records, errors=found, remarks=remarks)
 
 

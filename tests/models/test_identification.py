@@ -1,0 +1,290 @@
+"""Identification from records: fits that are known, what the data do not decide, artifacts that build."""
+
+import itertools
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from gossamer_models import DataError, ParameterError
+from gossamer_models.compensator import compensator_model
+from gossamer_models.identification import Columns, FitSettings, Record, fit_preisach, identify_files, settings_for
+from gossamer_models.identification.densities import Spectrum, modal_field, wave_numbers
+from gossamer_models.identification.judge import predict_output, recover_strain
+from gossamer_models.identification.least_squares import GaussNewton, Problem, compress, solve_constrained
+from gossamer_models.identification.quality import covariance, determinations, doubts
+from gossamer_models.identification.regressors import DRIVES, relaxed, switched
+from gossamer_models.sensor import DirectInverse, RelaxationTerm, SensorArtifact, default_artifact, sensor_model
+from gossamer_models.sensor.relaxation import ModeBank
+from oracles_preisach import drive, start
+from scipy.integrate import solve_ivp
+from scipy.optimize import lsq_linear, minimize
+
+QUICK = settings_for("preisach", modes=3, relaxations=2, starts=1)
+
+
+def zigzag(seed=4, turns=24, per=14):
+    corners = np.concatenate([[0.0], np.random.default_rng(seed).uniform(0, 1, turns)])
+    return np.concatenate(
+        [[0.0], *(np.linspace(a, b, per)[1:] for a, b in itertools.pairwise(corners))]
+    )
+
+
+def record(strain, output, h=0.1, name="record"):
+    return Record(
+        name=name, time=h * np.arange(strain.size), strain=strain, output=output, lines=np.arange(strain.size) + 2
+    )
+
+
+def everything(r):
+    return (np.ones(r.time.size, dtype=bool),)
+
+
+@pytest.fixture(scope="module")
+def known():
+    """A record made by the sensor that ships with the package, in ohm."""
+    strain = zigzag()
+    return record(strain, 100.0 + 50.0 * drive(start(sensor_model()), strain, 0.1))
+
+
+@pytest.fixture(scope="module")
+def fitted(known):
+    return fit_preisach((known,), everything(known), QUICK, full_scale=1.0, rest_output=100.0)
+
+
+def test_the_columns_are_what_the_sensor_does(known):
+    artifact = default_artifact()
+    mu, nu = (table[np.triu_indices(artifact.n_lines)] for table in artifact.tables())
+    bank = ModeBank.of(artifact.relaxation)
+    up, down = switched(known.strain, artifact.n_lines)
+    y = up @ mu - down @ nu + relaxed(known.time, known.strain, bank.decay_rates) @ np.r_[bank.constant, bank.linear]
+    assert 100.0 + 50.0 * y == pytest.approx(known.output, abs=1e-9)
+
+
+def test_modes_driven_by_falling_strain_solve_their_differential_equation():
+    strain, h, rate = np.array([0.2, 0.9, 0.35, 0.35, 0.1]), 0.7, 1.3
+    g, k = 0.4, 0.25
+
+    def slope(t, z):
+        i = min(int(t / h), strain.size - 2)
+        speed = (strain[i + 1] - strain[i]) / h
+        return -rate * z + (g + k * (strain[i] + speed * (t - i * h))) * max(-speed, 0.0)
+
+    exact = [0.0]
+    for i in range(strain.size - 1):
+        exact.append(solve_ivp(slope, (i * h, (i + 1) * h - 1e-12), [exact[-1]], rtol=1e-11, atol=1e-13).y[0, -1])
+    found = relaxed(h * np.arange(strain.size), strain, np.array([rate]), DRIVES[2:]) @ [g, k]
+    assert found == pytest.approx(exact, abs=1e-9)
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_a_sensor_whose_relaxation_falling_strain_drives_may_be_cut_into_any_steps(signed):
+    terms = [
+        RelaxationTerm(
+            amplitude=a, power=p, rate=b, exponent=1.0, decay_rates=(b,), weights=(1.0,), drive=d, signed=signed
+        )
+        for a, p, b, d in (
+            (0.05, 0, 0.5, "falling"),
+            (0.1, 1, 2.0, "falling"),
+            (-0.1 if signed else 0.1, 0, 1.0, "rising"),
+        )
+    ]
+    artifact = replace(default_artifact(), relaxation=tuple(terms))
+    corners = np.array([0.0, 0.8, 0.3, 0.6, 0.0])
+    fine = np.interp(np.arange(33) / 8, np.arange(5), corners)
+    coarse_y = drive(start(sensor_model(artifact)), corners, 1.0)
+    fine_y = drive(start(sensor_model(artifact)), fine, 0.125)
+    assert fine_y[::8] == pytest.approx(coarse_y, abs=1e-12)
+
+
+def test_the_exact_inverse_undoes_a_sensor_whose_relaxation_falling_strain_drives():
+    term = RelaxationTerm(
+        amplitude=0.05, power=1, rate=0.5, exponent=1.0, decay_rates=(0.5,), weights=(1.0,), drive="falling"
+    )
+    artifact = replace(default_artifact(), relaxation=(*default_artifact().relaxation, term))
+    strain = zigzag(seed=8)
+    y = drive(start(sensor_model(artifact)), strain, 0.1)
+    found = fit_like(artifact)
+    assert recover_strain(found, record(strain, y)) == pytest.approx(strain, abs=1e-9)
+
+
+def fit_like(artifact):
+    """Stand in for a fit where only its artifact and its scales are looked at."""
+    return type("Fit", (), {"artifact": artifact, "full_scale": 1.0, "offset": 0.0, "scale": 1.0})()
+
+
+def test_an_extended_artifact_is_read_back_and_a_plain_one_keeps_its_version(tmp_path):
+    path = tmp_path / "sensor.json"
+    default_artifact().write(path)
+    assert '"version": 1' in path.read_text()
+    inverse = DirectInverse(
+        law=replace(default_artifact(), provenance={}), lowest=0.0, highest=1.0, offset=0.1, scale=0.8
+    )
+    term = replace(default_artifact().relaxation[0], amplitude=-0.01, drive="falling", signed=True)
+    extended = replace(default_artifact(), relaxation=(term,), inverse=inverse)
+    extended.write(path)
+    assert '"version": 2' in path.read_text()
+    assert SensorArtifact.read(path) == extended
+
+
+def test_a_sensor_that_may_reverse_has_no_exact_inverse():
+    term = replace(default_artifact().relaxation[0], amplitude=-0.01, signed=True)
+    with pytest.raises(ParameterError, match="no exact inverse"):
+        compensator_model(replace(default_artifact(), relaxation=(term,)))
+
+
+def test_constrained_least_squares_agree_with_another_solver():
+    rng = np.random.default_rng(2)
+    E, e = rng.normal(size=(30, 6)), rng.normal(size=30)
+    bounded = solve_constrained(E, e, np.eye(6), np.zeros(6))
+    assert bounded == pytest.approx(lsq_linear(E, e, bounds=(0, np.inf), tol=1e-14).x, abs=1e-8)
+    G, h = rng.normal(size=(9, 6)), rng.uniform(-1.0, 0.2, 9)
+    found = solve_constrained(E, e, G, h)
+    peer = minimize(
+        lambda x: np.sum((E @ x - e) ** 2),
+        np.zeros(6),
+        jac=lambda x: 2.0 * E.T @ (E @ x - e),
+        constraints={"type": "ineq", "fun": lambda x: G @ x - h, "jac": lambda x: G},
+        method="SLSQP",
+        options={"ftol": 1e-15, "maxiter": 500},
+    )
+    assert (G @ found - h).min() > -1e-9
+    assert found == pytest.approx(peer.x, abs=1e-5)
+
+
+def test_the_iteration_finds_two_exponentials_and_their_linear_amplitudes():
+    t = np.linspace(0, 5, 60)
+    x = ca.SX.sym("x", 4)
+    f = x[2] * ca.exp(-x[0] * ca.DM(t)) + x[3] * ca.exp(-x[1] * ca.DM(t))
+    problem = Problem(
+        A=np.eye(60),
+        b=2.0 * np.exp(-0.5 * t) + 1.0 * np.exp(-3.0 * t),
+        model=ca.Function("m", [x], [f, x[2:], ca.SX(0, 1)]),
+        linear=np.array([False, False, True, True]),
+        lower=np.array([0.1, 1.0, -np.inf, -np.inf]),
+        upper=np.array([1.0, 9.0, np.inf, np.inf]),
+    )
+    found = GaussNewton(problem).minimize(np.array([0.9, 1.1, 0.0, 0.0]), tolerance=1e-14)
+    assert found.x == pytest.approx([0.5, 3.0, 2.0, 1.0], abs=1e-5)
+
+
+def test_compression_keeps_every_sum_of_squares():
+    rng = np.random.default_rng(3)
+    A, b, x = rng.normal(size=(200, 7)), rng.normal(size=200), rng.normal(size=7)
+    R, r = compress(A, b)
+    assert R.shape == (8, 7)
+    assert np.sum((R @ x - r) ** 2) == pytest.approx(np.sum((A @ x - b) ** 2))
+
+
+def test_modal_functions_are_those_of_the_thesis():
+    N, (m, n) = 6, wave_numbers(4)
+    b, places = ca.SX([1.0, 0.0, 0.0, 2.0]), (np.arange(N) + 0.5) / N
+    field = np.array(ca.DM(modal_field(b, ca.SX(m), ca.SX(n), places))).ravel()
+    line, k = np.triu_indices(N)
+    i, j = np.pi * (k + 0.5) / N, np.pi * (k - line + 0.5) / N
+    wanted = 2.0 + 2.0 * (np.cos(m[3] * i) * np.cos(n[3] * j) + np.cos(n[3] * i) * np.cos(m[3] * j))
+    assert field == pytest.approx(wanted)
+
+
+def test_fixed_rates_hold_a_stretched_exponential():
+    spectrum = Spectrum.over(0.1, 100.0)
+    weights = np.array(ca.DM(spectrum.kernel(ca.SX(np.log(7.0)), ca.SX(0.6)))).ravel()
+    t = np.geomspace(0.05, 150.0, 50)
+    assert np.exp(-np.outer(t, spectrum.rates)) @ weights == pytest.approx(np.exp(-((t / 7.0) ** 0.6)), abs=2e-3)
+
+
+def test_a_known_sensor_is_predicted_after_a_fit_with_few_modes(known, fitted):
+    later = record(zigzag(seed=9), 100.0 + 50.0 * drive(start(sensor_model()), zigzag(seed=9), 0.1))
+    size = np.ptp(known.output)
+    assert np.sqrt(np.mean((fitted.predicted[0] - known.output) ** 2)) < 0.01 * size
+    assert np.sqrt(np.mean((predict_output(fitted, later) - later.output) ** 2)) < 0.02 * size
+
+
+def test_the_artifact_runs_as_it_was_fitted(known, fitted):
+    assert predict_output(fitted, known) == pytest.approx(fitted.predicted[0], abs=2e-3 * np.ptp(known.output))
+
+
+def test_weights_are_not_negative_and_the_inverse_exists(known):
+    settings = settings_for("preisach-hats", relaxations=2, extension="falling", starts=1)
+    fit = fit_preisach((known,), everything(known), settings, full_scale=1.0)
+    assert min(term.amplitude for term in fit.artifact.relaxation) >= 0.0
+    assert {term.drive for term in fit.artifact.relaxation} <= {"rising", "falling"}
+    back = recover_strain(fit, replace(known, output=predict_output(fit, known)))
+    assert back == pytest.approx(known.strain, abs=1e-8)
+
+
+def test_a_reversing_sensor_gets_a_direct_inverse_that_recovers_the_strain(known):
+    settings = settings_for("preisach-hats", relaxations=4, extension="reversing")
+    fit = fit_preisach((known,), everything(known), settings, full_scale=1.0)
+    assert fit.artifact.inverse is not None
+    assert np.sqrt(np.mean((recover_strain(fit, known) - known.strain) ** 2)) < 0.03
+
+
+def test_equal_seeds_give_equal_fits_and_two_records_count_as_one(known):
+    half = known.strain.size // 2
+    settings = replace(QUICK, starts=2, seed=5, most_iterations=4)
+    fits = [fit_preisach((known,), everything(known), settings, full_scale=1.0) for _ in range(2)]
+    assert (fits[0].x == fits[1].x).all()
+    first = record(known.strain[:half], known.output[:half])
+    both = fit_preisach((known, first), everything(known) + everything(first), settings, full_scale=1.0)
+    assert len(both.predicted) == 2
+    assert both.offset == pytest.approx(100.0, abs=5.0)
+
+
+def test_a_record_without_holds_does_not_decide_eta_and_is_told_so(known, fitted):
+    assert any("eta and slow relaxation" in text for text in doubts(fitted, (known,)))
+    shares = {d.name: d.share for d in determinations(fitted)}
+    assert shares["b_elastic[1]"] > 0.8
+    C, _ = covariance(fitted)
+    assert np.linalg.eigvalsh(C).min() > -1e-12
+
+
+def test_fixed_kernels_stay_as_given(known):
+    settings = replace(QUICK, tau=(1.0, 10.0), exponents=(0.5, 1.0))
+    fit = fit_preisach((known,), everything(known), settings, full_scale=1.0)
+    found = dict(zip(fit.names, fit.x, strict=True))
+    assert [found["log_tau[1]"], found["log_tau[2]"]] == pytest.approx(np.log([1.0, 10.0]))
+    assert [found["c[1]"], found["c[2]"]] == [0.5, 1.0]
+
+
+def test_impossible_settings_are_refused():
+    with pytest.raises(ParameterError, match="at least 1 mode"):
+        FitSettings(modes=0)
+    with pytest.raises(ParameterError, match="one of tau per relaxation"):
+        FitSettings(tau=(1.0,), relaxations=2)
+    with pytest.raises(ParameterError, match="it is one of preisach"):
+        settings_for("neural")
+
+
+def test_too_few_or_too_large_samples_are_refused(known):
+    few = np.arange(known.time.size) < 20
+    with pytest.raises(DataError, match="20 samples to fit"):
+        fit_preisach((known,), (few,), QUICK)
+    with pytest.raises(DataError, match=r"line \d+: strain .* is outside 0 to full scale 0.5"):
+        fit_preisach((known,), everything(known), QUICK, full_scale=0.5)
+    with pytest.raises(DataError, match="beyond the full scale"):
+        predict_output(replace_scale(fit_like(default_artifact()), 0.5), known)
+
+
+def replace_scale(fit, full_scale):
+    fit.full_scale = full_scale
+    return fit
+
+
+def test_a_file_becomes_an_artifact_with_provenance(tmp_path, known):
+    path = tmp_path / "measured.csv"
+    rows = "\n".join(
+        f"{1e3 * t:.3f},{100 * s:.9g},{r / 1e3:.9g}"
+        for t, s, r in zip(known.time, known.strain, known.output, strict=True)
+    )
+    path.write_text("t_ms,strain [%],R_kohm\n" + rows + "\n")
+    found = identify_files([path], columns=Columns(), train="60%", settings=QUICK, full_scale=1.0, command="test")
+    assert [e.stretch for e in found.errors] == ["train", "test"]
+    assert found.errors[0].nrmse < 1.0
+    assert found.records[0].output == pytest.approx(known.output)
+    assert found.fit.artifact.provenance["train"] == "60%"
+    assert len(found.fit.artifact.provenance["sha256"]) == 64
+    with pytest.raises(DataError, match="cannot read 'half'"):
+        identify_files([path], train="half")
+    with pytest.raises(DataError, match="no sample lies in '500:600'"):
+        identify_files([path], train="500:600")
