@@ -311,7 +311,7 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
 
     folder.mkdir(parents=True, exist_ok=True)
     written: list[Path] = []
-    reasons: dict[str, str] = {}
+    reasons: list[str] = []
     for name, (size, draw) in _PAGES.items():
         with mpl.rc_context(STYLE):
             figure = Figure(figsize=size)
@@ -321,11 +321,11 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
                 draw(data, figure)
             except ResultsError as error:
                 path.unlink(missing_ok=True)  # of an earlier run
-                reasons[str(error)] = name
+                reasons.append(str(error))
                 continue
             figure.suptitle(str(data.attrs.get("title", "")))
             figure.savefig(path)
             written.append(path)
     if not written:
-        logger.warning("no pictures: %s", " ".join(reasons))
+        logger.warning("no pictures: %s", reasons[0])
     return written
