@@ -25,9 +25,7 @@ QUICK = settings_for("preisach", modes=3, relaxations=2, starts=1)
 
 def zigzag(seed=4, turns=24, per=14):
     corners = np.concatenate([[0.0], np.random.default_rng(seed).uniform(0, 1, turns)])
-    return np.concatenate(
-        [[0.0], *(np.linspace(a, b, per)[1:] for a, b in itertools.pairwise(corners))]
-    )
+    return np.concatenate([[0.0], *(np.linspace(a, b, per)[1:] for a, b in itertools.pairwise(corners))])
 
 
 def record(strain, output, h=0.1, name="record"):

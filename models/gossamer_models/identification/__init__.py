@@ -1,8 +1,10 @@
 """Identification: records of strain and resistance to a sensor artifact."""
 
+from .assess import Figure
+from .judge import predict_output, recover_strain
 from .plots import everett, plot_everett, plot_history, plot_loop, plot_plane, plot_residual, save_pictures
 from .preisach import Fit, FitSettings, fit_preisach
-from .quality import Errors, errors
+from .quality import Determination, Errors, covariance, determinations, doubts, errors
 from .records import Columns, Record, read_record, read_records
 from .run import Identified, identify_files, settings_for, training_rows
 
@@ -20,6 +22,13 @@ __all__ = [
     "training_rows",
     "Errors",
     "errors",
+    "Determination",
+    "covariance",
+    "determinations",
+    "doubts",
+    "predict_output",
+    "recover_strain",
+    "Figure",
     "everett",
     "plot_everett",
     "plot_history",

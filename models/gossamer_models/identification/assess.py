@@ -53,10 +53,10 @@ class Figure:
 
     @property
     def met(self) -> bool | None:
-        """Tell whether the number is reached, to the digits that it was asked in; None if none was asked for."""
+        """Tell whether the number is reached; None if none was asked for."""
         if self.asked is None:
             return None
-        return self.reached >= self.asked if self.more_is_better else round(self.reached, 2) <= self.asked
+        return self.reached >= self.asked if self.more_is_better else self.reached <= self.asked
 
 
 def assess(data: Path | None = None) -> list[Figure]:

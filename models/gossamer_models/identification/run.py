@@ -83,12 +83,12 @@ def settings_for(
     common: dict[str, Any] = {"modes": modes, "relaxations": relaxations, "starts": starts, "seed": seed}
     common["direct_inverse"] = direct_inverse
     if model == "preisach-hats":
-        common |= {"density": "hats", "ridge": 3e-3}
+        common |= {"density": "hats", "n_knots": 9, "ridge": 3e-3}
     if extension != "none":
         common["drives"] = DRIVES
     if extension == "reversing":
         common |= {"signed": True, "invertible": False, "eta": (1.0, 1.0), "fit_kernels": False}
-        common |= {"ridge": 1e-4, "smoothness": 1e-4, "relaxation_ridge": 1e-4, "starts": 1}
+        common |= {"n_knots": 6, "ridge": 5e-5, "smoothness": 5e-5, "relaxation_ridge": 5e-5, "starts": 1}
     return FitSettings(**common)
 
 
