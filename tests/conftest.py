@@ -31,7 +31,7 @@ def built(tmp_path_factory):
     def get(kind):
         if kind not in paths:
             if kind != "python":
-                pytest.importorskip("ziglang", reason="native FMUs need the compiler of gossamer[native]")
+                pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
             paths[kind] = build_all(tmp_path_factory.mktemp(kind.replace(" ", "_")), **options[kind])
         return paths[kind]
 

@@ -170,7 +170,7 @@ def compile_library(files: dict[str, bytes], name: str, fmi: FmiVersion, platfor
     """
     place = PLATFORMS[platform]
     if find_spec("ziglang") is None:
-        msg = "native FMUs need the compiler ziglang. Install it: pip install 'gossamer[native]'"
+        msg = "native FMUs need the compiler ziglang. Install it with make, or: pip install -e '.[native]'"
         raise ModuleNotFoundError(msg)
     file = f"{name}{place.suffix}"
     with TemporaryDirectory() as temporary:

@@ -108,7 +108,7 @@ def build(
 ) -> None:
     """Build the FMUs.
 
-    Prints the path of every FMU. Native FMUs need the compiler of pip install 'gossamer[native]'.
+    Prints the path of every FMU. Native FMUs need the compiler that make installs, or pip install -e '.[native]'.
 
     For example:
 

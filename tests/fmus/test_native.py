@@ -302,6 +302,22 @@ def test_a_percent_sign_in_a_message_is_no_printf_format(instance):
     assert fmu.messages[-1].replace("%%", "").count("%") == 0
 
 
+def test_fmpys_own_loop_ends_at_a_refused_step_rather_than_repeat_it_for_ever(fmus):
+    signals = np.array(
+        [(0.0, 0.0), (0.005, 0.0), (0.005, 1e8), (0.01, 1e8)], dtype=[("time", float), ("pressure", float)]
+    )
+    result = fmpy.simulate_fmu(
+        str(fmus["membrane"]),
+        stop_time=0.01,
+        output_interval=1e-3,
+        input=signals,
+        output=["deflection"],
+        logger=lambda *_: None,
+        timeout=20.0,
+    )
+    assert result["time"][-1] == pytest.approx(0.005, abs=1.1e-3)
+
+
 def test_a_thousand_instances_live_side_by_side(fmus, unzipped):
     instances = [Instance(fmus["sensor"], unzipped["sensor"], f"sensor{k}") for k in range(1000)]
     for k, fmu in enumerate(instances):

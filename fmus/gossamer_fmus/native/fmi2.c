@@ -214,9 +214,11 @@ fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2
   return fmi2Discard;
 }
 
+/* A host that cannot do a refused step in another way should end: some would repeat it for ever. */
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value) {
-  if (!c || !value || kind != fmi2Terminated) return fmi2Discard;
-  *value = fmi2False;
+  Instance *m = c;
+  if (!m || !value || kind != fmi2Terminated) return fmi2Discard;
+  *value = m->last_step == fmi2Discard;
   return fmi2OK;
 }
 
