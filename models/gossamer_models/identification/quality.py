@@ -125,7 +125,10 @@ def doubts(fit: Fit, records: tuple[Record, ...]) -> tuple[str, ...]:
             "relaxation cannot be told apart. Add a hold to the record, or read eta as an assumption."
         )
     C, R = covariance(fit)
-    weak = [name for name, share in zip(fit.names, np.diag(R), strict=True) if share < DETERMINED]
+    fitted = fit.solver.problem.lower < fit.solver.problem.upper
+    weak = [
+        name for name, share in zip(fit.names, np.where(fitted, np.diag(R), 1.0), strict=True) if share < DETERMINED
+    ]
     groups: dict[str, int] = {}
     for name in weak:
         groups[name.split("[")[0]] = groups.get(name.split("[")[0], 0) + 1
