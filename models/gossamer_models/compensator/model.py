@@ -7,6 +7,7 @@ that of the sensor followed by the last ``Rf`` and ``R``.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import casadi as ca
 
@@ -17,18 +18,24 @@ from ..sensor.relaxation import decay, phi_1
 from ..sensor.state import SensorLaw
 from ..step_model import StepModel, Variable
 from .direct import direct_model
+from .estimator import estimator_model
 from .inverse import invert
 
 SHORTEST_FILTER_TIME = 1e-300  # [s]; stands for 0
 
 
-def compensator_model(artifact: SensorArtifact | None = None) -> StepModel:
-    r"""Build the compensator: the exact inverse of the sensor with the same artifact.
+def compensator_model(
+    artifact: SensorArtifact | None = None, method: Literal["inverse", "estimator"] = "inverse"
+) -> StepModel:
+    r"""Build the compensator of the sensor with the same artifact.
 
     Parameters
     ----------
     artifact : SensorArtifact or None
         Identified sensor; None for the one that ships with the package.
+    method : {"inverse", "estimator"}
+        The exact inverse, right for resistance without noise; or the estimator, which delays the strain and says how well it
+        is known: see ``estimator_model``.
 
     Returns
     -------
@@ -49,6 +56,11 @@ def compensator_model(artifact: SensorArtifact | None = None) -> StepModel:
     ----------
     .. [1] M. R. Sunny, dissertation, Virginia Tech, chapter 5.
     """
+    if method not in ("inverse", "estimator"):
+        msg = f"there is no compensation method {method!r}. Choose inverse or estimator."
+        raise ParameterError(msg)
+    if method == "estimator":
+        return estimator_model(artifact)
     artifact = default_artifact() if artifact is None else artifact
     if artifact.inverse is not None:
         return direct_model(artifact, compensator_model(replace(artifact, inverse=None, relaxation=())))

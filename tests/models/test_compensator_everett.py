@@ -1,0 +1,52 @@
+"""Chapter 5 as it is printed, tabulated surfaces and inverse interpolation, against the exact inverse."""
+
+import numpy as np
+import pytest
+from gossamer_models.compensator import EverettInverse, compensator_model, everett_surfaces
+from gossamer_models.sensor import default_artifact, sensor_model
+from oracles_preisach import artifact, drive, start, term
+
+RELAXATION = [term(0.1, 0), term(0.2, 1, (0.03, 3.0), (0.5, 0.5))]
+SENSORS = {
+    "eta 0.85": artifact(eta=0.85),
+    "relaxing": artifact(eta=0.85, relaxation=RELAXATION),
+    "default": default_artifact(),
+}
+
+
+def interpolated(sensor, output, points):
+    everett = EverettInverse(sensor, points)
+    return np.array([everett.step(value, 0.1) for value in output])
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_inverse_interpolation_and_exact_inverse_agree(name):
+    sensor = SENSORS[name]
+    strain = np.random.default_rng(3).uniform(0.0, 1.0, 80)
+    output = drive(start(sensor_model(sensor)), strain)
+    exact = drive(start(compensator_model(sensor)), output)
+    assert exact == pytest.approx(strain, abs=1e-12)
+    coarse, fine = (np.abs(interpolated(sensor, output, n) - exact).max() for n in (17, 65))
+    assert fine < 2e-3
+    assert fine < coarse / 3.0  # second order until the tables' own lattice is met
+
+
+def test_surfaces_are_the_changes_that_the_sensor_makes():
+    sensor = SENSORS["eta 0.85"]
+    strain, rising, falling = everett_surfaces(sensor, 9)
+    # from the virgin state: up to one value, down to another
+    for i, top in enumerate(strain[1:], start=1):
+        for j, low in enumerate(strain[:i]):
+            up, down = drive(start(sensor_model(sensor)), [top, low])
+            assert rising[0, i] == pytest.approx(up, abs=1e-12)
+            assert falling[i, j] == pytest.approx(down - up, abs=1e-12)
+    assert np.isnan(rising[5, 2])
+    assert np.isnan(falling[2, 5])
+    assert np.abs(np.diag(rising)).max() == 0.0
+
+
+def test_surfaces_of_one_eta_are_mirror_images_but_for_eta():
+    """Symmetric about h1 = h2 in the classical model, Section 5.1; eta scales one side of it, Section 5.2."""
+    _, rising, falling = everett_surfaces(SENSORS["eta 0.85"], 17)
+    upper = np.triu_indices(17)
+    assert -falling.T[upper] == pytest.approx(0.85 * rising[upper], abs=1e-12)
