@@ -82,6 +82,17 @@ def test_a_wrong_eta_is_learned_where_the_strain_is_known(factor):
     assert alone.deviation[-1] > 5.0 * told.deviation[-1]
 
 
+def test_resistance_alone_cannot_tell_a_wrong_eta_from_another_strain():
+    """What limits every compensator: with eta 2 % off, another strain within the range gives the same resistances."""
+    strain = 0.2 + 0.5 * random_legs(3000, 2, (60, 140))
+    output = measure(strain, 0.0, 0, TRUE)
+    wrong = uniform_eta(0.85 * 1.02)
+    other = drive(start(compensator_model(wrong)), output)
+    assert measure(other, 0.0, 0, wrong) == pytest.approx(output, abs=1e-9)
+    assert 0.0 <= other.min() < other.max() <= 1.0
+    assert np.abs(other - strain).max() > 0.04
+
+
 def test_a_known_strain_ends_the_drift(estimator):
     strain = random_legs(2000, 4, (50, 100))
     output = measure(strain, 0.005, 5, TRUE)
