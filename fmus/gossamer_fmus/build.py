@@ -139,6 +139,7 @@ def build_all(
     *,
     artifact: Path | None = None,
     elements_per_side: int | None = None,
+    method: str | None = None,
     native: bool = False,
     fmi: FmiVersion = 2,
     platforms: Iterable[str] = (),
@@ -155,7 +156,9 @@ def build_all(
     artifact : Path, optional
         Identified sensor or trained detector; every FMU named must be built from this kind of artifact.
     elements_per_side : int, optional
-        Mesh of the membrane, which must be among the names.
+        Mesh of the membrane, which must be the only name.
+    method : str, optional
+        How the compensator recovers strain, which must be the only name; see ``compensator_model``.
     native : bool
         True: compiled C; False: FMUs that run in Python.
     fmi, platforms, progress
@@ -178,7 +181,9 @@ def build_all(
     if not native and (fmi != 2 or tuple(platforms)):
         msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Add --native."
         raise ParameterError(msg)
-    models = {name: _model(name, artifact, elements_per_side, compiled=native) for name in names}  # all or nothing
+    models = {
+        name: _model(name, artifact, elements_per_side, method, compiled=native) for name in names
+    }  # all or nothing
     if not native:
         return {name: build_fmu(model, folder) for name, model in models.items()}
     pairs = [(model, read_interface(name)) for name, model in models.items()]
@@ -222,7 +227,15 @@ def _build_native(
     ]
 
 
-def _model(name: str, artifact: Path | None, elements_per_side: int | None, *, compiled: bool) -> StepModel:
+def _model(
+    name: str, artifact: Path | None, elements_per_side: int | None, method: str | None, *, compiled: bool
+) -> StepModel:
+    if method is not None:
+        if name != "compensator":
+            msg = f"FMU {name!r} has no method. Name the compensator alone to choose its method."
+            raise ParameterError(msg)
+        sensor = None if artifact is None else SensorArtifact.read(artifact)
+        return compensator_model(sensor, method)  # type: ignore[arg-type]  # refuses what it does not know
     if name == "membrane" and artifact is None:
         return membrane_model(elements_per_side or 8, compiled=compiled)
     if elements_per_side is not None:

@@ -91,6 +91,14 @@ def build(
     elements_per_side: Annotated[
         int | None, typer.Option(help="Mesh of the membrane, a multiple of 4; 8 if not given.", metavar="N")
     ] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the compensator: inverse, exact for resistance without noise, or estimator, which survives noise, "
+            "delays the strain and says how well it is known.",
+            metavar="NAME",
+        ),
+    ] = None,
     native: Annotated[
         bool, typer.Option("--native", help="Compile C, which runs without Python, instead of packing Python code.")
     ] = False,
@@ -120,10 +128,13 @@ def build(
 
         gossamer build membrane --elements-per-side 16
 
+        gossamer build compensator --method estimator
+
         gossamer build detector --artifact out/detector/single_damage.json --out somewhere
     """
     options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
-    paths = _build(out, names, artifact=artifact, elements_per_side=elements_per_side, **options).values()
+    choices = {"artifact": artifact, "elements_per_side": elements_per_side, "method": method}
+    paths = _build(out, names, **choices, **options).values()
     for path in paths:
         typer.echo(path)
     _say_kinds(f"FMI {fmi}.0", paths)

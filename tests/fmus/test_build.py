@@ -135,7 +135,7 @@ def test_elements_that_are_no_array_are_refused(names):
 
 
 @only_python
-def test_an_artifact_or_a_mesh_can_be_chosen(fmus, tmp_path):
+def test_an_artifact_a_mesh_or_a_method_can_be_chosen(fmus, tmp_path):
     from gossamer_models.sensor import default_artifact
 
     default_artifact().write(tmp_path / "sensor.json")
@@ -143,6 +143,13 @@ def test_an_artifact_or_a_mesh_can_be_chosen(fmus, tmp_path):
     assert built["sensor"].read_bytes() == fmus["sensor"].read_bytes()
     coarse = build_all(tmp_path, ["membrane"], elements_per_side=4)["membrane"]
     assert "w[3,3]" in {v.name for v in fmpy.read_model_description(str(coarse)).modelVariables}
+    estimator = build_all(tmp_path, ["compensator"], method="estimator")["compensator"]
+    assert "strain_deviation" in {v.name for v in fmpy.read_model_description(str(estimator)).modelVariables}
+    assert validate_fmu(str(estimator)) == []
+    with pytest.raises(ParameterError, match="'sensor' has no method"):
+        build_all(tmp_path, ["sensor"], method="estimator")
+    with pytest.raises(ParameterError, match="no compensation method 'magic'"):
+        build_all(tmp_path, ["compensator"], method="magic")
     with pytest.raises(ParameterError, match="'membrane' is not built from an artifact"):
         build_all(tmp_path, ["membrane"], artifact=tmp_path / "sensor.json")
     with pytest.raises(ParameterError, match="'sensor' has no mesh"):
