@@ -1,4 +1,4 @@
-r"""Identify a sensor from a record of strain and resistance by linear least squares.
+r"""Identify the sensor that ships with the package; ``gossamer identify`` is the general way, for any record.
 
 Symbols: ``s`` normalised strain [1], ``y`` measured output in the record's own unit, ``mu``, ``nu = eta*mu`` weights on the
 lines of ``hysteresis.py``, ``a`` relaxation amplitudes. Switching depends on strain alone, so the output is linear in
@@ -31,9 +31,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar, nnls
 
 from ..errors import DataError, GossamerError, ParameterError
+from ..identification.densities import hat_functions
+from ..identification.regressors import switched
 from .artifact import RelaxationTerm, SensorArtifact
 from .exponentials import exponential_sum
-from .hysteresis import move_fronts
 from .relaxation import ModeBank, decay, rise
 
 Vector = NDArray[np.float64]
@@ -143,7 +144,7 @@ def identify(strain: Vector, output: Vector, h: float, settings: FitSettings | N
     n_train = round(settings.train_fraction * strain.size)
     unit = float(np.ptp(output))
     up, down = switched(strain, settings.n_lines)
-    hats, spring = shapes(settings.n_lines, settings.n_knots)
+    hats, spring = hat_functions(settings.n_lines, settings.n_knots)
     terms = tuple(_unit_term(*term) for term in settings.terms)
     modes = [relaxed(strain, h, term)[:, None] for term in terms]
     ones = np.ones((strain.size, 1))
@@ -189,33 +190,6 @@ def identify(strain: Vector, output: Vector, h: float, settings: FitSettings | N
     )
 
 
-def switched(strain: Vector, n_lines: int) -> tuple[Matrix, Matrix]:
-    """Return what has switched up and down until every sample.
-
-    Parameters
-    ----------
-    strain : ndarray, shape (m,)
-        Normalised strain [1]; the record starts at rest at the first value.
-    n_lines : int
-        Number of lines N.
-
-    Returns
-    -------
-    up, down : ndarray, shape (m, N (N + 1) / 2)
-        Length of every cell (i, k >= i), in the order of ``numpy.triu_indices``, that has switched so far [1].
-    """
-    front, s = ca.SX.sym("front", n_lines), ca.SX.sym("s")
-    move = ca.Function("move", [front, s], [move_fronts(front, s)])
-    start = np.maximum(np.arange(n_lines) / n_lines, strain[0])
-    fronts = np.array(move.mapaccum("record", strain.size)(start, strain[None, :])).T
-    i, k = np.triu_indices(n_lines)
-    filled = np.clip(fronts[:, i] - k / n_lines, 0.0, 1.0 / n_lines)
-    moved = np.diff(filled, axis=0)
-    up = np.cumsum(np.vstack([filled[:1], np.maximum(moved, 0.0)]), axis=0)
-    down = np.cumsum(np.vstack([0.0 * filled[:1], np.maximum(-moved, 0.0)]), axis=0)
-    return up, down
-
-
 def relaxed(strain: Vector, h: float, term: RelaxationTerm) -> Vector:
     """Return the dynamic output [1], shape (m,), of one term for a record of normalised strain sampled every ``h`` [s]."""
     bank = ModeBank.of((term,))
@@ -226,38 +200,6 @@ def relaxed(strain: Vector, h: float, term: RelaxationTerm) -> Vector:
     pairs = np.vstack([strain[:-1], strain[1:]])
     modes = advance.mapaccum("record", strain.size - 1)(np.zeros(bank.size), pairs)
     return np.concatenate([[0.0], np.array(ca.sum1(modes)).ravel()])
-
-
-def shapes(n_lines: int, n_knots: int) -> tuple[Matrix, Matrix]:
-    """Return the hat functions on all cells of the triangle.
-
-    Parameters
-    ----------
-    n_lines, n_knots : int
-        Lines of the tables, and knots of the hats along either axis.
-
-    Returns
-    -------
-    hats : ndarray, shape (N (N + 1) / 2, n_knots (n_knots + 1) / 2)
-        Values [1] at the cells' middles, zero on the spring line.
-    spring : ndarray, shape (N (N + 1) / 2, n_knots)
-        The same along the spring line, zero elsewhere.
-    """
-    i, k = np.triu_indices(n_lines)
-
-    def along(x: Vector) -> Matrix:
-        return np.maximum(0.0, 1.0 - np.abs(x[:, None] * (n_knots - 1) - np.arange(n_knots)))
-
-    alpha, beta = along((k + 0.5) / n_lines), along((k - i + 0.5) / n_lines)
-    columns = []
-    for a in range(n_knots):
-        for b in range(a + 1):
-            column = alpha[:, a] * beta[:, b]
-            if b == a and a + 1 < n_knots:  # the half hat above the diagonal belongs to its foot
-                column = column + alpha[:, a] * beta[:, a + 1]
-            columns.append(column)
-    hysteretic = (i > 0)[:, None]
-    return np.array(columns).T * hysteretic, alpha * ~hysteretic
 
 
 def read_record(path: Path, strain_column: str, output_column: str) -> tuple[Vector, Vector]:
