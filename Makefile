@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: demo test bench goldens docs lock clean
+.PHONY: demo test bench goldens docs figures lock clean
 
 demo: $(STAMP)
 	$(BIN)/gossamer demo
@@ -25,6 +25,9 @@ docs: demo
 
 goldens: $(STAMP)
 	$(BIN)/pytest tests/fmus --rewrite-goldens
+
+figures: $(STAMP)
+	$(BIN)/python docs/make_identification_page.py
 
 # Everything is pinned by hash; the project itself is installed editable on top.
 $(STAMP): constraints.txt pyproject.toml
