@@ -13,7 +13,7 @@ from gossamer_models.fractional.assess import assess_fractional, limits
 from gossamer_models.identification.assess import Figure, assess
 from rich.progress import track
 
-DOCS = Path(__file__).parent
+DOCS = Path(__file__).resolve().parent
 DATA = DOCS.parents[1] / "shared" / "data"
 HEAD = """# What identification and compensation reach
 
