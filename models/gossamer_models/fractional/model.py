@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ParameterError
-from ..sensor.model import SCALE_VARIABLES
+from ..sensor.model import SCALE_VARIABLES, SIGNAL_VARIABLES
 from ..sensor.relaxation import phi_1, phi_2
 from ..step_model import StepModel, Variable
 from .artifact import FadingTerm, FractionalArtifact
@@ -148,21 +148,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
         description="Conductive polymer strain sensor with fractional memory",
         variables=(
             *_scale_variables(artifact),
-            Variable(
-                name="strain",
-                causality="input",
-                unit="1",
-                description="Strain of the sensor, taken as linear over a step",
-                start=0.0,
-                nominal=0.1,
-            ),
-            Variable(
-                name="resistance",
-                causality="output",
-                unit="ohm",
-                description="Resistance of the sensor",
-                nominal=100.0,
-            ),
+            *SIGNAL_VARIABLES,
         ),
         init=init,
         step=step,

@@ -50,6 +50,24 @@ SCALE_VARIABLES = (
     ),
 )
 
+SIGNAL_VARIABLES = (
+    Variable(
+        name="strain",
+        causality="input",
+        unit="1",
+        description="Strain of the sensor, taken as linear over a step",
+        start=0.0,
+        nominal=0.1,
+    ),
+    Variable(
+        name="resistance",
+        causality="output",
+        unit="ohm",
+        description="Resistance of the sensor",
+        nominal=100.0,
+    ),
+)
+
 
 ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must be of a sensible size."
 
@@ -112,21 +130,7 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
         description="Conductive polymer strain sensor with hysteresis, drift and relaxation",
         variables=(
             *SCALE_VARIABLES,
-            Variable(
-                name="strain",
-                causality="input",
-                unit="1",
-                description="Strain of the sensor, taken as linear over a step",
-                start=0.0,
-                nominal=0.1,
-            ),
-            Variable(
-                name="resistance",
-                causality="output",
-                unit="ohm",
-                description="Resistance of the sensor",
-                nominal=100.0,
-            ),
+            *SIGNAL_VARIABLES,
             saturated_variable("1 if the strain is outside 0 to full scale and was clipped, else 0"),
         ),
         init=init,
