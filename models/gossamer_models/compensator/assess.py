@@ -2,10 +2,12 @@
 
 Run ``python -m gossamer_models.compensator.assess``. An estimate for time t that is delivered at t + delay is compared
 with the strain at t; the error of what is said about the present stands beside it. Percent are of full scale.
+``run_*`` return what was run, for pictures; ``assess_*`` turn it into figures.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -13,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..identification.assess import Figure, specimen_record
-from ..identification.preisach import fit_preisach
+from ..identification.preisach import Fit, fit_preisach
+from ..identification.records import Record
 from ..identification.run import settings_for
 from ..sensor import SensorArtifact, default_artifact, sensor_model
 from ..step_model import StepModel
@@ -26,10 +29,14 @@ Shape = Literal["ramps", "cosines", "holds"]
 STEP = 0.1  # [s]
 ETA = 0.85
 SAMPLES = 20_000
+SHAPES: tuple[Shape, ...] = ("ramps", "cosines", "holds")
+SHORTER_LEGS = ((60, 140), (30, 70), (10, 30))  # [samples]
 LEGS = (
     200,
     600,
 )  # [samples]: the exact inverse is then at 25 % and 53 %, at least as hard as where it is at 13.5 % and 33 %
+LONG = f"ramps, {LEGS[0]} to {LEGS[1]} samples a leg"  # the history that figures are asked for
+ASKED = {0.001: 0.4, 0.005: 1.2}  # [% of full scale] of the estimator, by noise [1]
 UNIT = {"rest_resistance": 0.0, "full_scale_resistance_change": 1.0, "full_scale_strain": 1.0}
 
 
@@ -39,12 +46,15 @@ class Run:
 
     Attributes
     ----------
+    strain : ndarray, shape (m,)
+        True strain [1] at the time that an estimate is given for.
     error, present_error : ndarray, shape (m,)
         Errors of the strain [1] at the time it is given for, and of the strain said to be present.
     deviation : ndarray, shape (m,)
         Standard deviation [1] that the estimator states; zero for the inverse.
     """
 
+    strain: Vector
     error: Vector
     present_error: Vector
     deviation: Vector
@@ -58,6 +68,77 @@ class Run:
     def present_rms(self) -> float:
         """The same of the present strain [% of full scale]."""
         return 100.0 * float(np.sqrt(np.mean(self.present_error**2)))
+
+    @property
+    def over_stated(self) -> float:
+        """Root mean square of the error over the stated deviation [1]; 1 if the estimator is honest."""
+        return float(np.sqrt(np.mean((self.error / self.deviation) ** 2)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One way of compensation on one kind of history.
+
+    Attributes
+    ----------
+    how : str
+        The way.
+    history : str
+        What the strain does.
+    noise : float
+        Standard deviation of the output's noise [1].
+    eta_error : float
+        Relative error of the eta that the compensator believes in [1].
+    runs : tuple of Run
+        One per seed.
+    """
+
+    how: str
+    history: str
+    noise: float
+    eta_error: float = 0.0
+    runs: tuple[Run, ...]
+
+    def over_runs(self, quantity: Literal["rms", "present_rms", "over_stated"]) -> float:
+        """Return the root mean square of a quantity of the runs."""
+        return float(np.sqrt(np.mean([getattr(run, quantity) ** 2 for run in self.runs])))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recovery:
+    """The experiment of Section 5.5.
+
+    Attributes
+    ----------
+    record : Record
+        Four cycles, of which the first two are fitted.
+    fit : Fit
+        The sensor.
+    time, strain : ndarray, shape (m,)
+        Times [s] and true strain [1] of the samples that the compensators see.
+    judged : ndarray of bool, shape (m,)
+        Those of the two cycles that were not fitted.
+    found : dict
+        Name of the compensator to the strain [1] it gives for those samples, shape (m - lag,): without its last ``lag``
+        ones, where the estimate is delivered after the record.
+    deviation : ndarray
+        What the estimator states [1], of the shape of its strain.
+    """
+
+    record: Record
+    fit: Fit
+    time: Vector
+    strain: Vector
+    judged: NDArray[np.bool_]
+    found: dict[str, Vector]
+    deviation: Vector
+
+    def squares(self, name: str) -> float:
+        """Return the measure of Section 5.5, sum of squared errors over sum of squares [%]."""
+        estimate = self.found[name]
+        keep = self.judged[: estimate.size]
+        true = self.strain[: estimate.size][keep]
+        return 100.0 * float(((estimate[keep] - true) ** 2).sum() / (true**2).sum())
 
 
 def uniform_eta(eta: float = ETA, *, relaxing: bool = False) -> SensorArtifact:
@@ -132,9 +213,8 @@ def run_estimator(
         **UNIT,
     )
     lag = round(float(delay[-1]) / STEP)
-    return Run(
-        error=found[lag:] - strain[: strain.size - lag], present_error=present - strain, deviation=deviation[lag:]
-    )
+    true = strain[: strain.size - lag]
+    return Run(strain=true, error=found[lag:] - true, present_error=present - strain, deviation=deviation[lag:])
 
 
 def run_inverse(artifact: SensorArtifact, strain: Vector, output: Vector, lag: int = 0, dead_band: float = 0.0) -> Run:
@@ -142,8 +222,8 @@ def run_inverse(artifact: SensorArtifact, strain: Vector, output: Vector, lag: i
     found = drive(compensator_model(artifact), {"resistance": output}, ("strain",), STEP, dead_band=dead_band, **UNIT)[
         0
     ]
-    error = found[lag:] - strain[: strain.size - lag]
-    return Run(error=error, present_error=found - strain, deviation=np.zeros_like(error))
+    true = strain[: strain.size - lag]
+    return Run(strain=true, error=found[lag:] - true, present_error=found - strain, deviation=np.zeros_like(true))
 
 
 def assess_compensator(seeds: tuple[int, ...] = (0, 1, 2)) -> list[Figure]:
@@ -151,11 +231,28 @@ def assess_compensator(seeds: tuple[int, ...] = (0, 1, 2)) -> list[Figure]:
     return [*assess_noise(seeds), *assess_wrong_eta(seeds), *assess_section_5_5()]
 
 
-def assess_noise(seeds: tuple[int, ...] = (0, 1, 2)) -> list[Figure]:
-    """Return the errors under noise of the plain ways and of the estimator."""
+def assess_noise(seeds: tuple[int, ...] = (0, 1, 2), cases: Iterable[Case] | None = None) -> list[Figure]:
+    """Return the errors under noise of the plain ways and of the estimator, run now or before."""
+    cases = (*run_ways(seeds), *run_histories(seeds[0])) if cases is None else cases
     figures = []
+    for case in cases:
+        what = f"eta {ETA}, noise {case.noise:.1%}, {case.how}"
+        if case.history != LONG:
+            figures.append(_figure(f"{what}, {case.history}", case.over_runs("rms")))
+            continue
+        asked = ASKED.get(case.noise) if case.how == "estimator" else None
+        figures.append(_figure(what, case.over_runs("rms"), asked))
+        if case.how == "estimator":
+            figures.append(_figure(f"{what}, present strain", case.over_runs("present_rms")))
+            figures.append(_figure(f"{what}, error over stated deviation", case.over_runs("over_stated"), unit="1"))
+    return figures
+
+
+def run_ways(seeds: tuple[int, ...] = (0, 1, 2), noises: Sequence[float] = tuple(ASKED)) -> list[Case]:
+    """Run the plain ways and the estimator on long random histories under noise."""
+    cases = []
     artifact = uniform_eta()
-    for noise, asked in ((0.001, 0.4), (0.005, 1.2)):
+    for noise in noises:
         runs: dict[str, list[Run]] = {}
         for seed in seeds:
             strain = random_legs(SAMPLES, seed)
@@ -167,44 +264,69 @@ def assess_noise(seeds: tuple[int, ...] = (0, 1, 2)) -> list[Figure]:
             )
             runs.setdefault("25-point mean", []).append(run_inverse(artifact, strain, mean, lag=12))
             runs.setdefault("estimator", []).append(run_estimator(artifact, strain, output, noise))
-        for name, all_runs in runs.items():
-            what = f"eta {ETA}, noise {noise:.1%}, {name}"
-            figures.append(_figure(what, [r.rms for r in all_runs], asked if name == "estimator" else None))
-        figures.append(_figure(f"{what}, present strain", [r.present_rms for r in all_runs]))
-        figures.append(_figure(f"{what}, error over stated deviation", [_ratio(r) for r in all_runs], unit="1"))
-        for legs in ((60, 140), (30, 70), (10, 30)):
-            for shape in ("ramps", "cosines", "holds"):
-                strain = random_legs(SAMPLES, seeds[0], legs, shape)
-                one = run_estimator(artifact, strain, measure(strain, noise, 200, artifact), noise)
-                what = f"eta {ETA}, noise {noise:.1%}, estimator, {shape}, {legs[0]} to {legs[1]} samples a leg"
-                figures.append(_figure(what, [one.rms]))
+        cases += [Case(how=how, history=LONG, noise=noise, runs=tuple(found)) for how, found in runs.items()]
+    return cases
+
+
+def run_histories(seed: int = 0, noises: Sequence[float] = tuple(ASKED)) -> list[Case]:
+    """Run the estimator on faster histories of several shapes."""
+    cases = []
+    artifact = uniform_eta()
+    for noise in noises:
+        for legs in SHORTER_LEGS:
+            for shape in SHAPES:
+                strain = random_legs(SAMPLES, seed, legs, shape)
+                run = run_estimator(artifact, strain, measure(strain, noise, 200, artifact), noise)
+                history = f"{shape}, {legs[0]} to {legs[1]} samples a leg"
+                cases.append(Case(how="estimator", history=history, noise=noise, runs=(run,)))
+    return cases
+
+
+def assess_wrong_eta(seeds: tuple[int, ...] = (0, 1, 2), cases: Iterable[Case] | None = None) -> list[Figure]:
+    """Return the errors with an eta that is wrong by 2 %, told the strain never or now and then; run now or before."""
+    figures = []
+    for case in run_wrong_eta(seeds) if cases is None else cases:
+        what, told = f"eta wrong by {case.eta_error:+.0%}, {case.how}", case.how != "exact inverse"
+        figures.append(_figure(what, case.over_runs("rms"), 2.0 if told else None))
+        if told:
+            figures.append(_figure(f"{what}, over stated", case.over_runs("over_stated"), unit="1"))
     return figures
 
 
-def assess_wrong_eta(seeds: tuple[int, ...] = (0, 1, 2), noise: float = 0.001) -> list[Figure]:
-    """Return the errors with an eta that is wrong by 2 %, told the strain never or now and then."""
-    figures = []
-    for factor in (0.98, 1.02):
-        wrong = uniform_eta(factor * ETA)
-        runs: dict[int | None, list[Run]] = {}
+def run_wrong_eta(
+    seeds: tuple[int, ...] = (0, 1, 2), noise: float = 0.001, errors: Sequence[float] = (-0.02, 0.02)
+) -> list[Case]:
+    """Run the inverse and the estimator with a wrong eta, the estimator told the strain never or now and then."""
+    cases = []
+    for error in errors:
+        wrong = uniform_eta((1.0 + error) * ETA)
+        runs: dict[str, list[Run]] = {}
         for seed in seeds:
             strain = random_legs(SAMPLES, seed)
             output = measure(strain, noise, 100 + seed, uniform_eta())
-            runs.setdefault(None, []).append(run_inverse(wrong, strain, output))
+            runs.setdefault("exact inverse", []).append(run_inverse(wrong, strain, output))
             for every in (0, 5000, 2000):
-                runs.setdefault(every, []).append(run_estimator(wrong, strain, output, noise, 0.02, every))
-        for key, found in runs.items():
-            how = "exact inverse" if key is None else f"estimator, strain known {SAMPLES // key if key else 0} times"
-            asked = None if key is None else 2.0
-            figures.append(_figure(f"eta wrong by {factor - 1:+.0%}, {how}", [r.rms for r in found], asked))
-            if key is not None:
-                ratios = [_ratio(r) for r in found]
-                figures.append(_figure(f"eta wrong by {factor - 1:+.0%}, {how}, over stated", ratios, unit="1"))
+                how = f"estimator, strain known {SAMPLES // every if every else 0} times"
+                runs.setdefault(how, []).append(run_estimator(wrong, strain, output, noise, abs(error), every))
+        cases += [
+            Case(how=how, history=LONG, noise=noise, eta_error=error, runs=tuple(found)) for how, found in runs.items()
+        ]
+    return cases
+
+
+def assess_section_5_5(result: Recovery | None = None) -> list[Figure]:
+    """Return the measure of Section 5.5 on the prediction half of the SYNTHETIC Dataset-3; the thesis gives 4 %."""
+    result = run_section_5_5() if result is None else result
+    figures = []
+    for name in result.found:
+        what, squares = f"{result.record.name}, Section 5.5, {name}", result.squares(name)
+        figures.append(Figure(what=what, unit="% of squares", reached=squares, asked=1.0))
+        figures.append(Figure(what=f"{what}, relative RMS", unit="%", reached=10.0 * float(np.sqrt(squares))))
     return figures
 
 
-def assess_section_5_5() -> list[Figure]:
-    """Return the measure of Section 5.5 on the prediction half of the SYNTHETIC Dataset-3; the thesis gives 4 %."""
+def run_section_5_5() -> Recovery:
+    """Fit the first two cycles of the SYNTHETIC Dataset-3 and recover the strain of all four."""
     record = specimen_record(3)
     train = record.time < 200.0
     full_scale, noise = float(record.strain.max()), 1.5
@@ -212,31 +334,26 @@ def assess_section_5_5() -> list[Figure]:
     fit = fit_preisach((record,), (train,), settings, full_scale=full_scale, rest_output=0.0)
     shift = 10.0  # resistances must be positive
     output = (record.output[1:] - fit.offset) / fit.scale + shift
-    strain, judged, h = record.strain[1:], ~train[1:], float(record.time[1] - record.time[0])
+    h = float(record.time[1] - record.time[0])
     start = {"rest_resistance": shift, "full_scale_resistance_change": 1.0, "full_scale_strain": full_scale}
-    found = {
-        "exact inverse": (drive(compensator_model(fit.artifact), {"resistance": output}, ("strain",), h, **start)[0], 0)
-    }
+    exact = drive(compensator_model(fit.artifact), {"resistance": output}, ("strain",), h, **start)[0]
+    names = ("strain", "strain_deviation", "delay")
     estimator = compensator_model(fit.artifact, "estimator")
-    late, delay = drive(estimator, {"resistance": output}, ("strain", "delay"), h, noise=noise / fit.scale, **start)
-    found["estimator"] = (late, round(float(delay[-1]) / h))
-    figures = []
-    for name, (estimate, lag) in found.items():
-        keep = judged[: strain.size - lag]
-        true = strain[: strain.size - lag][keep]
-        squares = 100.0 * float(((estimate[lag:][keep] - true) ** 2).sum() / (true**2).sum())
-        what = f"{record.name}, Section 5.5, {name}"
-        figures.append(Figure(what=what, unit="% of squares", reached=squares, asked=1.0))
-        figures.append(Figure(what=f"{what}, relative RMS", unit="%", reached=10.0 * float(np.sqrt(squares))))
-    return figures
+    late, deviation, delay = drive(estimator, {"resistance": output}, names, h, noise=noise / fit.scale, **start)
+    lag = round(float(delay[-1]) / h)
+    return Recovery(
+        record=record,
+        fit=fit,
+        time=record.time[1:],
+        strain=record.strain[1:],
+        judged=~train[1:],
+        found={"exact inverse": exact, "estimator": late[lag:]},
+        deviation=deviation[lag:],
+    )
 
 
-def _ratio(run: Run) -> float:
-    return float(np.sqrt(np.mean((run.error / run.deviation) ** 2)))
-
-
-def _figure(what: str, values: list[float], asked: float | None = None, unit: str = "% of full scale") -> Figure:
-    return Figure(what=what, unit=unit, reached=float(np.sqrt(np.mean(np.square(values)))), asked=asked)
+def _figure(what: str, value: float, asked: float | None = None, unit: str = "% of full scale") -> Figure:
+    return Figure(what=what, unit=unit, reached=value, asked=asked)
 
 
 if __name__ == "__main__":
