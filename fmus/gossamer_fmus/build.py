@@ -205,10 +205,10 @@ def _build_native(
         describe = partial(model_description, model, interface, native=True)
         if fmi == 3:
             describe = partial(model_description_3, model, interface)
-        members = _documents(model, interface)
-        guid = _identifier(members | native.sources(model, "", fmi), describe(""))
+        members, files = _documents(model, interface), native.sources(model, "", fmi)
+        guid = _identifier(members | files, describe(""))
         members["modelDescription.xml"] = describe(guid)
-        prepared.append((model.name, native.sources(model, guid, fmi), members))
+        prepared.append((model.name, native.with_guid(files, guid), members))
         if fmi == 3:
             members["sources/buildDescription.xml"] = build_description(model)
 

@@ -121,6 +121,12 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
     return files
 
 
+def with_guid(files: dict[str, bytes], guid: str) -> dict[str, bytes]:
+    """Return ``sources`` written without a guid with that guid; what CasADi wrote is not written again."""
+    header = files["model.h"].replace(_guid_line("").encode(), _guid_line(guid).encode(), 1)
+    return files | {"model.h": header}
+
+
 def derivative(model: StepModel) -> ca.Function:
     """Return ``derivative(x, u, p, h, dx, du) -> (dx_next, dy)``: how a step changes with its state and inputs."""
     arguments = [ca.MX.sym(name, model.step.nnz_in(i)) for i, name in enumerate("xuph")]
@@ -238,7 +244,7 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
     lines = [
         f"/* Model {model.name}: {model.description}. */",
         f"#define MODEL_NAME {_c_text(model.name)}",
-        f"#define MODEL_GUID {_c_text(guid)}",
+        _guid_line(guid),
         f"#define MODEL_ADVICE {_c_text(model.advice)}",
         f"#define MODEL_DIGEST {digest}",
         "#define CASADI_CODEGEN_PREFIX",
@@ -262,6 +268,10 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
         "};",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _guid_line(guid: str) -> str:
+    return f"#define MODEL_GUID {_c_text(guid)}"
 
 
 def _c_text(text: str) -> str:

@@ -13,7 +13,7 @@ from fmpy.fmi1 import FMICallException
 from fmu_host import Instance, excite
 from gossamer_fmus import NAMES, build_all
 from gossamer_fmus.build import MODELS
-from gossamer_fmus.native import chosen, derivative, fmi_headers, sources, universal
+from gossamer_fmus.native import chosen, derivative, fmi_headers, sources, universal, with_guid
 from gossamer_models import ParameterError, Stepper
 from gossamer_models.membrane import membrane_model
 
@@ -367,6 +367,14 @@ def test_the_sources_name_no_path_and_depend_on_the_model_alone():
     assert first == second
     assert set(first) == {"fmi2.c", "stepper.h", "model.h", "functions.h"}
     assert not any(b"/home" in text or b"/tmp" in text for text in first.values())
+
+
+def test_a_guid_put_in_later_is_all_that_changes():
+    model = MODELS["sensor"]()
+    without = sources(model, "", 2)
+    named = with_guid(without, "{1-2}")
+    assert named == sources(model, "{1-2}", 2)
+    assert [name for name in without if without[name] != named[name]] == ["model.h"]
 
 
 def test_a_universal_library_lists_its_parts_by_processor():
