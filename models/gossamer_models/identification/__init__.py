@@ -3,10 +3,11 @@
 from .assess import Figure
 from .judge import predict_output, recover_strain
 from .plots import everett, plot_everett, plot_history, plot_loop, plot_plane, plot_residual, save_pictures
-from .preisach import Fit, FitSettings, fit_preisach
+from .preisach import Fit, fit_preisach
 from .quality import Determination, Errors, covariance, determinations, doubts, errors
 from .records import Columns, Record, read_record, read_records
 from .run import Identified, identify_files, settings_for, training_rows
+from .settings import FitSettings
 
 __all__ = [
     "Columns",

@@ -1,12 +1,14 @@
 """Every number that identification is asked to reach, from one function; a page of results is made from it.
 
 Training stretches come first in time and test stretches are never looked at: settings are those of
-``settings_for``, the same for all records of a family.
+``settings_for``, the same for all records of a family. ``run_*`` return the fits, for pictures; ``assess_*`` turn them
+into figures.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,11 +18,13 @@ from scipy.optimize import least_squares
 
 from ..specimen import dataset
 from .judge import predict_output, recover_strain
-from .preisach import Fit, FitSettings, fit_preisach
+from .preisach import Fit, fit_preisach
 from .records import Columns, Record, read_record
 from .run import settings_for
+from .settings import FitSettings
 
 Vector = NDArray[np.float64]
+Limits = tuple[float | None, float | None]
 
 NYLON = Columns(strain="output", output="input", sampling_step=0.1)  # the step is assumed; the records have no clock
 CARBON = Columns(time="t_s", strain="strain", output="R_inner_ohm")
@@ -59,6 +63,79 @@ class Figure:
         return self.reached >= self.asked if self.more_is_better else self.reached <= self.asked
 
 
+@dataclass(frozen=True, kw_only=True)
+class SpecimenFit:
+    """One row of Table 4.1 on the SYNTHETIC specimen.
+
+    Attributes
+    ----------
+    modes : int
+        M = P.
+    fit : Fit
+        To 0..200 s of Dataset-1.
+    seconds : float
+        Wall time of the fit [s].
+    records : tuple of Record
+        Dataset-1 and Dataset-2.
+    predicted : tuple of ndarray
+        What the sensor says for them [ohm], from rest.
+    """
+
+    modes: int
+    fit: Fit
+    seconds: float
+    records: tuple[Record, ...]
+    predicted: tuple[Vector, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredFit:
+    """One model fitted to the beginning of one measured record.
+
+    Attributes
+    ----------
+    name, model : str
+        Of the record and of the model: the thesis' drives, or an extension.
+    record : Record
+        What was measured.
+    fit : Fit
+        The sensor.
+    recovered : dict
+        Name of the inverse to the strain [1] it recovers, shape (m,).
+    asked, asked_back : tuple
+        NRMSE [% of range] asked for on the training and the test stretch: of the output, of the strain by the first inverse.
+    """
+
+    name: str
+    model: str
+    record: Record
+    fit: Fit
+    recovered: dict[str, Vector]
+    asked: Limits = (None, None)
+    asked_back: Limits = (None, None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transfer:
+    """A sensor fitted to one measured record and judged on another.
+
+    Attributes
+    ----------
+    source, target, model : str
+        Names of the records and of the model.
+    record : Record
+        The target.
+    predicted : ndarray, shape (m,)
+        What the sensor says for it, in its unit.
+    """
+
+    source: str
+    target: str
+    model: str
+    record: Record
+    predicted: Vector
+
+
 def assess(data: Path | None = None) -> list[Figure]:
     """Compute all figures.
 
@@ -90,12 +167,24 @@ def specimen_record(number: int) -> Record:
     )
 
 
-def assess_specimen() -> list[Figure]:
-    """Return the figures of Table 4.1 on the SYNTHETIC specimen: fitted to 0..200 s of Dataset-1."""
+def assess_specimen(fits: Iterable[SpecimenFit] | None = None) -> list[Figure]:
+    """Return the figures of Table 4.1 on the SYNTHETIC specimen, fitted now or before."""
+    figures = []
+    for row in run_specimen() if fits is None else fits:
+        M = row.modes
+        for record, predicted, asked in zip(row.records, row.predicted, THESIS[M], strict=False):
+            what = f"{record.name}, Preisach M = P = {M}, E1 of the change"
+            figures.append(Figure(what=what, unit="%", reached=e1(record.output, predicted), asked=asked))
+        figures.append(Figure(what=f"fit M = P = {M}, two starts", unit="s", reached=row.seconds, asked=10.0))
+    return figures
+
+
+def run_specimen(modes: Iterable[int] = tuple(THESIS)) -> list[SpecimenFit]:
+    """Fit the modal model to 0..200 s of the SYNTHETIC Dataset-1, for every M = P."""
     first, second = specimen_record(1), specimen_record(2)
     full_scale = float(second.strain.max())
-    figures = []
-    for M, (asked_1, asked_2, _) in THESIS.items():
+    fits = []
+    for M in modes:
         begun = time.perf_counter()
         fit = fit_preisach(
             (first,),
@@ -105,15 +194,9 @@ def assess_specimen() -> list[Figure]:
             rest_output=0.0,
         )
         seconds = time.perf_counter() - begun
-        for record, asked in ((first, asked_1), (second, asked_2)):
-            error = e1(record.output, predict_output(fit, record))
-            figures.append(
-                Figure(
-                    what=f"{record.name}, Preisach M = P = {M}, E1 of the change", unit="%", reached=error, asked=asked
-                )
-            )
-        figures.append(Figure(what=f"fit M = P = {M}, two starts", unit="s", reached=seconds, asked=10.0))
-    return figures
+        predicted = (predict_output(fit, first), predict_output(fit, second))
+        fits.append(SpecimenFit(modes=M, fit=fit, seconds=seconds, records=(first, second), predicted=predicted))
+    return fits
 
 
 def assess_speed() -> list[Figure]:
@@ -167,43 +250,90 @@ def assess_speed() -> list[Figure]:
     ]
 
 
-def assess_measured(data: Path) -> list[Figure]:
-    """Return the figures on measured records."""
-    records = {
+def assess_measured(
+    data: Path, fits: Iterable[MeasuredFit] | None = None, transfers: Iterable[Transfer] | None = None
+) -> list[Figure]:
+    """Return the figures on measured records, fitted now or before."""
+    figures: list[Figure] = []
+    for row in run_measured(data) if fits is None else fits:
+        train, extended = row.fit.train[0], "" if row.model == "extension" else f", {row.model}"
+        figures += _pair(f"{row.name}, forward{extended}", row.record.output, row.fit.predicted[0], train, row.asked)
+        asked = row.asked_back
+        for inverse, found in row.recovered.items():
+            figures += _pair(f"{row.name}, recovered strain, {inverse}", row.record.strain, found, train, asked)
+            asked = (None, None)
+    for each in run_transfers(data) if transfers is None else transfers:
+        what = f"{each.source} -> {each.target}, forward, {each.model}"
+        figures.append(Figure(what=what, unit="% of range", reached=nrmse(each.record.output, each.predicted)))
+    return figures
+
+
+def measured_records(data: Path) -> dict[str, Record]:
+    """Read the measured records, by the names of their files."""
+    return {
         path.stem: read_record(path, columns)
         for folder, columns in (("nylon_silver", NYLON), ("cb_silicone", CARBON))
         for path in sorted((data / folder).glob("*.csv"))
         if path.stem != "stepped_amplitude_7_5wt"
     }
-    figures: list[Figure] = []
-    nylon = replace(settings_for("preisach-hats", extension="falling"), direct_inverse=True)
+
+
+def measured_settings() -> dict[str, FitSettings]:
+    """Return the settings for silver thread, carbon black, jagged carbon black, and with the thesis' drives alone."""
     carbon = settings_for("preisach-hats", extension="reversing", relaxations=9)
-    jagged = replace(carbon, signed=False, ridge=1e-2, relaxation_ridge=1e-2)
-    for name, settings, part, forward, back in (
-        ("strain_triangular", nylon, 0.5, (0.8, 1.8), None),
-        ("strain_sin_30", nylon, 0.5, (0.7, 0.8), (0.7, 1.2)),
-        ("random_sawtooth_7_5wt", jagged, 0.6, (2.5, 3.5), None),
-        ("velocity_profile_10wt", carbon, 0.6, (0.9, 1.4), (3.0, 7.0)),
-    ):
+    return {
+        "nylon": replace(settings_for("preisach-hats", extension="falling"), direct_inverse=True),
+        "carbon": carbon,
+        "jagged": replace(carbon, signed=False, ridge=1e-2, relaxation_ridge=1e-2),
+        "thesis": settings_for("preisach-hats"),
+    }
+
+
+def run_measured(data: Path) -> list[MeasuredFit]:
+    """Fit the beginning of measured records."""
+    records, settings = measured_records(data), measured_settings()
+    fits = []
+    plans: tuple[tuple[str, str, float, Limits, Limits | None], ...] = (
+        ("strain_triangular", "nylon", 0.5, (0.8, 1.8), None),
+        ("strain_sin_30", "nylon", 0.5, (0.7, 0.8), (0.7, 1.2)),
+        ("random_sawtooth_7_5wt", "jagged", 0.6, (2.5, 3.5), None),
+        ("velocity_profile_10wt", "carbon", 0.6, (0.9, 1.4), (3.0, 7.0)),
+        ("velocity_profile_10wt", "thesis", 0.6, (None, None), None),
+    )
+    for name, model, part, asked, asked_back in plans:
         record = records[name]
-        fit = _fit(record, settings, part)
-        train = fit.train[0]
-        figures += _pair(f"{name}, forward", record.output, fit.predicted[0], train, forward)
-        if back is None:
-            continue
-        figures += _pair(
-            f"{name}, recovered strain, direct inverse", record.strain, recover_strain(fit, record), train, back
+        fit = _fit(record, settings[model], part)
+        recovered = {}
+        if asked_back is not None:
+            recovered["direct inverse"] = recover_strain(fit, record)
+            if settings[model].invertible:
+                exact = replace(fit, artifact=replace(fit.artifact, inverse=None))
+                recovered["exact inverse"] = recover_strain(exact, record)
+        fits.append(
+            MeasuredFit(
+                name=name,
+                model="thesis' drives" if model == "thesis" else "extension",
+                record=record,
+                fit=fit,
+                recovered=recovered,
+                asked=asked,
+                asked_back=asked_back or (None, None),
+            )
         )
-        if settings.invertible:
-            exact = replace(fit, artifact=replace(fit.artifact, inverse=None))
-            found = recover_strain(exact, record)
-            figures += _pair(f"{name}, recovered strain, exact inverse", record.strain, found, train, (None, None))
+    return fits
+
+
+def run_transfers(data: Path) -> list[Transfer]:
+    """Fit one whole record and predict another."""
+    records, settings = measured_records(data), measured_settings()
+    transfers = []
     for source, target in (("strain_sin_30", "strain_triangular"), ("strain_triangular", "strain_mixed_15_25")):
-        for model, settings in (("thesis' drives", settings_for("preisach-hats")), ("extension", nylon)):
-            fit = _fit(records[source], settings, 1.0)
-            off = nrmse(records[target].output, predict_output(fit, records[target]))
-            figures.append(Figure(what=f"{source} -> {target}, forward, {model}", unit="% of range", reached=off))
-    return figures
+        for name, model in (("thesis' drives", "thesis"), ("extension", "nylon")):
+            predicted = predict_output(_fit(records[source], settings[model], 1.0), records[target])
+            transfers.append(
+                Transfer(source=source, target=target, model=name, record=records[target], predicted=predicted)
+            )
+    return transfers
 
 
 def e1(measured: Vector, predicted: Vector) -> float:
@@ -223,9 +353,7 @@ def _fit(record: Record, settings: FitSettings, part: float) -> Fit:
     return fit_preisach((record,), (train,), settings, full_scale=full_scale)
 
 
-def _pair(
-    what: str, measured: Vector, predicted: Vector, train: NDArray[np.bool_], asked: tuple[float | None, float | None]
-) -> list[Figure]:
+def _pair(what: str, measured: Vector, predicted: Vector, train: NDArray[np.bool_], asked: Limits) -> list[Figure]:
     size = float(np.ptp(measured))
     return [
         Figure(

@@ -19,61 +19,6 @@ Matrix = NDArray[np.float64]
 GRID_PER_DECADE = 3.5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Block:
-    """One group of parameters.
-
-    Attributes
-    ----------
-    name : str
-        Name with one index per parameter, for instance ``b_mu``.
-    start, lower, upper : ndarray, shape (n,)
-        Start value and bounds [1].
-    linear : bool
-        Whether the output is linear in them, everything else held.
-    spread : float
-        How far other starts lie from this one [1].
-    stiffness : float
-        Weight of the pull towards the start value, relative to the output's range [1].
-    """
-
-    name: str
-    start: Vector
-    lower: Vector
-    upper: Vector
-    linear: bool = False
-    spread: float = 0.0
-    stiffness: float = 0.0
-
-    @property
-    def size(self) -> int:
-        """Number of parameters."""
-        return self.start.size
-
-
-def block(
-    name: str,
-    start: Vector,
-    lower: float,
-    upper: float,
-    *,
-    linear: bool = False,
-    spread: float = 0.0,
-    stiffness: float = 0.0,
-) -> Block:
-    """Make a block with the same bounds for every parameter."""
-    n = start.size
-    return Block(
-        name=name,
-        start=start,
-        lower=np.full(n, lower),
-        upper=np.full(n, upper),
-        linear=linear,
-        spread=spread,
-        stiffness=stiffness,
-    )
-
-
 def modal_field(amplitudes: ca.SX, m: ca.SX, n: ca.SX, places: Vector) -> ca.SX:
     r"""Return a sum of modal functions on all cells, Eqs. (4.14) and (4.16) or (4.15) and (4.17).
 

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError, ParameterError
-from .preisach import Fit, FitSettings, Watch, fit_preisach, with_provenance
+from .preisach import Fit, Watch, fit_preisach, with_provenance
 from .quality import Errors, doubts, errors
 from .records import Columns, Record, read_records
 from .regressors import DRIVES
+from .settings import FitSettings
 
 
 @dataclass(frozen=True, kw_only=True)
