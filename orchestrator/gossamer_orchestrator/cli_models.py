@@ -1,0 +1,162 @@
+"""Commands on models: train the detector, identify a sensor.
+
+Like all commands they parse, call one function and print one result: see ``cli``, which registers them.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from .errors import OrchestratorError
+
+
+def train(
+    out: Annotated[Path, typer.Option(help="File to write, with its arrays beside it.", metavar="FILE")] = Path(
+        "out/detector/single_damage.json"
+    ),
+) -> None:
+    """Train the detector on simulated damage.
+
+    Simulates the membrane with damage in one zone at a time on all cores, which takes a minute or two, writes the networks,
+    and judges the 13 single-damage cases of the thesis' Table 7.1 and unseen cases with them.
+
+    For example:
+
+        gossamer train --out mine.json && gossamer build detector --artifact mine.json
+    """
+    from gossamer_models.detector.training import THESIS_ERROR, assess, train_detector
+    from rich.progress import Progress
+    from rich.table import Table
+
+    console = Console(stderr=True)
+    with model_errors(), Progress(console=console, disable=not console.is_terminal) as progress:
+        task = progress.add_task("simulating damage", total=None)
+        artifact = train_detector(progress=lambda done, total: progress.update(task, completed=done, total=total))
+        out.parent.mkdir(parents=True, exist_ok=True)
+        artifact.write(out)
+        found = {"thesis, Table 7.1, its own training": THESIS_ERROR} | assess(artifact)
+    table = Table(title="Single damage: mean absolute error [% damage]")
+    for heading in ("cases", *THESIS_ERROR):
+        table.add_column(heading)
+    for cases, errors in found.items():
+        table.add_row(cases, *(f"{errors[zones]:.3f}" for zones in THESIS_ERROR))
+    console.print(table)
+    typer.echo(out)
+
+
+def identify(
+    files: Annotated[list[Path], typer.Argument(help="CSV files with a header line; each is a record of one sensor.")],
+    out: Annotated[Path, typer.Option(help="File to write; pictures go beside it.", metavar="FILE")] = Path(
+        "out/identified/sensor.json"
+    ),
+    model: Annotated[str, typer.Option(help="preisach: modal densities; preisach-hats: hat functions.")] = "preisach",
+    modes: Annotated[int, typer.Option(help="Modal functions of mu and of eta.", min=1)] = 7,
+    relaxations: Annotated[int, typer.Option(help="Relaxation kernels.", min=0)] = 7,
+    train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
+    extension: Annotated[
+        str, typer.Option(help="Falling strain drives relaxation: none, falling, or reversing (carbon black).")
+    ] = "none",
+    full_scale: Annotated[
+        float | None, typer.Option(help="Strain [1] at the end of the range; the largest if not given.")
+    ] = None,
+    rest_resistance: Annotated[
+        float | None, typer.Option(help="Resistance at rest [ohm] where it is known; fitted if not given.")
+    ] = None,
+    time: Annotated[str | None, typer.Option(help="Column of time; recognised if not given.", metavar="NAME")] = None,
+    strain: Annotated[str | None, typer.Option(help="Column of strain.", metavar="NAME")] = None,
+    resistance: Annotated[str | None, typer.Option(help="Column of resistance.", metavar="NAME")] = None,
+    time_unit: Annotated[str | None, typer.Option(help="s, ms, us, min or h.")] = None,
+    strain_unit: Annotated[str | None, typer.Option(help="1, %, permille or ustrain.")] = None,
+    resistance_unit: Annotated[str | None, typer.Option(help="ohm, kohm or megohm.")] = None,
+    sampling_step: Annotated[
+        float | None, typer.Option(help="Time between samples [s] of a record without time.")
+    ] = None,
+    sort: Annotated[bool, typer.Option("--sort", help="Sort samples by time instead of refusing them.")] = False,
+    direct_inverse: Annotated[
+        bool, typer.Option("--direct-inverse", help="Fit the way from resistance to strain too, for the compensator.")
+    ] = False,
+    starts: Annotated[int, typer.Option(help="How many starts.", min=1)] = 2,
+    seed: Annotated[int, typer.Option(help="Seed of the starts.")] = 0,
+    origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
+    pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
+) -> None:
+    """Identify a sensor from measured strain and resistance.
+
+    Prints the paths of the artifact and of the pictures; errors on training and test stretches as a table.
+
+    For example:
+
+        gossamer identify measurements.csv --modes 7 --relaxations 7 --train 0:200 --out sensor.json
+
+        gossamer build sensor compensator --artifact sensor.json
+    """
+    import shlex
+
+    from gossamer_models.identification import Columns, identify_files, save_pictures, settings_for
+    from rich.table import Table
+
+    console = Console(stderr=True)
+    columns = Columns(
+        time=time,
+        strain=strain,
+        output=resistance,
+        time_unit=time_unit,
+        strain_unit=strain_unit,
+        output_unit=resistance_unit,
+        sampling_step=sampling_step,
+        sort=sort,
+    )
+    names = {str(path): path.name for path in (*files, out)}
+    command = shlex.join(["gossamer", *(names.get(argument, argument) for argument in sys.argv[1:])])
+    with model_errors(), console.status("reading the records") as status:
+        found = identify_files(
+            files,
+            columns=columns,
+            train=train,
+            settings=settings_for(
+                model,
+                modes=modes,
+                relaxations=relaxations,
+                extension=extension,
+                starts=starts,
+                seed=seed,
+                direct_inverse=direct_inverse,
+            ),
+            full_scale=full_scale,
+            rest_output=rest_resistance,
+            command=command,
+            origin=origin,
+            watch=lambda name, i, error: status.update(f"{name}, step {i}: error {error:.3f} % of range"),
+        )
+        out.parent.mkdir(parents=True, exist_ok=True)
+        found.fit.artifact.write(out)
+        drawn = save_pictures(found.fit, found.records, out.with_suffix("")) if pictures else []
+    table = Table("record", "stretch", "samples", "E1 [%]", "NRMSE [% of range]")
+    for e in found.errors:
+        table.add_row(e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}")
+    console.print(table)
+    for sentence in found.remarks:
+        console.print(sentence, style="yellow")
+    for path in (out, *drawn):
+        typer.echo(path)
+
+
+@contextmanager
+def model_errors() -> Iterator[None]:
+    """Make what a model refuses an expected error of this program."""
+    from gossamer_models import GossamerError
+
+    try:
+        yield
+    except (GossamerError, ModuleNotFoundError) as error:
+        raise OrchestratorError(str(error)) from error
+    except OSError as error:
+        msg = f"cannot write there: {error}. Name another place with --out."
+        raise OrchestratorError(msg) from error
