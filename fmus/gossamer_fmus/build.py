@@ -31,11 +31,15 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import gossamer_models
 from gossamer_models import ParameterError, StepModel
+from gossamer_models.artifacts import artifact_schema
 from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import DetectorArtifact, detector_model
+from gossamer_models.fractional import SCHEMA as FRACTIONAL
+from gossamer_models.fractional import FractionalArtifact, fractional_sensor_model
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import SensorArtifact, sensor_model
 
@@ -45,11 +49,22 @@ from .diagram import diagrams
 from .interface import NAMES, Interface, read_interface
 from .native import FmiVersion
 
-MODELS: dict[str, Callable[[], StepModel]] = {
+MODELS: dict[str, Callable[..., StepModel]] = {
     "membrane": membrane_model,
     "sensor": sensor_model,
     "compensator": compensator_model,
     "detector": detector_model,
+}
+_CHOICES = {
+    "membrane": ("elements_per_side",),
+    "sensor": ("artifact",),
+    "compensator": ("artifact", "method"),
+    "detector": ("artifact",),
+}
+_HAS_NO = {
+    "artifact": "FMU {!r} is not built from an artifact. Name the FMUs to build: sensor compensator, or detector.",
+    "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
+    "method": "FMU {!r} has no method. Name the compensator alone to choose its method.",
 }
 _STEP_FILES = ("errors.py", "step_model.py", "stepper.py")
 _PYTHONFMU_FILES = ("_version.py", "default_experiment.py", "enums.py", "fmi2slave.py", "logmsg.py", "variables.py")
@@ -154,7 +169,8 @@ def build_all(
     names : iterable of str
         Which ones.
     artifact : Path, optional
-        Identified sensor or trained detector; every FMU named must be built from this kind of artifact.
+        Identified sensor, of either family, or trained detector; every FMU named must be built from this kind of
+        artifact.
     elements_per_side : int, optional
         Mesh of the membrane, which must be the only name.
     method : str, optional
@@ -181,9 +197,8 @@ def build_all(
     if not native and (fmi != 2 or tuple(platforms)):
         msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Add --native."
         raise ParameterError(msg)
-    models = {
-        name: _model(name, artifact, elements_per_side, method, compiled=native) for name in names
-    }  # all or nothing
+    choices = {"artifact": artifact, "elements_per_side": elements_per_side, "method": method}
+    models = {name: _model(name, choices, compiled=native) for name in names}  # all or nothing
     if not native:
         return {name: build_fmu(model, folder) for name, model in models.items()}
     pairs = [(model, read_interface(name)) for name, model in models.items()]
@@ -227,27 +242,27 @@ def _build_native(
     ]
 
 
-def _model(
-    name: str, artifact: Path | None, elements_per_side: int | None, method: str | None, *, compiled: bool
-) -> StepModel:
-    if method is not None:
-        if name != "compensator":
-            msg = f"FMU {name!r} has no method. Name the compensator alone to choose its method."
-            raise ParameterError(msg)
-        sensor = None if artifact is None else SensorArtifact.read(artifact)
-        return compensator_model(sensor, method)  # type: ignore[arg-type]  # refuses what it does not know
-    if name == "membrane" and artifact is None:
-        return membrane_model(elements_per_side or 8, compiled=compiled)
-    if elements_per_side is not None:
-        msg = f"FMU {name!r} has no mesh. Name the membrane alone to choose its elements per side."
-        raise ParameterError(msg)
+def _model(name: str, choices: dict[str, Any], *, compiled: bool) -> StepModel:
+    """Build the model of one FMU; refuse a choice that it does not have."""
+    given = {option: value for option, value in choices.items() if value is not None}
+    for option in given:
+        if option not in _CHOICES[name]:
+            raise ParameterError(_HAS_NO[option].format(name))
+    artifact = given.pop("artifact", None)
+    if name == "membrane":
+        return membrane_model(**given, compiled=compiled)
     if artifact is None:
-        return MODELS[name]()
-    if name in ("sensor", "compensator"):
-        return {"sensor": sensor_model, "compensator": compensator_model}[name](SensorArtifact.read(artifact))
+        return MODELS[name](**given)
     if name == "detector":
         return detector_model(DetectorArtifact.read(artifact))
-    msg = f"FMU {name!r} is not built from an artifact. Name the FMUs to build: sensor compensator, or detector."
+    if artifact_schema(artifact) != FRACTIONAL:
+        return MODELS[name](SensorArtifact.read(artifact), **given)
+    if name == "sensor":
+        return fractional_sensor_model(FractionalArtifact.read(artifact))
+    msg = (
+        f"{artifact} holds a fractional model, which has no inverse: no compensator can be built from it. Identify the "
+        "same records with --model preisach for one, or build the sensor alone."
+    )
     raise ParameterError(msg)
 
 

@@ -62,19 +62,37 @@ def read_artifact(path: Path, schema: str, version: int) -> dict[str, Any]:
     ArtifactError
         The file is missing or truncated, or of another schema or version.
     """
-    try:
-        card = json.loads(path.read_text(encoding="utf-8"))
-        found = (card["schema"], card["version"])
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError, KeyError, TypeError) as error:
-        msg = f"cannot read the artifact {path}: {error!r}. Make it again or name another file."
-        raise ArtifactError(msg) from error
+    card = _card(path)
+    found = (card["schema"], card["version"])
     if found != (schema, version):
         msg = (
             f"{path} holds {found[0]!r} version {found[1]!r}; this program reads {schema!r} version {version}. "
             "Make it again with this version of Gossamer."
         )
         raise ArtifactError(msg)
-    return dict(card)
+    return card
+
+
+def artifact_schema(path: Path) -> str:
+    """Return the schema of an artifact, which tells who can read it.
+
+    Raises
+    ------
+    ArtifactError
+        The file is missing or truncated.
+    """
+    return str(_card(path)["schema"])
+
+
+def _card(path: Path) -> dict[str, Any]:
+    """Read a card that says at least its schema and version."""
+    try:
+        card = dict(json.loads(path.read_text(encoding="utf-8")))
+        card["schema"], card["version"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        msg = f"cannot read the artifact {path}: {error!r}. Make it again or name another file."
+        raise ArtifactError(msg) from error
+    return card
 
 
 def read_arrays(path: Path, card: dict[str, Any]) -> dict[str, NDArray[np.float64]]:

@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 
 import casadi as ca
 import fmpy
@@ -156,3 +157,30 @@ def test_an_artifact_a_mesh_or_a_method_can_be_chosen(fmus, tmp_path):
         build_all(tmp_path, ["sensor"], elements_per_side=8)
     with pytest.raises(ArtifactError, match=r"gossamer\.sensor"):
         build_all(tmp_path, ["detector"], artifact=tmp_path / "sensor.json")
+
+
+@only_python
+def test_a_fractional_artifact_builds_a_sensor_and_nothing_else(fmus, tmp_path):
+    from gossamer_models.fractional import FractionalArtifact, FractionalTerm
+
+    term = FractionalTerm(coefficient=0.1, order=0.3)
+    artifact = FractionalArtifact(
+        model="sub-model-1", direct=0.4, terms=(term,), full_scale_strain=0.1, resistance_change=50.0
+    )
+    path = tmp_path / "fractional.json"
+    artifact.write(path)
+    built = build_all(tmp_path, ["sensor"], artifact=path)["sensor"]
+    assert validate_fmu(str(built)) == []
+    both = [fmpy.read_model_description(str(fmu)).modelVariables for fmu in (built, fmus["sensor"])]
+    names = [[(v.name, v.unit, v.causality) for v in variables] for variables in both]
+    assert names[0] == names[1]
+    with pytest.raises(ParameterError, match=r"fractional.json holds .* no inverse.*--model preisach"):
+        build_all(tmp_path, ["sensor", "compensator"], artifact=path)
+    with pytest.raises(ArtifactError, match=r"gossamer\.fractional"):
+        build_all(tmp_path, ["detector"], artifact=path)
+    replace(artifact, model="sub-model-2").write(path)
+    with pytest.raises(ParameterError, match=r"whole record.*fractional-sub-model-1"):
+        build_all(tmp_path, ["sensor"], artifact=path)
+    path.write_text("{}")
+    with pytest.raises(ArtifactError, match="cannot read the artifact"):
+        build_all(tmp_path, ["sensor"], artifact=path)

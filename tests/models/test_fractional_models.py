@@ -5,7 +5,7 @@ from dataclasses import replace
 import fmpy
 import numpy as np
 import pytest
-from gossamer_fmus import Interface, build_fmu, build_native_fmu
+from gossamer_fmus import build_fmu, build_native_fmu
 from gossamer_models import ArtifactError, DataError, ParameterError, Stepper
 from gossamer_models.fractional import (
     FadingTerm,
@@ -25,6 +25,7 @@ from gossamer_models.fractional.artifact import MODELS
 from gossamer_models.fractional.assess import limits, record_of
 from gossamer_models.fractional.columns import Columns
 from gossamer_models.fractional.problem import SeparableProblem, random_starts
+from gossamer_models.sensor import sensor_model
 from gossamer_models.specimen import dataset
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -149,17 +150,35 @@ def test_the_loop_runs_anticlockwise_climbs_and_relaxes():
 
 def test_only_sub_model_1_steps():
     for artifact in (TURNED, DERIVATIVES):
-        with pytest.raises(ParameterError, match="need the whole record"):
+        with pytest.raises(ParameterError, match=r"need the whole record.*Identify .* fractional-sub-model-1"):
             fractional_sensor_model(artifact)
+
+
+def test_its_interface_is_that_of_the_sensor():
+    """So its FMU takes the sensor's place in a scenario."""
+    both = [[(v.name, v.causality, v.unit) for v in m.variables] for m in (MODEL, sensor_model())]
+    assert both[0] == both[1]
+    assert MODEL.name == sensor_model().name
+
+
+def test_strain_outside_the_identified_range_is_flagged_and_not_clipped():
+    sensor = Stepper(MODEL)
+    sensor.initialize()
+    flags, resistances = [], []
+    for strain in (0.07, 0.08, -0.001, 0.02):
+        sensor.set("strain", strain)
+        sensor.step(1.0)
+        flags.append(sensor.get("saturated"))
+        resistances.append(sensor.get("resistance"))
+    assert flags == [0.0, 1.0, 1.0, 0.0]
+    assert resistances[1] > resistances[0]
 
 
 @pytest.mark.parametrize("kind", ["python", "native"])
 def test_sub_model_1_runs_as_an_fmu(kind, tmp_path):
-    (tmp_path / "README.md").write_text("# Fractional sensor\n")
-    interface = Interface(folder=tmp_path, title="Fractional sensor", stop_time=200.0, step_size=H)
     if kind == "native":
         pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
-    path = (build_fmu if kind == "python" else build_native_fmu)(MODEL, tmp_path, interface)
+    path = (build_fmu if kind == "python" else build_native_fmu)(MODEL, tmp_path)
     inputs = np.array(
         list(zip(TIME + H, np.append(STRAIN[1:], 0.0), strict=True)), dtype=[("time", "f8"), ("strain", "f8")]
     )

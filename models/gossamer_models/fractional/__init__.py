@@ -1,6 +1,6 @@
 """Fractional models of the sensor: memory that fades as a power of time."""
 
-from .artifact import FadingTerm, FractionalArtifact, FractionalTerm
+from .artifact import SCHEMA, FadingTerm, FractionalArtifact, FractionalTerm
 from .identify import FractionalFit, identify_fractional
 from .kernels import ModeGrid
 from .model import fractional_sensor_model, predict
@@ -10,6 +10,7 @@ from .records import Misfit, UniformRecord, misfit
 from .settings import FractionalSettings
 
 __all__ = [
+    "SCHEMA",
     "FadingTerm",
     "FractionalArtifact",
     "FractionalFit",

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ParameterError
-from ..sensor.model import SCALE_VARIABLES, SIGNAL_VARIABLES
+from ..sensor.model import SCALE_VARIABLES, SIGNAL_VARIABLES, saturated_variable
 from ..sensor.relaxation import phi_1, phi_2
 from ..step_model import StepModel, Variable
 from .artifact import FadingTerm, FractionalArtifact
@@ -111,7 +111,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
     Returns
     -------
     StepModel
-        Input ``strain`` [1]; output ``resistance`` [ohm]; parameters named as those of ``sensor_model``.
+        The interface of ``sensor_model``: input ``strain`` [1]; outputs ``resistance`` [ohm] and ``saturated`` [1].
 
     Raises
     ------
@@ -123,10 +123,14 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
     The step is exact for strain that is linear over it, so a ramp may be cut into any steps. Its memory is that of
     the batch evaluation, so both give the same numbers. A fractional integral of a constant grows without end, so
     here it acts on the change of strain since the run began: a sensor at rest stays at rest. With ``rest_strain`` =
-    0, as in the thesis, this is Eq. (3.21).
+    0, as in the thesis, this is Eq. (3.21). Beyond full scale the model goes on, where it was not identified:
+    ``saturated`` says so.
     """
     if artifact.model != "sub-model-1":
-        msg = f"{artifact.model} cannot step: its phases need the whole record. Identify sub-model-1."
+        msg = (
+            f"the fractional {artifact.model} cannot step: its phases need the whole record, so it serves offline only. "
+            "Identify the same records with --model fractional-sub-model-1, or preisach."
+        )
         raise ParameterError(msg)
     weights, mass = summed_weights(artifact)
     rates, w = ca.DM(artifact.grid.rates), ca.DM(weights)
@@ -135,20 +139,25 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
     strain, p = ca.MX.sym("strain"), ca.MX.sym("p", len(SCALE_VARIABLES))
     R0, dR, full_scale, rest_strain = ca.vertsplit(p)
 
-    init = ca.Function("init", [strain, p], [ca.DM.zeros(n + 1), R0 + dR * artifact.direct * rest_strain / full_scale])
+    rest = rest_strain / full_scale
+    init = ca.Function(
+        "init", [strain, p], [ca.DM.zeros(n + 1), ca.vertcat(R0 + dR * artifact.direct * rest, rest > 1.0)]
+    )
 
     z, before = x[:n], x[n]  # before, s: changes of strain since the run began [1]
     s = (strain - rest_strain) / full_scale
     late = phi_2(rates * h)
     z = ca.exp(-rates * h) * z + h * ((phi_1(rates * h) - late) * before + late * s)
     output = artifact.direct * strain / full_scale + mass * s + ca.dot(w, z)
-    step = ca.Function("step", [x, strain, p, h], [ca.vertcat(z, s), R0 + dR * output])
+    outside = ca.logic_or(strain > full_scale, strain < 0.0)
+    step = ca.Function("step", [x, strain, p, h], [ca.vertcat(z, s), ca.vertcat(R0 + dR * output, outside)])
     return StepModel(
-        name="fractional_sensor",
+        name="sensor",  # by which scenarios and reports know it
         description="Conductive polymer strain sensor with fractional memory",
         variables=(
             *_scale_variables(artifact),
             *SIGNAL_VARIABLES,
+            saturated_variable("1 if the strain is outside 0 to full scale, where the model is not identified, else 0"),
         ),
         init=init,
         step=step,
@@ -168,7 +177,9 @@ def _scale_variables(artifact: FractionalArtifact) -> tuple[Variable, ...]:
             description="Change of resistance that a model output of one stands for",
         ),
         replace(
-            full_scale, start=artifact.full_scale_strain, description="Strain that the model's strain is measured in"
+            full_scale,
+            start=artifact.full_scale_strain,
+            description="Strain at the end of the identified range, which the model's strain is measured in",
         ),
         replace(rest_strain, description="Strain at which the run starts; its memory acts on the change from there"),
     )
