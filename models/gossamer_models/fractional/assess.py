@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..measures import e1
 from ..specimen import Dataset, dataset
 from .artifact import MODELS, ModelName
 from .identify import FractionalFit, identify_fractional
@@ -161,7 +162,7 @@ def limits() -> Limits:
     def best(*signals: np.ndarray) -> float:
         X = np.column_stack([np.column_stack([u, modes(u, record.sampling_step, rates)]) for u in signals])
         X /= np.linalg.norm(X, axis=0)
-        return _e1(change - X @ np.linalg.lstsq(X, change, rcond=1e-10)[0], change)
+        return e1(change, X @ np.linalg.lstsq(X, change, rcond=1e-10)[0], rest=0.0)
 
     both = [
         replace(each, train=slice(None), weight=float(np.ptp(each.resistance)) ** -2.0)
@@ -172,15 +173,11 @@ def limits() -> Limits:
     twice = 2.0 * (one.noise_free[:n] - one.rest_resistance)
     return Limits(
         noise=(
-            _e1(one.resistance - one.noise_free, change),
-            _e1(two.resistance - two.noise_free, two.resistance_change),
+            e1(one.resistance, one.noise_free, rest=one.rest_resistance),
+            e1(two.resistance, two.noise_free, rest=two.rest_resistance),
         ),
         linear=best(one.strain),
         linear_with_phases=best(one.strain, quadrature(one.strain)),
-        doubling=_e1(two.noise_free - two.rest_resistance - twice, two.resistance_change),
+        doubling=e1(two.noise_free, two.rest_resistance + twice, rest=two.rest_resistance),
         model_1_informed=(informed.train[0].e1, informed.train[1].e1),
     )
-
-
-def _e1(error: np.ndarray, change: np.ndarray) -> float:
-    return float(100.0 * np.abs(error).sum() / np.abs(change).sum())

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..measures import e1, nrmse
 from .artifact import FractionalArtifact
 from .model import predict
 
@@ -76,7 +77,7 @@ class Misfit:
     Attributes
     ----------
     e1 : float
-        100 sum |R_ex - R| / sum |R_ex| [%] of the change of resistance, the measure of Section 3.3.
+        Of the change of resistance [%], see ``measures.e1``.
     nrmse : float
         Root mean square error [% of the range of the record].
     """
@@ -87,12 +88,9 @@ class Misfit:
 
 def misfit(artifact: FractionalArtifact, record: UniformRecord, stretch: slice = slice(None)) -> Misfit:
     """Compare a model, run through the whole record, with a stretch of it; not a number if that is empty."""
+    predicted = predict(artifact, record.strain, record.sampling_step) - artifact.rest_resistance
     change = record.resistance - record.rest_resistance
-    error = change + artifact.rest_resistance - predict(artifact, record.strain, record.sampling_step)
-    size, part = np.abs(change[stretch]).sum(), error[stretch]
-    if not size > 0.0:
-        return Misfit(e1=float("nan"), nrmse=float("nan"))
     return Misfit(
-        e1=float(100.0 * np.abs(part).sum() / size),
-        nrmse=float(100.0 * np.sqrt(np.mean(part**2)) / np.ptp(change)),
+        e1=e1(change[stretch], predicted[stretch], rest=0.0),
+        nrmse=nrmse(change[stretch], predicted[stretch], float(np.ptp(change))),
     )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from ..measures import e1, nrmse
 from ..specimen import dataset
 from .judge import predict_output, recover_strain
 from .preisach import Fit, fit_preisach
@@ -174,7 +175,7 @@ def assess_specimen(fits: Iterable[SpecimenFit] | None = None) -> list[Figure]:
         M = row.modes
         for record, predicted, asked in zip(row.records, row.predicted, THESIS[M], strict=False):
             what = f"{record.name}, Preisach M = P = {M}, E1 of the change"
-            figures.append(Figure(what=what, unit="%", reached=e1(record.output, predicted), asked=asked))
+            figures.append(Figure(what=what, unit="%", reached=e1(record.output, predicted, rest=0.0), asked=asked))
         figures.append(Figure(what=f"fit M = P = {M}, two starts", unit="s", reached=row.seconds, asked=10.0))
     return figures
 
@@ -334,17 +335,6 @@ def run_transfers(data: Path) -> list[Transfer]:
                 Transfer(source=source, target=target, model=name, record=records[target], predicted=predicted)
             )
     return transfers
-
-
-def e1(measured: Vector, predicted: Vector) -> float:
-    """Return the thesis' error, ``100 sum|y_m - y| / sum|y_m|`` [%]."""
-    return 100.0 * float(np.abs(predicted - measured).sum() / np.abs(measured).sum())
-
-
-def nrmse(measured: Vector, predicted: Vector, size: float | None = None) -> float:
-    """Return the root mean square error [% of the range]."""
-    size = float(np.ptp(measured)) if size is None else size
-    return 100.0 * float(np.sqrt(np.mean((predicted - measured) ** 2))) / size
 
 
 def _fit(record: Record, settings: FitSettings, part: float) -> Fit:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..measures import e1, nrmse
 from .preisach import Fit
 from .records import Record
 
@@ -30,7 +31,7 @@ class Errors:
     samples : int
         How many samples.
     e1 : float
-        The thesis' error, ``100 sum|y_m - y| / sum|y_m|`` [%].
+        Of the change of output from rest [%], see ``measures.e1``.
     nrmse : float
         Root mean square error over the range of the record [%].
     """
@@ -42,16 +43,14 @@ class Errors:
     nrmse: float
 
 
-def errors(record: str, stretch: str, measured: Vector, predicted: Vector, size: float) -> Errors:
-    """Compare a prediction with a measurement; ``size`` is the range of the whole record."""
-    off = predicted - measured
-    total = float(np.abs(measured).sum())
+def errors(record: str, stretch: str, measured: Vector, predicted: Vector, *, rest: float, size: float) -> Errors:
+    """Compare a prediction with a measurement; ``rest`` is the output at rest, ``size`` the range of the whole record."""
     return Errors(
         record=record,
         stretch=stretch,
-        samples=off.size,
-        e1=100.0 * float(np.abs(off).sum()) / total if total else float("nan"),
-        nrmse=100.0 * float(np.sqrt(np.mean(off**2))) / size if off.size else float("nan"),
+        samples=measured.size,
+        e1=e1(measured, predicted, rest=rest),
+        nrmse=nrmse(measured, predicted, size),
     )
 
 

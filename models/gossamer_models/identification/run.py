@@ -54,6 +54,9 @@ def settings_for(
     starts: int = 2,
     seed: int = 0,
     direct_inverse: bool = False,
+    tau: tuple[float, ...] | None = None,
+    exponents: tuple[float, ...] | None = None,
+    knots: int | None = None,
 ) -> FitSettings:
     """Return the settings of a model by its name.
 
@@ -71,25 +74,40 @@ def settings_for(
         How many starts, and their seed.
     direct_inverse : bool
         Whether to fit the way from output to strain as well, for the compensator to use.
+    tau, exponents : tuple of float or None
+        Times [s] and exponents c [1] of the P kernels, which are then fixed; None to fit them.
+    knots : int or None
+        Knots of the hat functions along each axis (preisach-hats only); None for 9, which rich records determine.
 
     Raises
     ------
     ParameterError
-        No such model or extension.
+        No such model or extension, or a choice that it does not have.
     """
     for name, known in ((model, MODELS), (extension, EXTENSIONS)):
         if name not in known:
             msg = f"there is no {name!r}; it is one of {', '.join(known)}"
             raise ParameterError(msg)
+    if knots is not None and model != "preisach-hats":
+        msg = f"{model} has no knots. Choose its modes, or the model preisach-hats."
+        raise ParameterError(msg)
+    if extension == "reversing" and (tau is not None or exponents is not None):
+        msg = (
+            "the extension reversing has fixed kernels of its own. Leave tau and exponents out, or choose another one."
+        )
+        raise ParameterError(msg)
     common: dict[str, Any] = {"modes": modes, "relaxations": relaxations, "starts": starts, "seed": seed}
-    common["direct_inverse"] = direct_inverse
+    common |= {"direct_inverse": direct_inverse, "tau": tau, "exponents": exponents}
     if model == "preisach-hats":
         common |= {"density": "hats", "n_knots": 9, "ridge": 3e-3}
     if extension != "none":
         common["drives"] = DRIVES
     if extension == "reversing":
         common |= {"signed": True, "invertible": False, "eta": (1.0, 1.0), "fit_kernels": False}
-        common |= {"n_knots": 6, "ridge": 5e-5, "smoothness": 5e-5, "relaxation_ridge": 5e-5, "starts": 1}
+        common["n_knots"] = 6
+        common |= {"ridge": 5e-5, "smoothness": 5e-5, "relaxation_ridge": 5e-5, "starts": 1}
+    if knots is not None:
+        common["n_knots"] = knots
     return FitSettings(**common)
 
 
@@ -193,5 +211,7 @@ def stretch_errors(fit: Fit, records: tuple[Record, ...]) -> tuple[Errors, ...]:
         size = float(np.ptp(record.output))
         for stretch, part in (("train", rows), ("test", ~rows)):
             if part.any():
-                found.append(errors(record.name, stretch, record.output[part], predicted[part], size))
+                found.append(
+                    errors(record.name, stretch, record.output[part], predicted[part], rest=fit.offset, size=size)
+                )
     return tuple(found)
