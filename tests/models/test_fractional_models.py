@@ -291,11 +291,30 @@ def test_several_records_are_weighed():
 
 def test_uneven_samples_are_brought_to_equal_steps():
     time = np.array([1.0, 1.5, 3.0, 4.0])
-    found = UniformRecord.resampled(time, 0.01 * time, 2.0 * time, train_until=2.0, name="uneven")
+    found = UniformRecord.resampled(time, 0.01 * time, 2.0 * time, train=(-np.inf, 2.0), name="uneven")
     assert found.sampling_step == 1.0
     assert found.strain == pytest.approx([0.01, 0.02, 0.03, 0.04])
     assert found.resistance == pytest.approx([2.0, 4.0, 6.0, 8.0])
     assert found.train == slice(0, 2)
+
+
+def test_a_hold_that_was_not_sampled_does_not_coarsen_the_rest():
+    time = np.concatenate([np.arange(10.0), [15.0], 15.0 + np.arange(1.0, 10.0)])
+    assert UniformRecord.resampled(time, time, time).sampling_step == 1.0
+    time[-1] = 1e6
+    assert UniformRecord.resampled(time, time, time).strain.size == 4 * 19 + 1
+
+
+@pytest.mark.parametrize("artifact", ALL, ids=lambda a: a.model)
+def test_the_resistance_at_rest_is_fitted_where_it_is_not_known(artifact):
+    chosen = FractionalSettings(n_terms=len(artifact.terms), n_fading=2, ridge=0.0, starts=5)
+    fit = identify_fractional([replace(record(artifact), rest_resistance=None)], artifact.model, chosen, full_scale=0.1)
+    assert fit.artifact.rest_resistance == pytest.approx(1000.0, abs=0.05)
+    assert fit.artifact.full_scale_strain == 0.1
+    assert fit.parameters["R_0"].value == fit.artifact.rest_resistance
+    assert fit.parameters["R_0"].standard_error < 0.1
+    assert fit.covariance.shape == (len(fit.parameters),) * 2
+    assert fit.train[0].e1 < 0.02
 
 
 def test_starts_fill_the_box():
@@ -338,6 +357,8 @@ def test_records_that_cannot_be_fitted_are_refused():
             identify_fractional([bad], "sub-model-1")
     with pytest.raises(DataError, match="at least one"):
         identify_fractional([], "sub-model-1")
+    with pytest.raises(DataError, match="for all or for none"):
+        identify_fractional([good, replace(good, rest_resistance=None)], "sub-model-1")
     with pytest.raises(ParameterError, match="model-9"):
         identify_fractional([good], "model-9")
     with pytest.raises(ParameterError, match="bounds of orders"):

@@ -2,7 +2,7 @@ r"""What one record contributes to a fit: the terms of a fractional model as col
 
 Symbols: :math:`\theta` = (orders :math:`a_k`, rates :math:`p_l`, exponents :math:`q_l`); ``Phi`` columns of unit
 coefficient in the order strain, terms on the strain, terms on its quadrature (models with phases), fading integrals
-(model-1).
+(model-1), one (where the resistance at rest is fitted).
 """
 
 from __future__ import annotations
@@ -37,12 +37,24 @@ class Columns:
         Number of fractional and of fading terms.
     grid : ModeGrid
         Rates of the memory.
+    offset : bool
+        Whether a constant is among the terms.
     """
 
     def __init__(
-        self, s: Vector, h: float, kept: slice, model: ModelName, n_terms: int, n_fading: int, grid: ModeGrid
+        self,
+        s: Vector,
+        h: float,
+        kept: slice,
+        model: ModelName,
+        n_terms: int,
+        n_fading: int,
+        grid: ModeGrid,
+        *,
+        offset: bool = False,
     ) -> None:
         grid_of(s, h, grid)
+        self._offset = offset
         self.n_terms = n_terms
         self.n_fading = n_fading if model == "model-1" else 0
         self._s, self._kept, self._model = s[kept], kept, model
@@ -56,7 +68,12 @@ class Columns:
     @property
     def n_columns(self) -> int:
         """Number of coefficients."""
-        return 1 + len(self._memories) * self.n_terms + self.n_fading
+        return self.first_fading + self.n_fading + self._offset
+
+    @property
+    def first_fading(self) -> int:
+        """Place of the first fading integral."""
+        return 1 + len(self._memories) * self.n_terms
 
     def evaluate(self, theta: Vector) -> tuple[Matrix, list[Matrix]]:
         r"""Return the columns and their derivatives.
@@ -83,9 +100,11 @@ class Columns:
                 column = 1 + i * N + k
                 Phi[:, column], slopes[k][:, column] = memory @ g, memory @ dg
         for k, (p, q) in enumerate(zip(theta[N : N + L], theta[N + L :], strict=True)):
-            column = Phi.shape[1] - L + k
+            column = self.first_fading + k
             value, by_rate, by_exponent = (np.array(each).ravel()[self._kept] for each in self._fading(p, q))
             Phi[:, column], slopes[N + k][:, column], slopes[N + L + k][:, column] = value, by_rate, by_exponent
+        if self._offset:
+            Phi[:, -1] = 1.0
         return Phi, slopes
 
 

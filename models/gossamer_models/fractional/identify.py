@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,7 @@ class FractionalFit:
         The model.
     parameters : dict of Parameter
         By the thesis' names: ``C_0``, ``C_1``, ``a_1``, ``b_1``, ..., ``p_1``, ``q_1``; coefficients of the
-        normalised model.
+        normalised model. ``R_0`` [ohm] where it was fitted.
     covariance : ndarray, shape (n, n)
         Of the parameters, in this order, for white residuals; those of a model that is not quite right are not white,
         and then it tells only which parameters the data cannot separate.
@@ -77,6 +77,8 @@ def identify_fractional(
     model: ModelName,
     settings: FractionalSettings | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    *,
+    full_scale: float | None = None,
 ) -> FractionalFit:
     """Fit one of the three fractional models to one or more records.
 
@@ -90,6 +92,8 @@ def identify_fractional(
         None for five terms and three fading integrals.
     progress : callable
         Told the misfit that each start came to.
+    full_scale : float or None
+        Strain [1] at the end of the range; None for the largest in the records.
 
     Returns
     -------
@@ -99,7 +103,8 @@ def identify_fractional(
     Raises
     ------
     DataError
-        A record is not finite, constant, too long for the memory or too short for the parameters.
+        A record is not finite, constant, too long for the memory or too short for the parameters; or the resistance at
+        rest is known for some records and not for others.
     ParameterError
         There is no such model.
     """
@@ -111,9 +116,14 @@ def identify_fractional(
     if not records:
         msg = "there is no record to fit. Give at least one."
         raise DataError(msg)
+    if len({record.rest_resistance is None for record in records}) > 1:
+        msg = (
+            "the resistance at rest is given for some records and to be fitted for others. Give it for all or for none."
+        )
+        raise DataError(msg)
     for record in records:
-        _check(record, settings)
-    fit = ModelFit(records, model, settings)
+        _check(record, settings if model == "model-1" else replace(settings, n_fading=0))
+    fit = ModelFit(records, model, settings, full_scale)
     costs, points = [], []
     for k, start in enumerate(random_starts(*fit.box, settings.n_terms, settings.starts, settings.seed)):
         found = least_squares(

@@ -170,7 +170,9 @@ def _scale_variables(artifact: FractionalArtifact) -> tuple[Variable, ...]:
     """Return the sensor's parameters, same names and order, with the artifact's values and what they mean here."""
     rest, change, full_scale, rest_strain = SCALE_VARIABLES
     return (
-        replace(rest, start=artifact.rest_resistance),
+        replace(
+            rest, start=artifact.rest_resistance, minimum=min(0.0, artifact.rest_resistance)
+        ),  # no resistance but a signal
         replace(
             change,
             start=artifact.resistance_change,

@@ -37,17 +37,37 @@ class Parameter:
 class ModelFit:
     """One model on some records: the problem to solve, and what its solution means."""
 
-    def __init__(self, records: Sequence[UniformRecord], model: ModelName, settings: FractionalSettings) -> None:
-        self._model, self._settings, self._rest = model, settings, records[0].rest_resistance
-        self.full_scale = max(float(np.abs(record.strain).max()) for record in records)
-        changes = [(record.resistance - record.rest_resistance)[record.train] for record in records]
+    def __init__(
+        self,
+        records: Sequence[UniformRecord],
+        model: ModelName,
+        settings: FractionalSettings,
+        full_scale: float | None = None,
+    ) -> None:
+        self._model, self._settings = model, settings
+        largest = max(float(np.abs(record.strain).max()) for record in records)
+        self.full_scale = largest if full_scale is None else full_scale
+        known = records[0].rest_resistance
+        self._offset, self._rest = known is None, float(records[0].resistance[0]) if known is None else known
+        rests = [self._rest if record.rest_resistance is None else record.rest_resistance for record in records]
+        changes = [(record.resistance - rest)[record.train] for record, rest in zip(records, rests, strict=True)]
         self.scale = max(float(np.ptp(change)) for change in changes)
         N, L = settings.n_terms, settings.n_fading if model == "model-1" else 0
         grid = ModeGrid(settings.shortest, settings.longest)
         columns = [
-            Columns(record.strain / self.full_scale, record.sampling_step, record.train, model, N, L, grid)
+            Columns(
+                record.strain / self.full_scale,
+                record.sampling_step,
+                record.train,
+                model,
+                N,
+                L,
+                grid,
+                offset=self._offset,
+            )
             for record in records
         ]
+        self._first_fading = columns[0].first_fading
         box = [settings.orders] * N + [settings.rates] * L + [settings.exponents] * L
         self.box = np.array([low for low, _ in box]), np.array([high for _, high in box])
         # With C_k >= 0, b_k in -1..1 leaves the sine parts free, and b_k in -2..0 the cosine parts.
@@ -55,6 +75,8 @@ class ModelFit:
         if model != "sub-model-1":
             first = 1 if model == "model-1" else 1 + N
             nonnegative[first : first + N] = False
+        if self._offset:
+            nonnegative[-1] = False
         self.problem = SeparableProblem(
             columns,
             [change / self.scale for change in changes],
@@ -72,7 +94,7 @@ class ModelFit:
         p, q = np.split(theta[N:], 2)
         fading = [
             FadingTerm(coefficient=float(C), rate=float(rate), exponent=float(exponent))
-            for C, rate, exponent in zip(c[c.size - p.size :], p, q, strict=True)
+            for C, rate, exponent in zip(c[self._first_fading :][: p.size], p, q, strict=True)
         ]
         return FractionalArtifact(
             model=self._model,
@@ -81,7 +103,7 @@ class ModelFit:
             fading=tuple(sorted(fading, key=lambda term: term.rate)),
             full_scale_strain=self.full_scale,
             resistance_change=self.scale,
-            rest_resistance=self._rest,
+            rest_resistance=self._rest + self.scale * float(c[-1]) if self._offset else self._rest,
             shortest=self._settings.shortest,
             longest=self._settings.longest,
         )
@@ -112,7 +134,11 @@ class ModelFit:
         for k, fading in enumerate(artifact.fading):
             names += [f"C_{N + k + 1}", f"p_{k + 1}", f"q_{k + 1}"]
             values += [fading.coefficient, fading.rate, fading.exponent]
-            J += [Phi[:, Phi.shape[1] - L + k], slopes[N + k] @ c, slopes[N + L + k] @ c]
+            J += [Phi[:, self._first_fading + k], slopes[N + k] @ c, slopes[N + L + k] @ c]
+        if self._offset:
+            names.append("R_0")
+            values.append(artifact.rest_resistance)
+            J.append(Phi[:, -1] / self.scale)
         covariance = _covariance(np.column_stack(J), residual)
         errors = np.sqrt(np.diag(covariance))
         parameters = {

@@ -12,6 +12,7 @@ from .artifact import FractionalArtifact
 from .model import predict
 
 Vector = NDArray[np.float64]
+MOST_RESAMPLED = 4  # times as many samples as before
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,8 +27,8 @@ class UniformRecord:
         Resistance [ohm].
     sampling_step : float
         Time between samples [s].
-    rest_resistance : float
-        Resistance [ohm] before the first loading; models and errors count from there.
+    rest_resistance : float or None
+        Resistance [ohm] before the first loading; models and errors count from there. None to fit it.
     train : slice
         Samples that are fitted.
     weight : float
@@ -39,33 +40,51 @@ class UniformRecord:
     strain: Vector
     resistance: Vector
     sampling_step: float
-    rest_resistance: float = 0.0
+    rest_resistance: float | None = None
     train: slice = field(default_factory=lambda: slice(None))
     weight: float = 1.0
     name: str = "record"
 
     @classmethod
     def resampled(
-        cls, time: Vector, strain: Vector, resistance: Vector, *, train_until: float = np.inf, name: str = "record"
+        cls,
+        time: Vector,
+        strain: Vector,
+        resistance: Vector,
+        *,
+        train: tuple[float, float] = (-np.inf, np.inf),
+        rest_resistance: float | None = None,
+        weight: float = 1.0,
+        name: str = "record",
     ) -> UniformRecord:
-        """Bring samples at increasing times to as many in equal steps, by linear interpolation.
+        """Bring samples at increasing times to equal steps, by linear interpolation.
 
         Parameters
         ----------
         time, strain, resistance : ndarray, shape (m,)
-            Time [s], strain [1] and resistance [ohm]; the first sample is taken for the sensor at rest.
-        train_until : float
-            Samples up to this time [s] are fitted.
-        name : str
-            For tables and messages.
+            Time [s], strain [1] and resistance [ohm].
+        train : tuple of float
+            First and last time [s] that is fitted.
+        rest_resistance, weight, name
+            As of the record.
+
+        Notes
+        -----
+        The step is the median one, unless a few long ones (a hold that was not sampled) would multiply the samples by
+        more than ``MOST_RESAMPLED``.
         """
-        even = np.linspace(time[0], time[-1], time.size)
+        steps = np.diff(time)
+        count = round(min((time[-1] - time[0]) / np.median(steps), MOST_RESAMPLED * steps.size))
+        even = np.linspace(time[0], time[-1], count + 1)
+        step = float(even[1] - even[0])
+        first, last = np.searchsorted(even, (train[0] - 1e-6 * step, train[1] + 1e-6 * step))
         return cls(
             strain=np.interp(even, time, strain),
             resistance=np.interp(even, time, resistance),
-            sampling_step=float((time[-1] - time[0]) / max(time.size - 1, 1)),
-            rest_resistance=float(resistance[0]),
-            train=slice(0, int(np.searchsorted(even, train_until, side="right"))),
+            sampling_step=step,
+            rest_resistance=rest_resistance,
+            train=slice(int(first), int(last)),
+            weight=weight,
             name=name,
         )
 
@@ -89,7 +108,8 @@ class Misfit:
 def misfit(artifact: FractionalArtifact, record: UniformRecord, stretch: slice = slice(None)) -> Misfit:
     """Compare a model, run through the whole record, with a stretch of it; not a number if that is empty."""
     predicted = predict(artifact, record.strain, record.sampling_step) - artifact.rest_resistance
-    change = record.resistance - record.rest_resistance
+    rest = artifact.rest_resistance if record.rest_resistance is None else record.rest_resistance
+    change = record.resistance - rest
     return Misfit(
         e1=e1(change[stretch], predicted[stretch], rest=0.0),
         nrmse=nrmse(change[stretch], predicted[stretch], float(np.ptp(change))),
