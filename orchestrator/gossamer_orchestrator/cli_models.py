@@ -59,6 +59,17 @@ def identify(
     model: Annotated[str, typer.Option(help="preisach: modal densities; preisach-hats: hat functions.")] = "preisach",
     modes: Annotated[int, typer.Option(help="Modal functions of mu and of eta.", min=1)] = 7,
     relaxations: Annotated[int, typer.Option(help="Relaxation kernels.", min=0)] = 7,
+    tau: Annotated[
+        str | None,
+        typer.Option(help="Times of the kernels [s], one per relaxation: 3,100. Fitted if not given.", metavar="LIST"),
+    ] = None,
+    exponents: Annotated[
+        str | None,
+        typer.Option(help="Exponents of the kernels in (0, 1]: 0.5,0.5. Fitted if not given.", metavar="LIST"),
+    ] = None,
+    knots: Annotated[
+        int | None, typer.Option(help="Knots of the hat functions of preisach-hats along each axis; 9 if not given.")
+    ] = None,
     train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
     extension: Annotated[
         str, typer.Option(help="Falling strain drives relaxation: none, falling, or reversing (carbon black).")
@@ -128,6 +139,9 @@ def identify(
                 starts=starts,
                 seed=seed,
                 direct_inverse=direct_inverse,
+                tau=_numbers("--tau", tau),
+                exponents=_numbers("--exponents", exponents),
+                knots=knots,
             ),
             full_scale=full_scale,
             rest_output=rest_resistance,
@@ -146,6 +160,15 @@ def identify(
         console.print(sentence, style="yellow")
     for path in (out, *drawn):
         typer.echo(path)
+
+
+def _numbers(option: str, text: str | None) -> tuple[float, ...] | None:
+    """Read a list of numbers; None stays None."""
+    try:
+        return None if text is None else tuple(float(part) for part in text.split(","))
+    except ValueError:
+        msg = f"cannot read {option} {text!r} as numbers. Write them with commas: 3,100."
+        raise OrchestratorError(msg) from None
 
 
 @contextmanager

@@ -39,10 +39,29 @@ def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
     assert (tmp_path / "compensator.fmu").exists()
 
 
+def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
+    out = tmp_path / "sensor.json"
+    options = ["--relaxations", "2", "--tau", "3,40", "--exponents", "0.5,1", "--starts", "1", "--no-pictures"]
+    options += ["--model", "preisach-hats", "--knots", "4", "--out", str(out)]
+    result = CliRunner().invoke(app, ["identify", str(measured), *options])
+    assert result.exit_code == 0, result.output
+    artifact = SensorArtifact.read(out)
+    known = {(3.0, 0.5), (40.0, 1.0)}
+    assert artifact.relaxation
+    assert {(round(t.rate ** (-1.0 / t.exponent), 9), t.exponent) for t in artifact.relaxation} <= known
+    assert "without holds" in artifact.provenance["doubts"]
+    assert "n_knots=4" in artifact.provenance["settings"]
+
+
 def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
     for arguments, message in (
         ([str(measured), "--model", "neural"], "there is no 'neural'"),
         ([str(measured), "--train", "900:"], "no sample lies in '900:'"),
+        ([str(measured), "--tau", "soon"], "cannot read --tau 'soon' as numbers"),
+        ([str(measured), "--tau", "3,100"], "need one of tau per relaxation: 2 != 7"),
+        ([str(measured), "--exponents", "1.5", "--relaxations", "1"], "exponents in (0, 1]"),
+        ([str(measured), "--knots", "6"], "preisach has no knots"),
+        ([str(measured), "--extension", "reversing", "--tau", "3"], "fixed kernels of its own"),
         ([str(tmp_path / "absent.csv")], "cannot read"),
         ([str(measured), "--strain-unit", "1"], "the option says 1"),
     ):

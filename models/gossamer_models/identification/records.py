@@ -150,6 +150,8 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
         numbers.insert(0, columns.sampling_step * np.arange(len(rows), dtype=np.float64))
     stated = columns.strain_unit is not None or _split(header[strain_at], STRAINS)[1] is not None
     table = _Table(path, numbers, np.array(lines, dtype=int), strain_unit_stated=stated)
+    if columns.sampling_step is not None:
+        table.repairs.append(f"no clock was read: samples are taken as {columns.sampling_step:g} s apart")
     _drop_missing(table)
     _order_times(table, sort=columns.sort)
     time, strain, output = table.columns

@@ -185,7 +185,7 @@ def identify_files(
     records = read_records(paths, columns)
     rows = tuple(training_rows(record, train) for record in records)
     fit = fit_preisach(records, rows, settings, full_scale=full_scale, rest_output=rest_output, watch=watch)
-    found = stretch_errors(fit, records)
+    found, doubted = stretch_errors(fit, records), doubts(fit, records)
     provenance = {
         "data": ", ".join(record.name for record in records),
         "origin": origin,
@@ -197,10 +197,11 @@ def identify_files(
         "offset": repr(fit.offset),
         "scale": repr(fit.scale),
         **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in found},
+        "doubts": " ".join(doubted),
         **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
     }
     repairs = tuple(f"{record.name}: {text}." for record in records for text in record.repairs)
-    remarks = (*repairs, *doubts(fit, records))
+    remarks = (*repairs, *doubted)
     return Identified(fit=with_provenance(fit, provenance), records=records, errors=found, remarks=remarks)
 
 
