@@ -6,8 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
+from gossamer_models.identification import read_record
 from gossamer_models.specimen import SpecimenParams, VirtualSpecimen, dataset, random_reversals
+from gossamer_models.specimen.__main__ import app
 from scipy.constants import electron_mass, electron_volt, hbar
+from typer.testing import CliRunner
 
 CYCLE = 200  # samples: 100 s
 RECORDS = [dataset(1), dataset(2), dataset(3)]
@@ -266,6 +269,30 @@ def test_random_reversals_stay_in_range_and_turn_often():
     assert np.abs(rates).max() <= 0.003 * (1.0 + 1e-9)
     assert np.count_nonzero(np.diff(np.sign(rates))) > 50
     assert not np.array_equal(random_reversals(401, seed=1).strain, random_reversals(401, seed=2).strain)
+
+
+# Files
+
+
+def test_files_of_the_datasets_say_what_they_are_and_are_recognised_to_the_bit(tmp_path):
+    result = CliRunner().invoke(app, ["--out", str(tmp_path / "new" / "folder")])
+    assert result.exit_code == 0, result.output
+    paths = sorted((tmp_path / "new" / "folder").iterdir())
+    assert result.stdout.split() == [str(path) for path in paths]
+    for path, wanted in zip(paths, RECORDS, strict=True):
+        assert path.name.startswith("synthetic_")
+        assert "SYNTHETIC" in path.read_text().splitlines()[0]
+        found = read_record(path)
+        assert not found.repairs
+        for name, values in (("time", wanted.time), ("strain", wanted.strain), ("output", wanted.resistance)):
+            assert np.array_equal(getattr(found, name), values)
+
+
+def test_a_folder_that_cannot_be_made_is_said_in_one_message(tmp_path):
+    (tmp_path / "taken").write_text("")
+    result = CliRunner().invoke(app, ["--out", str(tmp_path / "taken")])
+    assert result.exit_code == 1
+    assert "Name another folder" in result.output
 
 
 # Refusals
