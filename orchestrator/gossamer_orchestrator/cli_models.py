@@ -16,6 +16,8 @@ from rich.console import Console
 
 from .errors import OrchestratorError
 
+PREISACH, FRACTIONAL = "Options of the Preisach models", "Options of the fractional models"
+
 
 def train(
     out: Annotated[Path, typer.Option(help="File to write, with its arrays beside it.", metavar="FILE")] = Path(
@@ -56,24 +58,8 @@ def identify(
     out: Annotated[Path, typer.Option(help="File to write; pictures go beside it.", metavar="FILE")] = Path(
         "out/identified/sensor.json"
     ),
-    model: Annotated[str, typer.Option(help="preisach: modal densities; preisach-hats: hat functions.")] = "preisach",
-    modes: Annotated[int, typer.Option(help="Modal functions of mu and of eta.", min=1)] = 7,
-    relaxations: Annotated[int, typer.Option(help="Relaxation kernels.", min=0)] = 7,
-    tau: Annotated[
-        str | None,
-        typer.Option(help="Times of the kernels [s], one per relaxation: 3,100. Fitted if not given.", metavar="LIST"),
-    ] = None,
-    exponents: Annotated[
-        str | None,
-        typer.Option(help="Exponents of the kernels in (0, 1]: 0.5,0.5. Fitted if not given.", metavar="LIST"),
-    ] = None,
-    knots: Annotated[
-        int | None, typer.Option(help="Knots of the hat functions of preisach-hats along each axis; 9 if not given.")
-    ] = None,
+    model: Annotated[str, typer.Option(help="One of those above.", metavar="NAME")] = "preisach",
     train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
-    extension: Annotated[
-        str, typer.Option(help="Falling strain drives relaxation: none, falling, or reversing (carbon black).")
-    ] = "none",
     full_scale: Annotated[
         float | None, typer.Option(help="Strain [1] at the end of the range; the largest if not given.")
     ] = None,
@@ -90,27 +76,97 @@ def identify(
         float | None, typer.Option(help="Time between samples [s] of a record without time.")
     ] = None,
     sort: Annotated[bool, typer.Option("--sort", help="Sort samples by time instead of refusing them.")] = False,
-    direct_inverse: Annotated[
-        bool, typer.Option("--direct-inverse", help="Fit the way from resistance to strain too, for the compensator.")
-    ] = False,
-    starts: Annotated[int, typer.Option(help="How many starts.", min=1)] = 2,
+    starts: Annotated[
+        int | None,
+        typer.Option(help="How many starts; 2 for the Preisach, 12 for the fractional models if not given.", min=1),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the starts.")] = 0,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
     pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
+    modes: Annotated[
+        int | None,
+        typer.Option(
+            help="Of preisach: modal functions of mu and of eta; 7 if not given.", min=1, rich_help_panel=PREISACH
+        ),
+    ] = None,
+    knots: Annotated[
+        int | None,
+        typer.Option(
+            help="Of preisach-hats: knots of the hat functions along each axis; 9 if not given.",
+            rich_help_panel=PREISACH,
+        ),
+    ] = None,
+    relaxations: Annotated[
+        int | None, typer.Option(help="Relaxation kernels; 7 if not given.", min=0, rich_help_panel=PREISACH)
+    ] = None,
+    tau: Annotated[
+        str | None,
+        typer.Option(
+            help="Times of the kernels [s], one per relaxation: 3,100. Fitted if not given.",
+            metavar="LIST",
+            rich_help_panel=PREISACH,
+        ),
+    ] = None,
+    exponents: Annotated[
+        str | None,
+        typer.Option(
+            help="Exponents of the kernels in (0, 1]: 0.5,0.5. Fitted if not given.",
+            metavar="LIST",
+            rich_help_panel=PREISACH,
+        ),
+    ] = None,
+    extension: Annotated[
+        str | None,
+        typer.Option(
+            help="Falling strain drives relaxation: none, falling, or reversing (carbon black). None if not given.",
+            metavar="NAME",
+            rich_help_panel=PREISACH,
+        ),
+    ] = None,
+    direct_inverse: Annotated[
+        bool,
+        typer.Option(
+            "--direct-inverse",
+            help="Fit the way from resistance to strain too, for the compensator.",
+            rich_help_panel=PREISACH,
+        ),
+    ] = False,
+    terms: Annotated[
+        int | None,
+        typer.Option(help="Fractional derivatives or integrals; 5 if not given.", min=1, rich_help_panel=FRACTIONAL),
+    ] = None,
+    fading: Annotated[
+        int | None,
+        typer.Option(
+            help="Of fractional-model-1: fading integrals; 3 if not given.", min=0, rich_help_panel=FRACTIONAL
+        ),
+    ] = None,
 ) -> None:
     """Identify a sensor from measured strain and resistance.
 
     Prints the paths of the artifact and of the pictures; errors on training and test stretches as a table.
+
+    Models:
+
+    - preisach: modified Preisach with modal densities. Sensor and compensator.
+
+    - preisach-hats: the same with hat functions, which follow rich records more closely. Sensor and compensator.
+
+    - fractional-sub-model-1: fractional integrals, Eq. (3.21) of the thesis. Sensor.
+
+    - fractional-model-1, fractional-sub-model-2: with phases, Eqs. (3.15) and (3.25). Offline only, no FMUs.
 
     For example:
 
         gossamer identify measurements.csv --modes 7 --relaxations 7 --train 0:200 --out sensor.json
 
         gossamer build sensor compensator --artifact sensor.json
+
+        gossamer identify measurements.csv --model fractional-sub-model-1 --terms 3 --out sensor.json
     """
     import shlex
 
-    from gossamer_models.identification import Columns, identify_files, save_pictures, settings_for
+    from gossamer_models.identification import Columns, choose, identify_files, save_pictures
     from rich.table import Table
 
     console = Console(stderr=True)
@@ -131,28 +187,32 @@ def identify(
             files,
             columns=columns,
             train=train,
-            settings=settings_for(
+            settings=choose(
                 model,
-                modes=modes,
-                relaxations=relaxations,
-                extension=extension,
                 starts=starts,
                 seed=seed,
-                direct_inverse=direct_inverse,
+                modes=modes,
+                knots=knots,
+                relaxations=relaxations,
                 tau=_numbers("--tau", tau),
                 exponents=_numbers("--exponents", exponents),
-                knots=knots,
+                extension=extension,
+                direct_inverse=direct_inverse or None,
+                terms=terms,
+                fading=fading,
             ),
             full_scale=full_scale,
             rest_output=rest_resistance,
             command=command,
             origin=origin,
-            watch=lambda name, i, error: status.update(f"{name}, step {i}: error {error:.3f} % of range"),
+            progress=status.update,
         )
         out.parent.mkdir(parents=True, exist_ok=True)
         found.fit.artifact.write(out)
-        drawn = save_pictures(found.fit, found.records, out.with_suffix("")) if pictures else []
-    table = Table("record", "stretch", "samples", "E1 [%]", "NRMSE [% of range]")
+        drawn = save_pictures(found, out.with_suffix("")) if pictures else []
+    known = "given" if rest_resistance is not None else "fitted"
+    caption = f"E1: sum of errors over sum of changes from the {known} {found.rest:.6g} ohm at rest"
+    table = Table("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", caption=caption)
     for e in found.errors:
         table.add_row(e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}")
     console.print(table)

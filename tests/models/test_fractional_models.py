@@ -258,7 +258,7 @@ def test_standard_errors_are_the_scatter_of_repeated_fits():
 def test_terms_that_the_data_cannot_tell_apart_are_named():
     one = replace(INTEGRALS, terms=INTEGRALS.terms[:1])
     fit = identify_fractional([record(one, 1.0)], "sub-model-1", FractionalSettings(n_terms=3, starts=4))
-    assert "the data do not determine" in fit.warnings[0]
+    assert "The data do not determine" in fit.warnings[0]
     sure = identify_fractional([record(one, 1.0)], "sub-model-1", FractionalSettings(n_terms=1, starts=2))
     assert sure.warnings == ()
     assert all(each.determined for each in sure.parameters.values())

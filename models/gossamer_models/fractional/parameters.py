@@ -149,7 +149,7 @@ class ModelFit:
         loose = [name for name, parameter in parameters.items() if not parameter.determined]
         if loose:
             warnings.append(
-                f"the data do not determine {', '.join(loose)}: standard errors exceed the values. "
+                f"The data do not determine {', '.join(loose)}: standard errors exceed the values. "
                 "The model's output is unaffected on records like these; take fewer terms if the numbers matter."
             )
         at_bound = [

@@ -1,6 +1,8 @@
 """Identification: records of strain and resistance to a sensor artifact."""
 
 from .assess import Figure
+from .choices import OPTIONS, choose
+from .fractional import FractionalChoice, fit_fractional
 from .judge import predict_output, recover_strain
 from .plots import everett, plot_everett, plot_history, plot_loop, plot_plane, plot_residual, save_pictures
 from .preisach import Fit, fit_preisach
@@ -14,7 +16,11 @@ __all__ = [
     "Record",
     "read_record",
     "read_records",
+    "OPTIONS",
+    "choose",
     "FitSettings",
+    "FractionalChoice",
+    "fit_fractional",
     "Fit",
     "fit_preisach",
     "Identified",

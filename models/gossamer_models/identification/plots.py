@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..sensor.artifact import SensorArtifact
-from .preisach import Fit
 from .records import Record
+from .run import Identified
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,19 +108,21 @@ def plot_everett(artifact: SensorArtifact, *, ax: Any = None) -> Any:  # noqa: A
     return ax
 
 
-def save_pictures(fit: Fit, records: tuple[Record, ...], folder: Path) -> list[Path]:
-    """Write all pictures of a fit as PNG files; return their paths."""
+def save_pictures(found: Identified, folder: Path) -> list[Path]:
+    """Write all pictures that an identified model has as PNG files; return their paths."""
     import matplotlib as mpl
 
     mpl.use("Agg")
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for record, predicted, train in zip(records, fit.predicted, fit.train, strict=True):
+    for record, predicted, train in zip(found.records, found.predicted, found.train, strict=True):
         stem = Path(record.name).stem
         for name, plot in (("loop", plot_loop), ("history", plot_history), ("residual", plot_residual)):
             paths += [_save(plot(record, predicted, train), folder / f"{stem}_{name}.png")]
-    paths += [_save(plot_plane(fit.artifact, name), folder / f"{name}.png") for name in ("mu", "eta")]
-    paths.append(_save(plot_everett(fit.artifact), folder / "everett.png"))
+    artifact = found.fit.artifact
+    if isinstance(artifact, SensorArtifact):
+        paths += [_save(plot_plane(artifact, name), folder / f"{name}.png") for name in ("mu", "eta")]
+        paths.append(_save(plot_everett(artifact), folder / "everett.png"))
     return paths
 
 

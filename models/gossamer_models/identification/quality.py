@@ -137,14 +137,19 @@ def doubts(fit: Fit, records: tuple[Record, ...]) -> tuple[str, ...]:
         sentences.append(
             f"The settings rather than the data decide or bound {told}. Fewer modes or relaxations would do."
         )
-    deviations = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    correlation = np.triu(np.abs(C / np.outer(deviations, deviations)), 1)
+    sentences.append(alike(fit.names, C, "Fix one."))
+    return tuple(filter(None, sentences))
+
+
+def alike(names: tuple[str, ...], covariance: Matrix, advice: str) -> str:
+    """Name the two parameters of the highest correlation and what to do, if they cannot be told apart; else say nothing."""
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    with np.errstate(invalid="ignore"):  # no data at all: infinite deviations
+        correlation = np.nan_to_num(np.triu(np.abs(covariance / np.outer(deviations, deviations)), 1))
     i, k = np.unravel_index(int(np.argmax(correlation)), correlation.shape)
-    if correlation[i, k] > ALIKE:
-        sentences.append(
-            f"{fit.names[i]} and {fit.names[k]} cannot be told apart: their correlation is {correlation[i, k]:.3f}. Fix one."
-        )
-    return tuple(sentences)
+    if not correlation[i, k] > ALIKE:
+        return ""
+    return f"{names[i]} and {names[k]} cannot be told apart: their correlation is {correlation[i, k]:.3f}. {advice}"
 
 
 def _held(record: Record, rows: NDArray[np.bool_]) -> float:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError, ParameterError
-from .preisach import Fit, Watch, fit_preisach, with_provenance
+from ..fractional import FractionalFit
+from .fractional import FractionalChoice, fit_fractional
+from .preisach import Fit, fit_preisach, with_provenance
 from .quality import Errors, doubts, errors
 from .records import Columns, Record, read_records
 from .regressors import DRIVES
 from .settings import FitSettings
+
+Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,18 +29,27 @@ class Identified:
 
     Attributes
     ----------
-    fit : Fit
+    fit : Fit or FractionalFit
         The fit.
     records : tuple of Record
         What was fitted.
+    predicted : tuple of ndarray
+        Output of the model at the samples of every record, in its unit.
+    train : tuple of ndarray of bool
+        Samples of every record that were fitted.
+    rest : float
+        Output of the unstrained sensor at rest, given or fitted, which E1 counts changes from.
     errors : tuple of Errors
         Training and test stretch of every record.
     remarks : tuple of str
         What was repaired, and what the data do not determine.
     """
 
-    fit: Fit
+    fit: Fit | FractionalFit
     records: tuple[Record, ...]
+    predicted: tuple[Vector, ...]
+    train: tuple[NDArray[np.bool_], ...]
+    rest: float
     errors: tuple[Errors, ...]
     remarks: tuple[str, ...] = ()
 
@@ -148,12 +161,12 @@ def identify_files(
     *,
     columns: Columns | None = None,
     train: str = "50%",
-    settings: FitSettings | None = None,
+    settings: FitSettings | FractionalChoice | None = None,
     full_scale: float | None = None,
     rest_output: float | None = None,
     command: str = "",
     origin: str = "not stated",
-    watch: Watch | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Identified:
     """Fit a sensor to the records in some files.
 
@@ -165,16 +178,16 @@ def identify_files(
         Which columns, in which units.
     train : str
         Training stretch of every record, see ``training_rows``.
-    settings : FitSettings or None
-        How to fit.
+    settings : FitSettings, FractionalChoice or None
+        Which model and how to fit it, see ``choose``; None for the thesis' Preisach model.
     full_scale : float or None
         Strain [1] at the end of the range.
     rest_output : float or None
         Output of the unstrained sensor at rest, where it is known.
     command, origin : str
         For the provenance of the artifact.
-    watch : callable, optional
-        Progress, see ``fit_preisach``.
+    progress : callable
+        Told how far the fit is.
 
     Returns
     -------
@@ -184,35 +197,61 @@ def identify_files(
     settings = settings or FitSettings()
     records = read_records(paths, columns)
     rows = tuple(training_rows(record, train) for record in records)
-    fit = fit_preisach(records, rows, settings, full_scale=full_scale, rest_output=rest_output, watch=watch)
-    found, doubted = stretch_errors(fit, records), doubts(fit, records)
+    given: dict[str, Any] = {"full_scale": full_scale, "rest_output": rest_output}
+    fit: Fit | FractionalFit
+    if isinstance(settings, FractionalChoice):
+        fit, predicted, doubted = fit_fractional(records, rows, settings, progress=progress, **given)
+        rest, stated = fit.artifact.rest_resistance, {"settings": repr(settings)}
+    else:
+
+        def watch(start: str, iteration: int, error: float) -> None:
+            progress(f"{start}, step {iteration}: error {error:.3f} % of range")
+
+        fit = fit_preisach(records, rows, settings, watch=watch, **given)
+        predicted, doubted, rest = fit.predicted, doubts(fit, records), fit.offset
+        stated = {
+            "settings": repr(fit.settings),  # a sensor known to be at rest changes them
+            "full_scale_strain": repr(fit.full_scale),
+            "offset": repr(fit.offset),
+            "scale": repr(fit.scale),
+        }
+    found = stretch_errors(records, predicted, rows, rest)
     provenance = {
         "data": ", ".join(record.name for record in records),
         "origin": origin,
         "sha256": ", ".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in paths),
         "command": command,
         "train": train,
-        "settings": repr(settings),
-        "full_scale_strain": repr(fit.full_scale),
-        "offset": repr(fit.offset),
-        "scale": repr(fit.scale),
+        **stated,
         **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in found},
         "doubts": " ".join(doubted),
         **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
     }
     repairs = tuple(f"{record.name}: {text}." for record in records for text in record.repairs)
-    remarks = (*repairs, *doubted)
-    return Identified(fit=with_provenance(fit, provenance), records=records, errors=found, remarks=remarks)
+    stored: Fit | FractionalFit
+    if isinstance(fit, Fit):
+        stored = with_provenance(fit, provenance)
+    else:
+        stored = replace(fit, artifact=replace(fit.artifact, provenance=provenance))
+    return Identified(
+        fit=stored,
+        records=records,
+        predicted=predicted,
+        train=rows,
+        rest=rest,
+        errors=found,
+        remarks=(*repairs, *doubted),
+    )
 
 
-def stretch_errors(fit: Fit, records: tuple[Record, ...]) -> tuple[Errors, ...]:
-    """Return the errors of a fit on what it was fitted to and on the rest, record by record."""
+def stretch_errors(
+    records: tuple[Record, ...], predicted: tuple[Vector, ...], train: tuple[NDArray[np.bool_], ...], rest: float
+) -> tuple[Errors, ...]:
+    """Return the errors of a model on what it was fitted to and on the rest of every record."""
     found = []
-    for record, predicted, rows in zip(records, fit.predicted, fit.train, strict=True):
+    for record, output, rows in zip(records, predicted, train, strict=True):
         size = float(np.ptp(record.output))
         for stretch, part in (("train", rows), ("test", ~rows)):
             if part.any():
-                found.append(
-                    errors(record.name, stretch, record.output[part], predicted[part], rest=fit.offset, size=size)
-                )
+                found.append(errors(record.name, stretch, record.output[part], output[part], rest=rest, size=size))
     return tuple(found)
