@@ -100,13 +100,16 @@ def test_a_fractional_model_that_needs_the_whole_record_says_so_and_is_not_built
     assert "--model preisach" in built.stderr
 
 
-def test_samples_of_a_fractional_fit_are_brought_to_equal_steps_and_it_is_said(measured, tmp_path):
+def test_what_a_fractional_fit_assumed_of_steps_and_of_rest_is_said(measured, tmp_path):
     lines = measured.read_text().splitlines()
     measured.write_text("\n".join([*lines[:50], *lines[51:]]) + "\n")
-    options = ["--model", "fractional-sub-model-2", "--terms", "1", "--starts", "1", "--no-pictures"]
+    options = ["--model", "fractional-sub-model-1", "--terms", "1", "--starts", "1", "--no-pictures"]
     result = CliRunner().invoke(app, ["identify", str(measured), *options, "--out", str(tmp_path / "s.json")])
     assert result.exit_code == 0, result.output
-    assert "samples 0.5 to 1 s apart were brought to steps of 0.5 s" in " ".join(result.stderr.split())
+    told = " ".join(result.stderr.split())
+    assert "samples 0.5 to 1 s apart were brought to steps of 0.5 s" in told
+    assert "begins unstrained with an output of 100" in told
+    assert "give the resistance at rest" in told
 
 
 def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):

@@ -16,6 +16,7 @@ from .stretches import strain_range
 
 Vector = NDArray[np.float64]
 
+REST = 0.01  # of full scale and of the output's range: what counts as unstrained and as another output at rest
 UNEVEN = 0.01  # of the median step: steps that differ by more are worth a remark
 
 
@@ -77,6 +78,8 @@ def fit_fractional(
         for record, each in zip(records, even, strict=True)
     )
     doubts = [_uneven(record, each) for record, each in zip(records, even, strict=True)]
+    if rest_output is None:
+        doubts += [_rest(record, fit.artifact.rest_resistance, scale) for record in records]
     doubts += [*fit.warnings, alike(tuple(fit.parameters), fit.covariance, "Take fewer terms if the numbers matter.")]
     if choice.model != "sub-model-1":
         doubts.append(
@@ -96,6 +99,17 @@ def _even(record: Record, rows: NDArray[np.bool_], rest_output: float | None) ->
         rest_resistance=rest_output,
         weight=record.weight,
         name=record.name,
+    )
+
+
+def _rest(record: Record, fitted: float, full_scale: float) -> str:
+    """Say where the fitted output at rest and an unstrained first sample disagree; empty where they do not."""
+    first = float(record.output[0])
+    if record.strain[0] > REST * full_scale or abs(first - fitted) <= REST * float(np.ptp(record.output)):
+        return ""
+    return (
+        f"{record.name} begins unstrained with an output of {first:.6g}, the fit puts the output at rest at {fitted:.6g}. "
+        "If the sensor had rested, give the resistance at rest."
     )
 
 
