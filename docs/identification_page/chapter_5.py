@@ -115,7 +115,7 @@ def _everett(recovery: Recovery, pictures: Path) -> tuple[str, str]:
     solid.set_box_aspect(None, zoom=0.82)
     solid.legend(loc="upper left")
     top = float(np.nanmax(np.abs([up, down])))
-    filled = ax.contourf(strain, strain, np.where(np.isnan(up), down, up).T, np.linspace(-top, top, 15), cmap="RdBu")
+    filled = ax.contourf(strain, strain, np.where(np.isnan(up), down, up).T, 14, cmap="RdBu", vmin=-top, vmax=top)
     figure.colorbar(filled, ax=ax, label="change of resistance [ohm]", shrink=0.85)
     ax.set(xlabel="extreme $h_1$ [%]", ylabel="strain now $h_2$ [%]", aspect="equal")
     kept = float(np.nanmax(np.abs(up + down.T)))
@@ -145,12 +145,9 @@ def _compensated(recovery: Recovery, pictures: Path) -> str:
         history.plot(recovery.time[:n], 100.0 * found, **how)
         over.plot(100.0 * recovery.strain[:n], 100.0 * found, **how)
         error.plot(recovery.time[:n], 100.0 * (found - recovery.strain[:n]), **how)
-    n = recovery.found["estimator"].size
-    centre = 100.0 * (recovery.found["estimator"] - recovery.strain[:n])
     band = 200.0 * recovery.deviation
-    error.fill_between(
-        recovery.time[:n], centre - band, centre + band, color=BLUE, alpha=0.18, lw=0, label="±2σ stated"
-    )
+    label = "±2σ stated by the estimator"
+    error.fill_between(recovery.time[: band.size], -band, band, color=BLUE, alpha=0.18, lw=0, label=label)
     for ax in (history, error):
         ax.axvspan(0.0, float(recovery.time[~recovery.judged].max()), color=FITTED_STRETCH, zorder=0, lw=0)
     error.axhline(0.0, color="0.3", lw=0.6)
