@@ -137,11 +137,20 @@ class GaussNewton:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        x = ca.SX.sym("x", problem.lower.size)
-        values = [ca.densify(value) for value in problem.model(x)]
-        slopes = ca.vertsplit(ca.densify(ca.jacobian(ca.vertcat(*values), x)), _offsets(values))
-        self._value = _Fast(ca.Function("value", [x], values))
-        self._slopes = _Fast(ca.Function("slopes", [x], [*values, *slopes]))
+        self.linear, self.others = np.flatnonzero(problem.linear), np.flatnonzero(~problem.linear)
+        q, t = ca.MX.sym("q", self.linear.size), ca.MX.sym("t", self.others.size)
+        x = ca.vertcat(q, t)[np.argsort(np.concatenate([self.linear, self.others])).tolist()]
+        values = problem.model.call([x], True, False)  # inlined, so that zeros of the derivatives are seen
+        self._value, self._by_q, self._by_t = (
+            _Fast(ca.Function(name, [q, t], [ca.densify(part) for part in parts]), self.linear, self.others)
+            for name, parts in (
+                ("value", values),
+                ("by_q", [ca.jacobian(value, q) for value in values]),
+                ("by_t", [ca.jacobian(value, t) for value in values]),
+            )
+        )
+        self._projected_at = b""
+        self._projected: list[Matrix] = []
         self.A, self.b = compress(problem.A, problem.b)
 
     def residual(self, x: Vector) -> Vector:
@@ -159,12 +168,15 @@ class GaussNewton:
 
     def slopes(self, x: Vector) -> tuple[Matrix, Matrix]:
         """Return the derivatives of A f(x) and of p(x)."""
-        _, _, _, df, _, dp = self._slopes(x)
-        return np.asarray(self.A @ df, dtype=float), dp.copy()
+        by_q, by_t = self._slopes_by_q(x), self._slopes_by_t(x)
+        dr, dp = np.empty((self.b.size, x.size)), np.empty((by_q[2].shape[0], x.size))
+        for columns, slopes in ((self.linear, by_q), (self.others, by_t)):
+            dr[:, columns], dp[:, columns] = slopes[0], slopes[2]
+        return dr, dp
 
     def project(self, x: Vector) -> Vector:
         """Replace the linear parameters by the best ones for the others."""
-        return self._step(x, self.problem.linear, 0.0)
+        return self._step(x, self.linear, self._slopes_by_q(x), 0.0)
 
     def feasible(self, x: Vector) -> bool:
         """Tell whether no constraint is violated by more than rounding."""
@@ -193,10 +205,11 @@ class GaussNewton:
         """
         x = self.project(x)
         cost, damping, small = self.cost(x), 1e-3, 0
-        everything = np.ones(x.size, dtype=bool)
+        everything = np.concatenate([self.linear, self.others])
         for iteration in range(most):
+            slopes = [np.hstack(pair) for pair in zip(self._slopes_by_q(x), self._slopes_by_t(x), strict=True)]
             while True:
-                trial = self._step(x, everything, damping)
+                trial = self._step(x, everything, slopes, damping)
                 trial = self.project(np.where(self.problem.linear, x, trial))
                 found = self.cost(trial)
                 if found <= cost and self.feasible(trial):
@@ -212,43 +225,54 @@ class GaussNewton:
                 return Solution(x=x, cost=cost, iterations=iteration + 1, converged=True)
         return Solution(x=x, cost=cost, iterations=most, converged=False)
 
-    def _step(self, x: Vector, moving: NDArray[np.bool_], damping: float) -> Vector:
-        lower, upper = (bound - x for bound in (self.problem.lower, self.problem.upper))
-        f, g, p, df, dg, dp = self._slopes(x)
-        J = np.vstack([self.A @ df[:, moving], dp[:, moving]])
+    def _slopes_by_q(self, x: Vector) -> list[Matrix]:
+        """Return the derivatives of A f, g, p by q: they do not depend on q, so a step uses those of the projection."""
+        at = x[self.others].tobytes()
+        if at != self._projected_at:
+            df, dg, dp = self._by_q(x)
+            self._projected_at, self._projected = at, [self.A @ df, dg.copy(), dp.copy()]
+        return self._projected
+
+    def _slopes_by_t(self, x: Vector) -> list[Matrix]:
+        df, dg, dp = self._by_t(x)
+        return [self.A @ df, dg, dp]
+
+    def _step(self, x: Vector, moving: NDArray[np.int_], slopes: list[Matrix], damping: float) -> Vector:
+        """Solve the linearised problem for some of the parameters; slopes are the derivatives of A f, g, p by them."""
+        lower, upper = self.problem.lower[moving] - x[moving], self.problem.upper[moving] - x[moving]
+        f, g, p = self._value(x)
+        J = np.vstack([slopes[0], slopes[2]])
         r = np.concatenate([self.A @ f - self.b, p])
         size = np.linalg.norm(J, axis=0)
         free = np.where(self.problem.linear[moving], 1e-9, np.sqrt(damping)) * np.maximum(size, 1e-6 * size.max())
         E = np.vstack([J, np.diag(free)])
         e = -np.concatenate([r, np.zeros(free.size)])
         identity = np.eye(free.size)
-        below, above = np.isfinite(lower[moving]), np.isfinite(upper[moving])
-        G = np.vstack([dg[:, moving], identity[below], -identity[above]])
-        h = np.concatenate([-g, lower[moving][below], -upper[moving][above]])
+        below, above = np.isfinite(lower), np.isfinite(upper)
+        G = np.vstack([slopes[1], identity[below], -identity[above]])
+        h = np.concatenate([-g, lower[below], -upper[above]])
         touched = G.any(axis=1)
         step = solve_constrained(E, e, G[touched], h[touched])
         moved = x.copy()
-        moved[moving] += np.clip(step, lower[moving], upper[moving])
+        moved[moving] += np.clip(step, lower, upper)
         return moved
 
 
-def _offsets(values: list[ca.SX]) -> list[int]:
-    return [0, *np.cumsum([value.numel() for value in values]).tolist()]
-
-
 class _Fast:
-    """Evaluate a CasADi function of one vector into arrays made once: conversion would cost more than evaluation."""
+    """Evaluate a CasADi function of two parts of a vector into arrays made once: conversion costs more than evaluation."""
 
-    def __init__(self, function: ca.Function) -> None:
-        self._x = np.zeros(function.nnz_in(0))
+    def __init__(self, function: ca.Function, *parts: NDArray[np.int_]) -> None:
+        self._parts = [(part, np.zeros(part.size)) for part in parts]
         self._results = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
         self._buffer, self._run = function.buffer()
-        self._buffer.set_arg(0, self._x.data)
+        for i, (_, values) in enumerate(self._parts):
+            self._buffer.set_arg(i, values.data)
         for i, result in enumerate(self._results):
             self._buffer.set_res(i, result.reshape(-1, order="F").data)
 
     def __call__(self, x: Vector) -> list[Matrix]:
         """Return the results at x; the next call overwrites them."""
-        self._x[:] = x
+        for part, values in self._parts:
+            values[:] = x[part]
         self._run()
         return [result[:, 0] if result.shape[1] == 1 else result for result in self._results]

@@ -2,36 +2,33 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ConvergenceError
 from ..sensor.artifact import MIN_SPRING_WEIGHT, RelaxationTerm, SensorArtifact
 from ..sensor.exponentials import exponential_sum
-from .parameters import Block, amplitude_name
+from .model import PreisachModel
+from .parameters import amplitude_name
 from .settings import FitSettings
 
 Vector = NDArray[np.float64]
 
 
-def normalised_sensor(
-    settings: FitSettings, blocks: tuple[Block, ...], model: ca.Function, x: Vector
-) -> tuple[SensorArtifact, float, float]:
+def normalised_sensor(settings: FitSettings, model: PreisachModel, x: Vector) -> tuple[SensorArtifact, float, float]:
     """Normalise the fitted weights; return the sensor, the offset and the scale in units of the output's range."""
     N = settings.n_lines
     cells = N * (N + 1) // 2
-    coefficients = model(x)[0].full()[:, 0]
+    fitted = model.weights(x)
     tables = np.zeros((2, N, N))
-    for table, part in zip(tables, (coefficients[:cells], coefficients[cells : 2 * cells]), strict=True):
+    for table, part in zip(tables, (fitted[:cells], fitted[cells : 2 * cells]), strict=True):
         table[np.triu_indices(N)] = np.maximum(part, 0.0)
     rise = float(tables[0].sum()) / N
     tables /= rise
     for table in tables:
-        np.fill_diagonal(table, table.diagonal())
         table[0] = np.maximum(table[0], MIN_SPRING_WEIGHT)
-    ends = np.cumsum([0, *(b.size for b in blocks)])
-    p = {b.name: x[a : a + b.size] for b, a in zip(blocks, ends[:-1], strict=True)}
+    ends = np.cumsum([b.size for b in model.blocks])
+    p = dict(zip((b.name for b in model.blocks), np.split(x, ends[:-1]), strict=True))
     terms = []
     for j in range(settings.relaxations):
         tau, c = float(np.exp(p["log_tau"][j])), float(p["c"][j])

@@ -14,14 +14,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from ..sensor.artifact import DirectInverse, SensorArtifact
 from .inverse import inverse_settings, turn
 from .least_squares import GaussNewton, Problem, Solution
-from .model import preisach_model
+from .model import PreisachModel, preisach_model
 from .normalise import normalised_sensor
 from .parameters import Block
 from .records import Record
@@ -117,8 +116,8 @@ def fit_preisach(
         settings = replace(settings, earlier=False)  # a sensor known to be at rest
     scale = strain_range(records, full_scale)
     unit, spectrum, stretches = prepare(records, train, settings, scale)
-    model, blocks = preisach_model(settings, spectrum, stretches, None if rest_output is None else rest_output / unit)
-    problem = _problem(model, blocks, stretches)
+    model = preisach_model(settings, spectrum, stretches, None if rest_output is None else rest_output / unit)
+    blocks, problem = model.blocks, _problem(model, stretches)
     solver = GaussNewton(problem)
     rows = sum(int(s.train.sum()) for s in stretches)
     rng = np.random.default_rng(settings.seed)
@@ -134,10 +133,10 @@ def fit_preisach(
         )
     solutions.sort(key=lambda s: s.cost)
     x = solutions[0].x
-    artifact, y0, rise = normalised_sensor(settings, blocks, model, x)
+    artifact, y0, rise = normalised_sensor(settings, model, x)
     if settings.direct_inverse or not settings.invertible:
         artifact = replace(artifact, inverse=_direct_inverse(stretches, y0, rise))
-    coefficients = model(x)[0].full()[:, 0]
+    weights = model.weights(x)
     return Fit(
         artifact=artifact,
         settings=settings,
@@ -146,7 +145,7 @@ def fit_preisach(
         scale=rise * unit,
         names=tuple(f"{b.name}[{i + 1}]" for b in blocks for i in range(b.size)),
         x=x,
-        predicted=tuple(s.A @ coefficients * unit for s in stretches),
+        predicted=tuple(s.A @ weights * unit for s in stretches),
         train=tuple(s.train for s in stretches),
         solutions=tuple(solutions),
         solver=solver,
@@ -159,15 +158,15 @@ def with_provenance(fit: Fit, provenance: dict[str, str]) -> Fit:
     return replace(fit, artifact=replace(fit.artifact, provenance=provenance))
 
 
-def _problem(model: ca.Function, blocks: tuple[Block, ...], stretches: tuple[Stretch, ...]) -> Problem:
+def _problem(model: PreisachModel, stretches: tuple[Stretch, ...]) -> Problem:
     rows = [(s.A[s.train], s.output[s.train], np.sqrt(s.record.weight)) for s in stretches]
     return Problem(
-        A=np.vstack([A * w for A, _, w in rows]),
+        A=np.vstack([A @ model.basis * w for A, _, w in rows]),
         b=np.concatenate([b * w for _, b, w in rows]),
-        model=model,
-        linear=np.concatenate([np.full(b.size, b.linear) for b in blocks]),
-        lower=np.concatenate([b.lower for b in blocks]),
-        upper=np.concatenate([b.upper for b in blocks]),
+        model=model.function,
+        linear=np.concatenate([np.full(b.size, b.linear) for b in model.blocks]),
+        lower=np.concatenate([b.lower for b in model.blocks]),
+        upper=np.concatenate([b.upper for b in model.blocks]),
     )
 
 
