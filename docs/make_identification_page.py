@@ -27,7 +27,8 @@ def main() -> None:
         task = progress.add_task("fits", total=None)
 
         def report(what: str, done: int, total: int) -> None:
-            progress.update(task, description=f"{what} done", completed=done, total=total)
+            progress.console.print(f"{done} of {total}: {what}")  # also where there is no terminal to draw a bar on
+            progress.update(task, completed=done, total=total)
 
         results = compute(DATA if DATA.is_dir() else None, report)
         progress.update(task, description="pictures")
