@@ -131,6 +131,14 @@ def identify(
             rich_help_panel=PREISACH,
         ),
     ] = False,
+    least_slope: Annotated[
+        float | None,
+        typer.Option(
+            help="Least slope, in output's range per full scale: bounds what the compensator makes of noise; 0.02 if not "
+            "given.",
+            rich_help_panel=PREISACH,
+        ),
+    ] = None,
     terms: Annotated[
         int | None,
         typer.Option(help="Fractional derivatives or integrals; 5 if not given.", min=1, rich_help_panel=FRACTIONAL),
@@ -198,6 +206,7 @@ def identify(
                 exponents=_numbers("--exponents", exponents),
                 extension=extension,
                 direct_inverse=direct_inverse or None,
+                least_slope=least_slope,
                 terms=terms,
                 fading=fading,
             ),

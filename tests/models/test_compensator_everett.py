@@ -26,9 +26,9 @@ def test_inverse_interpolation_and_exact_inverse_agree(name):
     output = drive(start(sensor_model(sensor)), strain)
     exact = drive(start(compensator_model(sensor)), output)
     assert exact == pytest.approx(strain, abs=1e-12)
-    coarse, fine = (np.abs(interpolated(sensor, output, n) - exact).max() for n in (17, 65))
-    assert fine < 2e-3
-    assert fine < coarse / 3.0  # second order until the tables' own lattice is met
+    coarse, fine = (np.abs(interpolated(sensor, output, n) - exact).max() for n in (17, 129))
+    assert fine < 1e-3
+    assert fine < coarse / 9.0  # second order with reservations: the tables bend at a lattice of their own, 1/8 or 1/32
 
 
 def test_surfaces_are_the_changes_that_the_sensor_makes():

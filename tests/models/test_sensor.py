@@ -260,7 +260,7 @@ def test_an_artifact_survives_writing_and_reading(tmp_path):
 
 
 def test_the_default_artifact_says_where_it_comes_from():
-    assert {"data", "origin", "sha256", "command", "train_error_percent_of_range"} <= set(default_artifact().provenance)
+    assert {"data", "origin", "sha256", "command", "settings"} <= set(default_artifact().provenance)
     assert DEFAULT.provenance == default_artifact().provenance
 
 

@@ -115,7 +115,7 @@ def test_what_a_fractional_fit_assumed_of_steps_and_of_rest_is_said(measured, tm
 def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
     out = tmp_path / "sensor.json"
     options = ["--relaxations", "2", "--tau", "3,40", "--exponents", "0.5,1", "--starts", "1", "--no-pictures"]
-    options += ["--model", "preisach-hats", "--knots", "4", "--out", str(out)]
+    options += ["--model", "preisach-hats", "--knots", "4", "--least-slope", "0.3", "--out", str(out)]
     result = CliRunner().invoke(app, ["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     artifact = SensorArtifact.read(out)
@@ -123,6 +123,7 @@ def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
     assert artifact.relaxation
     assert {(round(t.rate ** (-1.0 / t.exponent), 9), t.exponent) for t in artifact.relaxation} <= known
     assert "without holds" in artifact.provenance["doubts"]
+    assert "least_spring=0.3" in artifact.provenance["settings"]
     assert "n_knots=4" in artifact.provenance["settings"]
 
 
@@ -133,6 +134,7 @@ def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
         ([str(measured), "--tau", "soon"], "cannot read --tau 'soon' as numbers"),
         ([str(measured), "--tau", "3,100"], "need one of tau per relaxation: 2 != 7"),
         ([str(measured), "--exponents", "1.5", "--relaxations", "1"], "exponents in (0, 1]"),
+        ([str(measured), "--least-slope", "0"], "the least slope is 0"),
         ([str(measured), "--knots", "6"], "preisach has no knots"),
         ([str(measured), "--extension", "reversing", "--tau", "3"], "fixed kernels of its own"),
         ([str(tmp_path / "absent.csv")], "cannot read"),

@@ -11,10 +11,10 @@ from .fractional import FractionalChoice
 from .run import settings_for
 from .settings import FitSettings
 
-_RELAXED = ("relaxations", "tau", "exponents", "extension", "direct_inverse")
+_COMMON = ("relaxations", "tau", "exponents", "extension", "direct_inverse", "least_slope")
 OPTIONS: dict[str, tuple[str, ...]] = {  # besides starts and seed, which all have
-    "preisach": ("modes", *_RELAXED),
-    "preisach-hats": ("knots", *_RELAXED),
+    "preisach": ("modes", *_COMMON),
+    "preisach-hats": ("knots", *_COMMON),
     **{f"fractional-{model}": ("terms", "fading") if model == "model-1" else ("terms",) for model in FRACTIONAL},
 }
 

@@ -70,6 +70,7 @@ def settings_for(
     tau: tuple[float, ...] | None = None,
     exponents: tuple[float, ...] | None = None,
     knots: int | None = None,
+    least_slope: float | None = None,
 ) -> FitSettings:
     """Return the settings of a model by its name.
 
@@ -91,6 +92,9 @@ def settings_for(
         Times [s] and exponents c [1] of the P kernels, which are then fixed; None to fit them.
     knots : int or None
         Knots of the hat functions along each axis (preisach-hats only); None for 9, which rich records determine.
+    least_slope : float or None
+        Lower bound of mu on the elastic line, in units of the output's range: noise on the resistance is amplified by no
+        more than its inverse. None for 0.02.
 
     Raises
     ------
@@ -121,6 +125,8 @@ def settings_for(
         common |= {"ridge": 5e-5, "smoothness": 5e-5, "relaxation_ridge": 5e-5, "starts": 1}
     if knots is not None:
         common["n_knots"] = knots
+    if least_slope is not None:
+        common["least_spring"] = least_slope
     return FitSettings(**common)
 
 

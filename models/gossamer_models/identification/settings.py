@@ -97,6 +97,9 @@ class FitSettings:
         if not all(t > 0.0 for t in self.tau or ()) or not all(0.0 < c <= 1.0 for c in self.exponents or ()):
             msg = f"kernels need times above 0 s and exponents in (0, 1], not {self.tau} and {self.exponents}"
             raise ParameterError(msg)
+        if not 0.0 < self.least_spring < 1.0:
+            msg = f"the least slope is {self.least_spring:g} of the output's range: take one between 0 and 1"
+            raise ParameterError(msg)
         if self.density == "hats" and not 2 <= self.n_knots < self.n_lines:
             msg = f"cannot lay {self.n_knots} knots over {self.n_lines} lines: take 2 or more and fewer than lines"
             raise ParameterError(msg)
