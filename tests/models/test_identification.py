@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
 from gossamer_models.compensator import compensator_model
-from gossamer_models.identification import Columns, FitSettings, Record, fit_preisach, identify_files, settings_for
+from gossamer_models.identification import (
+    Columns,
+    FitSettings,
+    Record,
+    assess,
+    fit_preisach,
+    identify_files,
+    least_squares,
+    settings_for,
+)
 from gossamer_models.identification.densities import Spectrum, modal_field, wave_numbers
 from gossamer_models.identification.judge import predict_output, recover_strain
 from gossamer_models.identification.least_squares import GaussNewton, Problem, compress, solve_constrained
@@ -172,6 +181,41 @@ def test_compression_keeps_every_sum_of_squares():
     R, r = compress(A, b)
     assert R.shape == (8, 7)
     assert np.sum((R @ x - r) ** 2) == pytest.approx(np.sum((A @ x - b) ** 2))
+
+
+def test_derivatives_of_the_residual_are_those_of_finite_differences(known, fitted):
+    hats = settings_for("preisach-hats", relaxations=2, extension="falling", starts=1)
+    for fit in (fitted, fit_preisach((known,), everything(known), replace(hats, most_iterations=1), full_scale=1.0)):
+        data, preferred = fit.solver.slopes(fit.x)
+        steps = 1e-6 * np.eye(fit.x.size)
+        differences = [(fit.solver.stacked(fit.x + d) - fit.solver.stacked(fit.x - d)) / 2e-6 for d in steps]
+        assert np.vstack([data, preferred]) == pytest.approx(np.transpose(differences), abs=1e-6)
+
+
+def test_the_model_is_a_graph_of_few_operations_whatever_the_size_of_the_plane(known):
+    """The stopwatch of ``assess_speed`` in numbers that no machine changes: 7e4 and 3e5 as scalar expressions."""
+    sizes = []
+    for n_lines in (8, 32):
+        settings = replace(settings_for("preisach", starts=1), n_lines=n_lines, most_iterations=1)
+        model = fit_preisach((known,), everything(known), settings, full_scale=1.0).solver.problem.model
+        x = model.mx_in(0)
+        slopes = ca.jacobian(ca.vertcat(*model.call([x], True, False)), x)
+        sizes.append((model.n_instructions(), ca.Function("slopes", [x], [slopes]).n_instructions()))
+    assert sizes[0] == sizes[1]
+    assert sizes[1][0] < 200
+    assert sizes[1][1] < 3000
+
+
+def test_a_fit_of_seven_modes_evaluates_model_and_derivatives_a_few_dozen_times(monkeypatch):
+    """``scipy.optimize.least_squares`` asks for the residual 17615 times from the same start."""
+    evaluations = []
+    evaluate = least_squares._Fast.__call__
+    monkeypatch.setattr(least_squares._Fast, "__call__", lambda self, x: evaluations.append(1) or evaluate(self, x))
+    specimen = assess.specimen_record(1)
+    fit_preisach(
+        (specimen,), (specimen.time < 200.0,), settings_for("preisach", starts=1), full_scale=0.15, rest_output=0.0
+    )
+    assert len(evaluations) < 150
 
 
 def test_modal_functions_are_those_of_the_thesis():

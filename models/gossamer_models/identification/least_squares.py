@@ -25,7 +25,7 @@ from ..errors import ConvergenceError
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-SMALL = 1e-9  # a violation of a constraint this little is rounding
+ROUNDING = 1e-12  # a violation of a constraint this little, relative to its size or 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,8 @@ def solve_constrained(E: Matrix, e: Vector, G: Matrix, h: Vector) -> Vector:
     Notes
     -----
     Least distance programming, chapter 23 of [1]_: with E = QR the problem is the nearest point of a polyhedron, whose dual
-    is a non-negative least-squares problem with as many unknowns as constraints.
+    is a non-negative least-squares problem with as many unknowns as constraints. Few of many constraints bind, so those are
+    taken up as they are found violated; the last solution violates none.
 
     References
     ----------
@@ -99,21 +100,29 @@ def solve_constrained(E: Matrix, e: Vector, G: Matrix, h: Vector) -> Vector:
     n = E.shape[1]
     R = qr(np.column_stack([E, e]), mode="r", check_finite=False)[0]
     R, free = R[:n, :n], R[:n, n]
+    x = solve_triangular(R, free, check_finite=False)
+    taken = np.zeros(h.size, dtype=bool)
+    while (violated := (h - G @ x > ROUNDING * np.maximum(1.0, np.abs(h))) & ~taken).any():
+        taken |= violated
+        x = _nearest(R, free, G[taken], h[taken])
+    return np.asarray(x, dtype=float)
+
+
+def _nearest(R: Matrix, free: Vector, G: Matrix, h: Vector) -> Vector:
+    r"""Minimize :math:`\|R x - free\|` subject to all constraints at once; R is triangular."""
     GR = solve_triangular(R, G.T, trans="T", check_finite=False).T
     short = h - GR @ free
-    if (short <= 0.0).all():
-        return np.asarray(solve_triangular(R, free), dtype=float)
     size = np.maximum(np.linalg.norm(GR, axis=1), 1e-300)
     dual, level = (GR / size[:, None]).T, short / size
     scale = float(np.abs(level).max())
     system = np.vstack([dual, level / scale])
-    u, _ = nnls(system, np.append(np.zeros(n), 1.0), maxiter=50 * G.shape[0])
+    u, _ = nnls(system, np.append(np.zeros(free.size), 1.0), maxiter=50 * h.size)
     r = system @ u
-    gap = 1.0 - r[n]
+    gap = 1.0 - r[-1]
     if gap < 1e-13:
         msg = "the constraints of the fit contradict each other. Widen the bounds of the parameters."
         raise ConvergenceError(msg)
-    return np.asarray(solve_triangular(R, free + scale * r[:n] / gap), dtype=float)
+    return np.asarray(solve_triangular(R, free + scale * r[:-1] / gap), dtype=float)
 
 
 class GaussNewton:
@@ -141,30 +150,29 @@ class GaussNewton:
         q, t = ca.MX.sym("q", self.linear.size), ca.MX.sym("t", self.others.size)
         x = ca.vertcat(q, t)[np.argsort(np.concatenate([self.linear, self.others])).tolist()]
         values = problem.model.call([x], True, False)  # inlined, so that zeros of the derivatives are seen
+        self._rows = np.cumsum([value.numel() for value in values])[:-1]
+        stacked = ca.vertcat(*values)
         self._value, self._by_q, self._by_t = (
-            _Fast(ca.Function(name, [q, t], [ca.densify(part) for part in parts]), self.linear, self.others)
-            for name, parts in (
-                ("value", values),
-                ("by_q", [ca.jacobian(value, q) for value in values]),
-                ("by_t", [ca.jacobian(value, t) for value in values]),
+            _Fast(ca.Function(name, [q, t], [ca.densify(result)]), self.linear, self.others)
+            for name, result in (
+                ("value", stacked),
+                ("by_q", ca.jacobian(stacked, q)),
+                ("by_t", ca.jacobian(stacked, t)),
             )
         )
         self._projected_at = b""
         self._projected: list[Matrix] = []
         self.A, self.b = compress(problem.A, problem.b)
 
-    def residual(self, x: Vector) -> Vector:
-        """Return A f(x) - b."""
-        return np.asarray(self.A @ self._value(x)[0] - self.b, dtype=float)
+    def stacked(self, x: Vector) -> Vector:
+        """Return A f(x) - b followed by p(x): what the sum of squares is of."""
+        f, _, p = self._parts(self._value(x)[:, 0])
+        return np.concatenate([self.A @ f - self.b, p])
 
     def cost(self, x: Vector) -> float:
         """Return half the sum of squares, prior included."""
-        return 0.5 * float(np.sum(self.residual(x) ** 2) + np.sum(self._value(x)[2] ** 2))
-
-    def stacked(self, x: Vector) -> Vector:
-        """Return A f(x) - b followed by p(x): what the sum of squares is of."""
-        f, _, p = self._value(x)
-        return np.concatenate([self.A @ f - self.b, p])
+        r = self.stacked(x)
+        return 0.5 * float(r @ r)
 
     def slopes(self, x: Vector) -> tuple[Matrix, Matrix]:
         """Return the derivatives of A f(x) and of p(x)."""
@@ -180,7 +188,7 @@ class GaussNewton:
 
     def feasible(self, x: Vector) -> bool:
         """Tell whether no constraint is violated by more than rounding."""
-        return bool((self._value(x)[1] > -1e-7).all())
+        return bool((self._parts(self._value(x)[:, 0])[1] > -1e-7).all())
 
     def minimize(
         self, x: Vector, *, most: int = 60, tolerance: float = 1e-5, watch: Callable[[int, float], None] | None = None
@@ -229,18 +237,21 @@ class GaussNewton:
         """Return the derivatives of A f, g, p by q: they do not depend on q, so a step uses those of the projection."""
         at = x[self.others].tobytes()
         if at != self._projected_at:
-            df, dg, dp = self._by_q(x)
-            self._projected_at, self._projected = at, [self.A @ df, dg.copy(), dp.copy()]
+            df, dg, dp = self._parts(self._by_q(x).copy())
+            self._projected_at, self._projected = at, [self.A @ df, dg, dp]
         return self._projected
 
     def _slopes_by_t(self, x: Vector) -> list[Matrix]:
-        df, dg, dp = self._by_t(x)
+        df, dg, dp = self._parts(self._by_t(x))
         return [self.A @ df, dg, dp]
+
+    def _parts(self, stacked: Matrix) -> list[Matrix]:
+        return np.split(stacked, self._rows)
 
     def _step(self, x: Vector, moving: NDArray[np.int_], slopes: list[Matrix], damping: float) -> Vector:
         """Solve the linearised problem for some of the parameters; slopes are the derivatives of A f, g, p by them."""
         lower, upper = self.problem.lower[moving] - x[moving], self.problem.upper[moving] - x[moving]
-        f, g, p = self._value(x)
+        f, g, p = self._parts(self._value(x)[:, 0])
         J = np.vstack([slopes[0], slopes[2]])
         r = np.concatenate([self.A @ f - self.b, p])
         size = np.linalg.norm(J, axis=0)
@@ -259,20 +270,19 @@ class GaussNewton:
 
 
 class _Fast:
-    """Evaluate a CasADi function of two parts of a vector into arrays made once: conversion costs more than evaluation."""
+    """Evaluate a CasADi function of two parts of a vector into an array made once: conversion costs more than evaluation."""
 
     def __init__(self, function: ca.Function, *parts: NDArray[np.int_]) -> None:
         self._parts = [(part, np.zeros(part.size)) for part in parts]
-        self._results = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
+        self._result = np.zeros(function.size_out(0), order="F")
         self._buffer, self._run = function.buffer()
         for i, (_, values) in enumerate(self._parts):
             self._buffer.set_arg(i, values.data)
-        for i, result in enumerate(self._results):
-            self._buffer.set_res(i, result.reshape(-1, order="F").data)
+        self._buffer.set_res(0, self._result.reshape(-1, order="F").data)
 
-    def __call__(self, x: Vector) -> list[Matrix]:
-        """Return the results at x; the next call overwrites them."""
+    def __call__(self, x: Vector) -> Matrix:
+        """Return the result at x; the next call overwrites it."""
         for part, values in self._parts:
             values[:] = x[part]
         self._run()
-        return [result[:, 0] if result.shape[1] == 1 else result for result in self._results]
+        return self._result
