@@ -1,17 +1,33 @@
-"""The four FMUs of both kinds, built once for all tests: those that run in Python and native ones."""
+"""The FMUs of all kinds, built once for all tests: the four, and the compensator that estimates."""
 
 import fmpy
 import pytest
-from fmu_host import Instance
-from gossamer_fmus import NAMES
-from gossamer_fmus.build import MODELS
+from fmu_host import FMUS, Instance, model_of
 
 KINDS = ("python", "native")
 
 
 @pytest.fixture(scope="session")
 def models():
-    return {name: MODELS[name]() for name in NAMES}
+    return {name: model_of(name) for name in FMUS}
+
+
+@pytest.fixture(scope="session")
+def built(built, tmp_path_factory):
+    """Build the estimator beside the four."""
+    from gossamer_fmus import build_all
+
+    options = {"python": {}, "native": {"native": True}, "native FMI 3": {"native": True, "fmi": 3}}
+    paths = {}
+
+    def get(kind):
+        if kind not in paths:
+            four, folder = built(kind), tmp_path_factory.mktemp("estimator")
+            made = build_all(folder, ["compensator"], method="estimator", **options[kind])
+            paths[kind] = four | {"estimator": made["compensator"]}
+        return paths[kind]
+
+    return get
 
 
 @pytest.fixture(scope="session")

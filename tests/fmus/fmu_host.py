@@ -1,23 +1,35 @@
-"""A thin host over FMPy: one instance with its variables by name and the messages it logged; and something to feed it."""
+"""The FMUs to test, a thin host over FMPy (variables by name, messages that were logged), and something to feed it."""
 
 import ctypes
 import math
 
 import fmpy
 from fmpy import fmi2
+from gossamer_fmus import NAMES
+from gossamer_fmus.build import MODELS
+from gossamer_models.compensator import compensator_model
+
+FMUS = (*NAMES, "estimator")  # the last is a compensator of the other method
 
 INPUTS = {
     "membrane": {"pressure": 500.0, "base_acceleration": 3.0, "damage[7]": 0.2},
     "sensor": {"strain": 0.11},
-    "compensator": {},
     "detector": {"strain[1]": 0.1, "strain[2]": 0.2, "strain[3]": 0.05, "strain[4]": 0.3},
 }
 
 
+def model_of(name):
+    """Make the model of an FMU."""
+    return compensator_model(method="estimator") if name == "estimator" else MODELS[name]()
+
+
 def excite(name, k):
     """Input values that move, different for each step; a resistance stays near its rest value."""
+    resistance = {"resistance": 100.0 * (1.0 + 0.01 * math.sin(0.3 * k))}
     if name == "compensator":
-        return {"resistance": 100.0 * (1.0 + 0.01 * math.sin(0.3 * k))}
+        return resistance
+    if name == "estimator":
+        return resistance | {"known": float(k % 5 == 2), "known_strain": 0.02 + 0.01 * math.sin(0.3 * k)}
     return {key: value * (1.0 + 0.1 * math.sin(0.3 * k)) for key, value in INPUTS[name].items()}
 
 

@@ -13,8 +13,8 @@ import hypothesis.strategies as st
 import numpy as np
 from fmpy import fmi2, fmi3
 from fmpy.fmi1 import FMICallException
+from fmu_host import model_of
 from gossamer_fmus.arrays import arrays_of
-from gossamer_fmus.build import MODELS
 from gossamer_models import GossamerError, Stepper
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, rule, run_state_machine_as_test
@@ -344,7 +344,7 @@ def calls(kind, model, path, folder):
 if __name__ == "__main__":
     kind, name, path, folder = sys.argv[1:]
     run_state_machine_as_test(
-        calls(kind, MODELS[name](), path, folder),
+        calls(kind, model_of(name), path, folder),
         settings=settings(
             max_examples=EXAMPLES // 8 if name == "membrane" else EXAMPLES,
             stateful_step_count=40,

@@ -10,7 +10,8 @@ import casadi as ca
 import fmpy
 import pytest
 from fmpy.validation import validate_fmu
-from gossamer_fmus import NAMES, build_all, build_fmu
+from fmu_host import FMUS, model_of
+from gossamer_fmus import NAMES, build_all, build_fmu, variables_table
 from gossamer_fmus.arrays import arrays_of
 from gossamer_fmus.build import MODELS
 from gossamer_fmus.description import base_unit, with_variables
@@ -20,12 +21,12 @@ from gossamer_models import ArtifactError, ParameterError, StepModel, Variable
 only_python = pytest.mark.parametrize("kind", ["python"], indirect=True)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_fmpy_finds_no_problem(fmus, name):
     assert validate_fmu(str(fmus[name])) == []
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_fmutool_finds_no_problem(fmus, name):
     command = [sys.executable, "-m", "fmu_manipulation_toolbox.cli.fmutool", "-input", str(fmus[name]), "-check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -36,9 +37,9 @@ def test_fmutool_finds_no_problem(fmus, name):
 
 
 @only_python
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_two_builds_give_the_same_bytes(fmus, tmp_path, name):
-    assert build_fmu(MODELS[name](), tmp_path).read_bytes() == fmus[name].read_bytes()
+    assert build_fmu(model_of(name), tmp_path).read_bytes() == fmus[name].read_bytes()
 
 
 def test_a_build_in_another_process_gives_the_same_bytes(fmus, kind, tmp_path):
@@ -59,7 +60,7 @@ def test_another_model_has_another_guid_and_other_module_names(fmus, tmp_path):
     assert not names[0] & names[1]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_every_variable_has_a_unit_a_description_and_its_range(fmus, models, name):
     description = fmpy.read_model_description(str(fmus[name]))
     for found, wanted in zip(description.modelVariables, models[name].variables, strict=True):
@@ -75,7 +76,7 @@ def test_every_variable_has_a_unit_a_description_and_its_range(fmus, models, nam
 
 
 @only_python
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_no_package_of_ours_and_no_top_level_pythonfmu_travels_inside(fmus, name):
     for member in zipfile.ZipFile(fmus[name]).namelist():
         parts = member.split("/")
@@ -83,7 +84,7 @@ def test_no_package_of_ours_and_no_top_level_pythonfmu_travels_inside(fmus, name
             assert re.fullmatch(r"(step|slave)_[0-9a-f]{16}(\.py)?", parts[1]), member
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_the_documentation_page_lists_the_variables(fmus, models, name):
     page = zipfile.ZipFile(fmus[name]).read("documentation/index.html").decode()
     assert "<table>" in page
@@ -94,6 +95,17 @@ def test_the_documentation_page_lists_the_variables(fmus, models, name):
 def test_the_table_in_the_readme_is_up_to_date(models, name, rewrite_goldens):
     path = fmu_folder(name) / "README.md"
     wanted = with_variables(path.read_text(encoding="utf-8"), models[name])
+    if rewrite_goldens:
+        path.write_text(wanted, encoding="utf-8")
+    assert path.read_text(encoding="utf-8") == wanted, "run 'make goldens'"
+
+
+def test_the_table_of_the_estimator_is_up_to_date(models, rewrite_goldens):
+    path = fmu_folder("compensator") / "README.md"
+    begin, end = "<!-- variables of the estimator -->\n", "\n<!-- end of variables of the estimator -->"
+    text = path.read_text(encoding="utf-8")
+    before, rest = text.split(begin)
+    wanted = before + begin + variables_table(models["estimator"]) + end + rest.split(end)[1]
     if rewrite_goldens:
         path.write_text(wanted, encoding="utf-8")
     assert path.read_text(encoding="utf-8") == wanted, "run 'make goldens'"

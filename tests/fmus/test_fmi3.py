@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
-from fmu_host import Instance, excite
-from gossamer_fmus import NAMES
+from fmu_host import FMUS, Instance, excite
 from gossamer_fmus.arrays import arrays_of
 from gossamer_models import Stepper
 from lxml import etree
@@ -60,7 +59,7 @@ def advance(fmu, model, name, k, h=3e-4):
     return fmu.get([reference for reference, group in fmu.groups.items() if group.start >= results.start])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_neighbours_are_arrays_with_names_shapes_units_and_starts(fmus3, models, name):
     found = {v.name: v for v in fmpy.read_model_description(str(fmus3[name])).modelVariables}
     assert found.pop("time").causality == "independent"
@@ -80,7 +79,7 @@ def test_the_detector_takes_strain_of_4_and_gives_damage_of_16(fmus3):
     assert list(variables["damage"].shape) == [16]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_the_fmu_is_its_model_to_the_bit_in_any_step_size(make, models, name):
     fmu, model = initialized(make(name)), Stepper(models[name])
     model.initialize()
@@ -93,7 +92,7 @@ def test_the_fmu_is_its_model_to_the_bit_in_any_step_size(make, models, name):
         assert found == model.get_values(range(results.start, results.stop))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_a_saved_and_a_serialized_state_continue_to_the_bit(make, models, name):
     fmu, other = initialized(make(name)), make(name)
 
@@ -192,7 +191,7 @@ def test_a_refusal_says_why_and_the_run_goes_on(make, models, call, message):
     advance(fmu, models["detector"], "detector", 1)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_fmpy_finds_no_problem_and_simulates_the_default_experiment(fmus3, name):
     assert validate_fmu(str(fmus3[name])) == []
     result = fmpy.simulate_fmu(str(fmus3[name]))
@@ -200,7 +199,7 @@ def test_fmpy_finds_no_problem_and_simulates_the_default_experiment(fmus3, name)
     assert all(np.isfinite(result[column]).all() for column in result.dtype.names)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_fmutool_finds_no_problem(fmus3, name):
     command = [sys.executable, "-m", "fmu_manipulation_toolbox.cli.fmutool", "-input", str(fmus3[name]), "-check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -210,7 +209,7 @@ def test_fmutool_finds_no_problem(fmus3, name):
     assert not re.search(r"^(WARNING|ERROR|CRITICAL)", output, re.MULTILINE), output
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_the_diagram_names_all_inputs_and_outputs_and_the_build_description_is_valid(fmus3, models, name):
     with zipfile.ZipFile(fmus3[name]) as archive:
         picture = ET.fromstring(archive.read("documentation/diagram.svg"))

@@ -6,14 +6,13 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from fmu_host import excite
-from gossamer_fmus import NAMES
+from fmu_host import FMUS, excite
 from gossamer_models import Stepper
 
 OK, DISCARD = 0, 2
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_the_fmu_is_its_model_to_the_bit_in_any_step_size(instance, models, name):
     fmu, model = instance(name), Stepper(models[name])
     fmu.initialize()
@@ -28,7 +27,7 @@ def test_the_fmu_is_its_model_to_the_bit_in_any_step_size(instance, models, name
         assert fmu.get(*results) == [model.get(result) for result in results]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 @pytest.mark.parametrize("serialized", [False, True])
 def test_a_saved_state_continues_to_the_bit(instance, name, serialized):
     fmu = instance(name)
@@ -59,7 +58,7 @@ def test_a_saved_state_continues_to_the_bit(instance, name, serialized):
     assert again == first
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_a_bad_input_discards_the_step_names_the_input_and_changes_nothing(instance, name, value):
     fmu = instance(name)
@@ -91,7 +90,7 @@ def test_a_step_must_be_a_positive_time(instance, h):
     assert "must be a positive time" in fmu.messages[-1]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_initial_results_can_be_read_in_initialization_mode_and_follow_the_parameters(instance, models, name):
     """As FMI asks; a host may read a result there, change what it depends on, and read it again."""
     fmu, model = instance(name), Stepper(models[name])
@@ -121,6 +120,25 @@ def test_two_instances_do_not_share_anything(instance):
         fmu.step(0.1)
     assert b.get("resistance") == [200.0]
     assert a.get("resistance") != [100.0]
+
+
+def test_two_estimators_do_not_share_their_windows(instance):
+    """One sees noise, the other none: the second must say what it says when it is alone."""
+    a, b, alone = (instance("estimator", name=name) for name in ("a", "b", "alone"))
+    for fmu in (a, b, alone):
+        fmu.initialize(noise=0.05)
+    noise = np.random.default_rng(0).standard_normal(60)
+    for k in range(60):
+        a.set("resistance", 100.0 + 0.2 * k + noise[k])
+        assert a.step(0.1) == OK
+        b.set("resistance", 100.0 + 0.1 * k)
+        assert b.step(0.1) == OK
+    for k in range(60):
+        alone.set("resistance", 100.0 + 0.1 * k)
+        assert alone.step(0.1) == OK
+    outputs = b.names("output")
+    assert b.get(*outputs) == alone.get(*outputs)
+    assert a.get(*outputs) != b.get(*outputs)
 
 
 def test_memory_does_not_grow_with_steps(instance):

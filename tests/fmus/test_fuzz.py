@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gossamer_fmus import NAMES
+from fmu_host import FMUS
 from gossamer_models import Stepper
 from random_calls import Fmi2, Fmi3
 
 KINDS = ("python", "native", "native FMI 3")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_random_calls_leave_the_fmu_as_its_model(built, unzipped_once, kind, name):
     path = built(kind)[name]

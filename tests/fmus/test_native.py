@@ -10,8 +10,8 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmu_host import Instance, excite
-from gossamer_fmus import NAMES, build_all
+from fmu_host import FMUS, Instance, excite, model_of
+from gossamer_fmus import build_all
 from gossamer_fmus.build import MODELS
 from gossamer_fmus.native import chosen, derivative, fmi_headers, sources, universal, with_guid
 from gossamer_models import ParameterError, Stepper
@@ -103,7 +103,7 @@ def test_before_the_first_step_a_derivative_is_that_of_the_initial_results(insta
 
 def test_every_derivative_that_is_not_zero_is_declared_as_a_dependency(instance):
     """Over a step that is divided, what acts on the membrane's state reaches all its outputs."""
-    for name in ("membrane", "sensor", "compensator"):
+    for name in ("membrane", "sensor", "compensator", "estimator"):
         fmu = instance(name)
         fmu.initialize()
         for k in range(3):
@@ -329,7 +329,7 @@ def test_a_thousand_instances_live_side_by_side(fmus, unzipped):
         fmu.slave.freeInstance()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_instances_in_four_threads_give_what_one_gives(instance, name):
     """ctypes releases the interpreter's lock during a call, so the steps do run side by side."""
 
@@ -434,9 +434,9 @@ int main(void) {
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="counts allocations with gcc's linker, which is not installed")
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 def test_an_instance_is_one_allocation_and_a_step_is_none(tmp_path, name):
-    for file, content in sources(MODELS[name](), "{guid}", 2).items():
+    for file, content in sources(model_of(name), "{guid}", 2).items():
         (tmp_path / file).write_bytes(content)
     (tmp_path / "steps.c").write_text(STEPS)
     wrap = "-Wl,--wrap=malloc,--wrap=calloc"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
-from gossamer_fmus import NAMES
+from fmu_host import FMUS
 
 FUZZ = Path(__file__).with_name("fuzz.c")
 HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -69,7 +69,7 @@ def fuzzer(compiler, flags, fmi, sources):
     return program
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FMUS)
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_random_calls_touch_no_foreign_memory_leak_nothing_and_leave_no_trace_where_refused(
     compiler, sources, fmi, name
