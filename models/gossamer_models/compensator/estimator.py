@@ -213,9 +213,16 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     relaxation of what rises in the first step after a turning point is timed one step late.
     """
     artifact = default_artifact() if artifact is None else artifact
-    if artifact.inverse is not None or artifact.signed:
+    if artifact.signed:
         msg = (
-            "the output of this sensor may move against the strain, which the estimator cannot follow. Use the inverse."
+            "the output of this sensor may move against the strain, which the estimator cannot follow. Build the "
+            "compensator with the method inverse, or identify the sensor with --extension falling or none."
+        )
+        raise ParameterError(msg)
+    if artifact.inverse is not None:
+        msg = (
+            "this sensor brings a direct inverse, which the estimator does not use. Build the compensator with the "
+            "method inverse, or identify the sensor without --direct-inverse."
         )
         raise ParameterError(msg)
     if not half_widths or half_widths[0] < 3 or any(a >= b for a, b in pairwise(half_widths)):

@@ -14,14 +14,13 @@ import casadi as ca
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
 from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable
-from ..sensor.relaxation import decay, phi_1
+from ..sensor.relaxation import decay
 from ..sensor.state import SensorLaw
 from ..step_model import StepModel, Variable
 from .direct import direct_model
 from .estimator import estimator_model
 from .inverse import invert
-
-SHORTEST_FILTER_TIME = 1e-300  # [s]; stands for 0
+from .low_pass import FILTER_TIME, low_pass
 
 
 def compensator_model(
@@ -32,7 +31,8 @@ def compensator_model(
     Parameters
     ----------
     artifact : SensorArtifact or None
-        Identified sensor; None for the one that ships with the package.
+        Identified sensor; None for the one that ships with the package. One with a direct inverse is compensated by that,
+        see ``direct_model``.
     method : {"inverse", "estimator"}
         The exact inverse, right for resistance without noise; or the estimator, which delays the strain and says how well it
         is known: see ``estimator_model``.
@@ -50,7 +50,7 @@ def compensator_model(
     then advances the compensator's own memory through ``SensorLaw.advance``, the function that the sensor runs.
 
     While a resistance is out of reach, memory stands still and only the modes decay, so a spike leaves no trace. The
-    same holds within the dead band. The low-pass :math:`T \dot R_f = R - R_f` is exact for resistance linear over a step.
+    same holds within the dead band.
 
     References
     ----------
@@ -66,7 +66,8 @@ def compensator_model(
         return direct_model(artifact, compensator_model(replace(artifact, inverse=None, relaxation=())))
     if artifact.signed:
         msg = (
-            "the output of this sensor may move against the strain, so it has no exact inverse. Identify a direct one."
+            "the output of this sensor may move against the strain, so it has no exact inverse. Identify it again with "
+            "--direct-inverse."
         )
         raise ParameterError(msg)
     law = SensorLaw(artifact)
@@ -80,9 +81,7 @@ def compensator_model(
     init = ca.Function("init", [R, p], [ca.vertcat(rest.pack(), R_rest, R_rest), ca.vertcat(rest.s * full_scale, 0.0)])
 
     state, Rf, R_last = law.unpack(x[:n_x]), x[n_x], x[n_x + 1]
-    ratio = h / ca.fmax(T, SHORTEST_FILTER_TIME)
-    left, mean = ca.exp(-ratio), phi_1(ratio)
-    Rf = left * Rf + (mean - left) * R_last + (1.0 - mean) * R
+    Rf = low_pass(Rf, R_last, R, T, h)
 
     target = (Rf - R0) / dR - state.f - ca.sum1(decay(law.bank, state.z, h))
     quiet = ca.fabs(target) * dR < dead_band
@@ -108,15 +107,7 @@ def compensator_model(
                 minimum=0.0,
                 nominal=1.0,
             ),
-            Variable(
-                name="filter_time",
-                causality="parameter",
-                unit="s",
-                description="Time constant of a first-order low-pass on the resistance; 0 switches it off",
-                start=0.0,
-                minimum=0.0,
-                nominal=1.0,
-            ),
+            FILTER_TIME,
             Variable(
                 name="resistance",
                 causality="input",
