@@ -48,7 +48,8 @@ class Host:
 
 @pytest.fixture(scope="module")
 def fmus(tmp_path_factory):
-    return build_all(tmp_path_factory.mktemp("fmus"))
+    estimator = build_all(tmp_path_factory.mktemp("estimator"), ["compensator"], method="estimator")
+    return build_all(tmp_path_factory.mktemp("fmus")) | {"estimator": estimator["compensator"]}
 
 
 @pytest.fixture
@@ -65,7 +66,7 @@ def host(fmus, tmp_path):
 
 
 @pytest.mark.parametrize("call", ["set", "step", "get"])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, "estimator"])
 def test_cost_of_a_call(benchmark, host, name, call):
     fmu = host(name)
     benchmark.group = call

@@ -42,7 +42,7 @@ def test_membrane_step():
     print(f"one implicit step of 3e-4 s: {implicit / (2 * explicit):.0f} times the two explicit ones it stands for")
 
 
-def test_sensor_compensator_and_detector_step():
+def test_sensor_compensator_estimator_and_detector_step():
     strains = iter(np.tile(0.1 + 0.09 * np.sin(np.linspace(0.0, 60.0, 5000)), 20).tolist())
     sensor, compensator = running(sensor_model()), running(compensator_model())
     detector = running(detector_model(), repeat=1.0)
@@ -58,6 +58,8 @@ def test_sensor_compensator_and_detector_step():
 
     print(f"\nsensor, input set and step: {microseconds(sense, 6000):.1f} us (asked 25)")
     print(f"sensor and compensator step: {microseconds(compensate, 6000):.1f} us")
+    estimator = running(compensator_model(method="estimator"))
+    print(f"estimator step: {microseconds(lambda: estimator.step(H), 6000):.1f} us")
     print(f"detector step: {microseconds(lambda: detector.step(H), 6000):.1f} us")
 
 

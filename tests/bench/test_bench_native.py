@@ -21,7 +21,8 @@ H = 3e-4
 
 @pytest.fixture(scope="module")
 def fmus(tmp_path_factory):
-    return build_all(tmp_path_factory.mktemp("native"), native=True)
+    estimator = build_all(tmp_path_factory.mktemp("estimator"), ["compensator"], method="estimator", native=True)
+    return build_all(tmp_path_factory.mktemp("native"), native=True) | {"estimator": estimator["compensator"]}
 
 
 def start(path, folder):
@@ -71,6 +72,17 @@ def test_step_inside_the_fmu(fmus, tmp_path, name, h, asked):
     what = "one internal step" if name == "membrane" else "one step"
     print(f"\nnative {name}, {what}: {inside(slave, h):.2f} us (asked {asked:g})")
     slave.freeInstance()
+
+
+def test_estimator_step_beside_the_exact_inverse(fmus, tmp_path):
+    """It inverts three times and smooths twice; both see the same machine."""
+    costs = {}
+    for name in ("estimator", "compensator"):
+        slave = start(fmus[name], fmpy.extract(fmus[name], str(tmp_path / name)))
+        costs[name] = inside(slave, H)
+        slave.freeInstance()
+    ratio = costs["estimator"] / costs["compensator"]
+    print(f"\nnative estimator, one step: {costs['estimator']:.2f} us, {ratio:.1f} times the exact inverse")
 
 
 def test_start_of_the_membrane(fmus, tmp_path):
