@@ -118,11 +118,29 @@ def identify(
     extension: Annotated[
         str | None,
         typer.Option(
-            help="Falling strain drives relaxation: none, falling, or reversing (carbon black). None if not given.",
+            help="Added to the thesis' relaxation: falling (falling strain drives it too), gain (loading changes the gauge "
+            "factor) or reversing (both, with either sign: carbon black). Nothing if not given.",
             metavar="NAME",
             rich_help_panel=PREISACH,
         ),
     ] = None,
+    ridge: Annotated[
+        str | None,
+        typer.Option(
+            help="How small densities and relaxation are preferred to be: a number, or auto to choose it by predicting the "
+            "later parts of the training stretch.",
+            metavar="NUMBER",
+            rich_help_panel=PREISACH,
+        ),
+    ] = None,
+    earlier: Annotated[
+        bool,
+        typer.Option(
+            "--earlier",
+            help="The sensor had not come to rest when its record began; fit what was still relaxing.",
+            rich_help_panel=PREISACH,
+        ),
+    ] = False,
     direct_inverse: Annotated[
         bool,
         typer.Option(
@@ -206,6 +224,8 @@ def identify(
                 exponents=_numbers("--exponents", exponents),
                 extension=extension,
                 direct_inverse=direct_inverse or None,
+                ridge="auto" if ridge == "auto" else _number("--ridge", ridge),
+                earlier=earlier or None,
                 least_slope=least_slope,
                 terms=terms,
                 fading=fading,
@@ -229,6 +249,15 @@ def identify(
         console.print(sentence, style="yellow")
     for path in (out, *drawn):
         typer.echo(path)
+
+
+def _number(option: str, text: str | None) -> float | None:
+    """Read one number; None stays None."""
+    numbers = _numbers(option, text)
+    if numbers is not None and len(numbers) != 1:
+        msg = f"{option} takes one number, not {text!r}."
+        raise OrchestratorError(msg)
+    return None if numbers is None else numbers[0]
 
 
 def _numbers(option: str, text: str | None) -> tuple[float, ...] | None:

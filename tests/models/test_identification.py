@@ -6,7 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from gossamer_models import DataError, ParameterError
+from gossamer_models import DataError, ParameterError, Stepper
 from gossamer_models.compensator import compensator_model
 from gossamer_models.identification import (
     Columns,
@@ -18,11 +18,12 @@ from gossamer_models.identification import (
     least_squares,
     settings_for,
 )
-from gossamer_models.identification.densities import Spectrum, modal_field, wave_numbers
+from gossamer_models.identification.densities import Spectrum, modal_field, reversible_beyond, wave_numbers
 from gossamer_models.identification.judge import predict_output, recover_strain
 from gossamer_models.identification.least_squares import GaussNewton, Problem, compress, solve_constrained
 from gossamer_models.identification.quality import covariance, determinations, doubts
-from gossamer_models.identification.regressors import DRIVES, relaxed, switched
+from gossamer_models.identification.regressors import DRIVES, GAIN, relaxed, switched
+from gossamer_models.identification.ridge import RIDGES, choose_ridge
 from gossamer_models.sensor import DirectInverse, RelaxationTerm, SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.relaxation import ModeBank
 from oracles_preisach import drive, start
@@ -132,6 +133,108 @@ def test_an_extended_artifact_is_read_back_and_a_plain_one_keeps_its_version(tmp
     extended.write(path)
     assert '"version": 2' in path.read_text()
     assert SensorArtifact.read(path) == extended
+
+
+def gaining(amplitude=-0.2, rate=0.5):
+    """Return the default sensor with a gain that relaxes at one rate."""
+    term = RelaxationTerm(
+        amplitude=amplitude,
+        power=0,
+        rate=rate,
+        exponent=1.0,
+        decay_rates=(rate,),
+        weights=(1.0,),
+        signed=amplitude < 0.0,
+        gain=True,
+    )
+    return replace(default_artifact(), relaxation=(*default_artifact().relaxation, term))
+
+
+@pytest.mark.parametrize("amplitude", [0.3, -0.2])
+def test_a_gain_adds_its_modes_times_the_present_strain(amplitude):
+    strain, h, rate = zigzag(seed=3), 0.2, 0.5
+    without = drive(start(sensor_model()), strain, h)
+    modes = relaxed(h * np.arange(strain.size), strain, np.array([rate]), ("rising",))[:, 0]
+    found = drive(start(sensor_model(gaining(amplitude, rate))), strain, h)
+    assert found == pytest.approx(without + amplitude * strain * modes, abs=1e-12)
+    columns = relaxed(h * np.arange(strain.size), strain, np.array([rate]), (GAIN,))[:, 0]
+    assert columns == pytest.approx(strain * modes, abs=1e-15)
+
+
+def test_a_sensor_with_a_gain_is_read_back_and_has_no_exact_inverse(tmp_path):
+    path = tmp_path / "sensor.json"
+    gaining().write(path)
+    assert SensorArtifact.read(path) == gaining()
+    for method in ("inverse", "estimator"):
+        with pytest.raises(ParameterError, match="has a gain"):
+            compensator_model(gaining(0.3), method)
+
+
+def test_a_sensor_with_a_gain_is_found_and_gets_a_direct_inverse():
+    strain = zigzag(seed=5, turns=40)
+    made = record(strain, 100.0 + 50.0 * drive(start(sensor_model(gaining())), strain, 0.1))
+    rows = (np.arange(strain.size) < strain.size // 2,)
+    off = {}
+    for extension in ("none", "gain"):
+        settings = settings_for("preisach-hats", extension=extension, ridge=1e-4, starts=1)
+        fit = fit_preisach((made,), rows, settings, full_scale=1.0, rest_output=100.0)
+        off[extension] = float(np.abs(predict_output(fit, made) - made.output)[~rows[0]].max())
+    assert off["gain"] < 0.3 * off["none"]
+    assert fit.artifact.inverse is not None
+    assert np.sqrt(np.mean((recover_strain(fit, made) - made.strain)[rows[0]] ** 2)) < 0.01
+
+
+def test_operators_that_no_record_switched_back_lose_nothing():
+    """Beyond the fitted strain the first loading goes on as the density says, and what it adds is reversible."""
+    n, seen = 8, 0.5
+    turn = reversible_beyond(n, seen).toarray()
+    line, k = np.triu_indices(n)
+    mu = np.random.default_rng(1).uniform(size=line.size)
+    moved = turn @ mu
+    assert moved[(line / n >= seen)] == pytest.approx(0.0)
+    inner = (line > 0) & (line / n < seen)
+    assert moved[inner] == pytest.approx(mu[inner])
+    virgin = [np.bincount(k, weights) for weights in (mu, moved)]  # what the first loading switches, bin by bin
+    assert virgin[1] == pytest.approx(virgin[0])
+    assert (reversible_beyond(n, 1.0).toarray() == np.eye(line.size)).all()
+
+
+def test_the_ridge_is_chosen_without_a_look_at_the_test_stretch(known):
+    rows = (np.arange(known.strain.size) < 200,)
+    settings = settings_for("preisach-hats", relaxations=2, extension="gain", ridge="auto")
+    spoiled = replace(known, output=np.where(rows[0], known.output, 1e3))
+    noisy = replace(known, output=known.output + np.random.default_rng(0).normal(0.0, 20.0, known.strain.size))
+    seen: list[str] = []
+    chosen = [
+        choose_ridge((r,), rows, settings, full_scale=1.0, watch=lambda name, i, e: seen.append(name))
+        for r in (known, spoiled, noisy)
+    ]
+    assert chosen[0] == chosen[1]
+    assert chosen[0].ridge == chosen[0].relaxation_ridge
+    assert chosen[2].ridge == max(RIDGES)  # noise as large as the signal
+    assert len(seen) == 3 * len(RIDGES)
+    assert fit_preisach((known,), rows, settings, full_scale=1.0).settings == chosen[0]
+
+
+def test_a_ridge_cannot_be_chosen_where_the_first_half_rests():
+    strain = np.concatenate([np.zeros(100), zigzag(turns=8)])
+    with pytest.raises(DataError, match="rests in the first half"):
+        choose_ridge((record(strain, 1.0 + strain),), (np.arange(strain.size) < 180,), QUICK, full_scale=1.0)
+
+
+def test_identified_scales_are_the_start_values_of_both_models(known, fitted, tmp_path):
+    path = tmp_path / "sensor.json"
+    fitted.artifact.write(path)
+    artifact = SensorArtifact.read(path)
+    assert artifact.scales == fitted.artifact.scales
+    for model in (sensor_model(artifact), compensator_model(artifact), compensator_model(artifact, "estimator")):
+        starts = {v.name: v.start for v in model.variables}
+        assert starts["rest_resistance"] == pytest.approx(100.0)
+        assert starts["full_scale_resistance_change"] == fitted.scale
+        assert starts["full_scale_strain"] == 1.0
+    sensor = Stepper(sensor_model(artifact))
+    sensor.initialize()
+    assert drive(sensor, known.strain, 0.1) == pytest.approx(fitted.predicted[0], abs=1e-6)
 
 
 def test_a_sensor_that_may_reverse_has_no_exact_inverse():

@@ -32,8 +32,7 @@ def test_the_specimen_is_fitted_better_than_the_thesis_fits_its_own(modes, thesi
 @needs_data
 def test_silver_thread_is_predicted_and_its_strain_recovered():
     record = read_record(DATA / "nylon_silver" / "strain_sin_30.csv", assess.NYLON)
-    settings = settings_for("preisach-hats", extension="falling", starts=1, direct_inverse=True)
-    fit = fit_preisach((record,), leading(record, 0.5), settings, full_scale=1.0)
+    fit = fit_preisach((record,), leading(record, 0.5), assess.measured_settings()["nylon"], full_scale=1.0)
     train = fit.train[0]
     back = recover_strain(fit, record)
     reached = [
@@ -41,15 +40,13 @@ def test_silver_thread_is_predicted_and_its_strain_recovered():
         for a, b in ((record.output, fit.predicted[0]), (record.strain, back))
         for rows in (train, ~train)
     ]
-    assert (np.array(reached) < [0.75, 0.90, 0.60, 0.85]).all(), reached
+    assert (np.array(reached) < [0.7, 0.8, 0.60, 0.85]).all(), reached
 
 
 @needs_data
 def test_carbon_black_reverses_and_its_strain_is_recovered():
     record = read_record(DATA / "cb_silicone" / "velocity_profile_10wt.csv", assess.CARBON)
-    fit = fit_preisach(
-        (record,), leading(record, 0.6), settings_for("preisach-hats", extension="reversing", relaxations=9)
-    )
+    fit = fit_preisach((record,), leading(record, 0.6), assess.measured_settings()["carbon"])
     train = fit.train[0]
     back = recover_strain(fit, record)
     reached = [
@@ -57,4 +54,36 @@ def test_carbon_black_reverses_and_its_strain_is_recovered():
         for a, b in ((record.output, fit.predicted[0]), (record.strain, back))
         for rows in (train, ~train)
     ]
-    assert (np.array(reached) < [0.9, 1.4, 3.2, 7.0]).all(), reached
+    assert (np.array(reached) < [0.9, 1.4, 3.0, 7.0]).all(), reached
+
+
+@needs_data
+def test_loops_that_grow_need_a_gain():
+    """The triangular record's loop grows from cycle to cycle; a ridge chosen within the first half predicts the second."""
+    record = read_record(DATA / "nylon_silver" / "strain_triangular.csv", assess.NYLON)
+    reached = {}
+    for extension in ("none", "gain"):
+        settings = settings_for("preisach-hats", extension=extension, ridge="auto", starts=1)
+        fit = fit_preisach((record,), leading(record, 0.5), settings, full_scale=1.0)
+        reached[extension] = [
+            percent(record.output, predict_output(fit, record), r) for r in (fit.train[0], ~fit.train[0])
+        ]
+    assert (np.array(reached["gain"]) < [0.8, 1.8]).all(), reached
+    assert reached["none"][1] > 2.0, reached
+
+
+@needs_data
+def test_a_sensor_known_to_have_rested_is_predicted_in_another_file():
+    """No error of a few percent can be asked: each file is normalised by its own range."""
+    records = {
+        name: read_record(DATA / "nylon_silver" / f"{name}.csv", assess.NYLON)
+        for name in ("strain_sin_30", "strain_triangular")
+    }
+    source, target = records.values()
+    off = {}
+    for earlier in (False, True):
+        settings = settings_for("preisach-hats", starts=1, earlier=earlier)
+        fit = fit_preisach((source,), leading(source, 1.0), settings, full_scale=1.0)
+        off[earlier] = nrmse(target.output, predict_output(fit, target))
+    assert off[False] < 4.5
+    assert off[True] > 2.0 * off[False]

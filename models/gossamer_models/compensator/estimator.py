@@ -25,7 +25,7 @@ import casadi as ca
 
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
-from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable
+from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable, scale_variables
 from ..sensor.relaxation import decay
 from ..sensor.state import SensorLaw, SensorState
 from ..step_model import StepModel, Variable
@@ -213,10 +213,10 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     relaxation of what rises in the first step after a turning point is timed one step late.
     """
     artifact = default_artifact() if artifact is None else artifact
-    if artifact.signed:
+    if not artifact.exactly_invertible:
         msg = (
-            "the output of this sensor may move against the strain, which the estimator cannot follow. Build the "
-            "compensator with the method inverse, or identify the sensor with --extension falling or none."
+            "the output of this sensor may move against the strain or has a gain, which the estimator cannot follow. Build "
+            "the compensator with the method inverse, or identify the sensor with --extension falling or none."
         )
         raise ParameterError(msg)
     if artifact.inverse is not None:
@@ -322,7 +322,7 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     return StepModel(
         name="compensator",
         description="Estimator of strain from the resistance of a hysteretic sensor",
-        variables=(*SCALE_VARIABLES, *VARIABLES),
+        variables=(*scale_variables(artifact), *VARIABLES),
         init=init,
         step=step,
         advice=ADVICE,

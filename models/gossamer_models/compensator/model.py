@@ -13,7 +13,7 @@ import casadi as ca
 
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
-from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable
+from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable, scale_variables
 from ..sensor.relaxation import decay
 from ..sensor.state import SensorLaw
 from ..step_model import StepModel, Variable
@@ -64,10 +64,10 @@ def compensator_model(
     artifact = default_artifact() if artifact is None else artifact
     if artifact.inverse is not None:
         return direct_model(artifact, compensator_model(replace(artifact, inverse=None, relaxation=())))
-    if artifact.signed:
+    if not artifact.exactly_invertible:
         msg = (
-            "the output of this sensor may move against the strain, so it has no exact inverse. Identify it again with "
-            "--direct-inverse."
+            "the output of this sensor may move against the strain or has a gain, so it has no exact inverse. Identify it "
+            "again with --direct-inverse."
         )
         raise ParameterError(msg)
     law = SensorLaw(artifact)
@@ -97,7 +97,7 @@ def compensator_model(
         name="compensator",
         description="Inverse of the strain sensor: recovers strain from resistance",
         variables=(
-            *SCALE_VARIABLES,
+            *scale_variables(artifact),
             Variable(
                 name="dead_band",
                 causality="parameter",

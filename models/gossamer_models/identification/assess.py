@@ -22,6 +22,7 @@ from ..specimen import dataset
 from .judge import predict_output, recover_strain
 from .preisach import Fit, fit_preisach
 from .records import Columns, Record, read_record
+from .regressors import DRIVES
 from .run import settings_for
 from .settings import FitSettings
 
@@ -302,11 +303,11 @@ def measured_records(data: Path) -> dict[str, Record]:
 
 def measured_settings() -> dict[str, FitSettings]:
     """Return the settings for silver thread, carbon black, jagged carbon black, and with the thesis' drives alone."""
-    carbon = settings_for("preisach-hats", extension="reversing", relaxations=9)
+    carbon = settings_for("preisach-hats", extension="reversing")
     return {
-        "nylon": replace(settings_for("preisach-hats", extension="falling"), direct_inverse=True),
+        "nylon": settings_for("preisach-hats", extension="gain", ridge="auto"),
         "carbon": carbon,
-        "jagged": replace(carbon, signed=False, ridge=1e-2, relaxation_ridge=1e-2),
+        "jagged": replace(carbon, drives=DRIVES, relaxations=9, signed=False, auto_ridge=True),
         "thesis": settings_for("preisach-hats"),
     }
 

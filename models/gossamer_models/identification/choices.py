@@ -11,7 +11,7 @@ from .fractional import FractionalChoice
 from .run import settings_for
 from .settings import FitSettings
 
-_COMMON = ("relaxations", "tau", "exponents", "extension", "direct_inverse", "least_slope")
+_COMMON = ("relaxations", "tau", "exponents", "extension", "direct_inverse", "least_slope", "ridge", "earlier")
 OPTIONS: dict[str, tuple[str, ...]] = {  # besides starts and seed, which all have
     "preisach": ("modes", *_COMMON),
     "preisach-hats": ("knots", *_COMMON),

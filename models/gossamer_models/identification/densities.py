@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -54,6 +55,29 @@ def bin_places(n_lines: int, seen: float) -> Vector:
     Beyond that range they stand still at 1, so densities keep the value at its end: nothing is known there.
     """
     return np.minimum((np.arange(n_lines) + 0.5) / n_lines / seen, 1.0)
+
+
+def reversible_beyond(n_lines: int, seen: float) -> sparse.csr_array:
+    """Return what lets lines wider than the range of strain that is fitted give their weight to the elastic line.
+
+    No record of that range switches such operators, so whether they lose on the way back is unknown. The first loading goes
+    on as the density says, hysteresis has to be earned.
+
+    Parameters
+    ----------
+    n_lines : int
+        Lines of the tables.
+    seen : float
+        Largest strain that is fitted, over full scale [1].
+
+    Returns
+    -------
+    scipy.sparse.csr_array, shape (N (N + 1) / 2, N (N + 1) / 2)
+        The identity on narrower lines; wider ones are added to the cell of line 0 at the same alpha.
+    """
+    line, k = np.triu_indices(n_lines)
+    target = np.where(line / n_lines < seen, np.arange(line.size), k)
+    return sparse.csr_array((np.ones(line.size), (target, np.arange(line.size))), shape=(line.size, line.size))
 
 
 def elastic_field(amplitudes: ca.MX, places: Vector) -> ca.MX:

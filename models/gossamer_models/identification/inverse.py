@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from ..sensor.artifact import MIN_SPRING_WEIGHT
 from .records import Record
-from .regressors import DRIVES
+from .regressors import DRIVES, GAIN
 from .settings import FitSettings
 from .stretches import Stretch
 
 SHORTEST, LONGEST = 0.15, 0.25  # of a sample and of the record: times of the kernels
-RELAXATIONS, KNOTS, RIDGE = 7, 6, 1e-3
+LEAST_RELAXATIONS, KNOTS, RIDGE = 7, 6, 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,18 +50,18 @@ def turn(stretches: tuple[Stretch, ...], y0: float, rise: float) -> Turned:
     return Turned(records=records, train=tuple(s.train for s in fitted), lowest=lowest, highest=highest)
 
 
-def inverse_settings(turned: Turned) -> FitSettings:
-    """Return how to fit turned records."""
+def inverse_settings(turned: Turned, forward: FitSettings) -> FitSettings:
+    """Return how to fit turned records: with as many kernels as forward, and a gain where the sensor has one."""
     shortest = min(float(np.median(np.diff(r.time))) for r in turned.records)
     longest = max(float(np.ptp(r.time[rows])) for r, rows in zip(turned.records, turned.train, strict=True))
-    tau = np.geomspace(SHORTEST * shortest, LONGEST * longest, RELAXATIONS)
+    tau = np.geomspace(SHORTEST * shortest, LONGEST * longest, max(forward.relaxations, LEAST_RELAXATIONS))
     return FitSettings(
         density="hats",
         n_knots=KNOTS,
         relaxations=tau.size,
         tau=tuple(tau.tolist()),
         exponents=(1.0,) * tau.size,
-        drives=DRIVES,
+        drives=(*DRIVES, *(drive for drive in forward.drives if drive == GAIN)),
         signed=True,
         earlier=False,
         eta=(1.0, 1.0),

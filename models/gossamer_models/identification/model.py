@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from .densities import Spectrum, bin_places, elastic_field, hat_functions, modal_field
+from .densities import Spectrum, bin_places, elastic_field, hat_functions, modal_field, reversible_beyond
 from .parameters import Block, amplitude_name, fitted_numbers, parameter_blocks
 from .settings import FitSettings
 from .stretches import Stretch
@@ -57,10 +57,11 @@ def preisach_model(
     p = dict(zip((b.name for b in blocks), ca.vertsplit(x, ends), strict=True))
 
     seen = max(float(s.strain[s.train].max()) for s in stretches if s.train.any())
-    functions, amplitudes, eta = _density(settings, p, bin_places(settings.n_lines, seen))
+    functions, amplitudes, eta = _density(settings, p, seen)
     mu = ca.mtimes(_constant(functions), amplitudes)
     line = np.triu_indices(settings.n_lines)[0]
     floor = np.where(line == 0, settings.least_spring, settings.least_weight)
+    floor[np.diff(functions.tocsr().indptr) == 0] = 0.0
     parts = []
     if settings.relaxations:
         kernels = spectrum.kernels(p["log_tau"], p["c"])
@@ -84,14 +85,14 @@ def preisach_model(
     return PreisachModel(function=function, basis=basis, blocks=blocks)
 
 
-def _density(settings: FitSettings, p: dict[str, ca.MX], places: Vector) -> tuple[sparse.sparray, ca.MX, ca.MX]:
+def _density(settings: FitSettings, p: dict[str, ca.MX], seen: float) -> tuple[sparse.sparray, ca.MX, ca.MX]:
     """Return functions on the cells, their amplitudes for mu, and eta: of each of them, or one for all."""
-    N = settings.n_lines
+    N, places = settings.n_lines, bin_places(settings.n_lines, seen)
     if settings.density == "modal":
         mu, eta = (modal_field(p[f"b_{name}"], p[f"m_{name}"], p[f"n_{name}"], places) for name in ("mu", "eta"))
         if settings.elastic:
             mu += ca.vertcat(N * elastic_field(p["b_elastic"], places), ca.DM(mu.numel() - N, 1))
-        return sparse.eye_array(mu.numel()), mu, eta
+        return reversible_beyond(N, seen), mu, eta
     functions = sparse.csr_array(np.hstack(hat_functions(N, settings.n_knots)))
     return functions, ca.vertcat(p["b_mu"], p["b_elastic"]), p["eta"]
 

@@ -10,6 +10,7 @@ from ..sensor.artifact import MIN_SPRING_WEIGHT, RelaxationTerm, SensorArtifact
 from ..sensor.exponentials import exponential_sum
 from .model import PreisachModel
 from .parameters import amplitude_name
+from .regressors import GAIN
 from .settings import FitSettings
 
 Vector = NDArray[np.float64]
@@ -47,6 +48,7 @@ def normalised_sensor(settings: FitSettings, model: PreisachModel, x: Vector) ->
                 weights=tuple(weights.tolist()),
                 drive=drive.split()[0],
                 signed=amplitude < 0.0,
+                gain=drive == GAIN,
             )
             for drive, amplitude in used.items()
             if abs(amplitude) > 1e-6

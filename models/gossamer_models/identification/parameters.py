@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .densities import Spectrum, hat_functions, wave_numbers
+from .regressors import GAIN
 from .settings import FitSettings
 from .stretches import Stretch, earlier_rates
 
@@ -99,7 +100,9 @@ def fitted_numbers(settings: FitSettings, stretches: tuple[Stretch, ...]) -> lis
 
 def amplitude_name(drive: str) -> str:
     """Return the name of a drive's amplitudes."""
-    return {"rising": "g", "rising linear": "k", "falling": "g_falling", "falling linear": "k_falling"}[drive]
+    return {"rising": "g", "rising linear": "k", "falling": "g_falling", "falling linear": "k_falling", GAIN: "gain"}[
+        drive
+    ]
 
 
 def _density_blocks(settings: FitSettings) -> list[Block]:
@@ -151,9 +154,8 @@ def _kernel_blocks(settings: FitSettings, spectrum: Spectrum) -> list[Block]:
         ),
         Block(name="c", start=c, lower=low_c + 0 * c, upper=high_c + 0 * c, spread=0.1, stiffness=stiffness),
     ]
-    lowest = -np.inf if settings.signed else 0.0
     ridge = settings.relaxation_ridge
-    return blocks + [
-        block(amplitude_name(drive), np.zeros(P), lowest, np.inf, linear=True, stiffness=ridge)
-        for drive in settings.drives
-    ]
+    for drive in settings.drives:
+        lowest = -np.inf if settings.signed or drive == GAIN else 0.0
+        blocks.append(block(amplitude_name(drive), np.zeros(P), lowest, np.inf, linear=True, stiffness=ridge))
+    return blocks

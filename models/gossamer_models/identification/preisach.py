@@ -11,24 +11,24 @@ with the matrices of ``regressors.py``. The output is linear in the amplitudes o
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..sensor.artifact import DirectInverse, SensorArtifact
+from ..sensor.artifact import DirectInverse, Scales, SensorArtifact
 from .inverse import inverse_settings, turn
-from .least_squares import GaussNewton, Problem, Solution
-from .model import PreisachModel, preisach_model
+from .least_squares import GaussNewton, Solution
+from .model import preisach_model
 from .normalise import normalised_sensor
 from .parameters import Block
 from .records import Record
+from .ridge import choose_ridge
 from .settings import FitSettings
+from .solve import Watch, solve
 from .stretches import Stretch, prepare, strain_range
 
 Vector = NDArray[np.float64]
-Watch = Callable[[str, int, float], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,29 +113,20 @@ def fit_preisach(
     """
     settings = settings or FitSettings()
     if rest_output is not None:
-        settings = replace(settings, earlier=False)  # a sensor known to be at rest
+        settings = replace(settings, earlier=False)  # its offset is known
     scale = strain_range(records, full_scale)
+    if settings.auto_ridge:
+        settings = choose_ridge(records, train, settings, full_scale=scale, rest_output=rest_output, watch=watch)
     unit, spectrum, stretches = prepare(records, train, settings, scale)
     model = preisach_model(settings, spectrum, stretches, None if rest_output is None else rest_output / unit)
-    blocks, problem = model.blocks, _problem(model, stretches)
-    solver = GaussNewton(problem)
-    rows = sum(int(s.train.sum()) for s in stretches)
-    rng = np.random.default_rng(settings.seed)
-    solutions = []
-    for k in range(settings.starts):
-        start = np.concatenate([b.start + (k > 0) * b.spread * rng.normal(size=b.size) for b in blocks])
-        report = None
-        if watch is not None:
-            name = f"start {k + 1} of {settings.starts}"
-            report = lambda i, cost, name=name: watch(name, i, 100.0 * np.sqrt(2.0 * cost / rows))  # noqa: E731
-        solutions.append(
-            solver.minimize(np.clip(start, problem.lower, problem.upper), most=settings.most_iterations, watch=report)
-        )
-    solutions.sort(key=lambda s: s.cost)
+    solver, solutions = solve(model, stretches, settings, watch)
     x = solutions[0].x
     artifact, y0, rise = normalised_sensor(settings, model, x)
     if settings.direct_inverse or not settings.invertible:
-        artifact = replace(artifact, inverse=_direct_inverse(stretches, y0, rise))
+        artifact = replace(artifact, inverse=_direct_inverse(stretches, y0, rise, settings))
+    if y0 > 0.0:  # a resistance, not a signal
+        scales = Scales(rest_resistance=y0 * unit, full_scale_resistance_change=rise * unit, full_scale_strain=scale)
+        artifact = replace(artifact, scales=scales)
     weights = model.weights(x)
     return Fit(
         artifact=artifact,
@@ -143,13 +134,13 @@ def fit_preisach(
         full_scale=scale,
         offset=y0 * unit,
         scale=rise * unit,
-        names=tuple(f"{b.name}[{i + 1}]" for b in blocks for i in range(b.size)),
+        names=tuple(f"{b.name}[{i + 1}]" for b in model.blocks for i in range(b.size)),
         x=x,
         predicted=tuple(s.A @ weights * unit for s in stretches),
         train=tuple(s.train for s in stretches),
-        solutions=tuple(solutions),
+        solutions=solutions,
         solver=solver,
-        blocks=blocks,
+        blocks=model.blocks,
     )
 
 
@@ -158,22 +149,9 @@ def with_provenance(fit: Fit, provenance: dict[str, str]) -> Fit:
     return replace(fit, artifact=replace(fit.artifact, provenance=provenance))
 
 
-def _problem(model: PreisachModel, stretches: tuple[Stretch, ...]) -> Problem:
-    rows = [(s.A[s.train], s.output[s.train], np.sqrt(s.record.weight)) for s in stretches]
-    return Problem(
-        A=np.vstack([A @ model.basis * w for A, _, w in rows]),
-        b=np.concatenate([b * w for _, b, w in rows]),
-        model=model.function,
-        linear=np.concatenate([np.full(b.size, b.linear) for b in model.blocks]),
-        lower=np.concatenate([b.lower for b in model.blocks]),
-        upper=np.concatenate([b.upper for b in model.blocks]),
-    )
-
-
-def _direct_inverse(stretches: tuple[Stretch, ...], y0: float, rise: float) -> DirectInverse:
+def _direct_inverse(stretches: tuple[Stretch, ...], y0: float, rise: float, forward: FitSettings) -> DirectInverse:
     """Fit the operators from output to strain, on the training stretches."""
     turned = turn(stretches, y0, rise)
-    found = fit_preisach(turned.records, turned.train, inverse_settings(turned), full_scale=1.0)
-    return DirectInverse(
-        law=found.artifact, lowest=turned.lowest, highest=turned.highest, offset=found.offset, scale=found.scale
-    )
+    found = fit_preisach(turned.records, turned.train, inverse_settings(turned, forward), full_scale=1.0)
+    law = replace(found.artifact, scales=None)
+    return DirectInverse(law=law, lowest=turned.lowest, highest=turned.highest, offset=found.offset, scale=found.scale)

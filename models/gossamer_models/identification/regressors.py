@@ -18,6 +18,7 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 DRIVES = ("rising", "rising linear", "falling", "falling linear")
+GAIN = "rising gain"  # extension: the response to rising strain, multiplied by the present strain
 
 
 def switched(strain: Vector, n_lines: int) -> tuple[Matrix, Matrix]:
@@ -59,7 +60,8 @@ def relaxed(time: Vector, strain: Vector, rates: Vector, drives: tuple[str, ...]
     rates : ndarray, shape (R,)
         Decay rates [1/s].
     drives : tuple of str, length d
-        Which of ``DRIVES``: while strain rises, or falls, a mode is driven by :math:`|\dot s|` or :math:`s|\dot s|`.
+        Which of ``DRIVES`` and ``GAIN``: while strain rises, or falls, a mode is driven by :math:`|\dot s|` or
+        :math:`s|\dot s|`; responses of ``GAIN`` are multiplied by the strain of their sample.
 
     Returns
     -------
@@ -83,4 +85,5 @@ def relaxed(time: Vector, strain: Vector, rates: Vector, drives: tuple[str, ...]
     Z = np.zeros((strain.size, gained.shape[1]))
     for k in range(steps.size):
         Z[k + 1] = left[k] * Z[k] + gained[k]
-    return Z
+    scale = np.repeat([drive == GAIN for drive in drives], rates.size)
+    return np.where(scale, strain[:, None] * Z, Z)

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from .fractional import FractionalChoice, fit_fractional
 from .preisach import Fit, fit_preisach, with_provenance
 from .quality import Errors, doubts, errors
 from .records import Columns, Record, read_records
-from .regressors import DRIVES
+from .regressors import DRIVES, GAIN
 from .settings import FitSettings
 
 Vector = NDArray[np.float64]
@@ -55,7 +55,7 @@ class Identified:
 
 
 MODELS = ("preisach", "preisach-hats")
-EXTENSIONS = ("none", "falling", "reversing")
+EXTENSIONS = ("none", "falling", "gain", "reversing")
 
 
 def settings_for(
@@ -64,12 +64,14 @@ def settings_for(
     modes: int = 7,
     relaxations: int = 7,
     extension: str = "none",
-    starts: int = 2,
+    starts: int | None = None,
     seed: int = 0,
     direct_inverse: bool = False,
     tau: tuple[float, ...] | None = None,
     exponents: tuple[float, ...] | None = None,
     knots: int | None = None,
+    ridge: float | Literal["auto"] | None = None,
+    earlier: bool = False,
     least_slope: float | None = None,
 ) -> FitSettings:
     """Return the settings of a model by its name.
@@ -80,18 +82,24 @@ def settings_for(
         The thesis' modal densities, or hat functions, which follow rich measurements more closely.
     modes, relaxations : int
         M (modal densities only) and P.
-    extension : {"none", "falling", "reversing"}
-        What falling strain does to relaxation: nothing, as in the thesis; excite it, little enough that the exact inverse
-        exists; or excite it with either sign, so that the output may reverse under steady strain. The last comes with a
-        direct inverse, fixed kernels and eta = 1.
+    extension : {"none", "falling", "gain", "reversing"}
+        What is added to the thesis' relaxation. ``falling``: falling strain excites it too, little enough that the exact
+        inverse exists. ``gain``: rising strain changes how much the output answers to strain. ``reversing``: all these with
+        either sign, so that the output may reverse under steady strain. The last two come with a direct inverse, fixed
+        kernels and eta = 1.
     starts, seed : int
-        How many starts, and their seed.
+        How many starts, and their seed. None for 2, or 1 where the output is linear in all that is fitted.
     direct_inverse : bool
         Whether to fit the way from output to strain as well, for the compensator to use.
     tau, exponents : tuple of float or None
         Times [s] and exponents c [1] of the P kernels, which are then fixed; None to fit them.
     knots : int or None
         Knots of the hat functions along each axis (preisach-hats only); None for 9, which rich records determine.
+    ridge : float, "auto" or None
+        How small densities and relaxation are preferred to be; "auto" to choose it by predicting the later parts of the
+        training stretch; None for the value of the model.
+    earlier : bool
+        Whether relaxation from before a record may still be under way when it begins.
     least_slope : float or None
         Lower bound of mu on the elastic line, in units of the output's range: noise on the resistance is amplified by no
         more than its inverse. None for 0.02.
@@ -108,26 +116,38 @@ def settings_for(
     if knots is not None and model != "preisach-hats":
         msg = f"{model} has no knots. Choose its modes, or the model preisach-hats."
         raise ParameterError(msg)
-    if extension == "reversing" and (tau is not None or exponents is not None):
-        msg = (
-            "the extension reversing has fixed kernels of its own. Leave tau and exponents out, or choose another one."
-        )
+    if extension in ("gain", "reversing") and (tau is not None or exponents is not None):
+        msg = f"the extension {extension} has fixed kernels of its own. Leave tau and exponents out, or choose another one."
         raise ParameterError(msg)
-    common: dict[str, Any] = {"modes": modes, "relaxations": relaxations, "starts": starts, "seed": seed}
-    common |= {"direct_inverse": direct_inverse, "tau": tau, "exponents": exponents}
+    common: dict[str, Any] = {"modes": modes, "relaxations": relaxations, "seed": seed}
+    common |= {"direct_inverse": direct_inverse, "tau": tau, "exponents": exponents, "earlier": earlier}
     if model == "preisach-hats":
         common |= {"density": "hats", "n_knots": 9, "ridge": 3e-3}
-    if extension != "none":
-        common["drives"] = DRIVES
+    common["drives"] = {
+        "none": DRIVES[:2],
+        "falling": DRIVES,
+        "gain": (*DRIVES[:2], GAIN),
+        "reversing": (*DRIVES, GAIN),
+    }[extension]
+    if extension in ("gain", "reversing"):
+        common |= {
+            "invertible": False,
+            "eta": (1.0, 1.0),
+            "fit_kernels": False,
+            "ridge": 3e-3,
+            "relaxation_ridge": 3e-3,
+        }
     if extension == "reversing":
-        common |= {"signed": True, "invertible": False, "eta": (1.0, 1.0), "fit_kernels": False}
-        common["n_knots"] = 6
-        common |= {"ridge": 5e-5, "smoothness": 5e-5, "relaxation_ridge": 5e-5, "starts": 1}
+        common |= {"signed": True, "n_knots": 6, "ridge": 5e-5, "smoothness": 5e-5, "relaxation_ridge": 5e-5}
     if knots is not None:
         common["n_knots"] = knots
     if least_slope is not None:
         common["least_spring"] = least_slope
-    return FitSettings(**common)
+    if ridge == "auto":
+        common["auto_ridge"] = True
+    elif ridge is not None:
+        common |= {"ridge": ridge, "relaxation_ridge": ridge}
+    return FitSettings(starts=starts or (1 if extension in ("gain", "reversing") else 2), **common)
 
 
 def training_rows(record: Record, train: str) -> NDArray[np.bool_]:

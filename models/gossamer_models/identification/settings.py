@@ -35,7 +35,8 @@ class FitSettings:
     direct_inverse : bool
         Whether to fit the way from output to strain too, which then replaces the exact inverse.
     earlier : bool
-        Whether relaxation from before a record may still be under way when it begins.
+        Whether relaxation from before a record may still be under way when it begins; the sensor that is built knows nothing
+        of it.
     eta : tuple of float
         Least and largest eta [1].
     fit_kernels : bool
@@ -46,6 +47,8 @@ class FitSettings:
         Pulls towards a flat and a small density mu, eta = 1, the first kernels and small relaxation, relative to noise of
         the size of the output's range. A density of the elastic line is free: hysteresis has to be earned, and so does
         drift.
+    auto_ridge : bool
+        Whether ``ridge`` and ``relaxation_ridge`` are chosen by predicting the later parts of the training stretch.
     tau : tuple of float or None
         Times [s] of the kernels; None to fit them.
     exponents : tuple of float or None
@@ -66,7 +69,7 @@ class FitSettings:
     signed: bool = False
     invertible: bool = True
     direct_inverse: bool = False
-    earlier: bool = True
+    earlier: bool = False
     eta: tuple[float, float] = (0.5, 1.2)
     least_spring: float = 0.02
     least_weight: float = 1e-4
@@ -75,6 +78,7 @@ class FitSettings:
     eta_stiffness: float = 1.0
     kernel_stiffness: float = 1e-3
     relaxation_ridge: float = 1e-3
+    auto_ridge: bool = False
     tau: tuple[float, ...] | None = None
     exponents: tuple[float, ...] | None = None
     fit_kernels: bool = True
@@ -88,6 +92,9 @@ class FitSettings:
                 f"cannot fit {self.modes} modes, {self.relaxations} relaxations, {self.n_lines} lines from {self.starts} "
                 "starts: take at least 1 mode, 0 relaxations, 4 lines and 1 start"
             )
+            raise ParameterError(msg)
+        if not min(self.ridge, self.relaxation_ridge) >= 0.0:
+            msg = f"the ridge is {self.ridge:g}, {self.relaxation_ridge:g} for relaxation: it must not be negative"
             raise ParameterError(msg)
         for name in ("tau", "exponents"):
             values = getattr(self, name)

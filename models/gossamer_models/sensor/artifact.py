@@ -21,7 +21,7 @@ from ..errors import ArtifactError, ParameterError
 
 SCHEMA = "gossamer.sensor"
 VERSION = 1
-EXTENDED_VERSION = 2  # with terms that falling strain drives, negative amplitudes or a direct inverse
+EXTENDED_VERSION = 2  # with terms that falling strain drives, negative amplitudes, gains or a direct inverse
 DRIVES = ("rising", "falling")
 MIN_SPRING_WEIGHT = 1e-3  # of mu and nu on line 0: the slope that the inverse divides by is never smaller
 DEFAULT_PATH = Path(__file__).with_name("nylon_silver.json")
@@ -53,6 +53,9 @@ class RelaxationTerm:
     signed : bool
         Whether the amplitude may be negative (extension). The output may then move against the strain, which the exact
         inverse cannot undo; such a sensor needs a direct inverse.
+    gain : bool
+        Whether the term is multiplied by the present strain (extension): loading then changes how much the resistance
+        answers to strain, not the resistance itself. Such a sensor needs a direct inverse too.
     """
 
     amplitude: float
@@ -63,6 +66,7 @@ class RelaxationTerm:
     weights: tuple[float, ...]
     drive: str = "rising"
     signed: bool = False
+    gain: bool = False
 
     def __post_init__(self) -> None:
         numbers = (self.amplitude, self.rate, self.exponent, *self.decay_rates, *self.weights)
@@ -89,6 +93,31 @@ class RelaxationTerm:
             raise ParameterError(msg)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scales:
+    """What one identified sensor's normalised strain and output stand for: start values of the parameters of its FMUs.
+
+    Attributes
+    ----------
+    rest_resistance : float
+        Resistance [ohm] of the unstrained sensor at rest, positive.
+    full_scale_resistance_change : float
+        Its static rise [ohm] on the first loading to full scale, positive.
+    full_scale_strain : float
+        Strain [1] at the end of the identified range, positive.
+    """
+
+    rest_resistance: float
+    full_scale_resistance_change: float
+    full_scale_strain: float
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            if not (value := getattr(self, name)) > 0.0 or not np.isfinite(value):
+                msg = f"{name} is {value:g}; the scales of a sensor are positive. Identify it again."
+                raise ParameterError(msg)
+
+
 @dataclass(frozen=True, kw_only=True)
 class SensorArtifact:
     r"""Everything that distinguishes one sensor from another, normalised.
@@ -102,6 +131,8 @@ class SensorArtifact:
         Terms of the dynamic operators; empty for a rate-independent sensor.
     inverse : DirectInverse or None
         The way from output to strain where it was identified on its own (extension); None for the exact inverse.
+    scales : Scales or None
+        Where the record was in ohm; None for a record without units.
     provenance : dict
         Origin and digest of the data, command, errors reached, assumptions.
 
@@ -116,6 +147,7 @@ class SensorArtifact:
     nu: Table
     relaxation: tuple[RelaxationTerm, ...] = ()
     inverse: DirectInverse | None = None
+    scales: Scales | None = None
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -149,9 +181,9 @@ class SensorArtifact:
                 raise ParameterError(msg)
 
     @property
-    def signed(self) -> bool:
-        """Tell whether the output may move against the strain."""
-        return any(term.signed for term in self.relaxation)
+    def exactly_invertible(self) -> bool:
+        """Tell whether the exact inverse exists: no term may move the output against the strain or be a gain."""
+        return not any(term.signed or term.gain for term in self.relaxation)
 
     @property
     def n_lines(self) -> int:
@@ -164,11 +196,11 @@ class SensorArtifact:
 
     def write(self, path: Path) -> None:
         """Write the artifact as JSON."""
-        extended = self.inverse is not None or any(t.drive != "rising" or t.signed for t in self.relaxation)
+        extended = self.inverse is not None or any(t.drive != "rising" or t.signed or t.gain for t in self.relaxation)
         content: dict[str, Any] = {"mu": self.mu, "nu": self.nu, "relaxation": [asdict(t) for t in self.relaxation]}
         if not extended:
             for item in content["relaxation"]:
-                del item["drive"], item["signed"]
+                del item["drive"], item["signed"], item["gain"]
         if self.inverse is not None:
             law = self.inverse.law
             content["inverse"] = {
@@ -177,6 +209,8 @@ class SensorArtifact:
                 "relaxation": [asdict(t) for t in law.relaxation],
                 **{name: getattr(self.inverse, name) for name in ("lowest", "highest", "offset", "scale")},
             }
+        if self.scales is not None:
+            content["scales"] = asdict(self.scales)
         write_artifact(path, SCHEMA, EXTENDED_VERSION if extended else VERSION, self.provenance, content)
 
     @classmethod
@@ -201,9 +235,11 @@ class SensorArtifact:
             if beside is not None:
                 numbers = {name: float(beside[name]) for name in ("lowest", "highest", "offset", "scale")}
                 inverse = DirectInverse(law=cls(**_parts(beside)), **numbers)
+            scales = card.get("scales")
             return cls(
                 **_parts(card),
                 inverse=inverse,
+                scales=None if scales is None else Scales(**{name: float(value) for name, value in scales.items()}),
                 provenance={str(key): str(value) for key, value in card["provenance"].items()},
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:

@@ -16,6 +16,7 @@ from ..errors import ConvergenceError, ParameterError
 Vector = NDArray[np.float64]
 MOST_TERMS = 30
 MOST_ITERATIONS = 60
+PATIENCE = 6  # iterations in which the error must fall by a tenth
 
 
 def exponential_sum(
@@ -68,9 +69,14 @@ def exponential_sum(
     times = np.concatenate([[0.0], np.geomspace(shortest, longest, 300)])
     target = np.exp(-rate * times**exponent)
     last = min(longest, (-np.log(tolerance) / rate) ** (1.0 / exponent))  # past it the function is zero
-    worst = np.inf
+    worst, polished = np.inf, 0
     for n in range(3, MOST_TERMS + 1):
-        logarithms, weights, error = _polish(times, target, np.linspace(np.log(0.3 / last), np.log(10.0 / shortest), n))
+        start = np.linspace(np.log(0.3 / last), np.log(10.0 / shortest), n)
+        start = start[_project(times, target, start)[1] > 0.0]
+        if start.size <= polished:  # so many rates have been polished, and were too few
+            continue
+        polished = start.size
+        logarithms, weights, error = _polish(times, target, start)
         worst = min(worst, error)
         if error <= 0.8 * tolerance:  # the rest is for times between the samples
             kept = weights > 0.0
@@ -84,19 +90,13 @@ def exponential_sum(
 
 def _polish(times: Vector, target: Vector, logarithms: Vector) -> tuple[Vector, Vector, float]:
     """Improve the logarithms of the rates; return them, their best weights [1] and the largest error [1]."""
-
-    def project(trial: Vector) -> tuple[Vector, Vector, Vector]:
-        terms = np.exp(-np.outer(times, np.exp(trial)))
-        weights, _ = nnls(terms, target, maxiter=100 * trial.size)
-        return terms, weights, terms @ weights - target
-
-    terms, weights, error = project(logarithms)
-    logarithms = logarithms[weights > 0.0]
-    terms, weights, error = project(logarithms)
-    damping = 1e-4
+    terms, weights, error = _project(times, target, logarithms)
+    damping, sizes = 1e-4, [np.inf] * PATIENCE
     for _ in range(MOST_ITERATIONS):
-        if np.abs(error).max() < 1e-9 or damping > 1e6:
+        size = float(np.linalg.norm(error))
+        if size > 0.9 * sizes[-PATIENCE] or damping > 1e6:
             break
+        sizes.append(size)
         slopes = -terms * np.outer(times, np.exp(logarithms)) * weights
         basis, _ = np.linalg.qr(terms)
         J = slopes - basis @ (basis.T @ slopes)
@@ -104,7 +104,7 @@ def _polish(times: Vector, target: Vector, logarithms: Vector) -> tuple[Vector, 
         system = np.vstack([J, np.sqrt(damping) * np.diag(scale)])
         change = np.linalg.lstsq(system, np.concatenate([-error, np.zeros(scale.size)]), rcond=None)[0]
         trial = logarithms + np.clip(change, -0.5, 0.5)
-        found = project(trial)
+        found = _project(times, target, trial)
         if found[2] @ found[2] < error @ error:
             logarithms, (terms, weights, error) = trial, found
             damping *= 0.3
@@ -112,3 +112,10 @@ def _polish(times: Vector, target: Vector, logarithms: Vector) -> tuple[Vector, 
             damping *= 5.0
     order = np.argsort(logarithms)
     return logarithms[order], weights[order], float(np.abs(error).max())
+
+
+def _project(times: Vector, target: Vector, logarithms: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return the terms, their best weights [1] and the error [1]."""
+    terms = np.exp(-np.outer(times, np.exp(logarithms)))
+    weights, _ = nnls(terms, target, maxiter=100 * logarithms.size)
+    return terms, weights, terms @ weights - target

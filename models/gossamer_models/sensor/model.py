@@ -5,6 +5,8 @@ Symbols: ``R`` resistance, ``R0`` at rest [ohm], ``dR`` its change at full scale
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
+
 import casadi as ca
 
 from ..step_model import StepModel, Variable
@@ -69,6 +71,12 @@ SIGNAL_VARIABLES = (
 )
 
 
+def scale_variables(artifact: SensorArtifact) -> tuple[Variable, ...]:
+    """Return the parameters that sensor and compensator share, with the identified values where the artifact knows them."""
+    known = {} if artifact.scales is None else asdict(artifact.scales)
+    return tuple(replace(v, start=known.get(v.name, v.start)) for v in SCALE_VARIABLES)
+
+
 ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must be of a sensible size."
 
 
@@ -129,7 +137,7 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
         name="sensor",
         description="Conductive polymer strain sensor with hysteresis, drift and relaxation",
         variables=(
-            *SCALE_VARIABLES,
+            *scale_variables(artifact),
             *SIGNAL_VARIABLES,
             saturated_variable("1 if the strain is outside 0 to full scale and was clipped, else 0"),
         ),

@@ -6,8 +6,9 @@ Symbols: ``z[q]`` mode [1], :math:`\lambda_q` decay rate [1/s], :math:`g_q, k_q`
 
 which is Eq. (4.13) with :math:`A = a\zeta^d`, d = 0 (:math:`g`) or 1 (:math:`k`), and the stretched exponentials replaced by
 sums. Falling strain drives nothing in the thesis. As an extension it drives the same modes with amplitudes of its own,
-:math:`(g'_q + k'_q s)\,|\dot s|`: carbon-black sensors jump up when unloading begins. ``x`` = :math:`\lambda h` [1]. The
-step is exact for strain linear over it.
+:math:`(g'_q + k'_q s)\,|\dot s|`: carbon-black sensors jump up when unloading begins. As another, modes ``g`` of the same
+law are multiplied by the present strain, :math:`f_d = \sum_q z_q + s \sum_q g_q`: the loops of silver thread grow from cycle
+to cycle. ``x`` = :math:`\lambda h` [1]. The step is exact for strain linear over it.
 """
 
 from __future__ import annotations
@@ -72,6 +73,20 @@ class ModeBank:
         """Tell whether a mode may be negative."""
         drives = (self.constant, self.linear, self.falling_constant, self.falling_linear)
         return any((drive < 0.0).any() for drive in drives)
+
+
+def relax(bank: ModeBank, z: ca.MX, start: ca.MX, end: ca.MX, h: ca.MX) -> ca.MX:
+    """Advance the modes [1], shape (n,), by ``h`` [s] in which strain moves linearly from ``start`` to ``end`` [1]."""
+    z = decay(bank, z, h)
+    if bank.size:
+        delta = ca.fmax(end - start, 0.0)
+        first, second = rise(bank, start, h)
+        z = z + delta * (first + delta * second)
+    if bank.falls:
+        delta = ca.fmax(start - end, 0.0)
+        first, second = fall(bank, start, h)
+        z = z + delta * (first + delta * second)
+    return z
 
 
 def decay(bank: ModeBank, z: ca.MX, h: ca.MX) -> ca.MX:

@@ -1,7 +1,8 @@
 """What a sensor remembers, and how one sample changes it; sensor and compensator both use this and nothing else.
 
 Symbols: ``s`` normalised strain [1], ``front`` fronts of the ``N`` lines [1], ``up`` and ``down`` cumulative weights below
-them [1], ``f`` accumulated static output [1], ``z`` relaxation modes [1]; the state vector is their concatenation.
+them [1], ``f`` accumulated static output [1], ``z`` relaxation modes [1], ``g`` modes of the gain [1]; the state vector is
+their concatenation.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import casadi as ca
 
 from .artifact import SensorArtifact
 from .hysteresis import cumulate, move_fronts, resting_fronts
-from .relaxation import ModeBank, decay, fall, rise
+from .relaxation import ModeBank, relax
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,8 @@ class SensorState:
         Strain [1] at the last sample.
     z : casadi.MX, shape (n,)
         Relaxation modes [1].
+    g : casadi.MX, shape (m,)
+        Modes of the gain [1] (extension); none in the thesis.
     """
 
     front: ca.MX
@@ -38,14 +41,15 @@ class SensorState:
     f: ca.MX
     s: ca.MX
     z: ca.MX
+    g: ca.MX
 
     def pack(self) -> ca.MX:
-        """Return the state as one column, shape (3 N + 2 + n,)."""
-        return ca.vertcat(self.front, self.up, self.down, self.f, self.s, self.z)
+        """Return the state as one column, shape (3 N + 2 + n + m,)."""
+        return ca.vertcat(self.front, self.up, self.down, self.f, self.s, self.z, self.g)
 
     def output(self) -> ca.MX:
-        """Return the output [1], Eq. (4.7) plus Eq. (4.13)."""
-        return self.f + ca.sum1(self.z)
+        r"""Return the output [1], Eq. (4.7) plus Eq. (4.13); with the extension plus :math:`s \sum_q g_q`."""
+        return self.f + ca.sum1(self.z) + self.s * ca.sum1(self.g)
 
 
 class SensorLaw:
@@ -59,21 +63,23 @@ class SensorLaw:
 
     def __init__(self, artifact: SensorArtifact) -> None:
         self.mu, self.nu = artifact.tables()
-        self.bank = ModeBank.of(artifact.relaxation)
+        self.bank = ModeBank.of(tuple(term for term in artifact.relaxation if not term.gain))
+        self.gains = ModeBank.of(tuple(term for term in artifact.relaxation if term.gain))
         self.n_lines = artifact.n_lines
-        self.n_states = 3 * self.n_lines + 2 + self.bank.size
+        self.n_states = 3 * self.n_lines + 2 + self.bank.size + self.gains.size
 
     def unpack(self, x: ca.MX) -> SensorState:
         """Split a state column, shape (n_states,)."""
         n = self.n_lines
-        ends = [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2, self.n_states]
+        ends = [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2, 3 * n + 2 + self.bank.size, self.n_states]
         return SensorState(*(x[a:b] for a, b in pairwise(ends)))
 
     def rest(self, s: ca.MX) -> SensorState:
         """Return the state long after the first monotone loading to strain ``s`` [1]: relaxation is over."""
         front = resting_fronts(self.n_lines, s)
         up, down = cumulate(front, self.mu, self.nu)
-        return SensorState(front, up, down, ca.sum1(up), s, ca.DM.zeros(self.bank.size))
+        z, g = ca.DM.zeros(self.bank.size), ca.DM.zeros(self.gains.size)
+        return SensorState(front, up, down, ca.sum1(up), s, z, g)
 
     def advance(self, state: SensorState, s: ca.MX, h: ca.MX) -> SensorState:
         r"""Advance the memory by one sample.
@@ -100,13 +106,6 @@ class SensorLaw:
         front = move_fronts(state.front, s)
         up, down = cumulate(front, self.mu, self.nu)
         f = state.f + ca.fmax(ca.sum1(up) - ca.sum1(state.up), 0.0) + ca.fmin(ca.sum1(down) - ca.sum1(state.down), 0.0)
-        z = decay(self.bank, state.z, h)
-        if self.bank.size:
-            delta = ca.fmax(s - state.s, 0.0)
-            first, second = rise(self.bank, state.s, h)
-            z = z + delta * (first + delta * second)
-        if self.bank.falls:
-            delta = ca.fmax(state.s - s, 0.0)
-            first, second = fall(self.bank, state.s, h)
-            z = z + delta * (first + delta * second)
-        return SensorState(front, up, down, f, s, z)
+        z = relax(self.bank, state.z, state.s, s, h)
+        g = relax(self.gains, state.g, state.s, s, h)
+        return SensorState(front, up, down, f, s, z, g)
