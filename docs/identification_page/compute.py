@@ -46,6 +46,8 @@ class Results:
     ----------
     specimen : sequence of SpecimenFit
         Table 4.1.
+    chosen : sequence of SpecimenFit
+        The same with the ridge chosen within the fitted stretch.
     speed : sequence of Figure
         Of the fit.
     recovery : Recovery
@@ -63,6 +65,7 @@ class Results:
     """
 
     specimen: Sequence[SpecimenFit]
+    chosen: Sequence[SpecimenFit]
     speed: Sequence[Figure]
     recovery: Recovery
     rows: Sequence[AssessmentRow]
@@ -87,6 +90,7 @@ def compute(data: Path | None, report: Callable[[str, int, int], None] | None = 
     """
     alone: dict[str, Callable[[], Any]] = {
         "specimen": run_specimen,
+        "chosen ridge": lambda: run_specimen(ridge="auto"),
         "speed": assess_speed,
         "recovery": run_section_5_5,
     }
@@ -115,6 +119,7 @@ def compute(data: Path | None, report: Callable[[str, int, int], None] | None = 
     rows, repeated = found["fractional"]
     return Results(
         specimen=found["specimen"],
+        chosen=found["chosen ridge"],
         speed=found["speed"],
         recovery=found["recovery"],
         rows=rows,

@@ -131,8 +131,9 @@ INTRODUCTION = """\
 NRMSE in percent of the range. `strain_*`: silver-coated thread, public data of roboticslab-uc3m
 (nylon-silver-soft-sensor), normalised and without a clock; 0.1 s a sample is assumed. `random_sawtooth_7_5wt` and
 `velocity_profile_10wt`: carbon black in silicone, public data of richgumy (electromech-stretcher). The first half, of
-carbon black the first 60 %, is fitted; the rest is predicted. *Extension* means that falling strain drives relaxation
-too; for carbon black with either sign where the output reverses. `A -> B`: fitted to all of A, judged on B."""
+carbon black the first 60 %, is fitted; the rest is predicted. *Extension* means, of silver thread, a gain that loading
+changes; of the sawtooth, relaxation that falling strain drives too; of the velocity profile both, with either sign.
+`A -> B`: fitted to all of A, judged on B."""
 CAPTION_FORWARD = (
     "Beyond the thesis: measured records. Output over strain (of silver thread the first and the last cycles) and "
     "over time, measured (grey) and modelled with the extension, and what the model leaves. Shaded: fitted."

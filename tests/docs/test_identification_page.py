@@ -60,12 +60,12 @@ def results(page):
                 settings=settings,
             )
         )
+    row = identification.SpecimenFit(
+        modes=3, fit=fit, seconds=1.0, records=both, predicted=tuple(0.9 * each.output for each in both)
+    )
     return page("compute").Results(
-        specimen=[
-            identification.SpecimenFit(
-                modes=3, fit=fit, seconds=1.0, records=both, predicted=tuple(0.9 * each.output for each in both)
-            )
-        ],
+        specimen=[row],
+        chosen=[row],
         speed=[Figure(what="fit", unit="s", reached=1.0, asked=10.0)],
         recovery=compensator.Recovery(
             record=record,

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,8 +183,8 @@ def assess_specimen(fits: Iterable[SpecimenFit] | None = None) -> list[Figure]:
     return figures
 
 
-def run_specimen(modes: Iterable[int] = tuple(THESIS)) -> list[SpecimenFit]:
-    """Fit the modal model to 0..200 s of the SYNTHETIC Dataset-1, for every M = P."""
+def run_specimen(modes: Iterable[int] = tuple(THESIS), ridge: Literal["auto"] | None = None) -> list[SpecimenFit]:
+    """Fit the modal model to 0..200 s of the SYNTHETIC Dataset-1, for every M = P; ``ridge`` as of ``settings_for``."""
     first, second = specimen_record(1), specimen_record(2)
     full_scale = float(second.strain.max())
     fits = []
@@ -192,7 +193,7 @@ def run_specimen(modes: Iterable[int] = tuple(THESIS)) -> list[SpecimenFit]:
         fit = fit_preisach(
             (first,),
             (first.time < 200.0,),
-            settings_for("preisach", modes=M, relaxations=M),
+            settings_for("preisach", modes=M, relaxations=M, ridge=ridge),
             full_scale=full_scale,
             rest_output=0.0,
         )
