@@ -80,8 +80,8 @@ def _chosen(results: Results) -> str:
         ridge = f"{row.fit.settings.ridge:g}"
         parts.append(f"M = P = {row.modes}, ridge {ridge}: {number(first.reached)} / {number(second.reached)}")
     return (
-        "The ridges above are the same for all M. Chosen instead for each by predicting the second of the fitted cycles "
-        f"from the first (`--ridge auto`), E1 is, Dataset-1 / -2, {'; '.join(parts)}."
+        "The ridges above are the same for all M. Chosen instead for each by predicting each half of the second "
+        f"fitted cycle from what came before (`--ridge auto`), E1 is, Dataset-1 / -2, {'; '.join(parts)}."
     )
 
 

