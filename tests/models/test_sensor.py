@@ -180,6 +180,16 @@ def test_a_stretched_exponential_is_a_short_positive_sum(b, c):
     assert (np.diff(rates) > 0).all()
 
 
+@pytest.mark.parametrize("c", [0.98, 0.99, 0.995, 0.999, 0.9999])
+@pytest.mark.parametrize("tau", [0.06, 6.3, 20.0, 200.0, 2000.0])
+def test_a_kernel_that_is_almost_an_exponential_is_a_short_sum_too(tau, c):
+    """A fitted exponent may end anywhere below 1."""
+    rates, weights = exponential_sum(tau**-c, c, tolerance=1e-5)
+    t = np.concatenate([[0.0], np.geomspace(0.01, 1e4, 3001)])
+    assert np.abs(np.exp(-np.outer(t, rates)) @ weights - np.exp(-((t / tau) ** c))).max() < 1e-5
+    assert rates.size <= 26
+
+
 def test_a_plain_exponential_stays_one_term():
     rates, weights = exponential_sum(0.3, 1.0)
     assert (rates.tolist(), weights.tolist()) == ([0.3], [1.0])

@@ -49,8 +49,9 @@ def exponential_sum(
 
     Notes
     -----
-    Rates spaced evenly in the logarithm, non-negative least squares for the weights, then Gauss-Newton on the logarithms
-    of the rates with the weights eliminated (variable projection [1]_), with one more rate until the tolerance is met.
+    Rates spaced evenly in the logarithm, the nearest moved to :math:`b^{1/c}`, non-negative least squares for the weights,
+    then Gauss-Newton on the logarithms of the rates with the weights eliminated (variable projection [1]_), with one more
+    rate until the tolerance is met.
     Before ``shortest`` the sum is bounded and monotone but not the stretched exponential, whose slope at t = 0 is
     infinite for c < 1.
 
@@ -69,9 +70,13 @@ def exponential_sum(
     times = np.concatenate([[0.0], np.geomspace(shortest, longest, 300)])
     target = np.exp(-rate * times**exponent)
     last = min(longest, (-np.log(tolerance) / rate) ** (1.0 / exponent))  # past it the function is zero
+    own = (
+        np.log(rate) / exponent
+    )  # close to c = 1 most of the weight is there, and a start beside it is not polished away
     worst, polished = np.inf, 0
     for n in range(3, MOST_TERMS + 1):
         start = np.linspace(np.log(0.3 / last), np.log(10.0 / shortest), n)
+        start[np.argmin(np.abs(start - own))] = own
         start = start[_project(times, target, start)[1] > 0.0]
         if start.size <= polished:  # so many rates have been polished, and were too few
             continue
