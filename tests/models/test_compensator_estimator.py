@@ -10,7 +10,7 @@ from gossamer_models import ParameterError, Stepper
 from gossamer_models.compensator import compensator_model, estimator_model
 from gossamer_models.compensator.assess import measure, random_legs, run_estimator, run_inverse, uniform_eta
 from gossamer_models.compensator.smooth import smooth
-from gossamer_models.sensor import default_artifact, sensor_model
+from gossamer_models.sensor import Scales, default_artifact, sensor_model
 from oracles_preisach import UNIT, artifact, drive, start, term
 
 M = 24  # [samples]
@@ -217,3 +217,10 @@ def test_work_of_a_step_does_not_grow_and_windows_are_an_option():
     # five numbers a sample of the half window
     assert [b - a for a, b in pairwise(sizes)] == [25, 80, 120]
     assert set(UNIT) < set(compensator_model(TRUE, "estimator").names)
+
+
+def test_noise_is_taken_to_be_a_share_of_the_identified_change():
+    scales = Scales(rest_resistance=1e5, full_scale_resistance_change=3e4, full_scale_strain=0.1)
+    for sensor, wanted in ((default_artifact(), 0.1), (replace(default_artifact(), scales=scales), 30.0)):
+        (noise,) = (v.start for v in estimator_model(sensor).variables if v.name == "noise")
+        assert noise == pytest.approx(wanted)

@@ -1,7 +1,10 @@
 """Chapter 5 as it is printed, tabulated surfaces and inverse interpolation, against the exact inverse."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from gossamer_models import ParameterError
 from gossamer_models.compensator import EverettInverse, compensator_model, everett_surfaces
 from gossamer_models.sensor import default_artifact, sensor_model
 from oracles_preisach import artifact, drive, start, term
@@ -50,3 +53,11 @@ def test_surfaces_of_one_eta_are_mirror_images_but_for_eta():
     _, rising, falling = everett_surfaces(SENSORS["eta 0.85"], 17)
     upper = np.triu_indices(17)
     assert -falling.T[upper] == pytest.approx(0.85 * rising[upper], abs=1e-12)
+
+
+def test_surfaces_are_static_and_an_extension_is_refused():
+    extended = artifact(relaxation=[replace(term(0.1, 0), drive="falling")])
+    with pytest.raises(ParameterError, match="relaxation of the thesis only"):
+        EverettInverse(extended)
+    for found, wanted in zip(everett_surfaces(extended, 9), everett_surfaces(artifact(), 9), strict=True):
+        np.testing.assert_array_equal(found, wanted)

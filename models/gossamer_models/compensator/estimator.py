@@ -41,6 +41,7 @@ FORGOTTEN = 0.25  # of an error stays in the remembered turning points when the 
 LEAST_DOUBT = 0.1  # of the doubt about eta stays, whatever was learned
 REACH = 0.02  # [1] standard deviation of strain about the end of its range where the model says it is beyond
 PATIENCE = 32.0  # a resistance out of reach is believed after about PATIENCE**2 / BACK**2 samples
+NOISE = 1e-3  # of the change at full scale, what noise is taken to be if nobody says
 SHORTEST = 1e-9  # [s] stands for the steps before the run, [1] for a movement of nothing
 
 VARIABLES = (
@@ -319,10 +320,12 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
         ca.vertcat(s * full_scale, refused, s_present * full_scale, deviation * full_scale), delay, drift.theta
     )
     step = ca.Function("step", [x, u, p, h], [x_next, y])
+    scales = scale_variables(artifact)
+    (change,) = (v.start or 0.0 for v in scales if v.name == "full_scale_resistance_change")
     return StepModel(
         name="compensator",
         description="Estimator of strain from the resistance of a hysteretic sensor",
-        variables=(*scale_variables(artifact), *VARIABLES),
+        variables=(*scales, *(replace(v, start=NOISE * change) if v.name == "noise" else v for v in VARIABLES)),
         init=init,
         step=step,
         advice=ADVICE,

@@ -7,9 +7,12 @@ Slow, in NumPy, with memory that grows: the reference that ``inverse.py`` is com
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact
 from ..sensor.relaxation import ModeBank
 
@@ -33,7 +36,7 @@ def everett_surfaces(artifact: SensorArtifact, points: int = 65) -> tuple[Vector
     rising, falling : ndarray, shape (points, points)
         Change of the output [1] from an extreme (row) to a strain (column); not a number on the other side of it.
     """
-    inverse = EverettInverse(artifact)
+    inverse = EverettInverse(replace(artifact, relaxation=(), inverse=None))
     strain = np.linspace(0.0, 1.0, points)
     changes = [np.array([inverse.surface(rising, h1, strain) for h1 in strain]) for rising in (True, False)]
     upper = strain[None, :] >= strain[:, None]
@@ -46,12 +49,15 @@ class EverettInverse:
     Parameters
     ----------
     artifact : SensorArtifact
-        Identified sensor, without relaxation driven by falling strain.
+        Identified sensor without an extension.
     points : int
         Points of the interpolation between two extremes; its error falls with their square.
     """
 
     def __init__(self, artifact: SensorArtifact, points: int = 257) -> None:
+        if any(term.drive != "rising" or term.signed or term.gain for term in artifact.relaxation):
+            msg = "Everett surfaces know the relaxation of the thesis only. Identify the sensor without an extension."
+            raise ParameterError(msg)
         mu, nu = artifact.tables()
         n = artifact.n_lines
         self._width = np.arange(n) / n
