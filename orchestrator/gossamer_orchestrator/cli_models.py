@@ -80,7 +80,7 @@ def identify(
         int | None,
         typer.Option(help="How many starts; 2 for the Preisach, 12 for the fractional models if not given.", min=1),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the starts.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
     pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
     modes: Annotated[

@@ -21,9 +21,11 @@ from gossamer_models.identification import (
 from gossamer_models.identification.densities import Spectrum, modal_field, reversible_beyond, wave_numbers
 from gossamer_models.identification.judge import predict_output, recover_strain
 from gossamer_models.identification.least_squares import GaussNewton, Problem, compress, solve_constrained
+from gossamer_models.identification.model import preisach_model
 from gossamer_models.identification.quality import covariance, determinations, doubts
 from gossamer_models.identification.regressors import DRIVES, GAIN, relaxed, switched
 from gossamer_models.identification.ridge import RIDGES, choose_ridge
+from gossamer_models.identification.stretches import prepare
 from gossamer_models.sensor import DirectInverse, RelaxationTerm, SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.relaxation import ModeBank
 from oracles_preisach import drive, start
@@ -348,7 +350,68 @@ def test_a_known_sensor_is_predicted_after_a_fit_with_few_modes(known, fitted):
 
 
 def test_the_artifact_runs_as_it_was_fitted(known, fitted):
-    assert predict_output(fitted, known) == pytest.approx(fitted.predicted[0], abs=2e-3 * np.ptp(known.output))
+    assert predict_output(fitted, known) == pytest.approx(fitted.predicted[0], abs=1e-9 * np.ptp(known.output))
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+def test_what_a_fit_predicts_is_what_its_sensor_gives_however_slow_the_record_is(known, scale):
+    """Far beyond the training stretch, too, and beyond the times that kernels hold for by default."""
+    record = replace(known, time=scale * known.time)
+    rows = (np.arange(known.time.size) < 120,)
+    size = np.ptp(known.output)
+    found = {}
+    for h in (1.0, scale):
+        found[h] = fit_preisach((replace(known, time=h * known.time),), rows, QUICK, full_scale=1.0, rest_output=100.0)
+    fit = found[scale]
+    assert predict_output(fit, record) == pytest.approx(fit.predicted[0], abs=1e-9 * size)
+    assert fit.predicted[0] == pytest.approx(found[1.0].predicted[0], abs=1e-3 * size)  # time has no scale of its own
+
+
+def test_what_relaxed_before_a_record_adds_to_a_known_output_at_rest(known):
+    left = 8.0 * np.exp(-known.time / 3.0)
+    off = {}
+    for earlier in (False, True):
+        fit = fit_preisach(
+            (replace(known, output=known.output + left),),
+            everything(known),
+            replace(QUICK, earlier=earlier),
+            full_scale=1.0,
+            rest_output=100.0,
+        )
+        off[earlier] = float(np.abs(predict_output(fit, known) - known.output).max())
+        assert any("start at rest and do not know it" in text for text in doubts(fit, (known,))) == earlier
+    assert off[True] < 0.6 * off[False]
+
+
+def test_a_fit_that_stopped_early_and_an_output_at_rest_in_another_unit_are_told(known):
+    settings = replace(QUICK, most_iterations=1)
+    fit = fit_preisach((known,), everything(known), settings, full_scale=1.0, rest_output=0.1)
+    told = " ".join(doubts(fit, (known,)))
+    assert "still improving after 1 steps" in told
+    assert "record begins unstrained with an output of 100, where 0.1 is taken for that at rest" in told
+
+
+def test_an_eta_of_one_value_may_be_fitted_from_several_starts(known):
+    settings = replace(settings_for("preisach", modes=3, relaxations=2, extension="gain"), starts=3)
+    fit = fit_preisach((known,), everything(known), settings, full_scale=1.0)
+    mu, nu = fit.artifact.tables()
+    assert nu == pytest.approx(mu, rel=1e-9)
+
+
+def test_the_constraint_of_the_exact_inverse_is_on_the_weights_that_the_sensor_gets(known):
+    """Operators wider than the fitted strain give the elastic line their weight and their eta."""
+    settings = replace(QUICK, drives=DRIVES)
+    _, spectrum, stretches = prepare((known,), everything(known), settings, 3.0)
+    model = preisach_model(settings, spectrum, stretches)
+    N = settings.n_lines
+    cells = N * (N + 1) // 2
+    names = [b.name for b in model.blocks for _ in range(b.size)]
+    x = np.random.default_rng(2).uniform(0.1, 0.4, len(names))
+    jump = {name: x[[name == each for each in names]].sum() for name in ("g_falling", "k_falling")}
+    falling = jump["g_falling"] + jump["k_falling"] * (np.arange(N) + 1.0) / N
+    nu = model.weights(x)[cells : cells + N]
+    steep = model.function(x)[1].full()[-N:, 0]
+    assert steep == pytest.approx(nu - settings.least_spring - falling)
 
 
 def test_weights_are_not_negative_and_the_inverse_exists(known):
@@ -401,12 +464,32 @@ def test_impossible_settings_are_refused():
         FitSettings(tau=(1.0,), relaxations=2)
     with pytest.raises(ParameterError, match="it is one of preisach"):
         settings_for("neural")
+    with pytest.raises(ParameterError, match="adds to the relaxation, of which there is none"):
+        settings_for("preisach", relaxations=0, extension="gain")
+    with pytest.raises(ParameterError, match="0 starts"):
+        settings_for("preisach", starts=0)
+    for wrong in (-1.0, float("nan"), float("inf")):
+        with pytest.raises(ParameterError, match="take a finite one of 0 or more"):
+            settings_for("preisach", ridge=wrong)
+    with pytest.raises(ParameterError, match="the seed is -1"):
+        FitSettings(seed=-1)
 
 
 def test_too_few_or_too_large_samples_are_refused(known):
     few = np.arange(known.time.size) < 20
     with pytest.raises(DataError, match="20 samples to fit"):
         fit_preisach((known,), (few,), QUICK)
+    with pytest.raises(
+        DataError, match=r"record, lines 2 to 314: in the training stretch the strain moves by less than 1 %"
+    ):
+        fit_preisach((replace(known, strain=1e-3 * known.strain),), everything(known), QUICK, full_scale=1.0)
+    with pytest.raises(DataError, match=r"the output falls as strain rises, their correlation is -0\.9"):
+        fit_preisach((replace(known, output=-known.output),), everything(known), QUICK)
+    for wrong in (0.0, float("nan"), float("inf")):
+        with pytest.raises(DataError, match="the full scale is"):
+            fit_preisach((known,), everything(known), QUICK, full_scale=wrong)
+    with pytest.raises(DataError, match="the output at rest is nan"):
+        fit_preisach((known,), everything(known), QUICK, rest_output=float("nan"))
     with pytest.raises(DataError, match=r"line \d+: strain .* is outside 0 to full scale 0.5"):
         fit_preisach((known,), everything(known), QUICK, full_scale=0.5)
     with pytest.raises(DataError, match="beyond the full scale"):
@@ -431,7 +514,8 @@ def test_a_file_becomes_an_artifact_with_provenance(tmp_path, known):
     assert found.records[0].output == pytest.approx(known.output)
     assert found.fit.artifact.provenance["train"] == "60%"
     assert len(found.fit.artifact.provenance["sha256"]) == 64
-    with pytest.raises(DataError, match="cannot read 'half'"):
-        identify_files([path], train="half")
+    for train in ("half", "150%", "-5%", "nan%"):
+        with pytest.raises(DataError, match=f"cannot read '{train}'"):
+            identify_files([path], train=train)
     with pytest.raises(DataError, match="no sample lies in '500:600'"):
         identify_files([path], train="500:600")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from gossamer_models import DataError
-from gossamer_models.identification import Columns, read_record
+from gossamer_models.identification import Columns, read_record, read_records
 
 T = 0.1 * np.arange(40)
 STRAIN = 0.05 * np.abs(np.sin(T))
@@ -49,6 +49,9 @@ def test_a_record_without_time_gets_a_sampling_step(tmp_path):
     assert found.time[-1] == pytest.approx(0.5 * 39)
     with pytest.raises(DataError, match="or give the sampling step"):
         read_record(path, Columns(strain="output", output="input"))
+    for clock in ({"time": "n"}, {"time_unit": "ms"}):
+        with pytest.raises(DataError, match="of which one is needed"):
+            read_record(path, Columns(strain="output", output="input", sampling_step=0.5, **clock))
     with pytest.raises(DataError, match="must be a positive time"):
         read_record(path, Columns(strain="output", output="input", sampling_step=-1.0))
 
@@ -71,6 +74,7 @@ def test_a_record_without_time_gets_a_sampling_step(tmp_path):
             "line 9: a gap of 90.3 s in which strain",
         ),
         (lambda rows: rows.__delitem__(slice(2, None)), "too short"),
+        (put(12, 2, "1100,5"), "line 12: 4 cells under 3 names. Write decimal points"),
     ],
 )
 def test_an_unusable_record_is_refused_by_its_line(tmp_path, change, message):
@@ -96,6 +100,23 @@ def test_a_small_fault_is_repaired_and_told(tmp_path, change, columns, repair, s
     assert found.strain.min() >= 0.0
 
 
+def test_a_strain_that_may_be_in_per_cent_is_told(tmp_path):
+    rows = [[f"{t:.6g}", f"{60 * s:.9g}", f"{r:.9g}"] for t, s, r in zip(T, STRAIN, OHM, strict=True)]
+    assert any("strain up to 2.99" in text for text in read_record(write(tmp_path / "r.csv", rows=rows)).repairs)
+    assert not read_record(write(tmp_path / "r.csv", "time,strain [1],resistance", rows)).repairs
+
+
+def test_records_of_one_sensor_in_two_units_are_refused(tmp_path):
+    first = write(tmp_path / "first.csv")
+    second = write(tmp_path / "second.csv", "time,strain,R_kohm")
+    with pytest.raises(DataError, match=r"reaches 1099.96 in first.csv and 1.09996e\+06 in second.csv"):
+        read_records([first, second])
+    assert len(read_records([first, write(tmp_path / "third.csv")])) == 2
+    (tmp_path / "other").mkdir()
+    with pytest.raises(DataError, match=r"2 records are called first\.csv"):
+        read_records([first, write(tmp_path / "other" / "first.csv")])
+
+
 def test_a_gap_at_rest_is_harmless(tmp_path):
     def rest(rows):
         for k in range(20, 40):
@@ -118,6 +139,15 @@ def test_a_gap_at_rest_is_harmless(tmp_path):
 def test_unclear_columns_are_refused(tmp_path, header, columns, message):
     with pytest.raises(DataError, match=message.replace("[", r"\[")):
         read_record(write(tmp_path / "r.csv", header), columns)
+
+
+def test_decimal_commas_are_refused_with_what_was_read(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text("time;strain;resistance\n0,5;0,01;1100,5\n1,5;0,02;1101,5\n")
+    with pytest.raises(
+        DataError, match=r"line 2: 2 of 2 .* It reads 0,5 \| 0,01 \| 1100,5: numbers have decimal points"
+    ):
+        read_record(path)
 
 
 def test_a_file_that_is_none_is_refused(tmp_path):

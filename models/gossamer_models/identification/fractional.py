@@ -12,7 +12,7 @@ from ..fractional import FractionalFit, FractionalSettings, UniformRecord, ident
 from ..fractional.artifact import ModelName
 from .quality import alike
 from .records import Record
-from .stretches import strain_range
+from .stretches import check_rest, strain_range
 
 Vector = NDArray[np.float64]
 
@@ -61,6 +61,7 @@ def fit_fractional(
     DataError
         The records cannot be fitted: too short, constant, or beyond full scale.
     """
+    check_rest(rest_output)
     scale = strain_range(tuple(records), full_scale)
     even = [_even(record, rows, rest_output) for record, rows in zip(records, train, strict=True)]
     settings = replace(

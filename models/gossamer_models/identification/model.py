@@ -58,7 +58,7 @@ def preisach_model(
 
     seen = max(float(s.strain[s.train].max()) for s in stretches if s.train.any())
     functions, amplitudes, eta = _density(settings, p, seen)
-    mu = ca.mtimes(_constant(functions), amplitudes)
+    mu, nu = (ca.mtimes(_constant(functions), a) for a in (amplitudes, eta * amplitudes))
     line = np.triu_indices(settings.n_lines)[0]
     floor = np.where(line == 0, settings.least_spring, settings.least_weight)
     floor[np.diff(functions.tocsr().indptr) == 0] = 0.0
@@ -72,7 +72,7 @@ def preisach_model(
     if settings.density == "modal":
         constraints += [eta - settings.eta[0], settings.eta[1] - eta]
     if settings.relaxations and settings.invertible:
-        constraints += _steep_enough(settings, p, eta * mu)
+        constraints += _steep_enough(settings, p, nu)
     soft = [b.stiffness * (p[b.name] - b.start) for b in blocks if b.stiffness > 0.0]
     if settings.density == "modal":
         soft += [settings.smoothness * p["b_mu"] * (p["m_mu"] ** 2 + p["n_mu"] ** 2)]

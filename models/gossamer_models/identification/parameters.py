@@ -6,7 +6,7 @@ kernels and their amplitudes ``g``, ``k``; ``v`` what still relaxed when a recor
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,13 +112,16 @@ def _density_blocks(settings: FitSettings) -> list[Block]:
         m, n = wave_numbers(M)
         first = np.zeros(M)
         first[0] = flat / 2.0
+        eta = (
+            block("b_eta", first, -2.0, 2.0, spread=0.01, stiffness=settings.eta_stiffness),
+            _waves("m_eta", m),
+            _waves("n_eta", n),
+        )
         return [
             block("b_mu", np.zeros(M), -np.inf, np.inf, linear=True, stiffness=settings.ridge),
             _waves("m_mu", m),
             _waves("n_mu", n),
-            block("b_eta", first, -2.0, 2.0, spread=0.01, stiffness=settings.eta_stiffness),
-            _waves("m_eta", m),
-            _waves("n_eta", n),
+            *(_fixed(b) if settings.eta[0] == settings.eta[1] else b for b in eta),
             *([block("b_elastic", np.zeros(M), -np.inf, np.inf, linear=True)] if settings.elastic else []),
         ]
     hats, spring = hat_functions(settings.n_lines, settings.n_knots)
@@ -127,6 +130,11 @@ def _density_blocks(settings: FitSettings) -> list[Block]:
         block("b_elastic", np.zeros(spring.shape[1]), -np.inf, np.inf, linear=True, stiffness=0.1 * settings.ridge),
         block("eta", np.array([flat]), *settings.eta, spread=0.02, stiffness=settings.eta_stiffness),
     ]
+
+
+def _fixed(b: Block) -> Block:
+    """Return the block with its start values for bounds."""
+    return replace(b, lower=b.start, upper=b.start)
 
 
 def _waves(name: str, start: Vector) -> Block:

@@ -20,13 +20,13 @@ from ..sensor.artifact import DirectInverse, Scales, SensorArtifact
 from .inverse import inverse_settings, turn
 from .least_squares import GaussNewton, Solution
 from .model import preisach_model
-from .normalise import normalised_sensor
+from .normalise import normalised_output, normalised_sensor
 from .parameters import Block
 from .records import Record
 from .ridge import choose_ridge
 from .settings import FitSettings
 from .solve import Watch, solve
-from .stretches import Stretch, prepare, strain_range
+from .stretches import Stretch, check_rest, earlier_output, prepare, strain_range
 
 Vector = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Fit:
     x : ndarray, shape (n,)
         Their values.
     predicted : tuple of ndarray
-        Output of every record in its unit, with what was relaxing before it began.
+        Output that the artifact gives for every record, in its unit, with what was relaxing before it began.
     train : tuple of ndarray of bool
         Samples of every record that were fitted.
     solutions : tuple of Solution
@@ -112,8 +112,7 @@ def fit_preisach(
         The records cannot be fitted: too short, constant, or beyond full scale.
     """
     settings = settings or FitSettings()
-    if rest_output is not None:
-        settings = replace(settings, earlier=False)  # its offset is known
+    check_rest(rest_output)
     scale = strain_range(records, full_scale)
     if settings.auto_ridge:
         settings = choose_ridge(records, train, settings, full_scale=scale, rest_output=rest_output, watch=watch)
@@ -121,13 +120,18 @@ def fit_preisach(
     model = preisach_model(settings, spectrum, stretches, None if rest_output is None else rest_output / unit)
     solver, solutions = solve(model, stretches, settings, watch)
     x = solutions[0].x
-    artifact, y0, rise = normalised_sensor(settings, model, x)
+    longest = 2.0 * max(float(r.time[-1]) for r in records)
+    artifact, y0, rise = normalised_sensor(settings, model, x, float(spectrum.times[1]), longest)
     if settings.direct_inverse or not settings.invertible:
         artifact = replace(artifact, inverse=_direct_inverse(stretches, y0, rise, settings))
     if y0 > 0.0:  # a resistance, not a signal
         scales = Scales(rest_resistance=y0 * unit, full_scale_resistance_change=rise * unit, full_scale_strain=scale)
         artifact = replace(artifact, scales=scales)
-    weights = model.weights(x)
+    own = tuple(y0 + rise * normalised_output(artifact, s) for s in stretches)
+    if settings.earlier:
+        own = tuple(
+            y + earlier_output(settings, spectrum, s, model.weights(x)) for y, s in zip(own, stretches, strict=True)
+        )
     return Fit(
         artifact=artifact,
         settings=settings,
@@ -136,7 +140,7 @@ def fit_preisach(
         scale=rise * unit,
         names=tuple(f"{b.name}[{i + 1}]" for b in model.blocks for i in range(b.size)),
         x=x,
-        predicted=tuple(s.A @ weights * unit for s in stretches),
+        predicted=tuple(unit * y for y in own),
         train=tuple(s.train for s in stretches),
         solutions=solutions,
         solver=solver,

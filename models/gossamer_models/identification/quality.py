@@ -18,6 +18,7 @@ DETERMINED = 0.5  # share of a parameter's information that must come from the d
 ALIKE = 0.98  # correlation from which two parameters cannot be told apart
 HOLD_RATE = 0.02  # of the fastest strain rate: slower is a hold
 LEAST_HOLD = 0.05  # of the training stretch
+UNSTRAINED, REST = 0.01, 0.1  # of full scale, and of the output's range that counts as another output at rest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,6 +118,17 @@ def determinations(fit: Fit) -> tuple[Determination, ...]:
 def doubts(fit: Fit, records: tuple[Record, ...]) -> tuple[str, ...]:
     """Say what the data cannot decide, one sentence each."""
     sentences = []
+    if not fit.solutions[0].converged:
+        sentences.append(
+            f"The fit was still improving after {fit.solutions[0].iterations} steps. Take more starts, or fewer modes or "
+            "relaxations."
+        )
+    if fit.settings.earlier:
+        sentences.append(
+            "The errors count what was relaxing before a record began as known. FMUs start at rest and do not know it."
+        )
+    else:
+        sentences += [_rest(fit, record) for record in records]
     held = [_held(record, rows) for record, rows in zip(records, fit.train, strict=True) if rows.any()]
     if fit.settings.relaxations and max(held) < LEAST_HOLD:
         sentences.append(
@@ -152,10 +164,23 @@ def alike(names: tuple[str, ...], covariance: Matrix, advice: str) -> str:
     return f"{names[i]} and {names[k]} cannot be told apart: their correlation is {correlation[i, k]:.3f}. {advice}"
 
 
+def _rest(fit: Fit, record: Record) -> str:
+    """Say where a record begins unstrained, but not with the output at rest; empty where it does not."""
+    first = float(record.output[0])
+    if record.strain[0] > UNSTRAINED * fit.full_scale or abs(first - fit.offset) <= REST * float(np.ptp(record.output)):
+        return ""
+    return (
+        f"{record.name} begins unstrained with an output of {first:.6g}, where {fit.offset:.6g} is taken for that at rest. "
+        "Check it and its unit, or fit what was still relaxing."
+    )
+
+
 def _held(record: Record, rows: NDArray[np.bool_]) -> float:
     """Return the part of the training time in which strain stands still."""
     steps = np.diff(record.time)
     rates = np.abs(np.diff(record.strain)) / steps
     inside = rows[1:]
+    if not inside.any():
+        return 0.0
     still = rates[inside] < HOLD_RATE * rates.max()
     return float(steps[inside][still].sum() / steps[inside].sum())

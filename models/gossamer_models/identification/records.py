@@ -2,15 +2,18 @@ r"""Records of strain and output: read, converted to SI, checked and repaired by
 
 Rules, each with the line of the file named where it applies:
 
+- Records of one fit have different names.
 - Columns are named by options or recognised by their names (``TIME``, ``STRAIN``, ``OUTPUT`` below); units are those given,
   or those in a column's name (``t_ms``, ``strain [%]``, ``R_kohm``), or s, 1 and ohm. Two units for one column are refused.
+- Lines with more cells than the header has names are refused: a decimal comma divides a number.
 - A value that is missing or no finite number: the sample is left out; more than ``MOST_MISSING`` of them is refused.
 - Repeated times: their samples are averaged. Times that go backwards are refused; ``sort`` sorts them instead.
-- No time column: samples are ``sampling_step`` apart, which must then be given.
+- No time column: samples are ``sampling_step`` apart, which must then be given. Both are refused.
 - A gap, a step longer than ``LONGEST_GAP`` median steps in which strain changes by more than ``GAP_STRAIN`` of its range, is
   refused: what switched in it is unknown. Over constant strain a gap is harmless and stays.
-- Strain above ``LARGEST_STRAIN`` in a column without a unit, and an output that jumps by a factor of ``LARGEST_JUMP``
-  between samples, are taken for mixed units and refused.
+- Strain above ``LARGEST_STRAIN`` in a column without a unit, an output that jumps by a factor of ``LARGEST_JUMP`` between
+  samples, and records of one fit whose largest outputs differ by it are taken for mixed units and refused. Strain above
+  ``TOLD_STRAIN`` in a column without a unit is kept, and told.
 - Constant strain or output, and strain below zero by more than rounding of the meter, are refused.
 """
 
@@ -39,6 +42,7 @@ MOST_MISSING = 0.05
 LONGEST_GAP = 20.0
 GAP_STRAIN = 0.05
 LARGEST_STRAIN = 5.0  # more than this without a stated unit is per cent
+TOLD_STRAIN = 1.05  # more than this without a stated unit may be
 LARGEST_JUMP = 30.0  # of the output between two samples: a meter that changed its unit
 LEAST_STRAIN = -0.01  # of the range: a zero that has crept
 
@@ -138,6 +142,9 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     strain_at, strain_unit = _find(path, header, columns.strain, columns.strain_unit, STRAIN, STRAINS, "strain")
     output_at, output_unit = _find(path, header, columns.output, columns.output_unit, OUTPUT, OHMS, "output")
     wanted = [(strain_at, strain_unit), (output_at, output_unit)]
+    if columns.sampling_step is not None and (columns.time is not None or columns.time_unit is not None):
+        msg = f"{path}: a column or unit of time and a sampling step are given, of which one is needed. Leave one out."
+        raise DataError(msg)
     if columns.sampling_step is None:
         wanted.insert(0, _find(path, header, columns.time, columns.time_unit, TIME, SECONDS, "time"))
     elif not columns.sampling_step > 0.0:
@@ -152,7 +159,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     table = _Table(path, numbers, np.array(lines, dtype=int), strain_unit_stated=stated)
     if columns.sampling_step is not None:
         table.repairs.append(f"no clock was read: samples are taken as {columns.sampling_step:g} s apart")
-    _drop_missing(table)
+    _drop_missing(table, rows)
     _order_times(table, sort=columns.sort)
     time, strain, output = table.columns
     _check(table)
@@ -171,8 +178,22 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
 
 
 def read_records(paths: Sequence[Path], columns: Columns | None = None) -> tuple[Record, ...]:
-    """Read several records with the same columns."""
-    return tuple(read_record(path, columns) for path in paths)
+    """Read several records of one sensor with the same columns."""
+    records = tuple(read_record(path, columns) for path in paths)
+    names = [record.name for record in records]
+    for name in names:
+        if names.count(name) > 1:
+            msg = f"{names.count(name)} records are called {name}: errors and pictures go by that name. Rename all but one."
+            raise DataError(msg)
+    sizes = [float(np.abs(record.output).max()) for record in records]
+    small, large = int(np.argmin(sizes)), int(np.argmax(sizes))
+    if sizes[large] > LARGEST_JUMP * sizes[small]:
+        msg = (
+            f"the output reaches {sizes[small]:g} in {records[small].name} and {sizes[large]:g} in {records[large].name}, "
+            "as if their units differed. State the unit in the columns' names."
+        )
+        raise DataError(msg)
+    return records
 
 
 def _open(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
@@ -190,6 +211,13 @@ def _open(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
     if not pairs:
         msg = f"{path} holds no samples. Name a CSV file with a header line and numbers below it."
         raise DataError(msg)
+    for row, line in pairs:
+        if any(cell.strip() for cell in row[len(header) :]):
+            msg = (
+                f"{path}, line {line}: {len(row)} cells under {len(header)} names. Write decimal points, and "
+                "a name for every column."
+            )
+            raise DataError(msg)
     return header, [row for row, _ in pairs], [line for _, line in pairs]
 
 
@@ -244,7 +272,7 @@ def _number(row: list[str], place: int) -> float:
         return float("nan")
 
 
-def _drop_missing(table: _Table) -> None:
+def _drop_missing(table: _Table, rows: list[list[str]]) -> None:
     good = np.all([np.isfinite(c) for c in table.columns], axis=0)
     missing = int((~good).sum())
     if not missing:
@@ -253,7 +281,8 @@ def _drop_missing(table: _Table) -> None:
     if missing > MOST_MISSING * good.size:
         msg = (
             f"{table.path}, line {line}: {missing} of {good.size} samples hold no finite number, more than "
-            f"{100 * MOST_MISSING:g} %. Clean the record or name other columns."
+            f"{100 * MOST_MISSING:g} %. It reads {' | '.join(rows[int(np.argmin(good))])}: numbers have decimal points. "
+            "Clean the record or name other columns."
         )
         raise DataError(msg)
     table.repairs.append(f"{missing} samples without a finite number were left out, the first in line {line}")
@@ -266,7 +295,7 @@ def _order_times(table: _Table, *, sort: bool) -> None:
     if back.size and not sort:
         line = int(table.lines[back[0] + 1])
         first, second = time[back[0]], time[back[0] + 1]
-        msg = f"{table.path}, line {line}: time goes backwards, {first:g} s to {second:g} s. Sort the record."
+        msg = f"{table.path}, line {line}: time goes backwards, {first:g} s to {second:g} s. Sort the record (--sort)."
         raise DataError(msg)
     if back.size:
         table.repairs.append(f"samples were sorted by time, the first out of order in line {table.lines[back[0] + 1]}")
@@ -291,14 +320,21 @@ def _check(table: _Table) -> None:
         what = "too short" if time.size < 3 else "of constant strain" if not size > 0.0 else "of constant output"
         msg = f"{table.path}, lines {table.lines[0]} to {table.lines[-1]}: the record is {what}. Name one that moves."
         raise DataError(msg)
-    k = int(np.argmin(strain))
-    if strain[k] < LEAST_STRAIN * size:
+    negative = np.flatnonzero(strain < LEAST_STRAIN * size)
+    if negative.size:
+        k = int(negative[0])
         msg = f"{table.path}, line {table.lines[k]}: strain {strain[k]:g} is negative. Subtract the strain at rest."
         raise DataError(msg)
-    k = int(np.argmax(strain))
-    if strain[k] > LARGEST_STRAIN and not table.strain_unit_stated:
-        msg = f"{table.path}, line {table.lines[k]}: strain {strain[k]:g} in a column without a unit. State the unit."
-        raise DataError(msg)
+    if not table.strain_unit_stated:
+        large = np.flatnonzero(strain > LARGEST_STRAIN)
+        if large.size:
+            k = int(large[0])
+            msg = (
+                f"{table.path}, line {table.lines[k]}: strain {strain[k]:g} in a column without a unit. State the unit."
+            )
+            raise DataError(msg)
+        if (top := float(strain.max())) > TOLD_STRAIN:
+            table.repairs.append(f"strain up to {top:g} was taken for {top:.0%}; state the unit if it is another")
     level = np.maximum(np.abs(output), 1e-2 * np.abs(output).max())
     jumps = np.flatnonzero(np.abs(np.diff(np.log(level))) >= np.log(LARGEST_JUMP) - 1e-9)
     if jumps.size:

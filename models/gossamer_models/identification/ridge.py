@@ -17,7 +17,7 @@ from .model import preisach_model
 from .records import Record
 from .settings import FitSettings
 from .solve import Watch, solve
-from .stretches import Stretch, prepare, strain_range
+from .stretches import Stretch, moves, prepare, strain_range
 
 RIDGES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 PARTS = 4
@@ -51,7 +51,7 @@ def choose_ridge(
     DataError
         A training stretch is too short to be cut, or its first half never moves.
     """
-    once = replace(settings, earlier=settings.earlier and rest_output is None, starts=1, auto_ridge=False)
+    once = replace(settings, starts=1, auto_ridge=False)
     unit, spectrum, stretches = prepare(records, train, once, strain_range(records, full_scale))
     rest = None if rest_output is None else rest_output / unit
     errors = []
@@ -59,7 +59,7 @@ def choose_ridge(
         trial = replace(once, ridge=ridge, relaxation_ridge=ridge)
         squares: list[float] = []
         for fitted, held in _forward(train):
-            if not any(np.ptp(s.strain[rows]) > 0.0 for s, rows in zip(stretches, fitted, strict=True) if rows.any()):
+            if not any(moves(s.strain[rows]) for s, rows in zip(stretches, fitted, strict=True)):
                 msg = "the strain rests in the first half of the training stretch, so no ridge can be chosen. Give one."
                 raise DataError(msg)
             parts = tuple(replace(s, train=rows) for s, rows in zip(stretches, fitted, strict=True))

@@ -116,6 +116,9 @@ def settings_for(
     if knots is not None and model != "preisach-hats":
         msg = f"{model} has no knots. Choose its modes, or the model preisach-hats."
         raise ParameterError(msg)
+    if extension != "none" and relaxations < 1:
+        msg = f"the extension {extension} adds to the relaxation, of which there is none. Take 1 relaxation or more."
+        raise ParameterError(msg)
     if extension in ("gain", "reversing") and (tau is not None or exponents is not None):
         msg = f"the extension {extension} has fixed kernels of its own. Leave tau and exponents out, or choose another one."
         raise ParameterError(msg)
@@ -147,7 +150,9 @@ def settings_for(
         common["auto_ridge"] = True
     elif ridge is not None:
         common |= {"ridge": ridge, "relaxation_ridge": ridge}
-    return FitSettings(starts=starts or (1 if extension in ("gain", "reversing") else 2), **common)
+    if starts is None:
+        starts = 1 if extension in ("gain", "reversing") else 2
+    return FitSettings(starts=starts, **common)
 
 
 def training_rows(record: Record, train: str) -> NDArray[np.bool_]:
@@ -167,14 +172,17 @@ def training_rows(record: Record, train: str) -> NDArray[np.bool_]:
     """
     try:
         if train.endswith("%"):
-            rows = np.arange(record.time.size) < round(0.01 * float(train[:-1]) * record.time.size)
+            share = 0.01 * float(train[:-1])
+            if not 0.0 < share <= 1.0:
+                raise ValueError
+            rows = np.arange(record.time.size) < round(share * record.time.size)
         else:
             low, high = (float(part) if part.strip() else None for part in train.split(":"))
             rows = np.ones(record.time.size, dtype=bool)
             rows &= record.time >= (0.0 if low is None else low)
             rows &= record.time <= (np.inf if high is None else high)
     except ValueError:
-        msg = f"cannot read {train!r} as a training stretch. Write 0:200 for seconds or 50% for a leading part."
+        msg = f"cannot read {train!r} as a training stretch. Write 0:200 for seconds or 50% for a leading part, up to 100%."
         raise DataError(msg) from None
     if not rows.any():
         msg = f"{record.name} runs from 0 to {record.time[-1]:g} s: no sample lies in {train!r}. Name another stretch."
@@ -236,7 +244,7 @@ def identify_files(
         fit = fit_preisach(records, rows, settings, watch=watch, **given)
         predicted, doubted, rest = fit.predicted, doubts(fit, records), fit.offset
         stated = {
-            "settings": repr(fit.settings),  # a sensor known to be at rest changes them
+            "settings": repr(fit.settings),  # with the ridge chosen
             "full_scale_strain": repr(fit.full_scale),
             "offset": repr(fit.offset),
             "scale": repr(fit.scale),

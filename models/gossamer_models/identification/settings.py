@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import Literal
 
 from ..errors import ParameterError
@@ -93,15 +94,20 @@ class FitSettings:
                 "starts: take at least 1 mode, 0 relaxations, 4 lines and 1 start"
             )
             raise ParameterError(msg)
-        if not min(self.ridge, self.relaxation_ridge) >= 0.0:
-            msg = f"the ridge is {self.ridge:g}, {self.relaxation_ridge:g} for relaxation: it must not be negative"
+        if not all(0.0 <= ridge < inf for ridge in (self.ridge, self.relaxation_ridge)):
+            msg = (
+                f"the ridge is {self.ridge:g}, {self.relaxation_ridge:g} for relaxation: take a finite one of 0 or more"
+            )
+            raise ParameterError(msg)
+        if self.seed < 0:
+            msg = f"the seed is {self.seed}: it must not be negative"
             raise ParameterError(msg)
         for name in ("tau", "exponents"):
             values = getattr(self, name)
             if values is not None and len(values) != self.relaxations:
                 msg = f"need one of {name} per relaxation: {len(values)} != {self.relaxations}"
                 raise ParameterError(msg)
-        if not all(t > 0.0 for t in self.tau or ()) or not all(0.0 < c <= 1.0 for c in self.exponents or ()):
+        if not all(0.0 < t < inf for t in self.tau or ()) or not all(0.0 < c <= 1.0 for c in self.exponents or ()):
             msg = f"kernels need times above 0 s and exponents in (0, 1], not {self.tau} and {self.exponents}"
             raise ParameterError(msg)
         if not 0.0 < self.least_spring < 1.0:

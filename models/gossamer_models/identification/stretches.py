@@ -22,6 +22,8 @@ Matrix = NDArray[np.float64]
 
 LEAST_SAMPLES = 50
 EARLIER_PER_DECADE = 2.0
+LEAST_MOVE = 0.01  # of full scale
+OPPOSED = 0.5  # correlation of strain and output below which, with a minus, they are of opposite sign
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,12 +53,7 @@ def prepare(
     records: tuple[Record, ...], train: tuple[NDArray[np.bool_], ...], settings: FitSettings, full_scale: float
 ) -> tuple[float, Spectrum, tuple[Stretch, ...]]:
     """Return the range of the fitted output, the decay rates of the relaxation and the records made ready."""
-    fitted = [r.output[rows] for r, rows in zip(records, train, strict=True)]
-    count = sum(part.size for part in fitted)
-    unit = float(np.ptp(np.concatenate(fitted))) if count else 0.0
-    if count < LEAST_SAMPLES or not unit > 0.0:
-        msg = f"{count} samples to fit, output range {unit:g}: need {LEAST_SAMPLES} or more of a changing output"
-        raise DataError(msg)
+    unit = _check(records, train, full_scale)
     shortest = min(float(np.median(np.diff(r.time))) for r in records)
     longest = max(float(np.ptp(r.time[rows])) for r, rows in zip(records, train, strict=True) if rows.any())
     spectrum = Spectrum.over(shortest, longest)
@@ -75,11 +72,48 @@ def prepare(
     return unit, spectrum, tuple(stretches)
 
 
+def _check(records: tuple[Record, ...], train: tuple[NDArray[np.bool_], ...], full_scale: float) -> float:
+    """Return the range of the fitted output; refuse training stretches that tell nothing of a sensor."""
+    pairs = [(r, rows) for r, rows in zip(records, train, strict=True) if rows.any()]
+    where = ", ".join(f"{r.name}, lines {r.lines[rows][0]} to {r.lines[rows][-1]}" for r, rows in pairs)
+    count = sum(int(rows.sum()) for _, rows in pairs)
+    if count < LEAST_SAMPLES:
+        msg = f"{where or 'nowhere'}: {count} samples to fit, need {LEAST_SAMPLES} or more. Name a longer training stretch."
+        raise DataError(msg)
+    if not any(moves(r.strain[rows] / full_scale) for r, rows in pairs):
+        msg = (
+            f"{where}: in the training stretch the strain moves by less than {100.0 * LEAST_MOVE:g} % of full scale. "
+            "Name one with loading."
+        )
+        raise DataError(msg)
+    unit = float(np.ptp(np.concatenate([r.output[rows] for r, rows in pairs])))
+    if not unit > 0.0:
+        msg = f"{where}: the output stands still throughout the training stretch. Name one in which it changes."
+        raise DataError(msg)
+    strain = np.concatenate([r.strain[rows] - r.strain[rows].mean() for r, rows in pairs])
+    output = np.concatenate([r.output[rows] - r.output[rows].mean() for r, rows in pairs])
+    correlation = float(strain @ output) / float(np.linalg.norm(strain) * np.linalg.norm(output))
+    if correlation < -OPPOSED:
+        msg = (
+            f"{where}: the output falls as strain rises, their correlation is {correlation:.2f}; the model's output rises. "
+            "Give it with its sign changed."
+        )
+        raise DataError(msg)
+    return unit
+
+
+def moves(strain: Vector) -> bool:
+    """Tell whether a normalised strain [1] moves enough to show anything of a sensor."""
+    return strain.size > 0 and bool(np.ptp(strain) > LEAST_MOVE)
+
+
 def strain_range(records: tuple[Record, ...], full_scale: float | None) -> float:
     """Return the full scale [1], the largest strain if none is given; refuse strain outside it."""
-    largest = max(float(r.strain.max()) for r in records)
     if full_scale is None:
-        return largest
+        return max(float(r.strain.max()) for r in records)
+    if not 0.0 < full_scale < np.inf:
+        msg = f"the full scale is {full_scale:g}; give the positive strain [1] at the end of the range, or none"
+        raise DataError(msg)
     for r in records:
         beyond = np.flatnonzero((r.strain > full_scale) | (r.strain < 0.0))
         if beyond.size:
@@ -92,8 +126,23 @@ def strain_range(records: tuple[Record, ...], full_scale: float | None) -> float
     return full_scale
 
 
+def check_rest(rest_output: float | None) -> None:
+    """Refuse an output at rest that is none."""
+    if rest_output is not None and not np.isfinite(rest_output):
+        msg = f"the output at rest is {rest_output:g}; give a finite number, or none to fit it"
+        raise DataError(msg)
+
+
 def earlier_rates(spectrum: Spectrum) -> Vector:
     """Return the decay rates [1/s] of what may still relax when a record begins."""
     low, high = np.log10(spectrum.rates[[0, -1]])
     low, high = low + 1.2, high - 0.7
     return np.logspace(low, high, max(2, round((high - low) * EARLIER_PER_DECADE) + 1))
+
+
+def earlier_output(settings: FitSettings, spectrum: Spectrum, stretch: Stretch, weights: Vector) -> Vector:
+    """Return what relaxation from before its record adds to a stretch, shape (m,), by the weights of all columns."""
+    first = settings.n_lines * (settings.n_lines + 1)
+    if settings.relaxations:
+        first += len(settings.drives) * spectrum.rates.size
+    return np.asarray(stretch.A[:, first:-1] @ weights[first:-1], dtype=float)
