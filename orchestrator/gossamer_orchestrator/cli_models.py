@@ -241,9 +241,11 @@ def identify(
         drawn = save_pictures(found, out.with_suffix("")) if pictures else []
     known = "given" if rest_resistance is not None else "fitted"
     caption = f"E1: sum of errors over sum of changes from the {known} {found.rest:.6g} ohm at rest"
-    table = Table("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", caption=caption)
+    headings = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
+    table = Table(*headings, caption=caption)
     for e in found.errors:
-        table.add_row(e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}")
+        recovered = "-" if e.strain_nrmse is None else f"{e.strain_nrmse:.3f}"
+        table.add_row(e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}", recovered)
     console.print(table)
     for sentence in found.remarks:
         console.print(sentence, style="yellow")

@@ -35,6 +35,8 @@ class Errors:
         Of the change of output from rest [%], see ``measures.e1``.
     nrmse : float
         Root mean square error over the range of the record [%].
+    strain_nrmse : float or None
+        The same of the strain that the compensator's method inverse recovers; None for a model without compensator.
     """
 
     record: str
@@ -42,6 +44,7 @@ class Errors:
     samples: int
     e1: float
     nrmse: float
+    strain_nrmse: float | None = None
 
 
 def errors(record: str, stretch: str, measured: Vector, predicted: Vector, *, rest: float, size: float) -> Errors:

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from ..errors import DataError, ParameterError
 from ..fractional import FractionalFit
+from ..measures import nrmse
 from .fractional import FractionalChoice, fit_fractional
+from .judge import recover_strain
 from .preisach import Fit, fit_preisach, with_provenance
 from .quality import Errors, doubts, errors
 from .records import Columns, Record, read_records
@@ -250,6 +252,9 @@ def identify_files(
             "scale": repr(fit.scale),
         }
     found = stretch_errors(records, predicted, rows, rest)
+    if isinstance(fit, Fit):
+        progress("recovering the strain")
+        found = with_strain_errors(found, fit, records)
     provenance = {
         "data": ", ".join(record.name for record in records),
         "origin": origin,
@@ -289,3 +294,13 @@ def stretch_errors(
             if part.any():
                 found.append(errors(record.name, stretch, record.output[part], output[part], rest=rest, size=size))
     return tuple(found)
+
+
+def with_strain_errors(found: tuple[Errors, ...], fit: Fit, records: tuple[Record, ...]) -> tuple[Errors, ...]:
+    """Return errors with those of the strain that the compensator recovers from the measured output."""
+    strains: dict[tuple[str, str], float] = {}
+    for record, rows in zip(records, fit.train, strict=True):
+        recovered, size = recover_strain(fit, record), float(np.ptp(record.strain))
+        for stretch, part in (("train", rows), ("test", ~rows)):
+            strains[record.name, stretch] = nrmse(record.strain[part], recovered[part], size)
+    return tuple(replace(each, strain_nrmse=strains[each.record, each.stretch]) for each in found)
