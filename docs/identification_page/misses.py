@@ -11,9 +11,17 @@ from .tables import number
 
 LIMITS = (  # pattern of what was asked, and why it was not reached; the first that matches
     (
+        r"Dataset-2.*sub-model",
+        "The sub-models of model-2 are linear in strain and the specimen is not. That Dataset-2 strains it twice as far in "
+        "the same time is an assumption of this project; under it, a causal linear model that is perfect on Dataset-1 "
+        "misses by what stands below Tables 3.1 and 3.2, and phases change that only as far as the records differ in "
+        "length.",
+    ),
+    (
         r"sub-model",
-        "The sub-models of model-2 are linear in strain and the specimen is not: the floors below Tables 3.1 and 3.2 "
-        "hold for any number of terms.",
+        "The sub-models of model-2 are linear in strain and the specimen is not: most of what they miss, they miss where "
+        "they are fitted, from any start and with coefficients of any sign. The square of strain as one more term takes "
+        "nearly all of that away, see below Tables 3.1 and 3.2.",
     ),
     (
         r"Dataset-2",

@@ -75,14 +75,16 @@ class ModelFit:
         if model != "sub-model-1":
             first = 1 if model == "model-1" else 1 + N
             nonnegative[first : first + N] = False
+        restrained = np.ones(nonnegative.size, dtype=bool)
         if self._offset:
-            nonnegative[-1] = False
+            nonnegative[-1] = restrained[-1] = False
         self.problem = SeparableProblem(
             columns,
             [change / self.scale for change in changes],
             [record.weight for record in records],
             nonnegative,
-            settings.ridge,
+            settings.restraint,
+            restrained,
         )
 
     def artifact(self, theta: Vector) -> FractionalArtifact:
@@ -111,7 +113,10 @@ class ModelFit:
     def certainty(
         self, theta: Vector, artifact: FractionalArtifact
     ) -> tuple[dict[str, Parameter], Matrix, tuple[str, ...]]:
-        """Return the parameters with standard errors, their covariance, and what is not determined."""
+        """Return the parameters with standard errors, their covariance, and what is not determined.
+
+        A term that the fit has left out, with a coefficient of zero, is not determined and takes no part in the rest.
+        """
         N, L = len(artifact.terms), len(artifact.fading)
         theta = np.array(
             [t.order for t in artifact.terms]
@@ -139,7 +144,8 @@ class ModelFit:
             names.append("R_0")
             values.append(artifact.rest_resistance)
             J.append(Phi[:, -1] / self.scale)
-        covariance = _covariance(np.column_stack(J), residual)
+        dropped = [name.startswith("C_") and value == 0.0 for name, value in zip(names, values, strict=True)]
+        covariance = _covariance(np.where(dropped, 0.0, np.column_stack(J)), residual)
         errors = np.sqrt(np.diag(covariance))
         parameters = {
             name: Parameter(value=float(value), standard_error=float(error), determined=bool(error < abs(value)))

@@ -2,7 +2,8 @@ r"""The separable least squares problem behind ``identify_fractional``.
 
 Symbols: ``y`` weighted change of resistance over its scale [1], ``Phi`` weighted columns, ``c`` coefficients,
 :math:`\theta` orders, rates, exponents. For every :math:`\theta` the best ``c`` is a linear, bounded problem; a
-search sees :math:`r(\theta) = \Phi(\theta)\,c(\theta) - y`.
+search sees :math:`r(\theta) = \Phi(\theta)\,c(\theta) - y` and one row more, a penalty on terms that cancel each other:
+:math:`\rho\,(\sum_k |c_k|\,\|\Phi_k\| - \|y\|)`, with :math:`\rho` the ``restraint``.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from .columns import Columns
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+TINY = 1e-300  # length that stands for that of a column of zeros
 
 
 class SeparableProblem:
@@ -32,8 +34,10 @@ class SeparableProblem:
         Weight of the squared residuals of each record.
     nonnegative : ndarray of bool, shape (n_columns,)
         Coefficients that may not be negative.
-    ridge : float
-        Penalty on the root mean square of each term, relative to that of ``y``.
+    restraint : float
+        Penalty on terms that cancel each other, see ``FractionalSettings``.
+    restrained : ndarray of bool, shape (n_columns,)
+        Terms that it counts.
     """
 
     def __init__(
@@ -42,11 +46,14 @@ class SeparableProblem:
         y: list[Vector],
         weights: list[float],
         nonnegative: NDArray[np.bool_],
-        ridge: float,
+        restraint: float,
+        restrained: NDArray[np.bool_],
     ) -> None:
-        self._columns, self._nonnegative, self._ridge = columns, nonnegative, ridge
+        self._columns, self._nonnegative = columns, nonnegative
+        self._restraint = restraint * restrained.astype(float)
         self._row_weights = np.concatenate([np.full(part.size, np.sqrt(w)) for part, w in zip(y, weights, strict=True)])
         self.y = self._row_weights * np.concatenate(y)
+        self._wanted = np.append(self.y, restraint * np.linalg.norm(self.y))
         self._last: tuple[Vector, Matrix, list[Matrix], Vector] | None = None
 
     def solve(self, theta: Vector) -> tuple[Matrix, list[Matrix], Vector]:
@@ -60,33 +67,37 @@ class SeparableProblem:
         return self._last[1:]
 
     def residual(self, theta: Vector) -> Vector:
-        """Return the residuals and the penalties [1]."""
+        """Return the residuals and, last, the penalty [1]."""
         Phi, _, c = self.solve(theta)
-        return np.concatenate([Phi @ c - self.y, self._penalty(Phi) * c])
+        return np.asarray(np.vstack([Phi, self._cancelling(Phi, c)]) @ c - self._wanted)
 
     def jacobian(self, theta: Vector) -> Matrix:
         """Return the derivative of ``residual`` without its part along the columns, after Kaufman."""
         Phi, slopes, c = self.solve(theta)
-        penalty = self._penalty(Phi)
-        free = ~self._nonnegative | (c > 0.0)
-        basis, _ = np.linalg.qr(np.vstack([Phi, np.diag(penalty)])[:, free])
-        change = np.column_stack([np.concatenate([slope @ c, np.zeros(c.size)]) for slope in slopes])
+        row = self._cancelling(Phi, c)
+        acting = (c != 0.0) | ~(self._nonnegative | (self._restraint > 0.0))
+        basis, _ = np.linalg.qr(np.vstack([Phi, row])[:, acting])
+        growth = row / np.maximum(np.einsum("ij,ij->j", Phi, Phi), TINY)
+        change = np.column_stack(
+            [np.append(slope @ c, growth * np.einsum("ij,ij->j", Phi, slope) @ c) for slope in slopes]
+        )
         return np.asarray(change - basis @ (basis.T @ change))
 
-    def _penalty(self, Phi: Matrix) -> Vector:
-        return np.asarray(self._ridge * np.linalg.norm(Phi, axis=0))
+    def _cancelling(self, Phi: Matrix, c: Vector) -> Vector:
+        """Return the row that adds up the sizes of the terms, shape (n_columns,)."""
+        return np.asarray(self._restraint * np.sign(c) * np.linalg.norm(Phi, axis=0))
 
     def _coefficients(self, Phi: Matrix) -> Vector:
-        """Solve for the coefficients; the columns are scaled to unit length, which the penalty acts on."""
-        size = np.maximum(np.linalg.norm(Phi, axis=0), 1e-300)
-        X = np.vstack([Phi / size, self._ridge * np.eye(size.size)])
-        wanted = np.concatenate([self.y, np.zeros(size.size)])
-        if not self._nonnegative.any():
-            return np.asarray(np.linalg.lstsq(X, wanted, rcond=None)[0] / size)
-        signed = ~self._nonnegative
-        found, _ = nnls(np.hstack([X, -X[:, signed]]), wanted, maxiter=10_000)
+        """Solve for the coefficients, of columns scaled to unit length; a free one is a difference of two."""
+        size = np.maximum(np.linalg.norm(Phi, axis=0), TINY)
+        X = Phi / size
+        if not (self._nonnegative.any() or self._restraint.any()):
+            return np.asarray(np.linalg.lstsq(X, self.y, rcond=None)[0] / size)
+        free = ~self._nonnegative
+        both = np.vstack([np.hstack([X, -X[:, free]]), np.append(self._restraint, self._restraint[free])])
+        found, _ = nnls(both, self._wanted, maxiter=10_000)
         c = found[: size.size]
-        c[signed] -= found[size.size :]
+        c[free] -= found[size.size :]
         return np.asarray(c / size)
 
 

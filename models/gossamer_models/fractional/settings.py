@@ -22,9 +22,10 @@ class FractionalSettings:
         Bounds of :math:`a_k` [1], :math:`p_l` [1/s] and :math:`q_l` [1].
     nonnegative : bool
         True: no coefficient is negative, which makes an integral model passive; False: as in the thesis.
-    ridge : float
-        Penalty on the size of each term [1], relative to the measured change; terms of nearby orders otherwise cancel
-        each other.
+    restraint : float
+        Penalty [1] on terms that cancel each other: on how far their sizes, root mean squares, add up to more than the
+        size of the measured change. Terms of nearby orders otherwise grow without end. A term that is split in two
+        costs nothing, so more terms never fit worse; terms without use get a coefficient of zero.
     starts, seed : int
         Number of random starts, and what they are drawn from.
     most_evaluations : int
@@ -39,7 +40,7 @@ class FractionalSettings:
     rates: tuple[float, float] = (1e-4, 10.0)
     exponents: tuple[float, float] = (0.1, 4.0)
     nonnegative: bool = True
-    ridge: float = 1e-2
+    restraint: float = 0.1
     starts: int = 12
     seed: int = 0
     most_evaluations: int = 60
@@ -55,6 +56,6 @@ class FractionalSettings:
             if not least < low < high < most:
                 msg = f"bounds of {name} are {low:g} to {high:g}; they must increase within {least:g} to {most:g}"
                 raise ParameterError(msg)
-        if self.n_terms < 1 or self.n_fading < 0 or self.starts < 1 or self.ridge < 0.0:
-            msg = "need one or more terms and starts, and neither fading integrals nor a ridge below zero"
+        if self.n_terms < 1 or self.n_fading < 0 or self.starts < 1 or self.restraint < 0.0:
+            msg = "need one or more terms and starts, and neither fading integrals nor a restraint below zero"
             raise ParameterError(msg)
