@@ -195,7 +195,7 @@ def identify(
     from gossamer_models.identification import Columns, choose, identify_files, save_pictures
     from rich.table import Table
 
-    console = Console(stderr=True)
+    console = Console(stderr=True, width=None if sys.stderr.isatty() else 160)
     columns = Columns(
         time=time,
         strain=strain,
@@ -206,7 +206,7 @@ def identify(
         sampling_step=sampling_step,
         sort=sort,
     )
-    names = {str(path): path.name for path in (*files, out)}
+    names = {str(path): path.name for path in (*files, out)} | {f"--out={out}": f"--out={out.name}"}
     command = shlex.join(["gossamer", *(names.get(argument, argument) for argument in sys.argv[1:])])
     with model_errors(), console.status("reading the records") as status:
         found = identify_files(

@@ -143,6 +143,21 @@ def test_drift_beyond_the_range_is_taken_back_there(estimator):
     assert stepper.get("strain") == pytest.approx(0.8, abs=0.01)
 
 
+@pytest.mark.parametrize("output", [-1.0, 3.0, 1e4])
+def test_a_broken_wire_is_never_believed(output):
+    """However long it lasts: drift is no larger than MOST_DRIFT."""
+    stepper = start(compensator_model(TRUE, "estimator"), noise=0.001)
+    drive(stepper, random_legs(200, 2))
+    flags, deviations = [], []
+    for _ in range(3000):
+        stepper.set("resistance", output)
+        stepper.step(0.1)
+        flags.append(stepper.get("saturated"))
+        deviations.append(stepper.get("strain_deviation"))
+    assert all(flags[60:])
+    assert deviations[-1] > 5.0 * deviations[60]
+
+
 def test_scales_are_parameters(estimator):
     scales = {"rest_resistance": 120.0, "full_scale_resistance_change": 35.0, "full_scale_strain": 0.4}
     strain = random_legs(300, 1, (20, 60))

@@ -62,7 +62,7 @@ def test_a_record_without_time_gets_a_sampling_step(tmp_path):
         (put(12, 0, "0.2"), r"r.csv, line 12: time goes backwards, 0.9 s to 0.2 s"),
         (put(12, 1, "-0.02"), "line 12: strain -0.02 is negative"),
         (put(12, 2, "1.06"), "line 12: the output jumps from"),
-        (put(12, 1, "7.5"), "line 12: strain 7.5 in a column without a unit"),
+        (put(12, 1, "7.5"), "line 12: strain 7.5 without a unit"),
         (
             lambda rows: [put(k, 1, "0.01")(rows) for k in range(2, 42)],
             "lines 2 to 41: the record is of constant strain",
@@ -129,7 +129,7 @@ def test_a_gap_at_rest_is_harmless(tmp_path):
 @pytest.mark.parametrize(
     ("header", "columns", "message"),
     [
-        ("time,strain,force", Columns(), "no column is recognised as output among time, strain, force"),
+        ("time,strain,force", Columns(), "no column is recognised as resistance among time, strain, force"),
         ("time,strain,resistance", Columns(strain="eps"), "no column 'eps' for strain"),
         ("time,strain,strain [%]", Columns(output="strain"), "2 columns may be the strain"),
         ("t_ms,strain,resistance", Columns(time_unit="s"), "'t_ms' is in ms, the option says s"),

@@ -25,7 +25,7 @@ import casadi as ca
 
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
-from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable, scale_variables
+from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable, with_scales
 from ..sensor.relaxation import decay
 from ..sensor.state import SensorLaw, SensorState
 from ..step_model import StepModel, Variable
@@ -40,8 +40,8 @@ ROUNDING = 0.3  # standard deviations of the noise that a sharp turning point lo
 FORGOTTEN = 0.25  # of an error stays in the remembered turning points when the strain is set right
 LEAST_DOUBT = 0.1  # of the doubt about eta stays, whatever was learned
 REACH = 0.02  # [1] standard deviation of strain about the end of its range where the model says it is beyond
+MOST_DRIFT = 0.3  # [1]; an output further beyond what any strain explains is a broken wire or a meter, never drift
 PATIENCE = 32.0  # a resistance out of reach is believed after about PATIENCE**2 / BACK**2 samples
-NOISE = 1e-3  # of the change at full scale, what noise is taken to be if nobody says
 SHORTEST = 1e-9  # [s] stands for the steps before the run, [1] for a movement of nothing
 
 VARIABLES = (
@@ -208,7 +208,7 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     the memory goes there, the output is set to what was measured, and the error found corrects eta in proportion to the
     covariances. One unit of normalised output counts as one unit of normalised strain in the belief about the drift,
     which is the mean slope of any sensor. Strain found beyond the end of its range is drift as well, if it is no more
-    than the belief allows; otherwise it is a fault, ``saturated`` is 1 and memory stands still.
+    than the belief allows and less than ``MOST_DRIFT``; otherwise it is a fault, ``saturated`` is 1 and memory stands still.
 
     Without noise every window but the sample itself is rejected, and the strain is that of the exact inverse, delayed;
     relaxation of what rises in the first step after a turning point is timed one step late.
@@ -279,7 +279,7 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     reached, outside = _invert(law, state, certain, drift, h_middle)
     moved, drop = _advance(law, state, ca.if_else(known, known_strain, reached), drift, h_middle)
     left = before + certain - moved.output()
-    believed = left**2 < BACK**2 * (drift.ee + v)
+    believed = ca.logic_and(left**2 < BACK**2 * (drift.ee + v), ca.fabs(left) < MOST_DRIFT)
     beyond = ca.logic_and(outside, ca.logic_not(known))
     refused = ca.logic_and(beyond, ca.logic_not(believed))
     drop = ca.if_else(refused, 0.0, drop)
@@ -320,12 +320,10 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
         ca.vertcat(s * full_scale, refused, s_present * full_scale, deviation * full_scale), delay, drift.theta
     )
     step = ca.Function("step", [x, u, p, h], [x_next, y])
-    scales = scale_variables(artifact)
-    (change,) = (v.start or 0.0 for v in scales if v.name == "full_scale_resistance_change")
     return StepModel(
         name="compensator",
         description="Estimator of strain from the resistance of a hysteretic sensor",
-        variables=(*scales, *(replace(v, start=NOISE * change) if v.name == "noise" else v for v in VARIABLES)),
+        variables=with_scales((*SCALE_VARIABLES, *VARIABLES), artifact),
         init=init,
         step=step,
         advice=ADVICE,

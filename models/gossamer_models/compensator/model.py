@@ -13,7 +13,7 @@ import casadi as ca
 
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
-from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable, scale_variables
+from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable, with_scales
 from ..sensor.relaxation import decay
 from ..sensor.state import SensorLaw
 from ..step_model import StepModel, Variable
@@ -96,35 +96,38 @@ def compensator_model(
     return StepModel(
         name="compensator",
         description="Inverse of the strain sensor: recovers strain from resistance",
-        variables=(
-            *scale_variables(artifact),
-            Variable(
-                name="dead_band",
-                causality="parameter",
-                unit="ohm",
-                description="Strain stays while the resistance to explain is smaller than this; 0 switches it off",
-                start=0.0,
-                minimum=0.0,
-                nominal=1.0,
+        variables=with_scales(
+            (
+                *SCALE_VARIABLES,
+                Variable(
+                    name="dead_band",
+                    causality="parameter",
+                    unit="ohm",
+                    description="Strain stays while the resistance to explain is smaller than this; 0 switches it off",
+                    start=0.0,
+                    minimum=0.0,
+                    nominal=1.0,
+                ),
+                FILTER_TIME,
+                Variable(
+                    name="resistance",
+                    causality="input",
+                    unit="ohm",
+                    description="Measured resistance, taken as linear over a step",
+                    start=100.0,
+                    nominal=100.0,
+                ),
+                Variable(
+                    name="strain",
+                    causality="output",
+                    unit="1",
+                    description="Recovered strain",
+                    minimum=0.0,
+                    nominal=0.1,
+                ),
+                saturated_variable("1 if no strain from 0 to full scale explains the resistance, else 0"),
             ),
-            FILTER_TIME,
-            Variable(
-                name="resistance",
-                causality="input",
-                unit="ohm",
-                description="Measured resistance, taken as linear over a step",
-                start=100.0,
-                nominal=100.0,
-            ),
-            Variable(
-                name="strain",
-                causality="output",
-                unit="1",
-                description="Recovered strain",
-                minimum=0.0,
-                nominal=0.1,
-            ),
-            saturated_variable("1 if no strain from 0 to full scale explains the resistance, else 0"),
+            artifact,
         ),
         init=init,
         step=step,

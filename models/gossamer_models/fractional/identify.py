@@ -27,6 +27,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from threadpoolctl import threadpool_limits
 
 from ..errors import DataError, ParameterError
 from .artifact import MODELS, FractionalArtifact, ModelName
@@ -126,14 +127,15 @@ def identify_fractional(
     fit = ModelFit(records, model, settings, full_scale)
     costs, points = [], []
     for k, start in enumerate(random_starts(*fit.box, settings.n_terms, settings.starts, settings.seed)):
-        found = least_squares(
-            fit.problem.residual,
-            start,
-            fit.problem.jacobian,
-            bounds=fit.box,
-            x_scale=fit.box[1] - fit.box[0],
-            max_nfev=settings.most_evaluations,
-        )
+        with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
+            found = least_squares(
+                fit.problem.residual,
+                start,
+                fit.problem.jacobian,
+                bounds=fit.box,
+                x_scale=fit.box[1] - fit.box[0],
+                max_nfev=settings.most_evaluations,
+            )
         costs.append(float(100.0 * np.sqrt(2.0 * found.cost / fit.problem.y.size)))
         points.append(found.x)
         progress(f"{model}: start {k + 1} of {settings.starts}, misfit {costs[-1]:.3f} %")

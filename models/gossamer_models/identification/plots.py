@@ -19,6 +19,8 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 MEASURED, FITTED, PREDICTED = "0.45", "tab:blue", "tab:orange"
+ETA_SCALE = (0.9, 1.1)  # [1]
+TITLES = {"mu": "mu (the elastic line may exceed the scale)", "eta": "eta, the part of mu that a switch down takes"}
 
 
 def plot_loop(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax: Axes | None = None) -> Axes:
@@ -63,9 +65,12 @@ def plot_plane(artifact: SensorArtifact, name: str, *, ax: Axes | None = None) -
     plane[k, k - line] = values[line, k]
     off_line = plane[np.tril_indices(N, -1)]
     top = float(np.nanmax(off_line)) if np.isfinite(off_line).any() else 1.0
-    image = ax.imshow(plane, origin="lower", extent=(0, 1, 0, 1), vmax=top, cmap="viridis")
+    low = None
+    if name == "eta":  # no colours for differences that mean nothing
+        low, top = min(ETA_SCALE[0], float(np.nanmin(plane))), max(ETA_SCALE[1], top)
+    image = ax.imshow(plane, origin="lower", extent=(0, 1, 0, 1), vmin=low, vmax=top, cmap="viridis")
     ax.figure.colorbar(image, ax=ax, label=r"$\mu$ [1]" if name == "mu" else r"$\eta$ [1]")
-    ax.set(xlabel=r"$\beta$ [1]", ylabel=r"$\alpha$ [1]", title=f"{name} (the elastic line may exceed the scale)")
+    ax.set(xlabel=r"$\beta$ [1]", ylabel=r"$\alpha$ [1]", title=TITLES[name])
     return ax
 
 
@@ -104,6 +109,7 @@ def plot_everett(artifact: SensorArtifact, *, ax: Any = None) -> Any:  # noqa: A
     ax.set(
         xlabel="new strain [1]", ylabel="extreme before [1]", zlabel="change of output [1]", title="Everett surfaces"
     )
+    ax.view_init(elev=30.0, azim=110.0)  # the surfaces are close to a plane, which is edge-on from the front
     ax.legend()
     return ax
 

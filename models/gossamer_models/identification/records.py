@@ -40,6 +40,7 @@ STRAINS = {"1": 1.0, "%": 0.01, "percent": 0.01, "permille": 1e-3, "ustrain": 1e
 OHMS = {"ohm": 1.0, "kohm": 1e3, "mohm": 1e-3, "megohm": 1e6, "1": 1.0}
 MOST_MISSING = 0.05
 LONGEST_GAP = 20.0
+OPTION = {"time": "--time", "strain": "--strain", "resistance": "--resistance"}  # of the command
 GAP_STRAIN = 0.05
 LARGEST_STRAIN = 5.0  # more than this without a stated unit is per cent
 TOLD_STRAIN = 1.05  # more than this without a stated unit may be
@@ -140,7 +141,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     columns = columns or Columns()
     header, rows, lines = _open(path)
     strain_at, strain_unit = _find(path, header, columns.strain, columns.strain_unit, STRAIN, STRAINS, "strain")
-    output_at, output_unit = _find(path, header, columns.output, columns.output_unit, OUTPUT, OHMS, "output")
+    output_at, output_unit = _find(path, header, columns.output, columns.output_unit, OUTPUT, OHMS, "resistance")
     wanted = [(strain_at, strain_unit), (output_at, output_unit)]
     if columns.sampling_step is not None and (columns.time is not None or columns.time_unit is not None):
         msg = f"{path}: a column or unit of time and a sampling step are given, of which one is needed. Leave one out."
@@ -238,12 +239,13 @@ def _find(
         found = ([k for k, (stem, _) in enumerate(parsed) if stem == word] for word in known)
         places = next((group for group in found if group), [])
     if len(places) > 1:
-        msg = f"{path}, line 1: {len(places)} columns may be the {what}: {', '.join(header[k] for k in places)}. Name one."
+        may = ", ".join(header[k] for k in places)
+        msg = f"{path}, line 1: {len(places)} columns may be the {what}: {may}. Name one ({OPTION[what]})."
         raise DataError(msg)
     if not places:
         which = "no column is recognised as" if name is None else f"no column {name!r} for"
-        step = " or give the sampling step" if what == "time" else ""
-        msg = f"{path}, line 1: {which} {what} among {', '.join(header)}. Name one{step}."
+        step = " or give the sampling step (--sampling-step)" if what == "time" else ""
+        msg = f"{path}, line 1: {which} {what} among {', '.join(header)}. Name one ({OPTION[what]}){step}."
         raise DataError(msg)
     place = places[0]
     stated = parsed[place][1]
@@ -329,9 +331,7 @@ def _check(table: _Table) -> None:
         large = np.flatnonzero(strain > LARGEST_STRAIN)
         if large.size:
             k = int(large[0])
-            msg = (
-                f"{table.path}, line {table.lines[k]}: strain {strain[k]:g} in a column without a unit. State the unit."
-            )
+            msg = f"{table.path}, line {table.lines[k]}: strain {strain[k]:g} without a unit. State it (--strain-unit)."
             raise DataError(msg)
         if (top := float(strain.max())) > TOLD_STRAIN:
             table.repairs.append(f"strain up to {top:g} was taken for {top:.0%}; state the unit if it is another")

@@ -245,6 +245,9 @@ def identify_files(
 
         fit = fit_preisach(records, rows, settings, watch=watch, **given)
         predicted, doubted, rest = fit.predicted, doubts(fit, records), fit.offset
+        if settings.auto_ridge:
+            chosen = f"The ridge {fit.settings.ridge:g} predicts the later parts of the training stretch best."
+            doubted = (chosen, *doubted)
         stated = {
             "settings": repr(fit.settings),  # with the ridge chosen
             "full_scale_strain": repr(fit.full_scale),

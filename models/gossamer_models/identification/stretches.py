@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import DataError
 from .densities import Spectrum
-from .records import Record
+from .records import LARGEST_STRAIN, Record
 from .regressors import relaxed, switched
 from .settings import FitSettings
 
@@ -111,8 +111,11 @@ def strain_range(records: tuple[Record, ...], full_scale: float | None) -> float
     """Return the full scale [1], the largest strain if none is given; refuse strain outside it."""
     if full_scale is None:
         return max(float(r.strain.max()) for r in records)
-    if not 0.0 < full_scale < np.inf:
-        msg = f"the full scale is {full_scale:g}; give the positive strain [1] at the end of the range, or none"
+    if not 0.0 < full_scale <= LARGEST_STRAIN:
+        msg = (
+            f"the full scale is {full_scale:g}; give the strain at the end of the range as a ratio [1], 0.2 for 20 %, or "
+            "none"
+        )
         raise DataError(msg)
     for r in records:
         beyond = np.flatnonzero((r.strain > full_scale) | (r.strain < 0.0))

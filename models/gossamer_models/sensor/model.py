@@ -13,6 +13,8 @@ from ..step_model import StepModel, Variable
 from .artifact import SensorArtifact, default_artifact
 from .state import SensorLaw, SensorState
 
+LIKELY_NOISE = 1e-3  # of the change at full scale, what an estimator takes noise to be if nobody says
+
 SCALE_VARIABLES = (
     Variable(
         name="rest_resistance",
@@ -71,10 +73,13 @@ SIGNAL_VARIABLES = (
 )
 
 
-def scale_variables(artifact: SensorArtifact) -> tuple[Variable, ...]:
-    """Return the parameters that sensor and compensator share, with the identified values where the artifact knows them."""
-    known = {} if artifact.scales is None else asdict(artifact.scales)
-    return tuple(replace(v, start=known.get(v.name, v.start)) for v in SCALE_VARIABLES)
+def with_scales(variables: tuple[Variable, ...], artifact: SensorArtifact) -> tuple[Variable, ...]:
+    """Return variables of sensor or compensator that start at the identified values, where the artifact knows them."""
+    if artifact.scales is None:
+        return variables
+    starts = {**asdict(artifact.scales), "resistance": artifact.scales.rest_resistance}
+    starts["noise"] = LIKELY_NOISE * artifact.scales.full_scale_resistance_change
+    return tuple(v if v.causality == "output" else replace(v, start=starts.get(v.name, v.start)) for v in variables)
 
 
 ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must be of a sensible size."
@@ -136,10 +141,13 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
     return StepModel(
         name="sensor",
         description="Conductive polymer strain sensor with hysteresis, drift and relaxation",
-        variables=(
-            *scale_variables(artifact),
-            *SIGNAL_VARIABLES,
-            saturated_variable("1 if the strain is outside 0 to full scale and was clipped, else 0"),
+        variables=with_scales(
+            (
+                *SCALE_VARIABLES,
+                *SIGNAL_VARIABLES,
+                saturated_variable("1 if the strain is outside 0 to full scale and was clipped, else 0"),
+            ),
+            artifact,
         ),
         init=init,
         step=step,
