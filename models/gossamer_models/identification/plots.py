@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-MEASURED, FITTED, PREDICTED = "0.45", "tab:blue", "tab:orange"
+MEASURED, FITTED, PREDICTED = "0.65", "tab:blue", "tab:orange"
 ETA_SCALE = (0.9, 1.1)  # [1]
 TITLES = {"mu": "mu (the elastic line may exceed the scale)", "eta": "eta, the part of mu that a switch down takes"}
 
@@ -26,9 +26,9 @@ TITLES = {"mu": "mu (the elastic line may exceed the scale)", "eta": "eta, the p
 def plot_loop(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax: Axes | None = None) -> Axes:
     """Draw output over strain, measured and modelled."""
     ax = _axes(ax)
-    ax.plot(100.0 * record.strain, record.output, color=MEASURED, lw=1.0, label="measured")
+    ax.plot(100.0 * record.strain, record.output, color=MEASURED, lw=3.0, label="measured")
     _stretches(ax, 100.0 * record.strain, predicted, train)
-    ax.set(xlabel="strain [%]", ylabel="output", title=record.name)
+    ax.set(xlabel="strain [%]", ylabel="resistance [ohm], or signal", title=record.name)
     ax.legend()
     return ax
 
@@ -36,9 +36,9 @@ def plot_loop(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax
 def plot_history(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax: Axes | None = None) -> Axes:
     """Draw output over time, measured and modelled."""
     ax = _axes(ax)
-    ax.plot(record.time, record.output, color=MEASURED, lw=1.0, label="measured")
+    ax.plot(record.time, record.output, color=MEASURED, lw=3.0, label="measured")
     _stretches(ax, record.time, predicted, train)
-    ax.set(xlabel="time [s]", ylabel="output", title=record.name)
+    ax.set(xlabel="time [s]", ylabel="resistance [ohm], or signal", title=record.name)
     ax.legend()
     return ax
 
