@@ -75,6 +75,10 @@ def identify(
     sampling_step: Annotated[
         float | None, typer.Option(help="Time between samples [s] of a record without time.")
     ] = None,
+    weights: Annotated[
+        str | None,
+        typer.Option(help="Of each record's squared errors: 1,0.5 for two files; 1 if not given.", metavar="LIST"),
+    ] = None,
     sort: Annotated[bool, typer.Option("--sort", help="Sort samples by time instead of refusing them.")] = False,
     starts: Annotated[
         int | None,
@@ -212,6 +216,7 @@ def identify(
         found = identify_files(
             files,
             columns=columns,
+            weights=_numbers("--weights", weights),
             train=train,
             settings=choose(
                 model,

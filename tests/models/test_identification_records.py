@@ -159,3 +159,11 @@ def test_a_file_that_is_none_is_refused(tmp_path):
     (tmp_path / "header.csv").write_text("time,strain,resistance\n")
     with pytest.raises(DataError, match="holds no samples"):
         read_record(tmp_path / "header.csv")
+
+
+def test_records_are_weighted_one_by_one(tmp_path):
+    files = [write(tmp_path / name) for name in ("first.csv", "second.csv")]
+    assert [r.weight for r in read_records(files, weights=[1.0, 0.25])] == [1.0, 0.25]
+    for weights in ([1.0], [1.0, -1.0], [1.0, float("nan")]):
+        with pytest.raises(DataError, match="one positive weight per record"):
+            read_records(files, weights=weights)

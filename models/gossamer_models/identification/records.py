@@ -178,9 +178,15 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     )
 
 
-def read_records(paths: Sequence[Path], columns: Columns | None = None) -> tuple[Record, ...]:
-    """Read several records of one sensor with the same columns."""
-    records = tuple(read_record(path, columns) for path in paths)
+def read_records(
+    paths: Sequence[Path], columns: Columns | None = None, weights: Sequence[float] | None = None
+) -> tuple[Record, ...]:
+    """Read several records of one sensor with the same columns; ``weights`` of their squared errors are 1 if not given."""
+    weights = [1.0] * len(paths) if weights is None else weights
+    if len(weights) != len(paths) or not all(0.0 < weight < np.inf for weight in weights):
+        msg = f"need one positive weight per record (--weights), not {list(weights)} for {len(paths)}"
+        raise DataError(msg)
+    records = tuple(read_record(path, columns, weight=weight) for path, weight in zip(paths, weights, strict=True))
     names = [record.name for record in records]
     for name in names:
         if names.count(name) > 1:

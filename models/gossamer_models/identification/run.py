@@ -196,6 +196,7 @@ def identify_files(
     paths: Sequence[Path],
     *,
     columns: Columns | None = None,
+    weights: Sequence[float] | None = None,
     train: str = "50%",
     settings: FitSettings | FractionalChoice | None = None,
     full_scale: float | None = None,
@@ -212,6 +213,8 @@ def identify_files(
         CSV files, one record each.
     columns : Columns or None
         Which columns, in which units.
+    weights : sequence of float or None
+        Of the squared errors of each record [1]; None for 1.
     train : str
         Training stretch of every record, see ``training_rows``.
     settings : FitSettings, FractionalChoice or None
@@ -231,7 +234,7 @@ def identify_files(
         Fit and errors; the artifact carries its provenance.
     """
     settings = settings or FitSettings()
-    records = read_records(paths, columns)
+    records = read_records(paths, columns, weights)
     rows = tuple(training_rows(record, train) for record in records)
     given: dict[str, Any] = {"full_scale": full_scale, "rest_output": rest_output}
     fit: Fit | FractionalFit
