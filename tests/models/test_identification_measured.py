@@ -21,6 +21,12 @@ def percent(measured, found, rows):
     return nrmse(measured[rows], found[rows], np.ptp(measured))
 
 
+def forward_and_back(fit, record):
+    """Return errors of the output, fitted and predicted, and of the recovered strain [% of range]."""
+    pairs = ((record.output, fit.predicted[0]), (record.strain, recover_strain(fit, record)))
+    return [percent(a, b, rows) for a, b in pairs for rows in (fit.train[0], ~fit.train[0])]
+
+
 @pytest.mark.parametrize(("modes", "thesis"), [(3, 2.47), (5, 1.97)])
 def test_the_specimen_is_fitted_better_than_the_thesis_fits_its_own(modes, thesis):
     record = assess.specimen_record(1)
@@ -33,13 +39,7 @@ def test_the_specimen_is_fitted_better_than_the_thesis_fits_its_own(modes, thesi
 def test_silver_thread_is_predicted_and_its_strain_recovered():
     record = read_record(DATA / "nylon_silver" / "strain_sin_30.csv", assess.NYLON)
     fit = fit_preisach((record,), leading(record, 0.5), assess.measured_settings()["nylon"], full_scale=1.0)
-    train = fit.train[0]
-    back = recover_strain(fit, record)
-    reached = [
-        percent(a, b, rows)
-        for a, b in ((record.output, fit.predicted[0]), (record.strain, back))
-        for rows in (train, ~train)
-    ]
+    reached = forward_and_back(fit, record)
     assert (np.array(reached) < [0.7, 0.8, 0.60, 0.85]).all(), reached
 
 
@@ -47,13 +47,7 @@ def test_silver_thread_is_predicted_and_its_strain_recovered():
 def test_carbon_black_reverses_and_its_strain_is_recovered():
     record = read_record(DATA / "cb_silicone" / "velocity_profile_10wt.csv", assess.CARBON)
     fit = fit_preisach((record,), leading(record, 0.6), assess.measured_settings()["carbon"])
-    train = fit.train[0]
-    back = recover_strain(fit, record)
-    reached = [
-        percent(a, b, rows)
-        for a, b in ((record.output, fit.predicted[0]), (record.strain, back))
-        for rows in (train, ~train)
-    ]
+    reached = forward_and_back(fit, record)
     assert (np.array(reached) < [0.9, 1.4, 3.0, 7.0]).all(), reached
 
 
