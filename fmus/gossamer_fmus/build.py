@@ -66,7 +66,7 @@ _HAS_NO = {
     "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
     "method": "FMU {!r} has no method. Name the compensator alone to choose its method.",
 }
-_STEP_FILES = ("errors.py", "step_model.py", "stepper.py")
+_STEP_FILES = ("errors.py", "variables.py", "step_model.py", "stepper.py")
 _PYTHONFMU_FILES = ("_version.py", "default_experiment.py", "enums.py", "fmi2slave.py", "logmsg.py", "variables.py")
 # pythonfmu 0.7.0 runs this text again for every instance: whatever it defined would stay in memory each time. It also drops
 # a reference to the module's globals that it never took; without the one added here they would be freed under the host.

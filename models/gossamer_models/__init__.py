@@ -9,8 +9,10 @@ from .errors import (
     ParameterError,
     StateError,
 )
-from .step_model import StepModel, Variable
+from .simulate import simulate
+from .step_model import StepModel
 from .stepper import Stepper
+from .variables import Variable
 
 __all__ = [
     "ArtifactError",
@@ -23,4 +25,5 @@ __all__ = [
     "StepModel",
     "Stepper",
     "Variable",
+    "simulate",
 ]

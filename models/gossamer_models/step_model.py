@@ -6,70 +6,28 @@ Symbols: ``x`` state, ``u`` inputs, ``p`` parameters, ``y`` outputs and locals, 
     step(x, u, p, h) -> (x_next, y)    u holds at the end of the step
 
 Both are CasADi functions without side effects; ``x`` is all that a model remembers. Python stepping, FMUs, derivatives and
-identification come from this one definition. This file and its neighbours ``errors.py`` and ``stepper.py`` travel inside
-the FMUs, so they import nothing but NumPy, CasADi and the standard library.
+identification come from this one definition. ``StepModel.written`` makes both from functions that take ``u`` and ``p`` by
+the names of the table. This file and its neighbours ``errors.py``, ``variables.py`` and ``stepper.py`` travel inside the
+FMUs, so they import nothing but NumPy, CasADi and the standard library.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 
 from .errors import ArtifactError, ParameterError
+from .variables import CAUSALITIES, Causality, Variable, by_name, in_order
 
-Causality = Literal["parameter", "input", "output", "local"]
-CAUSALITIES: tuple[Causality, ...] = ("parameter", "input", "output", "local")
 FORMAT_VERSION = 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Variable:
-    """One scalar real variable of a model's interface.
-
-    Attributes
-    ----------
-    name : str
-        FMI structured name, for instance ``strain[1]``.
-    causality : {"parameter", "input", "output", "local"}
-        Parameters are fixed once the model is initialized.
-    unit : str
-        Unit symbol, ``"1"`` for a ratio.
-    description : str
-        One line, without the unit.
-    start : float or None
-        Start value; needed for parameters and inputs, not allowed elsewhere.
-    minimum, maximum : float or None
-        Closed range of meaningful values. Enforced for parameters and inputs, informative for results.
-    nominal : float or None
-        Order of magnitude.
-    discrete : bool
-        True if the value changes at isolated times only.
-    """
-
-    name: str
-    causality: Causality
-    unit: str
-    description: str
-    start: float | None = None
-    minimum: float | None = None
-    maximum: float | None = None
-    nominal: float | None = None
-    discrete: bool = False
-
-    def __post_init__(self) -> None:
-        if self.causality not in CAUSALITIES:
-            msg = f"variable {self.name!r} has causality {self.causality!r}; it is one of {', '.join(CAUSALITIES)}"
-            raise ParameterError(msg)
-        given = self.causality in ("parameter", "input")
-        if given != (self.start is not None):
-            msg = f"variable {self.name!r} ({self.causality}) {'needs' if given else 'cannot have'} a start value"
-            raise ParameterError(msg)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,6 +84,48 @@ class StepModel:
         if self.step_limit is not None and self.step_limit not in self.names:
             msg = f"model {self.name!r}: no variable {self.step_limit!r} to limit the step"
             raise ParameterError(msg)
+
+    @classmethod
+    def written(
+        cls,
+        *,
+        variables: tuple[Variable, ...],
+        init: Callable[[SimpleNamespace, SimpleNamespace], tuple[ca.MX, Mapping[str, ca.MX]]],
+        step: Callable[[ca.MX, SimpleNamespace, SimpleNamespace, ca.MX], tuple[ca.MX, Mapping[str, ca.MX]]],
+        **rest: Any,  # noqa: ANN401
+    ) -> StepModel:
+        """Trace a model that is written with the names of its table.
+
+        Parameters
+        ----------
+        variables : tuple of Variable
+            The table.
+        init : callable
+            ``init(u, p) -> (x, results)``: attributes of ``u`` and ``p`` are the inputs and parameters, arrays as columns;
+            ``results`` holds the outputs and locals by name, arrays as columns too.
+        step : callable
+            ``step(x, u, p, h) -> (x_next, results)``.
+        **rest
+            The other attributes of the model.
+
+        Raises
+        ------
+        ParameterError
+            The results are not those of the table.
+        """
+        rows = {c: [v for v in variables if v.causality == c] for c in CAUSALITIES}
+        results = [*rows["output"], *rows["local"]]
+        u, p = ca.MX.sym("u", len(rows["input"])), ca.MX.sym("p", len(rows["parameter"]))
+        inputs, parameters = by_name(rows["input"], u), by_name(rows["parameter"], p)
+        x0, y0 = init(inputs, parameters)
+        x, h = ca.MX.sym("x", x0.numel()), ca.MX.sym("h")
+        x_next, y = step(x, inputs, parameters, h)
+        return cls(
+            variables=variables,
+            init=ca.Function("init", [u, p], [x0, in_order(results, y0)]),
+            step=ca.Function("step", [x, u, p, h], [x_next, in_order(results, y)]),
+            **rest,
+        )
 
     @cached_property
     def names(self) -> tuple[str, ...]:

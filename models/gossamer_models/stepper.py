@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ConvergenceError, InputError, ParameterError, StateError
-from .step_model import StepModel, Variable
+from .step_model import StepModel
+from .variables import Variable
 
 MAX_INTERNAL_STEPS = 100_000
 _STATE_MAGIC = b"GOSSAMER"

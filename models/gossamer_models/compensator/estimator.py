@@ -25,10 +25,11 @@ import casadi as ca
 
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
-from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable, with_scales
+from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated, with_scales
 from ..sensor.relaxation import decay
 from ..sensor.state import SensorLaw, SensorState
-from ..step_model import StepModel, Variable
+from ..step_model import StepModel
+from ..variables import Variable
 from .inverse import invert
 from .smooth import smooth
 
@@ -98,7 +99,9 @@ VARIABLES = (
         minimum=0.0,
         nominal=0.1,
     ),
-    saturated_variable("1 if no strain from 0 to full scale explains the resistance, nor its noise, nor drift; else 0"),
+    saturated(
+        description="1 if no strain from 0 to full scale explains the resistance, nor its noise, nor drift; else 0"
+    ),
     Variable(
         name="present_strain",
         causality="output",

@@ -13,10 +13,11 @@ import casadi as ca
 
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
-from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated_variable, with_scales
+from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated, with_scales
 from ..sensor.relaxation import decay
 from ..sensor.state import SensorLaw
-from ..step_model import StepModel, Variable
+from ..step_model import StepModel
+from ..variables import Variable
 from .direct import direct_model
 from .estimator import estimator_model
 from .inverse import invert
@@ -125,7 +126,7 @@ def compensator_model(
                     minimum=0.0,
                     nominal=0.1,
                 ),
-                saturated_variable("1 if no strain from 0 to full scale explains the resistance, else 0"),
+                saturated(description="1 if no strain from 0 to full scale explains the resistance, else 0"),
             ),
             artifact,
         ),

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from ..step_model import StepModel, Variable
+from ..step_model import StepModel
+from ..variables import Variable
 from .artifact import INDICES, ZONES, DetectorArtifact
 from .neurofuzzy import Defuzzification, defuzzify, similarity
 from .packets import BLOCK, block_energies

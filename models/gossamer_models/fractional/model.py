@@ -16,15 +16,17 @@ References
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ParameterError
-from ..sensor.model import SCALE_VARIABLES, SIGNAL_VARIABLES, saturated_variable
+from ..sensor.model import RESISTANCE, SCALE_VARIABLES, STRAIN, saturated
 from ..sensor.relaxation import phi_1, phi_2
-from ..step_model import StepModel, Variable
+from ..step_model import StepModel
+from ..variables import Variable
 from .artifact import FadingTerm, FractionalArtifact
 from .kernels import at_order
 from .operators import grid_of, quadrature, rise_modes, started, weighed_modes
@@ -135,29 +137,32 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
     weights, mass = summed_weights(artifact)
     rates, w = ca.DM(artifact.grid.rates), ca.DM(weights)
     n = rates.numel()
-    x, h = ca.MX.sym("x", n + 1), ca.MX.sym("h")
-    strain, p = ca.MX.sym("strain"), ca.MX.sym("p", len(SCALE_VARIABLES))
-    R0, dR, full_scale, rest_strain = ca.vertsplit(p)
 
-    rest = rest_strain / full_scale
-    init = ca.Function(
-        "init", [strain, p], [ca.DM.zeros(n + 1), ca.vertcat(R0 + dR * artifact.direct * rest, rest > 1.0)]
-    )
+    def init(_: SimpleNamespace, p: SimpleNamespace) -> tuple[ca.MX, dict[str, ca.MX]]:
+        rest = p.rest_strain / p.full_scale_strain
+        R = p.rest_resistance + p.full_scale_resistance_change * artifact.direct * rest
+        return ca.DM.zeros(n + 1), {"resistance": R, "saturated": rest > 1.0}
 
-    z, before = x[:n], x[n]  # before, s: changes of strain since the run began [1]
-    s = (strain - rest_strain) / full_scale
-    late = phi_2(rates * h)
-    z = ca.exp(-rates * h) * z + h * ((phi_1(rates * h) - late) * before + late * s)
-    output = artifact.direct * strain / full_scale + mass * s + ca.dot(w, z)
-    outside = ca.logic_or(strain > full_scale, strain < 0.0)
-    step = ca.Function("step", [x, strain, p, h], [ca.vertcat(z, s), ca.vertcat(R0 + dR * output, outside)])
-    return StepModel(
+    def step(x: ca.MX, u: SimpleNamespace, p: SimpleNamespace, h: ca.MX) -> tuple[ca.MX, dict[str, ca.MX]]:
+        z, before = x[:n], x[n]  # before, s: changes of strain since the run began [1]
+        s = (u.strain - p.rest_strain) / p.full_scale_strain
+        late = phi_2(rates * h)
+        z = ca.exp(-rates * h) * z + h * ((phi_1(rates * h) - late) * before + late * s)
+        output = artifact.direct * u.strain / p.full_scale_strain + mass * s + ca.dot(w, z)
+        outside = ca.logic_or(u.strain > p.full_scale_strain, u.strain < 0.0)
+        R = p.rest_resistance + p.full_scale_resistance_change * output
+        return ca.vertcat(z, s), {"resistance": R, "saturated": outside}
+
+    return StepModel.written(
         name="sensor",  # by which scenarios and reports know it
         description="Conductive polymer strain sensor with fractional memory",
         variables=(
             *_scale_variables(artifact),
-            *SIGNAL_VARIABLES,
-            saturated_variable("1 if the strain is outside 0 to full scale, where the model is not identified, else 0"),
+            STRAIN,
+            RESISTANCE,
+            saturated(
+                description="1 if the strain is outside 0 to full scale, where the model is not identified, else 0"
+            ),
         ),
         init=init,
         step=step,

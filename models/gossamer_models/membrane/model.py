@@ -13,7 +13,8 @@ from dataclasses import fields
 import casadi as ca
 import numpy as np
 
-from gossamer_models.step_model import StepModel, Variable
+from gossamer_models.step_model import StepModel
+from gossamer_models.variables import Variable
 
 from .equations import N_ZONES, MembraneEquations
 from .params import N_PARAMETERS, MembraneParams, named

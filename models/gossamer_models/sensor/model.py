@@ -6,71 +6,48 @@ Symbols: ``R`` resistance, ``R0`` at rest [ohm], ``dR`` its change at full scale
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from functools import partial
+from types import SimpleNamespace
 
 import casadi as ca
 
-from ..step_model import StepModel, Variable
+from ..step_model import StepModel
+from ..variables import Variable, input_, output, parameter
 from .artifact import SensorArtifact, default_artifact
 from .state import SensorLaw, SensorState
 
 LIKELY_NOISE = 1e-3  # of the change at full scale, what an estimator takes noise to be if nobody says
 
 SCALE_VARIABLES = (
-    Variable(
-        name="rest_resistance",
-        causality="parameter",
-        unit="ohm",
-        description="Resistance of the sensor before its first loading",
-        start=100.0,
-        minimum=0.0,
+    parameter("rest_resistance", "ohm", "Resistance of the sensor before its first loading", 100.0, 0.0, nominal=100.0),
+    parameter(
+        "full_scale_resistance_change",
+        "ohm",
+        "Static rise of resistance on the first loading to full scale",
+        100.0,
+        1e-6,
         nominal=100.0,
     ),
-    Variable(
-        name="full_scale_resistance_change",
-        causality="parameter",
-        unit="ohm",
-        description="Static rise of resistance on the first loading to full scale",
-        start=100.0,
-        minimum=1e-6,
-        nominal=100.0,
-    ),
-    Variable(
-        name="full_scale_strain",
-        causality="parameter",
-        unit="1",
-        description="Strain at the end of the identified range; the sensor saturates there",
-        start=0.5,
-        minimum=1e-6,
+    parameter(
+        "full_scale_strain",
+        "1",
+        "Strain at the end of the identified range; the sensor saturates there",
+        0.5,
+        1e-6,
         nominal=0.5,
     ),
-    Variable(
-        name="rest_strain",
-        causality="parameter",
-        unit="1",
-        description="Strain at which the sensor has rested long before the run, reached by monotone loading",
-        start=0.0,
-        minimum=0.0,
+    parameter(
+        "rest_strain",
+        "1",
+        "Strain at which the sensor has rested long before the run, reached by monotone loading",
+        0.0,
+        0.0,
         nominal=0.1,
     ),
 )
-
-SIGNAL_VARIABLES = (
-    Variable(
-        name="strain",
-        causality="input",
-        unit="1",
-        description="Strain of the sensor, taken as linear over a step",
-        start=0.0,
-        nominal=0.1,
-    ),
-    Variable(
-        name="resistance",
-        causality="output",
-        unit="ohm",
-        description="Resistance of the sensor",
-        nominal=100.0,
-    ),
-)
+STRAIN = input_("strain", "1", "Strain of the sensor, taken as linear over a step", 0.0, nominal=0.1)
+RESISTANCE = output("resistance", "ohm", "Resistance of the sensor", nominal=100.0)
+saturated = partial(output, "saturated", "1", minimum=0.0, maximum=1.0, discrete=True)
 
 
 def with_scales(variables: tuple[Variable, ...], artifact: SensorArtifact) -> tuple[Variable, ...]:
@@ -88,19 +65,6 @@ ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must b
 def resting_state(law: SensorLaw, rest_strain: ca.MX, full_scale: ca.MX) -> SensorState:
     """Return the state before the run; not a number, and so refused, where ``rest_strain`` is beyond full scale."""
     return law.rest(ca.if_else(rest_strain <= full_scale, rest_strain / full_scale, float("nan")))
-
-
-def saturated_variable(description: str) -> Variable:
-    """Return the output that tells whether the range is exceeded."""
-    return Variable(
-        name="saturated",
-        causality="output",
-        unit="1",
-        description=description,
-        minimum=0.0,
-        maximum=1.0,
-        discrete=True,
-    )
 
 
 def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
@@ -127,25 +91,26 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
     """
     artifact = default_artifact() if artifact is None else artifact
     law = SensorLaw(artifact)
-    x, h = ca.MX.sym("x", law.n_states), ca.MX.sym("h")
-    strain, p = ca.MX.sym("strain"), ca.MX.sym("p", len(SCALE_VARIABLES))
-    R0, dR, full_scale, rest_strain = ca.vertsplit(p)
 
-    rest = resting_state(law, rest_strain, full_scale)
-    init = ca.Function("init", [strain, p], [rest.pack(), ca.vertcat(R0 + dR * rest.output(), 0.0)])
+    def init(_: SimpleNamespace, p: SimpleNamespace) -> tuple[ca.MX, dict[str, ca.MX]]:
+        rest = resting_state(law, p.rest_strain, p.full_scale_strain)
+        return rest.pack(), {"resistance": resistance(rest, p), "saturated": 0.0}
 
-    s = strain / full_scale
-    state = law.advance(law.unpack(x), clip(s), h)
-    outside = ca.logic_or(s > 1.0, s < 0.0)
-    step = ca.Function("step", [x, strain, p, h], [state.pack(), ca.vertcat(R0 + dR * state.output(), outside)])
-    return StepModel(
+    def step(x: ca.MX, u: SimpleNamespace, p: SimpleNamespace, h: ca.MX) -> tuple[ca.MX, dict[str, ca.MX]]:
+        s = u.strain / p.full_scale_strain
+        state = law.advance(law.unpack(x), clip(s), h)
+        outside = ca.logic_or(s > 1.0, s < 0.0)
+        return state.pack(), {"resistance": resistance(state, p), "saturated": outside}
+
+    return StepModel.written(
         name="sensor",
         description="Conductive polymer strain sensor with hysteresis, drift and relaxation",
         variables=with_scales(
             (
                 *SCALE_VARIABLES,
-                *SIGNAL_VARIABLES,
-                saturated_variable("1 if the strain is outside 0 to full scale and was clipped, else 0"),
+                STRAIN,
+                RESISTANCE,
+                saturated(description="1 if the strain is outside 0 to full scale and was clipped, else 0"),
             ),
             artifact,
         ),
@@ -154,6 +119,11 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
         advice=ADVICE,
         provenance=dict(artifact.provenance),
     )
+
+
+def resistance(state: SensorState, p: SimpleNamespace) -> ca.MX:
+    """Return the resistance [ohm] of a state."""
+    return p.rest_resistance + p.full_scale_resistance_change * state.output()
 
 
 def clip(s: ca.MX) -> ca.MX:

@@ -1,0 +1,99 @@
+"""A model's variables as one table of rows, and its vectors by the names in that table.
+
+A row is ``parameter``, ``input_``, ``output`` or ``local`` of name, unit, description, start value and range. Elements of an
+array carry their index in the name, ``damage[1]``; inside a step the array is one column, ``u.damage``.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from types import SimpleNamespace
+from typing import Literal
+
+import casadi as ca
+
+from .errors import ParameterError
+
+Causality = Literal["parameter", "input", "output", "local"]
+CAUSALITIES: tuple[Causality, ...] = ("parameter", "input", "output", "local")
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One scalar real variable of a model's interface.
+
+    Attributes
+    ----------
+    causality : {"parameter", "input", "output", "local"}
+        Parameters are fixed once the model is initialized.
+    name : str
+        FMI structured name, for instance ``strain[1]``.
+    unit : str
+        Unit symbol, ``"1"`` for a ratio.
+    description : str
+        One line, without the unit.
+    start : float or None
+        Start value; needed for parameters and inputs, not allowed elsewhere.
+    minimum, maximum : float or None
+        Closed range of meaningful values. Enforced for parameters and inputs, informative for results.
+    nominal : float or None
+        Order of magnitude.
+    discrete : bool
+        True if the value changes at isolated times only.
+    """
+
+    causality: Causality
+    name: str
+    unit: str
+    description: str
+    start: float | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    nominal: float | None = None
+    discrete: bool = False
+
+    def __post_init__(self) -> None:
+        if self.causality not in CAUSALITIES:
+            msg = f"variable {self.name!r} has causality {self.causality!r}; it is one of {', '.join(CAUSALITIES)}"
+            raise ParameterError(msg)
+        given = self.causality in ("parameter", "input")
+        if given != (self.start is not None):
+            msg = f"variable {self.name!r} ({self.causality}) {'needs' if given else 'cannot have'} a start value"
+            raise ParameterError(msg)
+
+
+parameter = partial(Variable, "parameter")
+input_ = partial(Variable, "input")
+output = partial(Variable, "output")
+local = partial(Variable, "local")
+
+
+def by_name(variables: Iterable[Variable], column: ca.MX) -> SimpleNamespace:
+    """Split a column, shape (n,), by the names of its variables; the elements of an array make one column."""
+    places: dict[str, list[int]] = {}
+    for i, variable in enumerate(variables):
+        places.setdefault(_array(variable), []).append(i)
+    return SimpleNamespace(**{name: column[where] for name, where in places.items()})
+
+
+def in_order(variables: Iterable[Variable], values: Mapping[str, ca.MX]) -> ca.MX:
+    """Stack values by name, arrays as columns, in the order of their variables, shape (n,).
+
+    Raises
+    ------
+    ParameterError
+        A value is missing, is of no variable, or has another size than its array.
+    """
+    sizes = Counter(_array(variable) for variable in variables)
+    given = Counter({name: ca.MX(value).numel() for name, value in values.items()})
+    if sizes != given:
+        msg = f"the table has results {dict(sizes)}, the step returns {dict(given)} (name: number of elements)"
+        raise ParameterError(msg)
+    return ca.vertcat(*(ca.MX(values[name]) for name in sizes))
+
+
+def _array(variable: Variable) -> str:
+    return variable.name.partition("[")[0]
