@@ -7,7 +7,7 @@ import pytest
 from gossamer_models import ParameterError
 from gossamer_models.compensator import EverettInverse, compensator_model, everett_surfaces
 from gossamer_models.sensor import default_artifact, sensor_model
-from oracles_preisach import artifact, drive, start, term
+from oracles.preisach import artifact, drive, start, term
 
 RELAXATION = [term(0.1, 0), term(0.2, 1, (0.03, 3.0), (0.5, 0.5))]
 SENSORS = {
