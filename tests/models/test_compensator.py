@@ -9,7 +9,7 @@ from gossamer_models.compensator import compensator_model
 from gossamer_models.sensor import DirectInverse, default_artifact, sensor_model
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from oracles_preisach import artifact, drive, spring, start, term
+from oracles.preisach import artifact, drive, spring, start, term
 
 MEMORY = 3 * 8 + 2  # states of a sensor with 8 lines and no relaxation
 

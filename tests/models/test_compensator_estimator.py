@@ -11,7 +11,7 @@ from gossamer_models.compensator import compensator_model, estimator_model
 from gossamer_models.compensator.assess import measure, random_legs, run_estimator, run_inverse, uniform_eta
 from gossamer_models.compensator.smooth import smooth
 from gossamer_models.sensor import Scales, default_artifact, sensor_model
-from oracles_preisach import UNIT, artifact, drive, start, term
+from oracles.preisach import UNIT, artifact, drive, start, term
 
 M = 24  # [samples]
 TRUE = uniform_eta()

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer_models import ParameterError
-from gossamer_models.compensator import EverettInverse, compensator_model, everett_surfaces
+from gossamer_models.compensator import compensator_model
+from gossamer_models.identification import everett
 from gossamer_models.sensor import default_artifact, sensor_model
-from oracles_preisach import artifact, drive, start, term
+from oracles.everett import EverettInverse, everett_surfaces
+from oracles.preisach import artifact, drive, start, term
 
 RELAXATION = [term(0.1, 0), term(0.2, 1, (0.03, 3.0), (0.5, 0.5))]
 SENSORS = {
@@ -18,8 +20,8 @@ SENSORS = {
 
 
 def interpolated(sensor, output, points):
-    everett = EverettInverse(sensor, points)
-    return np.array([everett.step(value, 0.1) for value in output])
+    inverse = EverettInverse(sensor, points)
+    return np.array([inverse.step(value, 0.1) for value in output])
 
 
 @pytest.mark.parametrize("name", SENSORS)
@@ -46,6 +48,14 @@ def test_surfaces_are_the_changes_that_the_sensor_makes():
     assert np.isnan(rising[5, 2])
     assert np.isnan(falling[2, 5])
     assert np.abs(np.diag(rising)).max() == 0.0
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_the_surfaces_that_a_fit_draws_are_those_of_chapter_5(name):
+    up, down = everett(SENSORS[name])
+    _, rising, falling = everett_surfaces(SENSORS[name], SENSORS[name].n_lines + 1)
+    np.testing.assert_allclose(up.T, rising, atol=1e-12)
+    np.testing.assert_allclose(-down, falling, atol=1e-12)
 
 
 def test_surfaces_of_one_eta_are_mirror_images_but_for_eta():

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
-from gossamer_models.fractional import ModeGrid, derivative, derivative_sum, integral, integral_sum, turned
+from gossamer_models.fractional import ModeGrid, derivative, integral
 from gossamer_models.fractional.kernels import at_order
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles.fractional import derivative_sum, integral_sum, turned
 from scipy.integrate import quad
 from scipy.special import gamma
 

@@ -28,7 +28,7 @@ from gossamer_models.identification.ridge import RIDGES, choose_ridge
 from gossamer_models.identification.stretches import prepare
 from gossamer_models.sensor import DirectInverse, RelaxationTerm, SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.relaxation import ModeBank
-from oracles_preisach import drive, start
+from oracles.preisach import drive, start
 from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear, minimize
 

@@ -8,13 +8,12 @@ from gossamer_models.membrane import (
     SENSOR_POINTS,
     MembraneEquations,
     MembraneParams,
-    deformation_gradients,
     integrate_implicit,
     membrane_model,
-    natural_frequencies,
-    nominal_strain,
     static_deflection,
 )
+from oracles.modal import natural_frequencies
+from oracles.strain_measures import deformation_gradients, nominal_strain
 
 UNDAMPED = MembraneParams(mass_damping=0.0)
 

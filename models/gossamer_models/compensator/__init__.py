@@ -1,7 +1,6 @@
 """Compensator: resistance back to strain, as the exact inverse of the sensor or as an estimator that bears noise."""
 
 from .estimator import estimator_model
-from .everett import EverettInverse, everett_surfaces
 from .model import compensator_model
 
-__all__ = ["compensator_model", "estimator_model", "EverettInverse", "everett_surfaces"]
+__all__ = ["compensator_model", "estimator_model"]

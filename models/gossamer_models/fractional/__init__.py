@@ -4,7 +4,7 @@ from .artifact import SCHEMA, FadingTerm, FractionalArtifact, FractionalTerm
 from .identify import FractionalFit, identify_fractional
 from .kernels import ModeGrid
 from .model import fractional_sensor_model, predict
-from .operators import derivative, derivative_sum, integral, integral_sum, turned
+from .operators import derivative, integral
 from .parameters import Parameter
 from .records import Misfit, UniformRecord, misfit
 from .settings import FractionalSettings
@@ -21,12 +21,9 @@ __all__ = [
     "Parameter",
     "UniformRecord",
     "derivative",
-    "derivative_sum",
     "fractional_sensor_model",
     "identify_fractional",
     "integral",
-    "integral_sum",
     "misfit",
     "predict",
-    "turned",
 ]

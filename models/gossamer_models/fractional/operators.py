@@ -70,25 +70,6 @@ def derivative(u: Vector, h: float, order: float, grid: ModeGrid | None = None) 
     return np.asarray(found + initial_term(u, h, order))
 
 
-def integral_sum(u: Vector, h: float, order: float) -> Vector:
-    """Return the fractional integral by the sum of Eq. (3.4); exact for linear samples, its cost grows as m**2."""
-    check_order(order)
-    j = np.arange(u.size, dtype=float)
-    steps = (j + 1.0) ** (1.0 + order) - j ** (1.0 + order)
-    history = np.convolve(steps, np.diff(u))[: u.size - 1]
-    found = (1.0 + order) * j**order * u[0] + np.concatenate([[0.0], history])
-    return np.asarray(h**order / gamma(2.0 + order) * found)
-
-
-def derivative_sum(u: Vector, h: float, order: float) -> Vector:
-    """Return the fractional derivative by the sum of Eq. (3.3); exact for linear samples, its cost grows as m**2."""
-    check_order(order)
-    j = np.arange(u.size, dtype=float)
-    steps = (j + 1.0) ** (1.0 - order) - j ** (1.0 - order)
-    history = h**-order / gamma(2.0 - order) * np.convolve(steps, np.diff(u))[: u.size - 1]
-    return np.asarray(np.concatenate([[0.0], history]) + initial_term(u, h, order))
-
-
 def initial_term(u: Vector, h: float, order: float) -> Vector:
     r"""Return :math:`u_0 t^{-a}/\Gamma(1-a)`, shape (m,), Eq. (3.11): what the derivative keeps of the first sample."""
     if u[0] == 0.0:
@@ -105,25 +86,6 @@ def quadrature(u: Vector) -> Vector:
     The Hilbert transform. It needs the whole record and takes it as one period: not causal, offline only.
     """
     return np.asarray(np.imag(hilbert(u)))
-
-
-def turned(u: Vector, phase: float) -> Vector:
-    r"""Return the record with each Fourier component turned by :math:`\pi b/2`, shape (m,).
-
-    Parameters
-    ----------
-    u : ndarray, shape (m,)
-        The whole record.
-    phase : float
-        :math:`b` [1].
-
-    Notes
-    -----
-    Eq. (3.17) of the thesis with sine and cosine exchanged: what is printed turns by a quarter more than Eq. (3.18)
-    says. :math:`\cos(\omega t + \varphi) = \cos\varphi \cos\omega t - \sin\varphi \sin\omega t` for every component,
-    so the record and its ``quadrature`` span all phases. The mean is the cosine of frequency zero.
-    """
-    return np.asarray(np.cos(0.5 * np.pi * phase) * u - np.sin(0.5 * np.pi * phase) * quadrature(u))
 
 
 def modes(u: Vector, h: float, rates: Vector) -> Matrix:

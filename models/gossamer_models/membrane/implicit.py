@@ -8,6 +8,7 @@ tangent [N/m]; ``M`` mass [kg]; ``c`` mass damping [1/s]; ``alpha``, ``beta``, `
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import scipy.sparse
@@ -17,10 +18,11 @@ from numpy.typing import ArrayLike
 from gossamer_models.errors import ParameterError
 
 from .equations import N_ZONES, MembraneEquations
-from .modal import Mass
 from .newton import Vector, solve_newton, sparse
 from .params import MembraneParams
 from .statics import static_deflection
+
+Mass = Literal["lumped", "consistent"]
 
 # correction [side lengths] at which Newton's method ends; the error left is about its square
 _TOLERANCE = 1e-9

@@ -2,7 +2,7 @@ r"""Compensation as Chapter 5 of the thesis describes it: Everett surfaces and t
 
 Symbols: ``h1`` last extreme of the strain, ``h2`` strain now [1], both normalised; the surfaces are the output [1] gained
 by rising and lost by falling from ``h1`` to ``h2``, Eqs. (5.3) and (5.4); ``turns`` extremes that are still remembered.
-Slow, in NumPy, with memory that grows: the reference that ``inverse.py`` is compared with, and surfaces for pictures.
+Slow, in NumPy, with memory that grows: the reference for the exact inverse and for the surfaces that a fit draws.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from gossamer_models import ParameterError
+from gossamer_models.sensor import SensorArtifact
+from gossamer_models.sensor.relaxation import ModeBank
 from numpy.typing import NDArray
-
-from ..errors import ParameterError
-from ..sensor.artifact import SensorArtifact
-from ..sensor.relaxation import ModeBank
 
 Vector = NDArray[np.float64]
 

@@ -5,18 +5,14 @@ Symbols: ``K`` tangent [N/m], ``M`` mass [kg], ``omega`` [rad/s].
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import scipy.sparse.linalg
+from gossamer_models import ParameterError
+from gossamer_models.membrane import MembraneEquations, MembraneParams
+from gossamer_models.membrane.equations import N_ZONES
+from gossamer_models.membrane.implicit import Mass
+from gossamer_models.membrane.newton import sparse
 from numpy.typing import ArrayLike, NDArray
-
-from ..errors import ParameterError
-from .equations import N_ZONES, MembraneEquations
-from .newton import sparse
-from .params import MembraneParams
-
-Mass = Literal["lumped", "consistent"]
 
 
 def natural_frequencies(

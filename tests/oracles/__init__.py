@@ -1,0 +1,1 @@
+"""Second implementations that the models are tested against; no user needs them."""
