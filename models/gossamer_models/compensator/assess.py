@@ -21,7 +21,7 @@ from ..identification.run import settings_for
 from ..sensor import SensorArtifact, default_artifact, sensor_model
 from ..step_model import StepModel
 from ..stepper import Stepper
-from .model import compensator_model
+from . import compensator_model
 
 Vector = NDArray[np.float64]
 Shape = Literal["ramps", "cosines", "holds"]
