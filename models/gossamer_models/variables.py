@@ -118,8 +118,12 @@ def unpack(like: State, x: ca.MX) -> State:
 
 
 def choose(condition: ca.MX, yes: State, no: State) -> State:
-    """Return the first state where the condition holds, else the second."""
-    return unpack(yes, ca.if_else(condition, pack(yes), pack(no)))
+    """Return the first state where the condition holds, else the second, field by field."""
+    if is_dataclass(yes) and not isinstance(yes, type):
+        pairs = ((getattr(yes, part.name), getattr(no, part.name)) for part in fields(yes))
+        return type(yes)(*(choose(condition, *pair) for pair in pairs))
+    column: State = ca.if_else(condition, yes, no)
+    return column
 
 
 def _array(variable: Variable) -> str:
