@@ -170,8 +170,8 @@ def detector_model(
         window, U, ended = x.window.advance(u.strain, p, h)
         case = ca.if_else(ended, ca.fmin(x.window.number, windows[-1]), -1)
         estimates = [pack(estimate(U, c, p)) for c in windows]
-        found = unpack(x.estimate, ca.conditional(case, estimates, pack(x.estimate), True))
-        return DetectorState(window, found), found.results()
+        latest = unpack(x.estimate, ca.conditional(case, estimates, pack(x.estimate), True))
+        return DetectorState(window, latest), latest.results()
 
     return StepModel.written(
         name="detector",

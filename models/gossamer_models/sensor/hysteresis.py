@@ -42,15 +42,15 @@ def move_fronts(front: ca.MX, strain: ca.MX) -> ca.MX:
     ----------
     .. [1] K. Kuhnen, European Journal of Control 9(4), 407-418, 2003, doi:10.3166/ejc.9.407-418.
     """
-    return ca.fmax(strain, ca.fmin(strain + offsets(front.numel()), front))
+    return ca.fmax(strain, ca.fmin(strain + widths(front.numel()), front))
 
 
 def resting_fronts(n_lines: int, strain: ca.MX) -> ca.MX:
     """Return the fronts [1], shape (n_lines,), after the first monotone loading from zero to ``strain`` [1]."""
-    return ca.fmax(strain, offsets(n_lines))
+    return ca.fmax(strain, widths(n_lines))
 
 
-def offsets(n_lines: int) -> ca.DM:
+def widths(n_lines: int) -> ca.DM:
     """Return the widths [1], shape (n_lines,), of the operators of every line."""
     return ca.DM(np.arange(n_lines) / n_lines)
 
