@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from gossamer_models import DataError
-from gossamer_models.identification import Columns, read_record, read_records
+from gossamer_models.fitting import Columns, read_record, read_records
 
 T = 0.1 * np.arange(40)
 STRAIN = 0.05 * np.abs(np.sin(T))
@@ -37,7 +37,7 @@ def test_names_and_units_are_recognised(tmp_path, header, factors):
     found = read_record(write(tmp_path / "r.csv", header))
     assert found.time == pytest.approx(factors[0] * T)
     assert found.strain == pytest.approx(factors[1] * STRAIN)
-    assert found.output == pytest.approx(factors[2] * OHM)
+    assert found.resistance == pytest.approx(factors[2] * OHM)
     assert found.repairs == ()
 
 
@@ -45,15 +45,15 @@ def test_a_record_without_time_gets_a_sampling_step(tmp_path):
     path = write(tmp_path / "r.csv", "n,output,input")
     with pytest.raises(DataError, match="no column is recognised as strain"):
         read_record(path, Columns(sampling_step=0.5))
-    found = read_record(path, Columns(strain="output", output="input", sampling_step=0.5))
+    found = read_record(path, Columns(strain="output", resistance="input", sampling_step=0.5))
     assert found.time[-1] == pytest.approx(0.5 * 39)
     with pytest.raises(DataError, match="or give the sampling step"):
-        read_record(path, Columns(strain="output", output="input"))
+        read_record(path, Columns(strain="output", resistance="input"))
     for clock in ({"time": "n"}, {"time_unit": "ms"}):
         with pytest.raises(DataError, match="of which one is needed"):
-            read_record(path, Columns(strain="output", output="input", sampling_step=0.5, **clock))
+            read_record(path, Columns(strain="output", resistance="input", sampling_step=0.5, **clock))
     with pytest.raises(DataError, match="must be a positive time"):
-        read_record(path, Columns(strain="output", output="input", sampling_step=-1.0))
+        read_record(path, Columns(strain="output", resistance="input", sampling_step=-1.0))
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_a_gap_at_rest_is_harmless(tmp_path):
     [
         ("time,strain,force", Columns(), "no column is recognised as resistance among time, strain, force"),
         ("time,strain,resistance", Columns(strain="eps"), "no column 'eps' for strain"),
-        ("time,strain,strain [%]", Columns(output="strain"), "2 columns may be the strain"),
+        ("time,strain,strain [%]", Columns(resistance="strain"), "2 columns may be the strain"),
         ("t_ms,strain,resistance", Columns(time_unit="s"), "'t_ms' is in ms, the option says s"),
         ("time,strain,resistance", Columns(strain_unit="furlong"), "'furlong' is no unit of strain"),
     ],

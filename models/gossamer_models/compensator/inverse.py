@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from ..sensor.hysteresis import offsets
-from ..sensor.relaxation import fall, rise
+from ..sensor.relaxation import excitation
 from ..sensor.state import SensorLaw, SensorState
 
 REACH_TOLERANCE = 1e-9  # a target this little [1] out of reach is rounding at the end of the range, not saturation
@@ -50,8 +50,8 @@ def invert(law: SensorLaw, state: SensorState, target: ca.MX, h: ca.MX) -> tuple
     target = ca.fabs(target)
     first = second = 0.0
     if law.bank.size:
-        rising = [ca.sum1(part) for part in rise(law.bank, state.s, h)]
-        falling = [-ca.sum1(part) for part in fall(law.bank, state.s, h)] if law.bank.falls else [0.0, 0.0]
+        rising = [ca.sum1(part) for part in excitation(law.bank, state.s, h, "rising")]
+        falling = [-ca.sum1(part) for part in excitation(law.bank, state.s, h, "falling")]
         first, second = (ca.if_else(up, a, b) for a, b in zip(rising, falling, strict=True))
 
     def relaxation(s: ca.MX) -> ca.MX:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from ..sensor.relaxation import phi_1
+from ..modes import phi_1
 from ..variables import Variable
 
 SHORTEST_FILTER_TIME = 1e-300  # [s]; stands for 0

@@ -20,7 +20,8 @@ import numpy as np
 
 from ..artifacts import read_artifact, write_artifact
 from ..errors import ArtifactError, ParameterError
-from .kernels import ModeGrid, check_order
+from ..modes import PowerLawKernels
+from ..modes.power_law import check_order
 
 SCHEMA = "gossamer.fractional"
 VERSION = 1
@@ -102,7 +103,7 @@ class FractionalArtifact:
     rest_resistance : float
         :math:`R_0` [ohm] before the first loading.
     shortest, longest : float
-        Range of times [s] of the memory, see ``ModeGrid``.
+        Range of times [s] of the memory, see ``PowerLawKernels``.
     provenance : dict
         Origin and digest of the data, command, errors reached, assumptions.
     """
@@ -137,12 +138,12 @@ class FractionalArtifact:
         if self.fading and self.model != "model-1":
             msg = f"{self.model} has no fading integrals; only model-1 has. Leave them out."
             raise ParameterError(msg)
-        ModeGrid(self.shortest, self.longest)
+        _ = self.kernels  # refuses a memory that is none
 
     @property
-    def grid(self) -> ModeGrid:
-        """Rates of the memory."""
-        return ModeGrid(self.shortest, self.longest)
+    def kernels(self) -> PowerLawKernels:
+        """Kernels and rates of the memory."""
+        return PowerLawKernels(self.shortest, self.longest)
 
     def write(self, path: Path) -> None:
         """Write the artifact as JSON."""

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from ..artifacts import read_artifact, write_artifact
 from ..errors import ArtifactError, ParameterError
+from .drives import Drive
 
 SCHEMA = "gossamer.sensor"
 VERSION = 1
 EXTENDED_VERSION = 2  # with terms that falling strain drives, negative amplitudes, gains or a direct inverse
-DRIVES = ("rising", "falling")
 MIN_SPRING_WEIGHT = 1e-3  # of mu and nu on line 0: the slope that the inverse divides by is never smaller
 DEFAULT_PATH = Path(__file__).with_name("nylon_silver.json")
 
@@ -38,8 +38,7 @@ class RelaxationTerm:
     amplitude : float
         :math:`a` [1], not negative.
     power : int
-        :math:`d` [1], 0 or 1: then the drive of a mode is a polynomial in time for strain linear over a step, and the
-        step is exact.
+        :math:`d` [1], 0 or 1, see ``Drive``.
     rate : float
         :math:`b` [s**-c], positive.
     exponent : float
@@ -73,14 +72,9 @@ class RelaxationTerm:
         if not np.isfinite(numbers).all():
             msg = "a relaxation term holds a number that is not finite. Identify it again."
             raise ParameterError(msg)
-        if self.drive not in DRIVES:
-            msg = f"a relaxation term is driven by {self.drive!r} strain; it is one of {', '.join(DRIVES)}"
-            raise ParameterError(msg)
+        _ = self.excitation  # refuses what is none
         if self.amplitude < 0.0 and not self.signed:
             msg = f"a relaxation amplitude is {self.amplitude:g}, it must not be negative: the inverse needs a rising output"
-            raise ParameterError(msg)
-        if self.power not in (0, 1):
-            msg = f"a relaxation power is {self.power!r}; 0 and 1 are supported. Identify it with one of them."
             raise ParameterError(msg)
         if not (self.rate > 0.0 and 0.0 < self.exponent <= 1.0):
             msg = f"relaxation exp(-b t**c) needs b > 0 and 0 < c <= 1, not b = {self.rate:g}, c = {self.exponent:g}"
@@ -91,6 +85,11 @@ class RelaxationTerm:
         if min(self.decay_rates) <= 0.0 or min(self.weights) < 0.0:
             msg = "decay rates must be positive and their weights not negative. Fit the exponentials again."
             raise ParameterError(msg)
+
+    @property
+    def excitation(self) -> Drive:
+        """What excites the term."""
+        return Drive(self.drive, self.power, self.gain)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

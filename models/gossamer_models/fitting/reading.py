@@ -1,10 +1,11 @@
-r"""Records of strain and output: read, converted to SI, checked and repaired by stated rules.
+r"""Records of strain and resistance: read, converted to SI, checked and repaired by stated rules.
 
 Rules, each with the line of the file named where it applies:
 
 - Records of one fit have different names.
-- Columns are named by options or recognised by their names (``TIME``, ``STRAIN``, ``OUTPUT`` below); units are those given,
-  or those in a column's name (``t_ms``, ``strain [%]``, ``R_kohm``), or s, 1 and ohm. Two units for one column are refused.
+- Columns are named by options or recognised by their names (``TIME``, ``STRAIN``, ``RESISTANCE`` below); units are those
+  given, or those in a column's name (``t_ms``, ``strain [%]``, ``R_kohm``), or s, 1 and ohm. Two units for one column are
+  refused.
 - Lines with more cells than the header has names are refused: a decimal comma divides a number.
 - A value that is missing or no finite number: the sample is left out; more than ``MOST_MISSING`` of them is refused.
 - Repeated times: their samples are averaged. Times that go backwards are refused; ``sort`` sorts them instead.
@@ -22,57 +23,23 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError
-
-Vector = NDArray[np.float64]
+from .records import Record
+from .repairs import LARGEST_JUMP, Samples, check, drop_missing, order_times
 
 TIME = ("t", "time", "timestamp", "seconds")
 STRAIN = ("strain", "eps", "epsilon")
-OUTPUT = ("resistance", "r", "r_inner", "ohm")
+RESISTANCE = ("resistance", "r", "r_inner", "ohm")
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
 STRAINS = {"1": 1.0, "%": 0.01, "percent": 0.01, "permille": 1e-3, "ustrain": 1e-6}
 OHMS = {"ohm": 1.0, "kohm": 1e3, "mohm": 1e-3, "megohm": 1e6, "1": 1.0}
-MOST_MISSING = 0.05
-LONGEST_GAP = 20.0
 OPTION = {"time": "--time", "strain": "--strain", "resistance": "--resistance"}  # of the command
-GAP_STRAIN = 0.05
-LARGEST_STRAIN = 5.0  # more than this without a stated unit is per cent
-TOLD_STRAIN = 1.05  # more than this without a stated unit may be
-LARGEST_JUMP = 30.0  # of the output between two samples: a meter that changed its unit
-LEAST_STRAIN = -0.01  # of the range: a zero that has crept
-
-
-@dataclass(frozen=True, kw_only=True)
-class Record:
-    """One measurement.
-
-    Attributes
-    ----------
-    name : str
-        For messages and tables.
-    time, strain, output : ndarray, shape (m,)
-        Time [s], increasing; strain [1]; resistance [ohm] or a signal linear in it.
-    lines : ndarray of int, shape (m,)
-        Line of the file that each sample stands in.
-    weight : float
-        Weight of its squared errors in a fit with others [1].
-    repairs : tuple of str
-        What was repaired, one sentence each.
-    """
-
-    name: str
-    time: Vector
-    strain: Vector
-    output: Vector
-    lines: NDArray[np.int_]
-    weight: float = 1.0
-    repairs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,9 +48,9 @@ class Columns:
 
     Attributes
     ----------
-    time, strain, output : str or None
+    time, strain, resistance : str or None
         Names of columns; None to recognise them.
-    time_unit, strain_unit, output_unit : str or None
+    time_unit, strain_unit, resistance_unit : str or None
         Keys of ``SECONDS``, ``STRAINS`` and ``OHMS``; None to recognise them.
     sampling_step : float or None
         Time between samples [s] where there is no time column.
@@ -93,27 +60,12 @@ class Columns:
 
     time: str | None = None
     strain: str | None = None
-    output: str | None = None
+    resistance: str | None = None
     time_unit: str | None = None
     strain_unit: str | None = None
-    output_unit: str | None = None
+    resistance_unit: str | None = None
     sampling_step: float | None = None
     sort: bool = False
-
-
-@dataclass(slots=True)
-class _Table:
-    """Numbers of a file by column, and what was repaired on the way."""
-
-    path: Path
-    columns: list[Vector]
-    lines: NDArray[np.int_]
-    strain_unit_stated: bool
-    repairs: list[str] = field(default_factory=list)
-
-    def keep(self, rows: NDArray[np.bool_] | NDArray[np.int_]) -> None:
-        self.columns = [c[rows] for c in self.columns]
-        self.lines = self.lines[rows]
 
 
 def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1.0) -> Record:
@@ -141,8 +93,10 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     columns = columns or Columns()
     header, rows, lines = _open(path)
     strain_at, strain_unit = _find(path, header, columns.strain, columns.strain_unit, STRAIN, STRAINS, "strain")
-    output_at, output_unit = _find(path, header, columns.output, columns.output_unit, OUTPUT, OHMS, "resistance")
-    wanted = [(strain_at, strain_unit), (output_at, output_unit)]
+    resistance_at, resistance_unit = _find(
+        path, header, columns.resistance, columns.resistance_unit, RESISTANCE, OHMS, "resistance"
+    )
+    wanted = [(strain_at, strain_unit), (resistance_at, resistance_unit)]
     if columns.sampling_step is not None and (columns.time is not None or columns.time_unit is not None):
         msg = f"{path}: a column or unit of time and a sampling step are given, of which one is needed. Leave one out."
         raise DataError(msg)
@@ -151,30 +105,30 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     elif not columns.sampling_step > 0.0:
         msg = f"the sampling step must be a positive time [s], not {columns.sampling_step:g}"
         raise DataError(msg)
-    numbers: list[Vector] = [
+    numbers: list[NDArray[np.float64]] = [
         np.array([unit * _number(row, at) for row in rows], dtype=np.float64) for at, unit in wanted
     ]
     if columns.sampling_step is not None:
         numbers.insert(0, columns.sampling_step * np.arange(len(rows), dtype=np.float64))
     stated = columns.strain_unit is not None or _split(header[strain_at], STRAINS)[1] is not None
-    table = _Table(path, numbers, np.array(lines, dtype=int), strain_unit_stated=stated)
+    samples = Samples(path, numbers, np.array(lines, dtype=int), strain_unit_stated=stated)
     if columns.sampling_step is not None:
-        table.repairs.append(f"no clock was read: samples are taken as {columns.sampling_step:g} s apart")
-    _drop_missing(table, rows)
-    _order_times(table, sort=columns.sort)
-    time, strain, output = table.columns
-    _check(table)
+        samples.repairs.append(f"no clock was read: samples are taken as {columns.sampling_step:g} s apart")
+    drop_missing(samples, rows)
+    order_times(samples, sort=columns.sort)
+    time, strain, resistance = samples.columns
+    check(samples)
     low = float(strain.min())
     if low < 0.0:
-        table.repairs.append(f"strain from {low:g} up to 0 was set to 0")
+        samples.repairs.append(f"strain from {low:g} up to 0 was set to 0")
     return Record(
         name=path.name,
         time=time - time[0],
         strain=np.maximum(strain, 0.0),
-        output=output,
-        lines=table.lines,
+        resistance=resistance,
+        lines=samples.lines,
         weight=weight,
-        repairs=tuple(table.repairs),
+        repairs=tuple(samples.repairs),
     )
 
 
@@ -192,7 +146,7 @@ def read_records(
         if names.count(name) > 1:
             msg = f"{names.count(name)} records are called {name}: errors and pictures go by that name. Rename all but one."
             raise DataError(msg)
-    sizes = [float(np.abs(record.output).max()) for record in records]
+    sizes = [float(np.abs(record.resistance).max()) for record in records]
     small, large = int(np.argmin(sizes)), int(np.argmax(sizes))
     if sizes[large] > LARGEST_JUMP * sizes[small]:
         msg = (
@@ -278,84 +232,3 @@ def _number(row: list[str], place: int) -> float:
         return float(row[place])
     except (IndexError, ValueError):
         return float("nan")
-
-
-def _drop_missing(table: _Table, rows: list[list[str]]) -> None:
-    good = np.all([np.isfinite(c) for c in table.columns], axis=0)
-    missing = int((~good).sum())
-    if not missing:
-        return
-    line = int(table.lines[~good][0])
-    if missing > MOST_MISSING * good.size:
-        msg = (
-            f"{table.path}, line {line}: {missing} of {good.size} samples hold no finite number, more than "
-            f"{100 * MOST_MISSING:g} %. It reads {' | '.join(rows[int(np.argmin(good))])}: numbers have decimal points. "
-            "Clean the record or name other columns."
-        )
-        raise DataError(msg)
-    table.repairs.append(f"{missing} samples without a finite number were left out, the first in line {line}")
-    table.keep(good)
-
-
-def _order_times(table: _Table, *, sort: bool) -> None:
-    time = table.columns[0]
-    back = np.flatnonzero(np.diff(time) < 0.0)
-    if back.size and not sort:
-        line = int(table.lines[back[0] + 1])
-        first, second = time[back[0]], time[back[0] + 1]
-        msg = f"{table.path}, line {line}: time goes backwards, {first:g} s to {second:g} s. Sort the record (--sort)."
-        raise DataError(msg)
-    if back.size:
-        table.repairs.append(f"samples were sorted by time, the first out of order in line {table.lines[back[0] + 1]}")
-        table.keep(np.argsort(time, kind="stable"))
-        time = table.columns[0]
-    again = np.flatnonzero(np.diff(time) == 0.0)
-    if again.size:
-        table.repairs.append(
-            f"{again.size} repeated times were averaged, the first in line {table.lines[again[0] + 1]}"
-        )
-        _, first, group = np.unique(time, return_index=True, return_inverse=True)
-        count = np.bincount(group)
-        table.columns = [np.bincount(group, weights=c) / count for c in table.columns]
-        table.columns[0] = time[first]
-        table.lines = table.lines[first]
-
-
-def _check(table: _Table) -> None:
-    time, strain, output = table.columns
-    size = float(np.ptp(strain)) if strain.size else 0.0
-    if time.size < 3 or not size > 0.0 or not np.ptp(output) > 0.0:
-        what = "too short" if time.size < 3 else "of constant strain" if not size > 0.0 else "of constant output"
-        msg = f"{table.path}, lines {table.lines[0]} to {table.lines[-1]}: the record is {what}. Name one that moves."
-        raise DataError(msg)
-    negative = np.flatnonzero(strain < LEAST_STRAIN * size)
-    if negative.size:
-        k = int(negative[0])
-        msg = f"{table.path}, line {table.lines[k]}: strain {strain[k]:g} is negative. Subtract the strain at rest."
-        raise DataError(msg)
-    if not table.strain_unit_stated:
-        large = np.flatnonzero(strain > LARGEST_STRAIN)
-        if large.size:
-            k = int(large[0])
-            msg = f"{table.path}, line {table.lines[k]}: strain {strain[k]:g} without a unit. State it (--strain-unit)."
-            raise DataError(msg)
-        if (top := float(strain.max())) > TOLD_STRAIN:
-            table.repairs.append(f"strain up to {top:g} was taken for {top:.0%}; state the unit if it is another")
-    level = np.maximum(np.abs(output), 1e-2 * np.abs(output).max())
-    jumps = np.flatnonzero(np.abs(np.diff(np.log(level))) >= np.log(LARGEST_JUMP) - 1e-9)
-    if jumps.size:
-        k = int(jumps[0]) + 1
-        msg = (
-            f"{table.path}, line {table.lines[k]}: the output jumps from {output[k - 1]:g} to {output[k]:g}, as if its unit "
-            "changed there. Convert the record to one unit."
-        )
-        raise DataError(msg)
-    steps = np.diff(time)
-    gaps = np.flatnonzero((steps > LONGEST_GAP * np.median(steps)) & (np.abs(np.diff(strain)) > GAP_STRAIN * size))
-    if gaps.size:
-        k = int(gaps[0]) + 1
-        msg = (
-            f"{table.path}, line {table.lines[k]}: a gap of {steps[k - 1]:g} s in which strain changes by "
-            f"{abs(strain[k] - strain[k - 1]):g}; what switched there is unknown. Cut the record there into two files."
-        )
-        raise DataError(msg)

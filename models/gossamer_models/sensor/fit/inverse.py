@@ -1,4 +1,4 @@
-"""The way from output to strain as a fit of its own: records turned round, with operators that may have either sign."""
+"""The way from resistance to strain as a fit of its own: records turned round, with operators of either sign."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..sensor.artifact import MIN_SPRING_WEIGHT
-from .records import Record
-from .regressors import DRIVES, GAIN
-from .settings import FitSettings
-from .stretches import Stretch
+from ...fitting.records import Record
+from ..artifact import MIN_SPRING_WEIGHT
+from ..drives import GAIN
+from .regression import Stretch
+from .settings import PreisachSettings
 
 SHORTEST, LONGEST = 0.15, 0.25  # of a sample and of the record: times of the kernels
 LEAST_RELAXATIONS, KNOTS, RIDGE = 7, 6, 1e-3
@@ -38,36 +38,34 @@ class Turned:
 
 
 def turn(stretches: tuple[Stretch, ...], y0: float, rise: float) -> Turned:
-    """Exchange strain and output; ``y0`` and ``rise`` are offset and scale of the output."""
+    """Exchange strain and resistance, which is ``y0 + rise * normalised output``."""
     fitted = [s for s in stretches if s.train.any()]
-    outputs = [(s.output - y0) / rise for s in fitted]
+    outputs = [(s.y - y0) / rise for s in fitted]
     lowest = min(float(v[s.train].min()) for v, s in zip(outputs, fitted, strict=True))
     highest = max(float(v[s.train].max()) for v, s in zip(outputs, fitted, strict=True))
     records = tuple(
-        replace(s.record, strain=np.clip((v - lowest) / (highest - lowest), 0.0, 1.0), output=s.strain)
+        replace(s.record, strain=np.clip((v - lowest) / (highest - lowest), 0.0, 1.0), resistance=s.strain)
         for v, s in zip(outputs, fitted, strict=True)
     )
     return Turned(records=records, train=tuple(s.train for s in fitted), lowest=lowest, highest=highest)
 
 
-def inverse_settings(turned: Turned, forward: FitSettings) -> FitSettings:
+def inverse_settings(turned: Turned, forward: PreisachSettings) -> PreisachSettings:
     """Return how to fit turned records: with as many kernels as forward, and a gain where the sensor has one."""
     shortest = min(float(np.median(np.diff(r.time))) for r in turned.records)
     longest = max(float(np.ptp(r.time[rows])) for r, rows in zip(turned.records, turned.train, strict=True))
     tau = np.geomspace(SHORTEST * shortest, LONGEST * longest, max(forward.relaxations, LEAST_RELAXATIONS))
-    return FitSettings(
+    return PreisachSettings(
         density="hats",
-        n_knots=KNOTS,
+        knots=KNOTS,
         relaxations=tau.size,
         tau=tuple(tau.tolist()),
         exponents=(1.0,) * tau.size,
-        drives=(*DRIVES, *(drive for drive in forward.drives if drive == GAIN)),
+        extension="reversing" if GAIN in forward.drives else "falling",
         signed=True,
-        earlier=False,
         eta=(1.0, 1.0),
         ridge=RIDGE,
-        relaxation_ridge=RIDGE,
-        least_spring=MIN_SPRING_WEIGHT,
+        least_slope=MIN_SPRING_WEIGHT,
         least_weight=0.0,
         starts=1,
     )

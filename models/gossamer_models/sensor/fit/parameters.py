@@ -1,7 +1,7 @@
 r"""What is fitted: groups of parameters with their starts, bounds and pulls.
 
 Symbols: wave numbers ``m``, ``n`` and amplitudes ``b`` of the modal densities mu and eta; :math:`\log\tau` and ``c`` of the
-kernels and their amplitudes ``g``, ``k``; ``v`` what still relaxed when a record began; ``y0`` offset.
+kernels and their amplitudes ``g``, ``k``; ``v`` what still relaxed when a record began; ``y0`` resistance at rest.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .densities import Spectrum, hat_functions, wave_numbers
-from .regressors import GAIN
-from .settings import FitSettings
-from .stretches import Stretch, earlier_rates
+from ...modes import StretchedKernels
+from .densities import hat_functions, wave_numbers
+from .regression import Regression, earlier_rates
+from .settings import PreisachSettings
 
 Vector = NDArray[np.float64]
 
-REST_STIFFNESS = 1e-2  # pull of the offset towards the first output, relative to the range
+REST_STIFFNESS = 1e-2  # pull of the resistance at rest towards the first one, relative to the range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,11 +32,11 @@ class Block:
     start, lower, upper : ndarray, shape (n,)
         Start value and bounds [1].
     linear : bool
-        Whether the output is linear in them, everything else held.
+        Whether the resistance is linear in them, everything else held.
     spread : float
         How far other starts lie from this one [1].
     stiffness : float
-        Weight of the pull towards the start value, relative to the output's range [1].
+        Weight of the pull towards the start value, relative to the range of resistance [1].
     """
 
     name: str
@@ -77,35 +77,25 @@ def block(
 
 
 def parameter_blocks(
-    settings: FitSettings, spectrum: Spectrum, stretches: tuple[Stretch, ...], rest: float | None = None
+    settings: PreisachSettings, regression: Regression, rest_resistance: float | None
 ) -> tuple[Block, ...]:
-    """Return all parameters in order; ``rest`` is the offset over the output's range where it is known."""
-    blocks = [*_density_blocks(settings), *_kernel_blocks(settings, spectrum)]
-    n_v = earlier_rates(spectrum).size if settings.earlier else 0
-    lowest = -np.inf if settings.signed else 0.0
-    fitted = fitted_numbers(settings, stretches)
-    blocks += [block(f"v{r + 1}", np.zeros(n_v), lowest, np.inf, linear=True, stiffness=1e-3) for r in fitted]
-    if rest is None:
-        first = np.array([min(float(s.output[0]) for s in stretches if s.train.any())])
+    """Return all parameters in order; the resistance at rest [ohm] is one of them where it is None."""
+    blocks = [*_density_blocks(settings), *_kernel_blocks(settings, regression.kernels)]
+    if settings.earlier:
+        n_v, lowest = earlier_rates(regression.kernels).size, -np.inf if settings.signed else 0.0
+        blocks += [
+            block(f"v{r + 1}", np.zeros(n_v), lowest, np.inf, linear=True, stiffness=1e-3) for r in regression.fitted
+        ]
+    if rest_resistance is None:
+        first = np.array([min(float(regression.stretches[k].y[0]) for k in regression.fitted)])
         blocks.append(block("y0", first, -np.inf, np.inf, linear=True, stiffness=REST_STIFFNESS))
     else:
+        rest = rest_resistance / regression.unit
         blocks.append(block("y0", np.array([rest]), rest, rest, linear=True))
     return tuple(blocks)
 
 
-def fitted_numbers(settings: FitSettings, stretches: tuple[Stretch, ...]) -> list[int]:
-    """Return the numbers of the records for which earlier relaxation is fitted."""
-    return [k for k, s in enumerate(stretches) if s.train.any() and settings.earlier]
-
-
-def amplitude_name(drive: str) -> str:
-    """Return the name of a drive's amplitudes."""
-    return {"rising": "g", "rising linear": "k", "falling": "g_falling", "falling linear": "k_falling", GAIN: "gain"}[
-        drive
-    ]
-
-
-def _density_blocks(settings: FitSettings) -> list[Block]:
+def _density_blocks(settings: PreisachSettings) -> list[Block]:
     flat = min(max(1.0, settings.eta[0]), settings.eta[1])
     if settings.density == "modal":
         M = settings.modes
@@ -118,16 +108,18 @@ def _density_blocks(settings: FitSettings) -> list[Block]:
             _waves("n_eta", n),
         )
         return [
-            block("b_mu", np.zeros(M), -np.inf, np.inf, linear=True, stiffness=settings.ridge),
+            block("b_mu", np.zeros(M), -np.inf, np.inf, linear=True, stiffness=settings.density_ridge),
             _waves("m_mu", m),
             _waves("n_mu", n),
             *(_fixed(b) if settings.eta[0] == settings.eta[1] else b for b in eta),
             *([block("b_elastic", np.zeros(M), -np.inf, np.inf, linear=True)] if settings.elastic else []),
         ]
-    hats, spring = hat_functions(settings.n_lines, settings.n_knots)
+    hats, spring = hat_functions(settings.n_lines, settings.knots)
     return [
-        block("b_mu", np.zeros(hats.shape[1]), -np.inf, np.inf, linear=True, stiffness=settings.ridge),
-        block("b_elastic", np.zeros(spring.shape[1]), -np.inf, np.inf, linear=True, stiffness=0.1 * settings.ridge),
+        block("b_mu", np.zeros(hats.shape[1]), -np.inf, np.inf, linear=True, stiffness=settings.density_ridge),
+        block(
+            "b_elastic", np.zeros(spring.shape[1]), -np.inf, np.inf, linear=True, stiffness=0.1 * settings.density_ridge
+        ),
         block("eta", np.array([flat]), *settings.eta, spread=0.02, stiffness=settings.eta_stiffness),
     ]
 
@@ -144,11 +136,11 @@ def _waves(name: str, start: Vector) -> Block:
     return Block(name=name, start=start, lower=np.zeros(start.size), upper=upper, spread=0.3, stiffness=1e-3)
 
 
-def _kernel_blocks(settings: FitSettings, spectrum: Spectrum) -> list[Block]:
+def _kernel_blocks(settings: PreisachSettings, kernels: StretchedKernels) -> list[Block]:
     P = settings.relaxations
     if not P:
         return []
-    shortest, longest = np.log(0.2 / spectrum.rates[-1] * 25.0), np.log(0.1 / spectrum.rates[0])
+    shortest, longest = np.log(0.2 / kernels.rates[-1] * 25.0), np.log(0.1 / kernels.rates[0])
     tau = np.linspace(shortest, longest, P + 2)[1:-1] if settings.tau is None else np.log(settings.tau)
     c = np.full(P, 0.8) if settings.exponents is None else np.array(settings.exponents)
     if not settings.fit_kernels:
@@ -164,6 +156,6 @@ def _kernel_blocks(settings: FitSettings, spectrum: Spectrum) -> list[Block]:
     ]
     ridge = settings.relaxation_ridge
     for drive in settings.drives:
-        lowest = -np.inf if settings.signed or drive == GAIN else 0.0
-        blocks.append(block(amplitude_name(drive), np.zeros(P), lowest, np.inf, linear=True, stiffness=ridge))
+        lowest = -np.inf if settings.signed or drive.gain else 0.0
+        blocks.append(block(drive.symbol, np.zeros(P), lowest, np.inf, linear=True, stiffness=ridge))
     return blocks

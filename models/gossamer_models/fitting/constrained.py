@@ -1,8 +1,7 @@
-r"""Constrained Gauss-Newton with the linear parameters eliminated.
+r"""Constrained Gauss-Newton with the linear parameters eliminated; ``separable.py`` says when it is the other method's turn.
 
-Symbols: ``x`` parameters, ``q`` those of them in which the residual is linear, ``f(x)`` coefficients (weights of cells and
-modes), ``g(x) >= 0`` constraints, ``p(x)`` what is
-preferred to be small, ``A`` matrix of the record, ``b`` measured output,
+Symbols: ``x`` parameters, ``q`` those of them in which the residual is linear, ``f(x)`` coefficients, ``g(x) >= 0``
+constraints, ``p(x)`` what is preferred to be small, ``A`` matrix of the record, ``b`` measurement,
 
 .. math:: \min_x \tfrac12 \|A f(x) - b\|^2 + \tfrac12 \|p(x)\|^2, \quad l \le x \le u,\; g(x) \ge 0.
 
@@ -37,7 +36,7 @@ class Problem:
     A : ndarray, shape (m, K)
         Matrix of the record, rows weighted.
     b : ndarray, shape (m,)
-        Measured output, weighted.
+        Measurement, weighted.
     model : casadi.Function
         ``x -> (f, g, p)``, shapes (n,) -> (K,), (G,), (S,); g and p are linear in q.
     linear : ndarray of bool, shape (n,)

@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError
+from ...errors import DataError
+from ...fitting.records import Record
 from .model import preisach_model
-from .records import Record
-from .settings import FitSettings
+from .regression import moves, prepare
+from .settings import PreisachSettings
 from .solve import Watch, solve
-from .stretches import Stretch, moves, prepare, strain_range
 
 RIDGES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 PARTS = 4
@@ -28,53 +28,48 @@ Rows = tuple[NDArray[np.bool_], ...]
 def choose_ridge(
     records: tuple[Record, ...],
     train: Rows,
-    settings: FitSettings,
+    settings: PreisachSettings,
     *,
-    full_scale: float | None = None,
-    rest_output: float | None = None,
+    full_scale: float,
+    rest_resistance: float | None = None,
     watch: Watch | None = None,
-) -> FitSettings:
+) -> PreisachSettings:
     """Return settings with the ridge that predicts best, the same for densities and relaxation.
 
     Parameters
     ----------
-    records, train, settings, full_scale, rest_output, watch
+    records, train, settings, full_scale, rest_resistance, watch
         See ``fit_preisach``; only training samples are used. Every trial fit has one start.
 
     Returns
     -------
-    FitSettings
-        ``ridge`` and ``relaxation_ridge`` chosen among ``RIDGES``; nothing else is changed.
+    PreisachSettings
+        ``ridge`` is one of ``RIDGES``; nothing else is changed.
 
     Raises
     ------
     DataError
         A training stretch is too short to be cut, or its first half never moves.
     """
-    once = replace(settings, starts=1, auto_ridge=False)
-    unit, spectrum, stretches = prepare(records, train, once, strain_range(records, full_scale))
-    rest = None if rest_output is None else rest_output / unit
+    regression = prepare(records, train, settings, full_scale)
     errors = []
     for number, ridge in enumerate(RIDGES):
-        trial = replace(once, ridge=ridge, relaxation_ridge=ridge)
+        trial = replace(settings, starts=1, ridge=ridge)
         squares: list[float] = []
         for fitted, held in _forward(train):
-            if not any(moves(s.strain[rows]) for s, rows in zip(stretches, fitted, strict=True)):
+            parts = tuple(replace(s, train=rows) for s, rows in zip(regression.stretches, fitted, strict=True))
+            if not any(moves(s.strain[s.train]) for s in parts):
                 msg = "the strain rests in the first half of the training stretch, so no ridge can be chosen. Give one."
                 raise DataError(msg)
-            parts = tuple(replace(s, train=rows) for s, rows in zip(stretches, fitted, strict=True))
-            model = preisach_model(trial, spectrum, parts, rest)
-            weights = model.weights(solve(model, parts, trial)[1][0].x)
-            squares += [float(e) for s, rows in zip(parts, held, strict=True) for e in _off(s, weights, rows) ** 2]
+            part = replace(regression, stretches=parts)
+            model = preisach_model(trial, part, rest_resistance)
+            weights = model.weights(solve(model, part, trial)[1][0].x)
+            for s, rows in zip(parts, held, strict=True):
+                squares += ((s.columns[rows] @ weights - s.y[rows]) ** 2).tolist()
         errors.append(float(np.mean(squares)))
         if watch is not None:
             watch(f"ridge {ridge:g}, predicted within the training stretch", number + 1, 100.0 * np.sqrt(errors[-1]))
-    best = RIDGES[int(np.argmin(errors))]
-    return replace(settings, ridge=best, relaxation_ridge=best, auto_ridge=False)
-
-
-def _off(stretch: Stretch, weights: NDArray[np.float64], rows: NDArray[np.bool_]) -> NDArray[np.float64]:
-    return np.asarray(stretch.A[rows] @ weights - stretch.output[rows], dtype=float)
+    return replace(settings, ridge=RIDGES[int(np.argmin(errors))])
 
 
 def _forward(train: Rows) -> Iterator[tuple[Rows, Rows]]:

@@ -1,13 +1,10 @@
-r"""Densities over the Preisach plane and spectra of relaxation as functions of few parameters.
+r"""Densities over the Preisach plane as functions of few parameters.
 
 Symbols: bins (i, j), ``i`` counting :math:`\alpha` and ``j <= i`` counting :math:`\beta`, numbers 1 to N; ``mu(i, j)``,
-``eta(i, j)`` [1]; :math:`\tau = b^{-1/c}` [s] and ``c`` [1] of a kernel :math:`e^{-b t^c} = e^{-(t/\tau)^c}`.
-Everything here is a CasADi expression, linear in part of its parameters.
+``eta(i, j)`` [1]. All are linear in part of their parameters, as CasADi expressions or constant matrices.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -16,8 +13,6 @@ from scipy import sparse
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
-
-GRID_PER_DECADE = 3.5
 
 
 def modal_field(amplitudes: ca.MX, m: ca.MX, n: ca.MX, places: Vector) -> ca.MX:
@@ -61,7 +56,7 @@ def reversible_beyond(n_lines: int, seen: float) -> sparse.csr_array:
     """Return what lets lines wider than the range of strain that is fitted give their weight to the elastic line.
 
     No record of that range switches such operators, so whether they lose on the way back is unknown. The first loading goes
-    on as the density says, hysteresis has to be earned.
+    on as the density says, hysteresis appears only where the data require it.
 
     Parameters
     ----------
@@ -90,41 +85,6 @@ def wave_numbers(count: int) -> tuple[Vector, Vector]:
     pairs = sorted(((m, n) for m in range(count) for n in range(m + 1)), key=lambda pair: (sum(pair), pair[0]))
     chosen = np.array(pairs[:count], dtype=float)
     return chosen[:, 0], chosen[:, 1]
-
-
-@dataclass(frozen=True, slots=True)
-class Spectrum:
-    r"""Fixed decay rates on which stretched exponentials are expanded.
-
-    Attributes
-    ----------
-    rates : ndarray, shape (R,)
-        :math:`\lambda` [1/s], evenly spaced in the logarithm.
-    times : ndarray, shape (T,)
-        Where the expansion is fitted [s].
-    expand : ndarray, shape (R, T)
-        Weights [1] of the rates for a kernel given at ``times``: regularised least squares, so linear in the kernel.
-    """
-
-    rates: Vector
-    times: Vector
-    expand: Matrix
-
-    @classmethod
-    def over(cls, shortest: float, longest: float) -> Spectrum:
-        """Make the grid for kernels seen between two times [s]."""
-        low, high = np.log10(0.1 / longest), np.log10(5.0 / shortest)
-        rates = np.logspace(low, high, int(np.ceil(GRID_PER_DECADE * (high - low))) + 1)
-        times = np.concatenate([[0.0], np.geomspace(0.1 * shortest, 2.0 * longest, 100)])
-        E = np.exp(-np.outer(times, rates))
-        E = np.vstack([E, 1e-5 * np.eye(rates.size)])
-        return cls(rates, times, np.linalg.pinv(E)[:, : times.size])
-
-    def kernels(self, log_tau: ca.MX, c: ca.MX) -> ca.MX:
-        r"""Return the weights [1] of :math:`e^{-(t/\tau_j)^{c_j}}`, shape (R, P), for times and exponents of shape (P,)."""
-        log_t = ca.DM(np.log(np.maximum(self.times, 1e-12 * self.times[1])))
-        power = ca.mtimes(log_t, c.T) - ca.repmat((c * log_tau).T, log_t.numel(), 1)
-        return ca.mtimes(ca.DM(self.expand), ca.exp(-ca.exp(power)))
 
 
 def hat_functions(n_lines: int, n_knots: int) -> tuple[Matrix, Matrix]:

@@ -1,4 +1,4 @@
-r"""The kernel of fractional operators as a sum of exponentials on fixed rates.
+r"""The kernel of fractional operators, a power of time, as a sum of exponentials on fixed rates.
 
 Symbols: :math:`a` order [1], 0 < a < 1; :math:`\lambda_q` decay rate [1/s]; :math:`g_q` weight [s**(a - 1)] of mode q;
 :math:`c` mass [s**a] of the part of the kernel that is over within any step; :math:`\Delta` spacing of the rates [1].
@@ -30,7 +30,7 @@ STANDING = 1e-9  # rate times longest time of the mode that stands for a constan
 
 
 @dataclass(frozen=True)
-class ModeGrid:
+class PowerLawKernels:
     """Fixed decay rates that represent the kernels of all orders.
 
     Attributes
@@ -91,12 +91,17 @@ class ModeGrid:
         )
         return ca.Function("weights", [a], [SPACING * ca.sin(np.pi * a) / np.pi * g])
 
+    def at_order(self, order: float) -> tuple[Vector, float]:
+        """Return the weights [s**(order - 1)], shape (n,), and the mass [s**order] of the kernel of one order.
 
-def at_order(grid: ModeGrid, order: float) -> tuple[Vector, float]:
-    """Return the weights [s**(order - 1)], shape (n,), and the mass [s**order] of the kernel of one order."""
-    check_order(order)
-    g = np.array(grid.weights(order)).ravel()
-    return g[:-1], float(g[-1])
+        Raises
+        ------
+        ParameterError
+            The order is outside 0..1.
+        """
+        check_order(order)
+        g = np.array(self.weights(order)).ravel()
+        return g[:-1], float(g[-1])
 
 
 def check_order(order: float) -> None:

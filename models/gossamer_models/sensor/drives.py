@@ -1,0 +1,78 @@
+r"""What excites the relaxation of a sensor, and the named sets of it that a fit may choose.
+
+Symbols: ``s`` normalised strain [1]; a mode is driven at the rate :math:`a s^d |\dot s|`, d = 0 or 1, while strain rises, as
+in Eq. (4.13) of the thesis, or while it falls. A gain is a mode that is multiplied by the present strain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ParameterError
+
+Vector = NDArray[np.float64]
+DIRECTIONS = {"rising": 1.0, "falling": -1.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One way in which strain excites modes.
+
+    Attributes
+    ----------
+    strain : {"rising", "falling"}
+        The strain that excites.
+    power : {0, 1}
+        :math:`d` [1]: the drive of a mode is then a polynomial in time for strain linear over a step, so a step is exact.
+    gain : bool
+        Whether the modes are multiplied by the present strain.
+    """
+
+    strain: str = "rising"
+    power: int = 0
+    gain: bool = False
+
+    def __post_init__(self) -> None:
+        if self.strain not in DIRECTIONS:
+            msg = f"a relaxation term is driven by {self.strain!r} strain; it is one of {', '.join(DIRECTIONS)}"
+            raise ParameterError(msg)
+        if self.power not in (0, 1):
+            msg = f"a relaxation power is {self.power!r}; 0 and 1 are supported. Identify it with one of them."
+            raise ParameterError(msg)
+
+    @property
+    def symbol(self) -> str:
+        """Name of its amplitudes in a fit: ``g``, ``k``, ``g_falling``, ``gain``."""
+        return ("gain" if self.gain else "gk"[self.power]) + ("_falling" if self.strain == "falling" else "")
+
+    @property
+    def sign(self) -> float:
+        """Sign of the change of strain that excites."""
+        return DIRECTIONS[self.strain]
+
+    def sizes(self, change: Vector) -> Vector:
+        """Return by how much changes of strain [1] excite [1]."""
+        return np.maximum(self.sign * change, 0.0)
+
+
+class Extension(NamedTuple):
+    """A named set of drives."""
+
+    drives: tuple[Drive, ...]
+    text: str
+
+
+THESIS = (Drive(), Drive(power=1))
+FALLING = (Drive("falling"), Drive("falling", power=1))
+GAIN = Drive(gain=True)
+
+EXTENSIONS = {
+    "none": Extension(THESIS, "the thesis' relaxation"),
+    "falling": Extension((*THESIS, *FALLING), "falling strain excites relaxation too"),
+    "gain": Extension((*THESIS, GAIN), "loading changes the gauge factor"),
+    "reversing": Extension((*THESIS, *FALLING, GAIN), "both, with either sign: carbon black"),
+}
