@@ -12,7 +12,6 @@ from gossamer_models.identification import (
     Columns,
     FitSettings,
     Record,
-    assess,
     fit_preisach,
     identify_files,
     least_squares,
@@ -31,6 +30,7 @@ from gossamer_models.sensor.relaxation import ModeBank
 from oracles.preisach import drive, start
 from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear, minimize
+from studies.specimen import specimen_record
 
 QUICK = settings_for("preisach", modes=3, relaxations=2, starts=1)
 
@@ -298,7 +298,7 @@ def test_derivatives_of_the_residual_are_those_of_finite_differences(known, fitt
 
 
 def test_the_model_is_a_graph_of_few_operations_whatever_the_size_of_the_plane(known):
-    """The stopwatch of ``assess_speed`` in numbers that no machine changes: 7e4 and 3e5 as scalar expressions."""
+    """The stopwatch of ``studies.speed`` in numbers that no machine changes: 7e4 and 3e5 as scalar expressions."""
     sizes = []
     for n_lines in (8, 32):
         settings = replace(settings_for("preisach", starts=1), n_lines=n_lines, most_iterations=1)
@@ -316,7 +316,7 @@ def test_a_fit_of_seven_modes_evaluates_model_and_derivatives_a_few_dozen_times(
     evaluations = []
     evaluate = least_squares._Fast.__call__
     monkeypatch.setattr(least_squares._Fast, "__call__", lambda self, x: evaluations.append(1) or evaluate(self, x))
-    specimen = assess.specimen_record(1)
+    specimen = specimen_record(1)
     fit_preisach(
         (specimen,), (specimen.time < 200.0,), settings_for("preisach", starts=1), full_scale=0.15, rest_output=0.0
     )

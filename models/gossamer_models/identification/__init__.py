@@ -1,6 +1,5 @@
 """Identification: records of strain and resistance to a sensor artifact."""
 
-from .assess import Figure
 from .choices import OPTIONS, choose
 from .fractional import FractionalChoice, fit_fractional
 from .judge import predict_output, recover_strain
@@ -35,7 +34,6 @@ __all__ = [
     "doubts",
     "predict_output",
     "recover_strain",
-    "Figure",
     "everett",
     "plot_everett",
     "plot_history",

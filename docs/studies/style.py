@@ -26,6 +26,12 @@ BLUE, RED, GREEN, ORANGE, SKY = (
     "#E69F00",
     "#56B4E9",
 )  # Okabe and Ito, colour-blind-safe
+COMPENSATORS = {  # colour and marker
+    "exact inverse": (RED, "s"),
+    "dead band of 3 deviations": (ORANGE, "^"),
+    "25-point mean": (GREEN, "D"),
+    "estimator": (BLUE, "o"),
+}
 FOLDER = "identification"
 DPI = 110
 COLOURS = 96  # of a picture: a third of the bytes, and no difference to the eye
