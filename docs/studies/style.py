@@ -65,7 +65,7 @@ class Curve:
 def panels(rows: int, columns: int, size: tuple[float, float], **options: Any) -> tuple[Figure, Any]:  # noqa: ANN401
     """Make a figure of equal panels in the look of the page."""
     mpl.use("Agg")
-    plt.rcParams.update(LOOK)
+    plt.style.use(LOOK)
     return plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False, **options)
 
 
