@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from identification_page.compute import compute
-from identification_page.page import write
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from studies.compute import compute
+from studies.page import write
 
 DOCS = Path(__file__).resolve().parent
 DATA = DOCS.parents[1] / "shared" / "data"

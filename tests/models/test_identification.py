@@ -26,6 +26,7 @@ from gossamer_models.sensor.relaxation import ModeBank
 from oracles.preisach import drive, start
 from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear, minimize
+from studies.specimen import specimen_record
 
 QUICK = settings_for("preisach", modes=3, relaxations=2, starts=1)
 
@@ -294,7 +295,7 @@ def test_derivatives_of_the_residual_are_those_of_finite_differences(known, fitt
 
 
 def test_the_model_is_a_graph_of_few_operations_whatever_the_size_of_the_plane(known):
-    """The stopwatch of ``assess_speed`` in numbers that no machine changes: 7e4 and 3e5 as scalar expressions."""
+    """The stopwatch of ``studies.speed`` in numbers that no machine changes: 7e4 and 3e5 as scalar expressions."""
     sizes = []
     for n_lines in (8, 32):
         settings = replace(settings_for("preisach", starts=1), n_lines=n_lines, most_iterations=1)

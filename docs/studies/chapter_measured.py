@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-from gossamer_models.identification import Figure
-from gossamer_models.identification.assess import MeasuredFit, assess_measured
+from matplotlib.axes import Axes
 
 from .compute import Results
+from .measured import Comparison, MeasuredFit
+from .metrics import Metric, number, table, verdict
 from .style import BLUE, FITTED_STRETCH, GREEN, MEASURED, RED, Curve, compare, panels, save, show
-from .tables import number, table, verdict
 
 CARBON = "velocity_profile_10wt"
 LOOP_ENDS = 0.06  # of a record with many cycles: the loops of its first and last ones are drawn
@@ -20,41 +19,31 @@ def section(results: Results, pictures: Path) -> list[str]:
     """Return the chapter and write its pictures; a line where the records are not at hand."""
     if not results.measured:
         return ["", "## Measured records", "", "The measured records were not at hand when this page was made."]
-    lines = ["", "## Measured records", "", INTRODUCTION, "", *_matrix(figures(results))]
+    lines = ["", "## Measured records", "", INTRODUCTION, "", *_matrix(_comparisons(results))]
     lines += show(_forward(results, pictures), CAPTION_FORWARD)
     if any(row.name == CARBON for row in results.measured):
         lines += show(_carbon(results, pictures), CAPTION_CARBON)
     return lines
 
 
-def figures(results: Results) -> list[Figure]:
-    """Return all figures of the chapter."""
-    return assess_measured(Path(), results.measured, results.transfers) if results.measured else []
+def metrics(results: Results) -> list[Metric]:
+    """Return all metrics of the chapter."""
+    return [m for each in _comparisons(results) for m in (each.train, each.test) if m is not None]
 
 
-def _matrix(found: list[Figure]) -> list[str]:
+def _comparisons(results: Results) -> list[Comparison]:
+    fitted = (each for row in results.measured for each in row.comparisons())
+    return [*fitted, *(row.comparison() for row in results.transfers)]
+
+
+def _matrix(comparisons: list[Comparison]) -> list[str]:
     """Return a row per record and model, with both stretches."""
-    rows: dict[str, dict[str, Figure]] = {}
-    for figure in found:
-        name, stretch = figure.what, "whole"
-        for ending in ("train", "test"):
-            if figure.what.endswith(f", {ending}"):
-                name, stretch = figure.what.removesuffix(f", {ending}"), ending
-        rows.setdefault(name, {})[stretch] = figure
     body = []
-    for name, row in rows.items():
-        train, test = row.get("train"), row.get("test", row.get("whole"))
-        both = [each for each in (train, test) if each is not None]
-        body.append(
-            (
-                name,
-                number(train and train.asked),
-                number(train and train.reached),
-                number(test and test.asked),
-                number(test and test.reached),
-                verdict(*(each.met for each in both)) if any(each.asked is not None for each in both) else "",
-            )
-        )
+    for each in comparisons:
+        pair = (each.train, each.test)
+        numbers = [number(value) for m in pair for value in ((m.target, m.value) if m else (None, None))]
+        met = [m.met for m in pair if m]
+        body.append((each.what, *numbers, "" if all(one is None for one in met) else verdict(*met)))
     head = ("record, quantity", "fitted, asked", "fitted, reached", "predicted, asked", "predicted, reached", "met")
     return table(head, body)
 
@@ -118,11 +107,11 @@ def _carbon(results: Results, pictures: Path) -> str:
     return save(figure, pictures, "carbon_black")
 
 
-def _strain(row: MeasuredFit, ax: object) -> None:
+def _strain(row: MeasuredFit, ax: Axes) -> None:
     record = row.record
     ax.plot(record.time, 100.0 * record.strain, color=MEASURED, lw=1.8, label="applied")
-    for (name, found), colour in zip(row.recovered.items(), (BLUE, GREEN), strict=False):
-        ax.plot(record.time, 100.0 * np.asarray(found), color=colour, lw=0.9, label=name)
+    for (name, strain), colour in zip(row.recovered.items(), (BLUE, GREEN), strict=False):
+        ax.plot(record.time, 100.0 * strain, color=colour, lw=0.9, label=name)
     ax.set(xlabel="time [s]", ylabel="strain [%]", ylim=(-2.0, 130.0 * float(record.strain.max())))
     ax.legend(loc="upper right", ncols=2)
 

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_models.fractional import FractionalArtifact, FractionalFit, derivative, integral, predict
-from gossamer_models.fractional.assess import AssessmentRow
-from gossamer_models.identification import Figure
 from gossamer_models.specimen import Dataset, dataset
 
 from .compute import Results
+from .fractional import TableRow
+from .metrics import Metric, number, table, verdict
 from .style import BLUE, RED, Curve, Vector, compare, panels, save, show
-from .tables import number, table, verdict
 
 TABLES = {3: ("3.1", "M = 6"), 5: ("3.2", "M = 8")}
 NAMES = {"model-1": "model-1", "sub-model-1": "model-2, sub-model-1", "sub-model-2": "model-2, sub-model-2"}
@@ -26,7 +25,7 @@ def section(results: Results, pictures: Path) -> list[str]:
         rows = [row for row in results.rows if row.n_terms == n]
         if rows:
             lines += ["", f"### Table {name} (N = {n}, {size})", "", *_errors(rows), "", *_parameters(rows)]
-    limits = results.floors
+    limits = results.limits
     lines += [
         "",
         f"Limits, E1: noise alone leaves {limits.noise[0]:.2f} % on Dataset-1 and {limits.noise[1]:.2f} % on Dataset-2. "
@@ -49,21 +48,18 @@ def section(results: Results, pictures: Path) -> list[str]:
     return lines
 
 
-def figures(results: Results) -> list[Figure]:
-    """Return the errors beside the thesis', as figures."""
+def metrics(results: Results) -> list[Metric]:
+    """Return the errors beside the thesis'."""
     return [
-        Figure(
-            what=f"Dataset-{k + 1} (synthetic), {row.model}, N = {row.n_terms}, E1",
-            unit="%",
-            reached=found.e1,
-            asked=row.thesis[k],
+        Metric(
+            what=f"Dataset-{k} (synthetic), {row.model}, N = {row.n_terms}, E1", unit="%", value=value, target=target
         )
         for row in results.rows
-        for k, found in enumerate((row.dataset_1, row.dataset_2))
+        for k, (value, target) in enumerate(zip(row.errors, row.thesis, strict=True), start=1)
     ]
 
 
-def _errors(rows: Sequence[AssessmentRow]) -> list[str]:
+def _errors(rows: Sequence[TableRow]) -> list[str]:
     head = (
         "model",
         "thesis, Dataset-1 [%]",
@@ -79,20 +75,18 @@ def _errors(rows: Sequence[AssessmentRow]) -> list[str]:
         [
             (
                 NAMES[row.model],
-                f"{row.thesis[0]:g}",
-                f"{row.thesis[1]:g}",
-                number(row.fitted.e1),
-                number(row.dataset_1.e1),
-                number(row.dataset_2.e1),
+                *(f"{error:g}" for error in row.thesis),
+                number(row.fit.train[0].e1),
+                *(number(error) for error in row.errors),
                 number(row.fit.seconds),
-                verdict(row.dataset_1.e1 <= row.thesis[0], row.dataset_2.e1 <= row.thesis[1]),
+                verdict(*(error <= thesis for error, thesis in zip(row.errors, row.thesis, strict=True))),
             )
             for row in rows
         ],
     )
 
 
-def _parameters(rows: Sequence[AssessmentRow]) -> list[str]:
+def _parameters(rows: Sequence[TableRow]) -> list[str]:
     """Return the identified parameters, those that the data do not determine in brackets."""
     body = []
     for row in rows:
@@ -146,7 +140,7 @@ def _change(artifact: FractionalArtifact, data: Dataset) -> Vector:
     return predict(artifact, data.strain, step) - artifact.rest_resistance
 
 
-def _curves(rows: Sequence[AssessmentRow], model: str, data: Dataset) -> list[Curve]:
+def _curves(rows: Sequence[TableRow], model: str, data: Dataset) -> list[Curve]:
     looks = {3: (RED, "--"), 5: (BLUE, "-")}
     return [
         Curve(
@@ -160,7 +154,7 @@ def _curves(rows: Sequence[AssessmentRow], model: str, data: Dataset) -> list[Cu
     ]
 
 
-def _dataset_1(rows: Sequence[AssessmentRow], pictures: Path) -> str:
+def _dataset_1(rows: Sequence[TableRow], pictures: Path) -> str:
     data = dataset(1)
     figure, axes = panels(3, 3, (9.5, 8.0), sharey="row")
     for column, model in enumerate(NAMES):
@@ -171,7 +165,7 @@ def _dataset_1(rows: Sequence[AssessmentRow], pictures: Path) -> str:
     return save(figure, pictures, "fractional_dataset_1")
 
 
-def _dataset_2_3(rows: Sequence[AssessmentRow], repeated: dict[str, FractionalFit], pictures: Path) -> str:
+def _dataset_2_3(rows: Sequence[TableRow], repeated: dict[str, FractionalFit], pictures: Path) -> str:
     second, third = dataset(2), dataset(3)
     figure, axes = panels(4, 3, (9.5, 10.0), sharey="row")
     for column, model in enumerate(NAMES):

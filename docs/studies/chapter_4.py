@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from gossamer_models.identification import Figure, plot_plane
-from gossamer_models.identification.assess import THESIS, assess_specimen
+from gossamer_models.identification import plot_plane
 
 from . import preisach_plane
 from .compute import Results
+from .metrics import Metric, listed, number, table, verdict
+from .preisach import THESIS
 from .style import BLUE, GREEN, ORANGE, Curve, compare, panels, save, show
-from .tables import listed, number, table, verdict
 
 LOOKS = {3: (ORANGE, ":"), 5: (GREEN, "--"), 7: (BLUE, "-")}
 FITTED = 200.0  # [s]
@@ -41,21 +41,21 @@ def section(results: Results, pictures: Path) -> list[str]:
     ]
 
 
-def figures(results: Results) -> list[Figure]:
-    """Return all figures of the chapter."""
-    return [*assess_specimen(results.specimen), *results.speed]
+def metrics(results: Results) -> list[Metric]:
+    """Return all metrics of the chapter."""
+    return [*(metric for row in results.specimen for metric in row.metrics()), *results.speed]
 
 
 def _errors(results: Results) -> list[str]:
     body = []
     for row in results.specimen:
-        first, second, seconds = assess_specimen([row])
+        first, second, seconds = row.metrics()
         thesis = THESIS[row.modes]
         body.append(
             (
                 f"M = P = {row.modes}",
                 *(f"{x:g}" for x in thesis),
-                *(number(x.reached) for x in (first, second, seconds)),
+                *(number(x.value) for x in (first, second, seconds)),
                 verdict(first.met, second.met, seconds.met),
             )
         )
@@ -76,9 +76,9 @@ def _chosen(results: Results) -> str:
     """Return a sentence on the fits whose ridge was chosen without a look at what is judged."""
     parts = []
     for row in results.chosen:
-        first, second, _ = assess_specimen([row])
+        first, second, _ = row.metrics()
         ridge = f"{row.fit.settings.ridge:g}"
-        parts.append(f"M = P = {row.modes}, ridge {ridge}: {number(first.reached)} / {number(second.reached)}")
+        parts.append(f"M = P = {row.modes}, ridge {ridge}: {number(first.value)} / {number(second.value)}")
     return (
         "The ridges above are the same for all M. Chosen instead for each by predicting each half of the second "
         f"fitted cycle from what came before (`--ridge auto`), E1 is, Dataset-1 / -2, {'; '.join(parts)}."

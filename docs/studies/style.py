@@ -26,6 +26,12 @@ BLUE, RED, GREEN, ORANGE, SKY = (
     "#E69F00",
     "#56B4E9",
 )  # Okabe and Ito, colour-blind-safe
+COMPENSATORS = {  # colour and marker
+    "exact inverse": (RED, "s"),
+    "dead band of 3 deviations": (ORANGE, "^"),
+    "25-point mean": (GREEN, "D"),
+    "estimator": (BLUE, "o"),
+}
 FOLDER = "identification"
 DPI = 110
 COLOURS = 96  # of a picture: a third of the bytes, and no difference to the eye
@@ -59,7 +65,7 @@ class Curve:
 def panels(rows: int, columns: int, size: tuple[float, float], **options: Any) -> tuple[Figure, Any]:  # noqa: ANN401
     """Make a figure of equal panels in the look of the page."""
     mpl.use("Agg")
-    plt.rcParams.update(LOOK)
+    plt.style.use(LOOK)
     return plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False, **options)
 
 

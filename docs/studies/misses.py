@@ -1,13 +1,11 @@
-"""What was asked for and not reached: found from the figures, explained by hand."""
+"""Targets that were not reached: listed from the metrics, explained by hand."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
 
-from gossamer_models.identification import Figure
-
-from .tables import number
+from .metrics import Metric, number
 
 LIMITS = (  # pattern of what was asked, and why it was not reached; the first that matches
     (
@@ -57,24 +55,24 @@ LIMITS = (  # pattern of what was asked, and why it was not reached; the first t
 UNKNOWN = "What limits these is not established."
 
 
-def section(figures: Iterable[Figure]) -> list[str]:
+def section(metrics: Iterable[Metric]) -> list[str]:
     """Return the list of misses, grouped by what limits them."""
-    groups: dict[str, list[Figure]] = {}
-    for figure in figures:
-        if figure.met is False:
-            groups.setdefault(limit_of(figure), []).append(figure)
+    groups: dict[str, list[Metric]] = {}
+    for metric in metrics:
+        if metric.met is False:
+            groups.setdefault(limit_of(metric), []).append(metric)
     lines = ["", "## Asked but not reached, and what limits it", ""]
     if not groups:
         return [*lines, "Nothing."]
     for text, missed in sorted(groups.items(), key=lambda group: group[0] == UNKNOWN):
-        said = "; ".join(f"{f.what}: {number(f.reached)} for {f.asked:g} {f.unit}" for f in missed)
-        lines.append(f"- **{text}** {said}.")
+        values = "; ".join(f"{m.what}: {number(m.value)} for {m.target:g} {m.unit}" for m in missed)
+        lines.append(f"- **{text}** {values}.")
     return lines
 
 
-def limit_of(figure: Figure) -> str:
-    """Return what limits a figure."""
+def limit_of(metric: Metric) -> str:
+    """Return what limits a metric."""
     for pattern, text in LIMITS:
-        if re.search(pattern, figure.what):
+        if re.search(pattern, metric.what):
             return text
     return UNKNOWN

@@ -1,24 +1,30 @@
-"""Tables 3.1 and 3.2 of the thesis beside the same models on the SYNTHETIC specimen, and what limits each of them.
+"""Fits for chapter 3: the fractional models on the SYNTHETIC specimen, and what limits each of them.
 
 Fitted to 0..200 s of Dataset-1 and to nothing else: restraint and signs are chosen by fitting the first cycle and
-judging the second, both of the fitted stretch. Then judged, as the model stands, on the whole of Dataset-1 (to 400 s)
-and on Dataset-2.
+predicting the second, both of the fitted stretch. The model is then evaluated, as it stands, on the whole of Dataset-1
+(to 400 s) and on Dataset-2.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from gossamer_models.fractional import (
+    FractionalArtifact,
+    FractionalFit,
+    FractionalSettings,
+    UniformRecord,
+    identify_fractional,
+    integral,
+    misfit,
+)
+from gossamer_models.fractional.artifact import MODELS, ModelName
+from gossamer_models.measures import e1
+from gossamer_models.specimen import dataset
 
-from ..measures import e1
-from ..specimen import Dataset, dataset
-from .artifact import MODELS, FractionalArtifact, ModelName
-from .identify import FractionalFit, identify_fractional
-from .operators import integral
-from .records import Misfit, UniformRecord, misfit
-from .settings import FractionalSettings
+from .specimen import uniform_record
 
 THESIS = {  # error [%] on Dataset-1 and Dataset-2, Tables 3.1 and 3.2, by model and number of fractional terms
     ("model-1", 3): (1.4539, 5.1200),
@@ -36,45 +42,49 @@ CANDIDATES = tuple(
 
 
 @dataclass(frozen=True, kw_only=True)
-class AssessmentRow:
-    """One model with one number of terms.
+class TableRow:
+    """One row of Table 3.1 or 3.2.
 
     Attributes
     ----------
-    model, n_terms : str, int
-        Which one.
-    thesis : tuple of float
-        Its errors on Dataset-1 and Dataset-2 [%], on measurements that are not published.
-    fitted, dataset_1, dataset_2 : Misfit
-        On 0..200 s and 0..400 s of Dataset-1, and on Dataset-2.
-    fit : FractionalFit
-        Model, parameters, covariance, wall time.
+    model : str
+        Which fractional model.
     settings : FractionalSettings
-        What the hold-out chose.
+        Of the fit, with the number of terms.
+    fit : FractionalFit
+        To 0..200 s of Dataset-1.
+    errors : tuple of float
+        E1 [%] on the whole of Dataset-1 and on Dataset-2.
     """
 
     model: ModelName
-    n_terms: int
-    thesis: tuple[float, float]
-    fitted: Misfit
-    dataset_1: Misfit
-    dataset_2: Misfit
-    fit: FractionalFit
     settings: FractionalSettings
+    fit: FractionalFit
+    errors: tuple[float, float]
+
+    @property
+    def n_terms(self) -> int:
+        """Number of fractional terms."""
+        return self.settings.n_terms
+
+    @property
+    def thesis(self) -> tuple[float, float]:
+        """E1 [%] of the thesis on Dataset-1 and Dataset-2, on measurements that are not published."""
+        return THESIS[self.model, self.n_terms]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What no fit can go below, as E1 [%] (see ``Misfit``), with five terms of any sign and hardly any restraint.
+    """What no fit can go below, as E1 [%], with five terms of any sign and hardly any restraint.
 
     Attributes
     ----------
     noise : tuple of float
         Of the measurement noise alone, on Dataset-1 and Dataset-2.
     fitted : dict
-        Model to what it comes to on 0..200 s of Dataset-1, fitted to that and judged on that.
+        By model: fitted to 0..200 s of Dataset-1 and evaluated there.
     informed : dict
-        Model to what it comes to on all of Dataset-1, fitted to all of it.
+        By model: fitted to all of Dataset-1 and evaluated there.
     with_square : float
         On 0..200 s, of the terms of sub-model-1 as fitted there and one more, the square of strain: what the fitted
         error of the models that are linear in strain is made of.
@@ -82,7 +92,7 @@ class Limits:
         Of Dataset-2 predicted as twice the noise-free Dataset-1: its strain is twice that of Dataset-1 up to 200 s,
         so this is what a model that is linear in strain and causal reaches if it is perfect on Dataset-1.
     model_1_informed : tuple of float
-        Of model-1 fitted to all of Dataset-1 and Dataset-2 at once, each weighed by its range: what the family can do.
+        Of model-1 fitted to all of Dataset-1 and Dataset-2 at once, each weighted by its range: what the family can do.
         The rest of its error on Dataset-2 is extrapolation from 7.5 % strain to 15 %.
     """
 
@@ -94,58 +104,28 @@ class Limits:
     model_1_informed: tuple[float, float]
 
 
-def record_of(data: Dataset) -> UniformRecord:
-    """Return a SYNTHETIC dataset as a record with its stretch for fitting."""
-    return UniformRecord(
-        strain=data.strain,
-        resistance=data.resistance,
-        sampling_step=float(data.time[1] - data.time[0]),
-        rest_resistance=data.rest_resistance,
-        train=data.train,
-        name=data.name,
-    )
+def run_fractional() -> tuple[list[TableRow], dict[str, FractionalFit]]:
+    """Return the rows of Tables 3.1 and 3.2 and, by model, the fits to Dataset-3."""
+    record = uniform_record(1)
+    rows = [
+        fit_row(model, settings_by_hold_out(record, model, [replace(each, n_terms=n) for each in CANDIDATES]))
+        for n in (3, 5)
+        for model in MODELS
+    ]
+    return rows, repeat_on_dataset_3(rows)
 
 
-def assess_fractional(
-    n_terms: tuple[int, ...] = (3, 5), progress: Callable[[str], None] = lambda _: None
-) -> tuple[AssessmentRow, ...]:
-    """Fit and judge all three models.
-
-    Parameters
-    ----------
-    n_terms : tuple of int
-        Numbers of fractional terms, of 3 (Table 3.1) and 5 (Table 3.2).
-    progress : callable
-        Told what is being fitted.
-
-    Returns
-    -------
-    tuple of AssessmentRow
-        In the order of the tables.
-    """
-    first, second = record_of(dataset(1)), record_of(dataset(2))
-    rows = []
-    for n in n_terms:
-        for model in MODELS:
-            settings = choose(first, model, tuple(replace(each, n_terms=n) for each in CANDIDATES))
-            fit = identify_fractional([first], model, settings)
-            progress(f"{model}, {n} terms: {fit.train[0].e1:.2f} % fitted, {fit.seconds:.1f} s")
-            rows.append(
-                AssessmentRow(
-                    model=model,
-                    n_terms=n,
-                    thesis=THESIS[model, n],
-                    fitted=fit.train[0],
-                    dataset_1=misfit(fit.artifact, first),
-                    dataset_2=misfit(fit.artifact, second),
-                    fit=fit,
-                    settings=settings,
-                )
-            )
-    return tuple(rows)
+def fit_row(model: ModelName, settings: FractionalSettings) -> TableRow:
+    """Fit one model to 0..200 s of Dataset-1 and evaluate it on both datasets."""
+    first, second = uniform_record(1), uniform_record(2)
+    fit = identify_fractional([first], model, settings)
+    errors = (misfit(fit.artifact, first).e1, misfit(fit.artifact, second).e1)
+    return TableRow(model=model, settings=settings, fit=fit, errors=errors)
 
 
-def choose(record: UniformRecord, model: ModelName, candidates: tuple[FractionalSettings, ...]) -> FractionalSettings:
+def settings_by_hold_out(
+    record: UniformRecord, model: ModelName, candidates: Sequence[FractionalSettings]
+) -> FractionalSettings:
     """Return the settings that predict the second half of the stretch for fitting best from its first half."""
     begin, end, _ = record.train.indices(record.strain.size)
     middle = (begin + end) // 2
@@ -157,13 +137,20 @@ def choose(record: UniformRecord, model: ModelName, candidates: tuple[Fractional
     return min(candidates, key=held_out)
 
 
+def repeat_on_dataset_3(rows: Sequence[TableRow]) -> dict[str, FractionalFit]:
+    """Fit each model with its most terms, and the settings of its row, to two cycles of the SYNTHETIC Dataset-3."""
+    most = max(row.n_terms for row in rows)
+    record = uniform_record(3)
+    return {row.model: identify_fractional([record], row.model, row.settings) for row in rows if row.n_terms == most}
+
+
 def limits(starts: int = 4) -> Limits:
     """Return what limits the fractional models on the SYNTHETIC datasets, from fits with that many starts."""
     one, two = dataset(1), dataset(2)
-    first = record_of(one)
+    first = uniform_record(1)
     whole, other = (
         replace(each, train=slice(None), weight=float(np.ptp(each.resistance)) ** -2.0)
-        for each in (first, record_of(two))
+        for each in (first, uniform_record(2))
     )
     loose = FractionalSettings(restraint=1e-4, nonnegative=False, starts=starts)
     fitted = {model: identify_fractional([first], model, loose) for model in MODELS}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from . import chapter_3, chapter_4, chapter_5, measured, misses
+from . import chapter_3, chapter_4, chapter_5, chapter_measured, chapter_noise, misses
 from .compute import Results
 from .style import FOLDER
 
@@ -33,22 +33,16 @@ belongs to no fitted family, its numbers were fixed before any fit, and it is an
 errors do not mean equal difficulty. Dataset-1: two triangles to 7.5 % at 0.15 %/s, then no strain to 400 s.
 Dataset-2: two triangles to 15 % at 0.30 %/s. Dataset-3: four triangles to 7.5 %. Noise of 1.5 ohm, 0.24 % of the
 range of Dataset-1."""
+CHAPTERS = (chapter_3, chapter_4, chapter_5, chapter_measured, chapter_noise)
 
 
 def write(results: Results, docs: Path) -> None:
     """Write the page and its pictures into a folder."""
     pictures = docs / FOLDER
     lines = [HEAD]
-    for section in (
-        chapter_3.section,
-        chapter_4.section,
-        chapter_5.section,
-        measured.section,
-        chapter_5.noise_section,
-    ):
-        lines += section(results, pictures)
-    figures = [each for chapter in (chapter_3, chapter_4, chapter_5, measured) for each in chapter.figures(results)]
-    lines += misses.section(figures)
+    for chapter in CHAPTERS:
+        lines += chapter.section(results, pictures)
+    lines += misses.section(metric for chapter in CHAPTERS for metric in chapter.metrics(results))
     text = "\n".join(lines) + "\n"
     while "\n\n\n" in text:
         text = text.replace("\n\n\n", "\n\n")
