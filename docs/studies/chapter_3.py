@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_models.fractional import FractionalArtifact, FractionalFit, derivative, integral, predict
+from gossamer_models.fractional.doubts import parameters
 from gossamer_models.specimen import Dataset, dataset
 
 from .compute import Results
@@ -22,7 +23,7 @@ def section(results: Results, pictures: Path) -> list[str]:
     """Return the chapter and write its pictures."""
     lines = ["", "## Chapter 3: fractional models", *show(_operators(pictures), CAPTION_3_1)]
     for n, (name, size) in TABLES.items():
-        rows = [row for row in results.rows if row.n_terms == n]
+        rows = [row for row in results.rows if row.terms == n]
         if rows:
             lines += ["", f"### Table {name} (N = {n}, {size})", "", *_errors(rows), "", *_parameters(rows)]
     limits = results.limits
@@ -51,9 +52,7 @@ def section(results: Results, pictures: Path) -> list[str]:
 def metrics(results: Results) -> list[Metric]:
     """Return the errors beside the thesis'."""
     return [
-        Metric(
-            what=f"Dataset-{k} (synthetic), {row.model}, N = {row.n_terms}, E1", unit="%", value=value, target=target
-        )
+        Metric(what=f"Dataset-{k} (synthetic), {row.model}, N = {row.terms}, E1", unit="%", value=value, target=target)
         for row in results.rows
         for k, (value, target) in enumerate(zip(row.errors, row.thesis, strict=True), start=1)
     ]
@@ -76,7 +75,7 @@ def _errors(rows: Sequence[TableRow]) -> list[str]:
             (
                 NAMES[row.model],
                 *(f"{error:g}" for error in row.thesis),
-                number(row.fit.train[0].e1),
+                number(row.fit.errors[0].e1),
                 *(number(error) for error in row.errors),
                 number(row.fit.seconds),
                 verdict(*(error <= thesis for error, thesis in zip(row.errors, row.thesis, strict=True))),
@@ -90,7 +89,7 @@ def _parameters(rows: Sequence[TableRow]) -> list[str]:
     """Return the identified parameters, those that the data do not determine in brackets."""
     body = []
     for row in rows:
-        artifact, p = row.fit.artifact, row.fit.parameters
+        artifact, p = row.fit.artifact, {each.name: each for each in parameters(row.fit)[0]}
         for symbol, low, high in (
             ("C", 0, len(artifact.terms) + len(artifact.fading)),
             ("a", 1, len(artifact.terms)),
@@ -144,10 +143,10 @@ def _curves(rows: Sequence[TableRow], model: str, data: Dataset) -> list[Curve]:
     looks = {3: (RED, "--"), 5: (BLUE, "-")}
     return [
         Curve(
-            label=f"N = {row.n_terms}",
+            label=f"N = {row.terms}",
             values=_change(row.fit.artifact, data),
-            colour=looks[row.n_terms][0],
-            style=looks[row.n_terms][1],
+            colour=looks[row.terms][0],
+            style=looks[row.terms][1],
         )
         for row in rows
         if row.model == model

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from gossamer_models.identification import plot_plane
+from gossamer_models.sensor.plots import plot_plane
 
 from . import preisach_plane
 from .compute import Results
@@ -136,12 +136,12 @@ def _datasets(results: Results, pictures: Path) -> str:
             for row in results.specimen
         ]
         fitted = (0.0, FITTED) if k == 0 else None
-        compare(axes[:, k], record.time, record.strain, record.output, curves, fitted=fitted)
+        compare(axes[:, k], record.time, record.strain, record.resistance, curves, fitted=fitted)
         axes[0, k].set_title(record.name)
     record, fit = results.recovery.record, results.recovery.fit
     modes = fit.settings.modes
     curve = Curve(label=f"M = P = {modes}", values=fit.predicted[0], colour=BLUE)
-    compare(axes[:, 2], record.time, record.strain, record.output, [curve], fitted=(0.0, FITTED))
+    compare(axes[:, 2], record.time, record.strain, record.resistance, [curve], fitted=(0.0, FITTED))
     axes[0, 2].set_title(record.name)
     for ax in axes[:, 1:].ravel():
         ax.set_ylabel("")

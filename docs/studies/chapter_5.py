@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from gossamer_models.identification import everett
+from gossamer_models.sensor.plots import everett
 
 from .compute import Results
 from .metrics import Metric, number, table, verdict
@@ -50,7 +50,10 @@ def _everett(recovery: Recovery, pictures: Path) -> tuple[str, str]:
     fit = recovery.fit
     rise, fall = everett(fit.artifact)
     strain = 100.0 * fit.full_scale * np.linspace(0.0, 1.0, rise.shape[0])
-    up, down = fit.scale * rise.T, -fit.scale * fall  # from an extreme h1 (row) to a strain h2 (column)
+    up, down = (
+        fit.resistance_change * rise.T,
+        -fit.resistance_change * fall,
+    )  # from an extreme h1 (row) to a strain h2 (column)
     figure, axes = panels(1, 2, (9.5, 4.2))
     axes[0, 0].remove()
     solid, ax = figure.add_subplot(1, 2, 1, projection="3d"), axes[0, 1]
@@ -81,7 +84,7 @@ def _compensated(recovery: Recovery, pictures: Path) -> str:
     record, fit = recovery.record, recovery.fit
     figure, axes = panels(2, 2, (9.5, 6.2))
     loop, history, over, error = axes.ravel()
-    loop.plot(100.0 * record.strain, record.output, color=MEASURED, lw=2.2, label="measured")
+    loop.plot(100.0 * record.strain, record.resistance, color=MEASURED, lw=2.2, label="measured")
     loop.plot(100.0 * record.strain, fit.predicted[0], color=BLUE, label="model")
     loop.set(xlabel="strain [%]", ylabel="change of resistance [ohm]", title="(a) resistance")
     history.plot(recovery.time, 100.0 * recovery.strain, color=MEASURED, lw=2.2, label="applied")

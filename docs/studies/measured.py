@@ -9,19 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from gossamer_models.identification import (
-    Columns,
-    Fit,
-    FitSettings,
-    Record,
-    fit_preisach,
-    predict_output,
-    read_record,
-    recover_strain,
-    settings_for,
-)
-from gossamer_models.identification.regressors import DRIVES
-from gossamer_models.measures import nrmse
+from gossamer_models.fitting import Columns, Record, nrmse, read_record
+from gossamer_models.replay import predict_resistance, recover_strain
+from gossamer_models.sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from numpy.typing import NDArray
 
 from .metrics import Metric
@@ -29,8 +19,10 @@ from .metrics import Metric
 Vector = NDArray[np.float64]
 Targets = tuple[float | None, float | None]
 
-NYLON = Columns(strain="output", output="input", sampling_step=0.1)  # the step is assumed; the records have no clock
-CARBON = Columns(time="t_s", strain="strain", output="R_inner_ohm")
+NYLON = Columns(
+    strain="output", resistance="input", sampling_step=0.1
+)  # the step is assumed; the records have no clock
+CARBON = Columns(time="t_s", strain="strain", resistance="R_inner_ohm")
 PLANS: tuple[tuple[str, str, float, Targets, Targets | None], ...] = (
     # record, settings, part that is fitted [1], NRMSE targets [% of range] of the output, of the recovered strain
     ("strain_triangular", "nylon", 0.5, (0.8, 1.8), None),
@@ -60,7 +52,7 @@ class MeasuredFit:
         Of the record and of the model: the thesis' drives, or an extension.
     record : Record
         What was measured.
-    fit : Fit
+    fit : PreisachFit
         The sensor.
     recovered : dict
         Name of the inverse to the strain [1] it recovers, shape (m,).
@@ -71,7 +63,7 @@ class MeasuredFit:
     name: str
     model: str
     record: Record
-    fit: Fit
+    fit: PreisachFit
     recovered: dict[str, Vector]
     targets: Targets = (None, None)
     strain_targets: Targets = (None, None)
@@ -79,7 +71,7 @@ class MeasuredFit:
     def comparisons(self) -> list[Comparison]:
         """Return the errors of the output and of the strain that each inverse recovers."""
         extended = "" if self.model == "extension" else f", {self.model}"
-        pairs = [self._compare(f"forward{extended}", self.record.output, self.fit.predicted[0], self.targets)]
+        pairs = [self._compare(f"forward{extended}", self.record.resistance, self.fit.predicted[0], self.targets)]
         targets = self.strain_targets
         for inverse, strain in self.recovered.items():
             pairs.append(self._compare(f"recovered strain, {inverse}", self.record.strain, strain, targets))
@@ -123,7 +115,7 @@ class Transfer:
     def comparison(self) -> Comparison:
         """Return the error of the output."""
         what = f"{self.source} -> {self.target}, forward, {self.model}"
-        test = Metric(what=what, unit="% of range", value=nrmse(self.record.output, self.predicted))
+        test = Metric(what=what, unit="% of range", value=nrmse(self.record.resistance, self.predicted))
         return Comparison(what=what, train=None, test=test)
 
 
@@ -137,14 +129,14 @@ def measured_records(data: Path) -> dict[str, Record]:
     }
 
 
-def measured_settings() -> dict[str, FitSettings]:
+def measured_settings() -> dict[str, PreisachSettings]:
     """Return the settings for silver thread, carbon black, jagged carbon black, and with the thesis' drives alone."""
-    carbon = settings_for("preisach-hats", extension="reversing")
+    carbon = PreisachSettings.of("preisach-hats", extension="reversing")
     return {
-        "nylon": settings_for("preisach-hats", extension="gain", ridge="auto"),
+        "nylon": PreisachSettings.of("preisach-hats", extension="gain", ridge="auto"),
         "carbon": carbon,
-        "jagged": replace(carbon, drives=DRIVES, relaxations=9, signed=False, auto_ridge=True),
-        "thesis": settings_for("preisach-hats"),
+        "jagged": replace(carbon, extension="falling", relaxations=9, signed=False, ridge="auto"),
+        "thesis": PreisachSettings.of("preisach-hats"),
     }
 
 
@@ -181,14 +173,14 @@ def run_transfers(data: Path) -> list[Transfer]:
     transfers = []
     for source, target in (("strain_sin_30", "strain_triangular"), ("strain_triangular", "strain_mixed_15_25")):
         for name, model in (("thesis' drives", "thesis"), ("extension", "nylon")):
-            predicted = predict_output(_fit(records[source], settings[model], 1.0), records[target])
+            predicted = predict_resistance(_fit(records[source], settings[model], 1.0), records[target])
             transfers.append(
                 Transfer(source=source, target=target, model=name, record=records[target], predicted=predicted)
             )
     return transfers
 
 
-def _fit(record: Record, settings: FitSettings, part: float) -> Fit:
+def _fit(record: Record, settings: PreisachSettings, part: float) -> PreisachFit:
     train = np.arange(record.time.size) < round(part * record.time.size)
     full_scale = 1.0 if record.strain.max() > 0.9 else None
     return fit_preisach((record,), (train,), settings, full_scale=full_scale)

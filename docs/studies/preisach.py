@@ -1,6 +1,6 @@
 """Fits for chapter 4: the modified Preisach model on the SYNTHETIC specimen.
 
-Settings are those of ``settings_for``, the same for all M = P; what is predicted is never looked at.
+Settings are those of ``PreisachSettings.of``, the same for all M = P; what is predicted is never looked at.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from gossamer_models.identification import Fit, Record, fit_preisach, predict_output, settings_for
-from gossamer_models.measures import e1
+from gossamer_models.fitting import Record, e1
+from gossamer_models.replay import predict_resistance
+from gossamer_models.sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from numpy.typing import NDArray
 
 from .metrics import Metric
@@ -31,7 +32,7 @@ class SpecimenFit:
     ----------
     modes : int
         M = P.
-    fit : Fit
+    fit : PreisachFit
         To 0..200 s of Dataset-1.
     seconds : float
         Wall time of the fit [s].
@@ -42,7 +43,7 @@ class SpecimenFit:
     """
 
     modes: int
-    fit: Fit
+    fit: PreisachFit
     seconds: float
     records: tuple[Record, ...]
     predicted: tuple[Vector, ...]
@@ -54,7 +55,7 @@ class SpecimenFit:
             Metric(
                 what=f"{record.name}, Preisach M = P = {M}, E1 of the change",
                 unit="%",
-                value=e1(record.output, predicted, rest=0.0),
+                value=e1(record.resistance, predicted, rest=0.0),
                 target=thesis,
             )
             for record, predicted, thesis in zip(self.records, self.predicted, THESIS[M], strict=False)
@@ -63,15 +64,15 @@ class SpecimenFit:
 
 
 def run_specimen(ridge: Literal["auto"] | None = None) -> list[SpecimenFit]:
-    """Fit the modal model to 0..200 s of the SYNTHETIC Dataset-1, for every M = P; ``ridge`` as of ``settings_for``."""
+    """Fit the modal model to 0..200 s of the SYNTHETIC Dataset-1, for every M = P; ``ridge`` as of ``PreisachSettings``."""
     first, second = specimen_record(1), specimen_record(2)
     full_scale = float(second.strain.max())
     fits = []
     for M in THESIS:
-        settings = settings_for("preisach", modes=M, relaxations=M, ridge=ridge)
+        settings = PreisachSettings.of("preisach", modes=M, relaxations=M, ridge=ridge)
         begun = time.perf_counter()
-        fit = fit_preisach((first,), (first.time < 200.0,), settings, full_scale=full_scale, rest_output=0.0)
+        fit = fit_preisach((first,), (first.time < 200.0,), settings, full_scale=full_scale, rest_resistance=0.0)
         seconds = time.perf_counter() - begun
-        predicted = (predict_output(fit, first), predict_output(fit, second))
+        predicted = (predict_resistance(fit, first), predict_resistance(fit, second))
         fits.append(SpecimenFit(modes=M, fit=fit, seconds=seconds, records=(first, second), predicted=predicted))
     return fits

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from gossamer_models import Stepper, simulate
 from gossamer_models.compensator import compensator_model
-from gossamer_models.identification import Fit, Record, fit_preisach, settings_for
+from gossamer_models.fitting import Record
+from gossamer_models.sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from numpy.typing import NDArray
 
 from .metrics import Metric
@@ -28,7 +29,7 @@ class Recovery:
     ----------
     record : Record
         Four cycles, of which the first two are fitted.
-    fit : Fit
+    fit : PreisachFit
         The sensor.
     time, strain : ndarray, shape (m,)
         Times [s] and true strain [1] of the samples that the compensators see.
@@ -42,7 +43,7 @@ class Recovery:
     """
 
     record: Record
-    fit: Fit
+    fit: PreisachFit
     time: Vector
     strain: Vector
     predicted: NDArray[np.bool_]
@@ -71,13 +72,13 @@ def run_recovery() -> Recovery:
     record = specimen_record(3)
     train = record.time < 200.0
     full_scale = float(record.strain.max())
-    settings = settings_for("preisach", modes=7, relaxations=7)
-    fit = fit_preisach((record,), (train,), settings, full_scale=full_scale, rest_output=0.0)
+    settings = PreisachSettings.of("preisach", modes=7, relaxations=7)
+    fit = fit_preisach((record,), (train,), settings, full_scale=full_scale, rest_resistance=0.0)
     steps = np.diff(record.time)
-    output = {"resistance": (record.output[1:] - fit.offset) / fit.scale + SHIFT}
+    output = {"resistance": (record.resistance[1:] - fit.rest_resistance) / fit.resistance_change + SHIFT}
     scales = {"rest_resistance": SHIFT, "full_scale_resistance_change": 1.0, "full_scale_strain": full_scale}
     inverse = Stepper(compensator_model(fit.artifact), **scales)
-    estimator = Stepper(compensator_model(fit.artifact, "estimator"), noise=NOISE / fit.scale, **scales)
+    estimator = Stepper(compensator_model(fit.artifact, "estimator"), noise=NOISE / fit.resistance_change, **scales)
     inverse.initialize()
     estimator.initialize()
     exact = simulate(inverse, steps, output, ("strain",))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from gossamer_models.identification import Fit, fit_preisach, settings_for
+from gossamer_models.sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
@@ -28,11 +28,11 @@ def run_speed() -> list[Metric]:
     neighbours, and the median counts.
     """
     record = specimen_record(1)
-    settings = settings_for("preisach", starts=1)
+    settings = PreisachSettings.of("preisach", starts=1)
     full_scale = float(record.strain.max())
 
-    def whole() -> Fit:
-        return fit_preisach((record,), (record.time < 200.0,), settings, full_scale=full_scale, rest_output=0.0)
+    def whole() -> PreisachFit:
+        return fit_preisach((record,), (record.time < 200.0,), settings, full_scale=full_scale, rest_resistance=0.0)
 
     fit = whole()
     solver, problem = fit.solver, fit.solver.problem

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ParameterError
-from .fitting.errors import Errors, nrmse, stretch_errors
+from .fitting.errors import Errors, nrmse
 from .fitting.plots import RECORD_PICTURES
 from .fitting.reading import Columns, read_records
-from .fitting.records import Record, training_rows
+from .fitting.records import training_rows
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
@@ -44,8 +44,6 @@ class Identified:
     ----------
     fit : PreisachFit or FractionalFit
         The fit.
-    records : tuple of Record
-        The records, of which the training stretches were fitted.
     errors : tuple of Errors
         Training and test stretch of every record.
     remarks : tuple of str
@@ -53,7 +51,6 @@ class Identified:
     """
 
     fit: Fit
-    records: tuple[Record, ...]
     errors: tuple[Errors, ...]
     remarks: tuple[str, ...] = ()
 
@@ -152,7 +149,7 @@ def identify_files(
     fit: Fit
     if isinstance(settings, FractionalSettings):
         fit = fit_fractional(records, rows, settings, progress=progress, **given)
-        doubted = fractional_doubts(fit, records)
+        doubted = fractional_doubts(fit)
         stated = {"settings": repr(settings)}
     else:
 
@@ -160,7 +157,7 @@ def identify_files(
             progress(f"{start}, step {iteration}: error {error:.3f} % of range")
 
         fit = fit_preisach(records, rows, settings, watch=watch, **given)
-        doubted = preisach_doubts(fit, records)
+        doubted = preisach_doubts(fit)
         if settings.ridge == "auto":
             chosen = f"The ridge {fit.settings.ridge:g} predicts the later parts of the training stretch best."
             doubted = (chosen, *doubted)
@@ -170,14 +167,10 @@ def identify_files(
             "offset": repr(fit.rest_resistance),
             "scale": repr(fit.resistance_change),
         }
-    errors = tuple(
-        each
-        for record, predicted, kept in zip(records, fit.predicted, rows, strict=True)
-        for each in stretch_errors(record, predicted, kept, fit.rest_resistance)
-    )
+    errors = fit.errors
     if isinstance(fit, PreisachFit):
         progress("recovering the strain")
-        errors = _with_strain_errors(errors, fit, records)
+        errors = _with_strain_errors(fit)
     provenance = {
         "data": ", ".join(record.name for record in records),
         "origin": origin,
@@ -192,7 +185,7 @@ def identify_files(
     repairs = tuple(f"{record.name}: {text}." for record in records for text in record.repairs)
     artifact: Any = replace(fit.artifact, provenance=provenance)
     fit = replace(fit, artifact=artifact)
-    return Identified(fit=fit, records=records, errors=errors, remarks=(*repairs, *doubted))
+    return Identified(fit=fit, errors=errors, remarks=(*repairs, *doubted))
 
 
 def save_pictures(result: Identified, folder: Path) -> list[Path]:
@@ -205,7 +198,7 @@ def save_pictures(result: Identified, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     pictures: dict[str, Any] = {
         f"{Path(record.name).stem}_{name}": plot(record, predicted, train)
-        for record, predicted, train in zip(result.records, result.fit.predicted, result.fit.train, strict=True)
+        for record, predicted, train in zip(result.fit.records, result.fit.predicted, result.fit.train, strict=True)
         for name, plot in RECORD_PICTURES.items()
     }
     if isinstance(result.fit, PreisachFit):
@@ -216,13 +209,11 @@ def save_pictures(result: Identified, folder: Path) -> list[Path]:
     return [folder / f"{name}.png" for name in pictures]
 
 
-def _with_strain_errors(
-    errors: tuple[Errors, ...], fit: PreisachFit, records: tuple[Record, ...]
-) -> tuple[Errors, ...]:
-    """Return errors with those of the strain that the compensator recovers from the measured resistance."""
+def _with_strain_errors(fit: PreisachFit) -> tuple[Errors, ...]:
+    """Return the errors of a fit with those of the strain that the compensator recovers from the measured resistance."""
     of_strain: dict[tuple[str, str], float] = {}
-    for record, rows in zip(records, fit.train, strict=True):
+    for record, rows in zip(fit.records, fit.train, strict=True):
         recovered, size = recover_strain(fit, record), float(np.ptp(record.strain))
         for stretch, part in (("train", rows), ("test", ~rows)):
             of_strain[record.name, stretch] = nrmse(record.strain[part], recovered[part], size)
-    return tuple(replace(each, strain_nrmse=of_strain[each.record, each.stretch]) for each in errors)
+    return tuple(replace(each, strain_nrmse=of_strain[each.record, each.stretch]) for each in fit.errors)

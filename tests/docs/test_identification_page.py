@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from gossamer_models.fractional import FractionalSettings
-from gossamer_models.identification import FitSettings, fit_preisach
+from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
 from studies import chapter_measured, misses, noise, preisach_plane
 from studies.compute import Results
 from studies.fractional import fit_row, limits, repeat_on_dataset_3
@@ -33,12 +33,14 @@ def results():
     estimator = ways[-1]
     wrong = [replace(estimator, how="estimator, strain known 0 times", eta_error=error) for error in (-0.02, 0.02)]
     record = specimen_record(3)
-    settings = FitSettings(modes=1, relaxations=1, n_lines=8, starts=1)
-    fit = fit_preisach((record,), (record.time < 200.0,), settings, rest_output=0.0)
+    settings = PreisachSettings(modes=1, relaxations=1, n_lines=8, starts=1)
+    fit = fit_preisach((record,), (record.time < 200.0,), settings, rest_resistance=0.0)
     both = (specimen_record(1), specimen_record(2))
-    quick = FractionalSettings(n_terms=3, starts=1)
-    rows = [fit_row(model, quick) for model in ("model-1", "sub-model-1", "sub-model-2")]
-    row = SpecimenFit(modes=3, fit=fit, seconds=1.0, records=both, predicted=tuple(0.9 * each.output for each in both))
+    models = ("model-1", "sub-model-1", "sub-model-2")
+    rows = [fit_row(FractionalSettings(model=model, terms=3, starts=1)) for model in models]
+    row = SpecimenFit(
+        modes=3, fit=fit, seconds=1.0, records=both, predicted=tuple(0.9 * each.resistance for each in both)
+    )
     return Results(
         specimen=[row],
         chosen=[row],

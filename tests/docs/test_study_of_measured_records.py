@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gossamer_models.identification import fit_preisach, predict_output, read_record, recover_strain, settings_for
-from gossamer_models.measures import e1, nrmse
+from gossamer_models.fitting import e1, nrmse, read_record
+from gossamer_models.identify import settings_for
+from gossamer_models.replay import predict_resistance, recover_strain
+from gossamer_models.sensor.fit import fit_preisach
 from studies.measured import CARBON, NYLON, measured_settings
 from studies.specimen import specimen_record
 
@@ -23,7 +25,7 @@ def percent(measured, found, rows):
 
 def forward_and_back(fit, record):
     """Return errors of the output, fitted and predicted, and of the recovered strain [% of range]."""
-    pairs = ((record.output, fit.predicted[0]), (record.strain, recover_strain(fit, record)))
+    pairs = ((record.resistance, fit.predicted[0]), (record.strain, recover_strain(fit, record)))
     return [percent(a, b, rows) for a, b in pairs for rows in (fit.train[0], ~fit.train[0])]
 
 
@@ -31,8 +33,8 @@ def forward_and_back(fit, record):
 def test_the_specimen_is_fitted_better_than_the_thesis_fits_its_own(modes, thesis):
     record = specimen_record(1)
     settings = settings_for("preisach", modes=modes, relaxations=modes, starts=1)
-    fit = fit_preisach((record,), (record.time < 200.0,), settings, full_scale=0.15, rest_output=0.0)
-    assert e1(record.output, predict_output(fit, record), rest=0.0) < min(thesis, 1.4)
+    fit = fit_preisach((record,), (record.time < 200.0,), settings, full_scale=0.15, rest_resistance=0.0)
+    assert e1(record.resistance, predict_resistance(fit, record), rest=0.0) < min(thesis, 1.4)
 
 
 @needs_data
@@ -60,7 +62,7 @@ def test_loops_that_grow_need_a_gain():
         settings = settings_for("preisach-hats", extension=extension, ridge="auto", starts=1)
         fit = fit_preisach((record,), leading(record, 0.5), settings, full_scale=1.0)
         reached[extension] = [
-            percent(record.output, predict_output(fit, record), r) for r in (fit.train[0], ~fit.train[0])
+            percent(record.resistance, predict_resistance(fit, record), r) for r in (fit.train[0], ~fit.train[0])
         ]
     assert (np.array(reached["gain"]) < [0.8, 1.8]).all(), reached
     assert reached["none"][1] > 2.0, reached
@@ -78,6 +80,6 @@ def test_a_sensor_known_to_have_rested_is_predicted_in_another_file():
     for earlier in (False, True):
         settings = settings_for("preisach-hats", starts=1, earlier=earlier)
         fit = fit_preisach((source,), leading(source, 1.0), settings, full_scale=1.0)
-        off[earlier] = nrmse(target.output, predict_output(fit, target))
+        off[earlier] = nrmse(target.resistance, predict_resistance(fit, target))
     assert off[False] < 4.5
     assert off[True] > 2.0 * off[False]

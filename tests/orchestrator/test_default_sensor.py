@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gossamer_models import Stepper
-from gossamer_models.identification import Columns, fit_preisach, read_record, settings_for
-from gossamer_models.identification.records import Record
+from gossamer_models.fitting import Columns, Record, read_record
+from gossamer_models.identify import settings_for
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
+from gossamer_models.sensor.fit import fit_preisach
 from gossamer_orchestrator.cli import app
 from typer.testing import CliRunner
 
@@ -57,12 +58,12 @@ def test_the_command_it_states_makes_it_again(tmp_path, monkeypatch):
 
 @needs_data
 def test_run_on_the_data_it_has_the_errors_it_states():
-    record = read_record(DATA / STATED["data"], Columns(strain="output", output="input", sampling_step=0.1))
+    record = read_record(DATA / STATED["data"], Columns(strain="output", resistance="input", sampling_step=0.1))
     y = respond(record.strain / float(STATED["full_scale_strain"]), 0.1)
-    error = float(STATED["offset"]) + float(STATED["scale"]) * y - record.output
+    error = float(STATED["offset"]) + float(STATED["scale"]) * y - record.resistance
     half, found = record.time.size // 2, {}
     for stretch, part in (("train", error[:half]), ("test", error[half:])):
-        found[stretch] = 100.0 * np.sqrt(np.mean(part**2)) / np.ptp(record.output)
+        found[stretch] = 100.0 * np.sqrt(np.mean(part**2)) / np.ptp(record.resistance)
         assert f"NRMSE {found[stretch]:.3f} %" in STATED[f"{record.name} {stretch}"]
     assert found["train"] < 0.93  # what an earlier fit of the same record reached
     assert found["test"] < 2.08
@@ -99,13 +100,13 @@ def test_what_made_it_finds_it_again_in_its_own_output_if_nothing_pulls():
         name="own output",
         time=np.arange(strain.size, dtype=float),
         strain=strain,
-        output=3.0 + 2.0 * respond(strain, 1.0),
+        resistance=3.0 + 2.0 * respond(strain, 1.0),
         lines=np.arange(strain.size),
     )
     settings = settings_for("preisach-hats", knots=6, relaxations=1, tau=(20.0,), exponents=(0.5,), starts=1)
-    settings = replace(settings, ridge=1e-6, relaxation_ridge=1e-6, kernel_stiffness=1e-6, eta_stiffness=1e-4)
-    fit = fit_preisach((record,), (np.arange(strain.size) < 400,), settings, full_scale=1.0, rest_output=3.0)
-    error = (fit.predicted[0] - record.output) / np.ptp(record.output)
+    settings = replace(settings, ridge=1e-6, kernel_stiffness=1e-6, eta_stiffness=1e-4)
+    fit = fit_preisach((record,), (np.arange(strain.size) < 400,), settings, full_scale=1.0, rest_resistance=3.0)
+    error = (fit.predicted[0] - record.resistance) / np.ptp(record.resistance)
     mu, nu = fit.artifact.tables()
     assert np.sqrt(np.mean(error[:400] ** 2)) < 2e-4
     assert np.sqrt(np.mean(error[400:] ** 2)) < 1e-3
@@ -113,4 +114,4 @@ def test_what_made_it_finds_it_again_in_its_own_output_if_nothing_pulls():
     found = {term.power: term.amplitude for term in fit.artifact.relaxation}
     assert found[1] == pytest.approx(default_artifact().relaxation[0].amplitude, rel=0.1)
     assert found.get(0, 0.0) < 1e-4
-    assert fit.scale == pytest.approx(2.0, rel=2e-3)
+    assert fit.resistance_change == pytest.approx(2.0, rel=2e-3)

@@ -3,8 +3,8 @@
 import fmpy
 import numpy as np
 import pytest
+from gossamer_models.fitting import read_record
 from gossamer_models.fractional import FractionalArtifact, predict
-from gossamer_models.identification import read_record
 from gossamer_models.sensor import SensorArtifact
 from gossamer_orchestrator.cli import app
 from typer.testing import CliRunner
@@ -123,8 +123,8 @@ def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
     assert artifact.relaxation
     assert {(round(t.rate ** (-1.0 / t.exponent), 9), t.exponent) for t in artifact.relaxation} <= known
     assert "without holds" in artifact.provenance["doubts"]
-    assert "least_spring=0.3" in artifact.provenance["settings"]
-    assert "n_knots=4" in artifact.provenance["settings"]
+    assert "least_slope=0.3" in artifact.provenance["settings"]
+    assert "knots=4" in artifact.provenance["settings"]
 
 
 def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):

@@ -81,18 +81,20 @@ class Errors:
     strain_nrmse: float | None = None
 
 
-def stretch_errors(record: Record, predicted: Vector, train: Rows, rest_resistance: float) -> tuple[Errors, ...]:
-    """Return the errors of a prediction, shape (m,), on the fitted samples of a record and on its other ones."""
-    size = float(np.ptp(record.resistance))
+def stretch_errors(
+    records: tuple[Record, ...], predicted: tuple[Vector, ...], train: tuple[Rows, ...], rest_resistance: float
+) -> tuple[Errors, ...]:
+    """Return the errors of a prediction on the fitted samples of every record and on its other ones, where there are any."""
     return tuple(
         Errors(
             record=record.name,
             stretch=stretch,
             samples=int(rows.sum()),
-            e1=e1(record.resistance[rows], predicted[rows], rest=rest_resistance),
-            nrmse=nrmse(record.resistance[rows], predicted[rows], size),
+            e1=e1(record.resistance[rows], output[rows], rest=rest_resistance),
+            nrmse=nrmse(record.resistance[rows], output[rows], float(np.ptp(record.resistance))),
         )
-        for stretch, rows in (("train", train), ("test", ~train))
+        for record, output, fitted in zip(records, predicted, train, strict=True)
+        for stretch, rows in (("train", fitted), ("test", ~fitted))
         if rows.any()
     )
 

@@ -42,6 +42,19 @@ class Record:
     weight: float = 1.0
     repairs: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        table = [self.time, self.strain, self.resistance]
+        problem = None
+        if len({column.shape for column in table}) > 1 or self.time.ndim != 1:
+            problem = f"its columns have shapes {', '.join(str(column.shape) for column in table)}: need equal columns"
+        elif not np.isfinite(table).all():
+            problem = f"row {int(np.argmin(np.isfinite(table).all(axis=0)))} holds a value that is not finite"
+        elif not self.weight > 0.0:
+            problem = f"its weight is {self.weight:g}; leave a record out instead"
+        if problem is not None:
+            msg = f"cannot use record {self.name!r}: {problem}."
+            raise DataError(msg)
+
 
 def training_rows(record: Record, train: str) -> NDArray[np.bool_]:
     """Return which samples to fit.
@@ -87,6 +100,9 @@ def check_rest(rest_resistance: float | None) -> None:
 
 def strain_range(records: Sequence[Record], full_scale: float | None) -> float:
     """Return the full scale [1], the largest strain if none is given; refuse strain outside it."""
+    if not records:
+        msg = "there is no record to fit. Give at least one."
+        raise DataError(msg)
     if full_scale is None:
         return max(float(r.strain.max()) for r in records)
     if not 0.0 < full_scale <= LARGEST_STRAIN:

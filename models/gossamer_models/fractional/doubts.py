@@ -57,13 +57,13 @@ def parameters(fit: FractionalFit) -> tuple[tuple[Parameter, ...], Matrix]:
     ), C
 
 
-def doubts(fit: FractionalFit, records: tuple[Record, ...]) -> tuple[str, ...]:
+def doubts(fit: FractionalFit) -> tuple[str, ...]:
     """Return what was assumed and what the data do not determine, one sentence each."""
-    sentences = [_uneven(record) for record in records]
+    sentences = [_uneven(record) for record in fit.records]
     if fit.rest_fitted:
         advice = "If the sensor had rested, give the resistance at rest."
         rest, full_scale = fit.rest_resistance, fit.artifact.full_scale_strain
-        sentences += [rest_doubt(record, rest, full_scale, advice) for record in records]
+        sentences += [rest_doubt(record, rest, full_scale, advice) for record in fit.records]
     known, C = parameters(fit)
     loose = [each.name for each in known if not each.determined]
     if loose:

@@ -25,6 +25,7 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from ..errors import DataError
+from ..fitting.errors import Errors, stretch_errors
 from ..fitting.records import Record, check_rest, in_equal_steps, strain_range
 from ..fitting.separable import Derivative, SeparableProblem
 from .artifact import FadingTerm, FractionalArtifact, FractionalTerm
@@ -47,6 +48,8 @@ class FractionalFit:
         The model.
     settings : FractionalSettings
         How it was fitted; the range of times of the memory covers the records.
+    records : tuple of Record
+        What was fitted.
     predicted : tuple of ndarray
         Resistance [ohm] at the samples of every record.
     train : tuple of ndarray of bool
@@ -67,6 +70,7 @@ class FractionalFit:
 
     artifact: FractionalArtifact
     settings: FractionalSettings
+    records: tuple[Record, ...]
     predicted: tuple[Vector, ...]
     train: tuple[Rows, ...]
     theta: Vector
@@ -80,6 +84,11 @@ class FractionalFit:
     def rest_resistance(self) -> float:
         """Resistance [ohm] of the unstrained sensor at rest, given or fitted."""
         return self.artifact.rest_resistance
+
+    @property
+    def errors(self) -> tuple[Errors, ...]:
+        """Errors on the training and the test stretch of every record."""
+        return stretch_errors(self.records, self.predicted, self.train, self.rest_resistance)
 
 
 def fit_fractional(
@@ -145,7 +154,7 @@ def fit_fractional(
     ]
     low, high = np.array(bounds).T
     costs, points = [], []
-    for k, start in enumerate(_starts(low, high, settings)):
+    for k, start in enumerate(random_starts(low, high, settings)):
         with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
             solution = least_squares(
                 problem.residual,
@@ -174,6 +183,7 @@ def fit_fractional(
     return FractionalFit(
         artifact=artifact,
         settings=settings,
+        records=records,
         predicted=tuple(predict_record(artifact, record) for record in records),
         train=train,
         theta=theta,
@@ -226,7 +236,7 @@ def _problem(
     )
 
 
-def _starts(low: Vector, high: Vector, settings: FractionalSettings) -> Iterator[Vector]:
+def random_starts(low: Vector, high: Vector, settings: FractionalSettings) -> Iterator[Vector]:
     """Draw starting points: orders spread over their range, the others uniform in the logarithm."""
     rng, n = np.random.default_rng(settings.seed), settings.terms
     for _ in range(settings.starts):
@@ -269,10 +279,7 @@ def _check(record: Record, rows: Rows, settings: FractionalSettings) -> None:
     strain, resistance = record.strain[rows], record.resistance[rows]
     n_parameters = 1 + 3 * (settings.terms + settings.n_fading)
     problem = None
-    if not (np.isfinite(record.strain).all() and np.isfinite(record.resistance).all()):
-        row = int(np.argmin(np.isfinite(record.strain) & np.isfinite(record.resistance)))
-        problem = f"row {row} holds a value that is not finite"
-    elif strain.size < 2 * n_parameters:
+    if strain.size < 2 * n_parameters:
         problem = f"{strain.size} samples are too few for up to {n_parameters} parameters: give twice as many"
     elif not (np.ptp(strain) > 0.0 and np.ptp(resistance) > 0.0):
         problem = "strain or resistance is constant where it is to be fitted"

@@ -45,7 +45,7 @@ def parameters(fit: PreisachFit) -> tuple[Parameter, ...]:
     )
 
 
-def doubts(fit: PreisachFit, records: tuple[Record, ...]) -> tuple[str, ...]:
+def doubts(fit: PreisachFit) -> tuple[str, ...]:
     """Return what the data cannot decide, one sentence each."""
     sentences = []
     if not fit.solutions[0].converged:
@@ -58,8 +58,8 @@ def doubts(fit: PreisachFit, records: tuple[Record, ...]) -> tuple[str, ...]:
             "The errors take what was relaxing before a record began as known. FMUs start at rest and do not know it."
         )
     else:
-        sentences += [rest_doubt(r, fit.rest_resistance, fit.full_scale, REST_ADVICE) for r in records]
-    held = [_held(record, rows) for record, rows in zip(records, fit.train, strict=True) if rows.any()]
+        sentences += [rest_doubt(r, fit.rest_resistance, fit.full_scale, REST_ADVICE) for r in fit.records]
+    held = [_held(record, rows) for record, rows in zip(fit.records, fit.train, strict=True) if rows.any()]
     if fit.settings.relaxations and max(held) < LEAST_HOLD:
         sentences.append(
             f"The strain is at rest for {100.0 * max(held):.1f} % of the training stretch: without holds, eta and slow "

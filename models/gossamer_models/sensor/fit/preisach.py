@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fitting.constrained import GaussNewton, Solution
+from ...fitting.errors import Errors, stretch_errors
 from ...fitting.records import Record, check_rest, strain_range
 from ..artifact import DirectInverse, Scales, SensorArtifact
 from .inverse import inverse_settings, turn
@@ -47,6 +48,8 @@ class PreisachFit:
         Resistance of a record [ohm] = rest_resistance + resistance_change * normalised output.
     x : ndarray, shape (n,)
         Parameters.
+    records : tuple of Record
+        What was fitted.
     predicted : tuple of ndarray
         Resistance [ohm] that the artifact gives for every record, with what was relaxing before it began.
     train : tuple of ndarray of bool
@@ -65,11 +68,17 @@ class PreisachFit:
     rest_resistance: float
     resistance_change: float
     x: Vector
+    records: tuple[Record, ...]
     predicted: tuple[Vector, ...]
     train: tuple[NDArray[np.bool_], ...]
     solutions: tuple[Solution, ...]
     solver: GaussNewton
     blocks: tuple[Block, ...] = field(repr=False)
+
+    @property
+    def errors(self) -> tuple[Errors, ...]:
+        """Errors on the training and the test stretch of every record."""
+        return stretch_errors(self.records, self.predicted, self.train, self.rest_resistance)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -140,6 +149,7 @@ def fit_preisach(
         rest_resistance=y0 * unit,
         resistance_change=rise * unit,
         x=x,
+        records=records,
         predicted=tuple(
             unit * (y0 + rise * normalised_output(artifact, s) + s.V @ earlier) for s in regression.stretches
         ),
