@@ -22,7 +22,7 @@ from gossamer_orchestrator import (
 )
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import split_indices
-from gossamer_orchestrator.scenario_files import find_scenario
+from gossamer_orchestrator.scenario.shipped import find_scenario
 from typer.testing import CliRunner
 
 HOST = Path(__file__).with_name("container_host.py")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from gossamer_orchestrator.graph import find_cycle, sort_components
+from gossamer_orchestrator.scenario.graph import find_cycle, sort_components
 from hypothesis import given
 from hypothesis import strategies as st
 

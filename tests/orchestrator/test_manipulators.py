@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gossamer_orchestrator.manipulators import Channel
-from gossamer_orchestrator.scenario import Connection
+from gossamer_orchestrator.run.channel import Channel
+from gossamer_orchestrator.scenario.schema import Connection
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -196,7 +196,7 @@ def test_another_run_follows_a_fatal_one(fmus, chain):
 
 
 def test_every_instance_is_freed_when_a_run_fails(chain, fmus, monkeypatch):
-    from gossamer_orchestrator import instance
+    from gossamer_orchestrator.fmi import instance, slave
 
     freed = []
     close = instance.Instance.close
@@ -205,7 +205,7 @@ def test_every_instance_is_freed_when_a_run_fails(chain, fmus, monkeypatch):
     with pytest.raises(SimulationError):
         run_scenario(scenario, fmus)
     assert sorted(freed) == ["integral", "source"]
-    assert instance._logs == {}
+    assert slave._logs == {}
 
 
 class Interrupter:

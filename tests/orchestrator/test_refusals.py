@@ -11,11 +11,11 @@ from gossamer_orchestrator import (
     FmuFile,
     Recorder,
     ScenarioError,
-    archive,
     load_scenario,
     make_plan,
     parse_scenario,
 )
+from gossamer_orchestrator.fmi import archive
 
 INTEGRAL = '[components.integral]\nfmu = "integrator"'
 WIRE = '[[connections]]\nfrom = "source.y"\nto = "integral.u"'

@@ -8,8 +8,10 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_orchestrator import ResultsError, judge, plots
-from gossamer_orchestrator.report import doubts, history_table, judgements, windows, zone_table
+from gossamer_orchestrator import ResultsError, judge
+from gossamer_orchestrator.results import plots
+from gossamer_orchestrator.results.judgements import doubts, judgements, windows
+from gossamer_orchestrator.results.tables import history_table, zone_table
 from rich.console import Console
 
 

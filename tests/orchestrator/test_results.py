@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from gossamer_orchestrator import ProgressBar, ResultsError, load_results, run_scenario
-from gossamer_orchestrator.results import _arrange, save_results
+from gossamer_orchestrator.results.dataset import arrange
+from gossamer_orchestrator.results.files import save_results
 from rich.console import Console
 
 
@@ -44,7 +45,7 @@ def test_elements_become_dimensions_with_their_indices_as_labels():
     labels += [("m.s[2]", "1", "Strain at sensor 2, x = 1"), ("m.s[4]", "1", "Strain at sensor 4, x = 1")]
     labels += [("d.s[1]", "1", ""), ("m.y", "Pa", "scalar")]
     table = np.arange(20.0).reshape(2, 10)
-    data = _arrange(np.array([0.0, 1.0]), table, labels)
+    data = arrange(np.array([0.0, 1.0]), table, labels)
     assert data["m.w"].dims == ("time", "w_i", "w_j")
     assert data["m.w"].sel(w_i=2, w_j=1).values.tolist() == [3.0, 13.0]
     assert data["m.s"].sel(s_index=4).values.tolist() == [7.0, 17.0]
@@ -55,7 +56,7 @@ def test_elements_become_dimensions_with_their_indices_as_labels():
 
 
 def test_a_mixture_of_a_scalar_and_elements_of_one_name_is_kept_apart():
-    data = _arrange(np.zeros(1), np.ones((1, 3)), [("a.x", "1", ""), ("a.x[1]", "1", ""), ("a.x[2]", "1", "")])
+    data = arrange(np.zeros(1), np.ones((1, 3)), [("a.x", "1", ""), ("a.x[1]", "1", ""), ("a.x[2]", "1", "")])
     assert set(data.data_vars) == {"a.x", "a.x[1]", "a.x[2]"}
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gossamer_orchestrator import judge, load_results, load_scenario, make_plan, parse_scenario, run_scenario
-from gossamer_orchestrator.report import judgements
-from gossamer_orchestrator.scenario_files import shipped_scenarios
+from gossamer_orchestrator.results.judgements import judgements
+from gossamer_orchestrator.scenario.shipped import shipped_scenarios
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ import pytest
 from gossamer_orchestrator import (
     OrchestratorError,
     ScenarioError,
-    archive,
     export_ssp,
     make_plan,
     open_ssp,
@@ -20,7 +19,8 @@ from gossamer_orchestrator import (
     run_scenario,
 )
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.scenario_files import find_scenario
+from gossamer_orchestrator.fmi import archive
+from gossamer_orchestrator.scenario.shipped import find_scenario
 from lxml import etree
 from typer.testing import CliRunner
 
@@ -131,7 +131,7 @@ def test_a_scenario_comes_back_from_its_ssp_as_the_same_plan(fmus, tmp_path):
         for key in ("title", "step", "start", "stop", "master", "order", "record", "connections"):
             assert getattr(again, key) == getattr(scenario, key)
         assert list(again.components) == list(scenario.components)
-        for key in ("name", "start", "wires", "sent", "recorded"):
+        for key in ("name", "start", "connections", "sent", "recorded"):
             assert [getattr(c, key) for c in after.components] == [getattr(c, key) for c in before.components]
         assert after.columns == before.columns
 
