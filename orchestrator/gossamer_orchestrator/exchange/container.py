@@ -18,14 +18,18 @@ import hashlib
 import logging
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from fmu_manipulation_toolbox.container import FMUContainer, FMUContainerError
+from fmu_manipulation_toolbox.operations import FMUError
+from lxml import etree
+
 from ..errors import ScenarioError
 from ..fmi.archive import check_target, write_archive
-from ..fmi.units import POWERS, factors
+from ..fmi.units import conversion, powers
 from ..scenario.plan import Plan, make_plan
 from ..scenario.schema import Scenario
 from ..scenario.source import Problems
@@ -56,7 +60,7 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
     Raises
     ------
     ScenarioError
-        The scenario is wrong, or does what a container cannot; every such key with its line.
+        The scenario is wrong, or has keys that a container cannot express; each with its line.
     """
     out = Path(out)
     check_target(out, ".fmu")
@@ -68,21 +72,18 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
             f"{out.name!r} cannot be the name of an FMU's binary. Use letters, digits and underscores, no digit first."
         )
         raise ScenarioError(msg)
-    plan = make_plan(scenario, Path(fmus))
-    try:
+    with closing(make_plan(scenario, Path(fmus))) as plan:
         if out.resolve() in [file.path.resolve() for file in plan.files]:
             msg = f"{out} is one of the scenario's FMUs. Name another file with --out."
             raise ScenarioError(msg)
-        _refuse_unable(plan)
+        _refuse_inexpressible(plan)
         with TemporaryDirectory(prefix="gossamer-") as folder:
             write_archive(out, _build(plan, Path(folder), out.stem, fmi))
-    finally:
-        plan.close()
     return out
 
 
-def _refuse_unable(plan: Plan) -> None:
-    """Report every key that a container has no means for."""
+def _refuse_inexpressible(plan: Plan) -> None:
+    """Report every key that a container cannot express."""
     problems = Problems(plan.scenario.source)
     for i, _ in enumerate(plan.scenario.events):
         problems.add(("events", i), "a container has no events. Remove it; let the host change the container's input.")
@@ -93,36 +94,40 @@ def _refuse_unable(plan: Plan) -> None:
     problems.raise_if_any()
 
 
+class Container(FMUContainer):  # type: ignore[misc]
+    """A container with start values that a host can replace, and with a completed model description."""
+
+    def __init__(self, name: str, folder: Path, plan: Plan, fmi: int) -> None:
+        super().__init__(name, folder, fmi_version=fmi)
+        self.plan, self.fmi = plan, fmi
+        self.start_time, self.stop_time = plan.scenario.start, plan.scenario.stop
+
+    def make_fmu_txt(self, *args: Any, **options: Any) -> None:  # noqa: ANN401
+        """Write the configuration such that inputs get their start values once.
+
+        fmucontainer 2.0 sets those of inputs again when initialization ends, over what the host has set by then.
+        """
+        inputs = [c.port for c in self.start_values if c.port.causality == "input"]
+        for port in inputs:
+            port.causality = "parameter"
+        super().make_fmu_txt(*args, **options)
+        for port in inputs:
+            port.causality = "input"
+
+    def make_fmu_package(self, base_directory: Path, _name: Path) -> None:
+        """Complete the model description and read what is to be packed."""
+        text = self.plan.scenario.source.text
+        if text:
+            (base_directory / "documentation/scenario.toml").write_text(text, encoding="utf-8")
+        _mend(base_directory, self.plan, self.fmi)
+        self.members = _members(base_directory)
+
+
 def _build(plan: Plan, folder: Path, name: str, fmi: int) -> dict[str, bytes]:
     """Let fmucontainer merge the FMUs, and return the files of the archive."""
-    from fmu_manipulation_toolbox.container import FMUContainer, FMUContainerError
-    from fmu_manipulation_toolbox.operations import FMUError
-
-    class Container(FMUContainer):  # type: ignore[misc]
-        """Ours in start values and in how the archive is finished."""
-
-        def make_fmu_txt(self, *args: Any, **options: Any) -> None:  # noqa: ANN401
-            """Write the configuration such that inputs get their start values once.
-
-            fmucontainer 2.0 sets those of inputs again when initialization ends, over what the host has set by then.
-            """
-            inputs = [c.port for c in self.start_values if c.port.causality == "input"]
-            for port in inputs:
-                port.causality = "parameter"
-            super().make_fmu_txt(*args, **options)
-            for port in inputs:
-                port.causality = "input"
-
-        def make_fmu_package(self, base_directory: Path, _name: Path) -> None:
-            if plan.scenario.source.text:
-                (base_directory / "documentation/scenario.toml").write_text(plan.scenario.source.text, encoding="utf-8")
-            _mend(base_directory, plan, fmi)
-            self.members = _members(base_directory)
-
     with _complaints() as complaints:
         try:
-            container = Container(name, folder, fmi_version=fmi)
-            container.start_time, container.stop_time = plan.scenario.start, plan.scenario.stop
+            container = Container(name, folder, plan, fmi)
             _wire(container, plan)
             container.make_fmu(
                 f"{name}.fmu", plan.scenario.step, sequential=plan.scenario.master == "gauss-seidel", profiling=False
@@ -130,7 +135,8 @@ def _build(plan: Plan, folder: Path, name: str, fmi: int) -> dict[str, bytes]:
         except (FMUContainerError, FMUError) as error:
             complaints.append(str(error))
     if complaints:
-        msg = f"{plan.scenario.source.name}: fmucontainer says: {'; '.join(complaints)}. Correct the scenario or its FMUs."
+        what = f"fmucontainer reports: {'; '.join(complaints)}"
+        msg = f"{plan.scenario.source.name}: {what}. Correct the scenario or its FMUs."
         raise ScenarioError(msg)
     return dict(container.members)
 
@@ -162,8 +168,6 @@ def _wire(container: Any, plan: Plan) -> None:  # noqa: ANN401
 
 def _mend(folder: Path, plan: Plan, fmi: int) -> None:
     """Complete the model description: units, ranges, recorded outputs, and an identifier from the content."""
-    from lxml import etree
-
     path = folder / "modelDescription.xml"
     tree = etree.parse(path)
     root = tree.getroot()
@@ -187,7 +191,10 @@ def _mend(folder: Path, plan: Plan, fmi: int) -> None:
         if real is None:
             continue
         unit = fmu.unit(name)
-        if unit is not None and _same(units.setdefault(unit, fmu.units.get(unit)), fmu.units.get(unit)):
+        definition = fmu.unit_definition(name)
+        if unit is not None and (
+            units.setdefault(unit, definition) is definition or conversion(units[unit], definition) == (1.0, 0.0)
+        ):
             real.set("unit", unit)
         for key in ("min", "max", "nominal"):
             value = getattr(fmu.variables[name], key)
@@ -203,29 +210,20 @@ def _mend(folder: Path, plan: Plan, fmi: int) -> None:
     tree.write(path, encoding="utf-8", xml_declaration=True, pretty_print=True)
 
 
-def _same(a: Any, b: Any) -> bool:  # noqa: ANN401
-    """Tell whether two unit definitions mean the same."""
-    return a is b or factors(a, b) == (1.0, 0.0)
-
-
 def _definitions(units: dict[str, Any]) -> Any:  # noqa: ANN401
     """Write unit definitions, the same in FMI 2 and 3."""
-    from lxml import etree
-
     element = etree.Element("UnitDefinitions")
     for name, base in units.items():
         unit = etree.SubElement(element, "Unit", name=name)
         if base is not None:
-            powers = {power: str(getattr(base, power)) for power in POWERS if getattr(base, power)}
+            exponents = {name: str(power) for name, power in powers(base).items()}
             scale = {k: repr(getattr(base, k)) for k, d in (("factor", 1.0), ("offset", 0.0)) if getattr(base, k) != d}
-            etree.SubElement(unit, "BaseUnit", {**powers, **scale})
+            etree.SubElement(unit, "BaseUnit", exponents | scale)
     return element
 
 
 def _structure(root: Any, fmi: int) -> None:  # noqa: ANN401
     """List the outputs anew."""
-    from lxml import etree
-
     structure = root.find("ModelStructure")
     structure.clear()
     outputs = [(i, v) for i, v in enumerate(root.find("ModelVariables"), start=1) if v.get("causality") == "output"]

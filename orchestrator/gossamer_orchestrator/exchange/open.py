@@ -8,7 +8,6 @@ from pathlib import Path
 
 from ..scenario.load import load_scenario
 from ..scenario.schema import Scenario
-from .ssp.reader import open_ssp
 
 
 @contextmanager
@@ -21,6 +20,8 @@ def open_scenario(path: Path, *, step: float | None = None, stop: float | None =
         See ``load_scenario`` and ``open_ssp``.
     """
     if path.suffix == ".ssp":
+        from .ssp.reader import open_ssp  # loads pyssp-standard, which a TOML file does not need
+
         with open_ssp(path, step=step, stop=stop) as scenario:
             yield scenario
     else:

@@ -95,6 +95,10 @@ class FmuFile:
         declared = variable.declaredType.unit if variable.declaredType is not None else None
         return variable.unit or declared
 
+    def unit_definition(self, name: str) -> Any:  # noqa: ANN401
+        """Return FMPy's ``BaseUnit`` of a variable's unit, or None."""
+        return self.units.get(self.unit(name) or "")
+
     def feedthrough(self) -> dict[str, list[str]]:
         """List, for each output, the inputs it depends on at the same instant; undeclared means all of them."""
         inputs = self.names("input")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..fmi import units
 from ..fmi.file import FmuFile
+from ..fmi.units import conversion, mismatch
 from ..names import split_endpoint, suggest
 from .schema import Connection, Scenario
 from .source import Problems
@@ -73,15 +73,16 @@ def _explain_endpoint(endpoint: str, causality: str, files: Mapping[str, FmuFile
 
 
 def _check_units(i: int, connection: Connection, files: Mapping[str, FmuFile], problems: Problems) -> None:
-    a, b = files[connection.sender], files[connection.receiver]
-    names, definitions = (a.unit(connection.output), b.unit(connection.input)), (a.units, b.units)
-    difference = units.mismatch(*names, definitions)
-    if difference is None:
+    sender, receiver = files[connection.sender], files[connection.receiver]
+    a, b = sender.unit_definition(connection.output), receiver.unit_definition(connection.input)
+    difference = mismatch(sender.unit(connection.output), a, receiver.unit(connection.input), b)
+    converted = conversion(a, b)
+    if difference is None or (converted and (connection.gain is not None or connection.bias is not None)):
         return
-    remedy = units.conversion(*names, definitions)
-    if remedy is not None and (connection.gain is not None or connection.bias is not None):
-        return
-    advice = "Connect variables of one unit." if remedy is None else f"Convert with {remedy}."
+    advice = "Connect variables of one unit."
+    if converted:
+        gain, bias = converted
+        advice = f"Convert with gain = {gain:g}{f', bias = {bias:g}' if bias else ''}."
     problems.add(
         ("connections", i, "to"), f"units of {connection.origin!r} and {connection.target!r}: {difference}. {advice}"
     )

@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 from urllib.parse import unquote
 
+from lxml import etree
+from pyssp_standard.ssd import SSD
+
 from ...errors import ScenarioError
 
 STRUCTURE = "SystemStructure.ssd"
@@ -43,26 +46,24 @@ class SspFiles:
 
     def parse(self, path: Path) -> Any:  # noqa: ANN401
         """Return an XML file as lxml's tree. Nothing is expanded and no other file is read."""
-        from lxml import etree
-
         parser = etree.XMLParser(
             resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
         )
         try:
             tree = etree.parse(path, parser)
         except (OSError, etree.XMLSyntaxError) as error:
-            self.refuse(f"{path.name} is no XML: {error}", "Write the archive again")
+            self.refuse(f"{path.name} is not XML: {error}", "Write the archive again")
         if tree.docinfo.internalDTD is not None:
             self.refuse(
-                f"{path.name} has a document type definition, with which a file can blow up or read others",
-                "SSP uses none, so it is not read; do not trust it",
+                f"{path.name} has a document type definition, which can make a small file huge or read other files",
+                "SSP needs none. The archive is not read; do not trust it",
             )
         return tree
 
     def read(self, kind: Any, path: Path) -> Any:  # noqa: ANN401
         """Read an XML file with one of pyssp-standard's classes.
 
-        It is parsed here first and written back without what could harm and what pyssp-standard 0.9 stumbles over:
+        It is parsed here first and written back without what could do harm and what pyssp-standard 0.9 cannot read:
         comments, and a default experiment that does not state both times.
         """
         tree = self.parse(path)
@@ -78,8 +79,6 @@ class SspFiles:
 
     def schema_reason(self, path: Path) -> str | None:
         """Say where a system structure first departs from SSP's schema; None if it does not."""
-        from pyssp_standard.ssd import SSD
-
         try:
             SSD(path, mode="r").__check_compliance__()
         except Exception as error:

@@ -1,4 +1,4 @@
-"""What the system structure of an SSP says: its FMUs, its connectors, what feeds them, and the values given to them.
+"""The content of an SSP's system structure: its FMUs, its connectors, what feeds them, and the values given to them.
 
 Symbols: a *node* is a connector, ``(place, name)``, where ``place`` names the elements from the root system down to its
 owner; ``feeds`` leads from a node to the one that feeds it; ``values`` holds what parameter bindings give to nodes.
@@ -14,8 +14,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from pyssp_standard.ssd import Component, System
+
 from ...fmi.file import FmuFile
-from ...fmi.units import factors
+from ...fmi.units import conversion
 from ...scenario.schema import Value
 from .files import SspFiles
 from .parameters import Given, convert, definitions, read_bindings
@@ -31,7 +33,7 @@ Node = tuple[Place, str]
 
 @dataclass(frozen=True)
 class Feed:
-    """What feeds a node; units are converted before gain and bias, unless the connection says no."""
+    """The source of a node; units are converted before gain and bias, unless the connection suppresses it."""
 
     feeder: Node
     gain: float
@@ -71,7 +73,7 @@ class Network:
         self._systems: list[Place] = []
         self._read_system(ssd.system, root.find("{*}System"), (), definitions(files, ssd.units))
         if not self.fmus:
-            files.refuse("it holds no FMU", "There is nothing to run")
+            files.refuse("it holds no FMU", "Add one")
 
     def chain(self, node: Node) -> list[Node]:
         """List the nodes from one back to where its signal begins."""
@@ -79,7 +81,9 @@ class Network:
         while chain[-1] in self.feeds:
             chain.append(self.feeds[chain[-1]].feeder)
             if chain[-1] in chain[:-1]:
-                self.files.refuse(f"connectors feed each other in a circle at {text(node)!r}", "Cut it")
+                self.files.refuse(
+                    f"connectors feed each other in a circle at {dotted(node)!r}", "Remove one of their connections"
+                )
         return chain
 
     def transfer(self, chain: list[Node]) -> tuple[float, float]:
@@ -87,7 +91,7 @@ class Network:
         unit, gain, bias = self.units.get(chain[-1]), 1.0, 0.0
         for node in reversed(chain[:-1]):
             feed, own = self.feeds[node], self.units.get(node)
-            factor, offset = (factors(unit, own) if feed.converts else None) or (1.0, 0.0)
+            factor, offset = (conversion(unit, own) if feed.converts else None) or (1.0, 0.0)
             gain, bias = feed.gain * factor * gain, feed.gain * (factor * bias + offset) + feed.bias
             unit = unit if own is None else own
         return gain, bias
@@ -102,7 +106,7 @@ class Network:
             start = variable.start if variable.causality == "input" else None
             return None if start is None else convert(variable.type, start)
         if variable.type == "Enumeration":
-            self.files.refuse(f"{text(node)!r} is an enumeration", "Leave it at the FMU's start value")
+            self.files.refuse(f"{dotted(node)!r} is an enumeration", "Leave it at the FMU's start value")
         value = given.converted(self.units.get(chain[-1]))
         if not isinstance(value, float):
             return value
@@ -111,8 +115,6 @@ class Network:
 
     def _read_system(self, system: Any, element: Any, place: Place, units: dict[str, Any]) -> None:  # noqa: ANN401
         """Read a system, its elements first: bindings of a higher level replace those of a lower one."""
-        from pyssp_standard.ssd import Component, System
-
         self._systems.append(place)
         self._read_connectors(system.connectors, place, units)
         for child, xml in zip(system.elements, element.iterfind("{*}Elements/*"), strict=True):
@@ -131,7 +133,7 @@ class Network:
         label, kind, source = ".".join(place), component.component_type, component.source or ""
         if kind not in _FMU_TYPES or not source.endswith(".fmu"):
             what = repr(source if kind in _FMU_TYPES else kind)
-            self.files.refuse(f"component {label!r} is no FMU but {what}", "Put FMUs in its place")
+            self.files.refuse(f"component {label!r} is not an FMU but {what}", "Replace it by FMUs")
         path = self.files.find(source, f"the source of component {label!r}")
         same = [fmu for fmu in self.fmus.values() if fmu.path == path]
         fmu = self.fmus[place] = same[0] if same else FmuFile(path)
@@ -142,11 +144,11 @@ class Network:
             name += "_"
         self.names[place] = name
         if name != label:
-            logger.warning("%s: component %r is called %r here", self.files.name, label, name)
+            logger.warning("%s: component %r is renamed to %r", self.files.name, label, name)
         self._read_connectors(component.connectors, place, units)
         for variable, description in fmu.variables.items():
             self.kinds[place, variable] = description.causality
-            unit = fmu.units.get(fmu.unit(variable) or "")
+            unit = fmu.unit_definition(variable)
             if unit is not None:
                 self.units[place, variable] = unit
         self._set(read_bindings(self.files, component.parameter_bindings, f"component {label!r}"), place)
@@ -162,13 +164,13 @@ class Network:
         """Read a connection, which may be written in either direction."""
         start: Node = self._child(place, connection.start_element), connection.start_connector
         end: Node = self._child(place, connection.end_element), connection.end_connector
-        label = f"connection {text(start)!r} to {text(end)!r}"
+        label = f"connection {dotted(start)!r} to {dotted(end)!r}"
         sends = []
         for node in (start, end):
             kind = self.kinds.get(node)
             if kind not in _SENDS:
                 what = "is not there" if kind is None else f"is of kind {kind!r}"
-                self.files.refuse(f"{label}: {text(node)!r} {what}", "Connect an output to an input")
+                self.files.refuse(f"{label}: {dotted(node)!r} {what}", "Connect an output to an input")
             sends.append(_SENDS[kind or ""] != (node[0] == place))  # seen from inside, a system's input sends
         if sends == [False, True]:
             start, end = end, start
@@ -177,14 +179,14 @@ class Network:
                 f"{label} joins two {'outputs' if sends[0] else 'inputs'}", "Connect an output to an input"
             )
         if end in self.feeds:
-            self.files.refuse(f"{text(end)!r} is connected twice", "Remove one of its connections")
+            self.files.refuse(f"{dotted(end)!r} is connected twice", "Remove one of its connections")
         gain, bias = 1.0, 0.0
         for child in xml:
             tag = child.tag.rpartition("}")[2]
             if tag == "LinearTransformation":
                 gain, bias = float(child.get("factor", 1.0)), float(child.get("offset", 0.0))
             elif tag.endswith("Transformation"):
-                self.files.refuse(f"{label} has a {tag}", "Only linear transformations of Reals can be run")
+                self.files.refuse(f"{label} has a {tag}", "Use a linear transformation of Reals")
         self.feeds[end] = Feed(start, gain, bias, xml.get("suppressUnitConversion") not in ("true", "1"))
 
     def _child(self, place: Place, element: str | None) -> Place:
@@ -196,7 +198,7 @@ class Network:
             node = self._node(place, name)
             if node is None:
                 label = ".".join((*place, name))
-                logger.warning("%s: there is no %r to give a value to; it is ignored", self.files.name, label)
+                logger.warning("%s: a value is given to %r, which is not there; it is ignored", self.files.name, label)
             else:
                 self.values[node] = given
 
@@ -208,6 +210,6 @@ class Network:
         return next((node for node in found if node is not None), None)
 
 
-def text(node: Node) -> str:
+def dotted(node: Node) -> str:
     """Write a node as messages show it."""
     return ".".join((*node[0], node[1]))

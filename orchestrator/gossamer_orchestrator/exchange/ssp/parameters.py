@@ -9,7 +9,10 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from ...fmi.units import POWERS, factors
+from pyssp_standard.ssm import SSM, SSMElem
+from pyssp_standard.ssv import SSV
+
+from ...fmi.units import POWERS, conversion
 from ...scenario.schema import Value
 from .files import SspFiles
 
@@ -21,7 +24,7 @@ _MAPPING = "application/x-ssp-parameter-mapping"
 
 @dataclass(frozen=True)
 class Given:
-    """A value, the definition of its unit if it has one, and what is done to a Real once its unit is the receiver's."""
+    """A value, the definition of its unit or None, and gain and bias of a Real whose unit is converted."""
 
     value: Value
     unit: Any = None
@@ -32,14 +35,12 @@ class Given:
         """Return the value for a receiver with a unit."""
         if not isinstance(self.value, float):
             return self.value
-        factor, offset = factors(self.unit, unit) or (1.0, 0.0)
+        factor, offset = conversion(self.unit, unit) or (1.0, 0.0)
         return self.gain * (factor * self.value + offset) + self.bias
 
 
 def read_bindings(files: SspFiles, bindings: Iterable[Any] | None, owner: str) -> dict[str, Given]:
     """Return the values that the bindings of a component or system give, by name; later ones replace earlier ones."""
-    from pyssp_standard.ssv import SSV
-
     found: dict[str, Given] = {}
     for binding in bindings or ():
         label = f"a parameter binding of {owner}"
@@ -106,8 +107,6 @@ def _parameters(files: SspFiles, values: Any, prefix: str, label: str) -> dict[s
 
 def _renamed(files: SspFiles, found: dict[str, Given], mapping: Any, label: str) -> dict[str, Given]:  # noqa: ANN401
     """Rename and transform values; what a mapping does not name keeps its name, as OMSimulator does it."""
-    from pyssp_standard.ssm import SSM, SSMElem
-
     _check(files, mapping, _MAPPING, f"the mapping of {label}")
     if mapping.source:
         entries = files.read(SSM, files.find(mapping.source, f"the mapping of {label}")).ssm_elem.entries
@@ -119,14 +118,14 @@ def _renamed(files: SspFiles, found: dict[str, Given], mapping: Any, label: str)
     for entry in entries:
         given = found.get(entry.source)
         if given is None:
-            text = "%s: the mapping of %s has no %r to give to %r; it is ignored"
+            text = "%s: the mapping of %s gives %r to %r, but no such value is given; it is ignored"
             logger.warning(text, files.name, label, entry.source, entry.target)
             continue
         gain, bias = 1.0, 0.0
         if entry.transformation is not None:
             kind, numbers = entry.transformation.transformation_type, entry.transformation.transformation
             if kind != "LinearTransformation" or not isinstance(given.value, float):
-                files.refuse(f"the mapping to {entry.target!r} has a {kind}", "Only linear ones of Reals can be run")
+                files.refuse(f"the mapping to {entry.target!r} has a {kind}", "Use a linear transformation of a Real")
             gain, bias = float(numbers.get("factor") or 1.0), float(numbers.get("offset") or 0.0)
         unit = None if entry.suppress_unit_conversion in (True, "true", "1") else given.unit
         renamed[entry.target] = Given(given.value, unit, gain, bias)

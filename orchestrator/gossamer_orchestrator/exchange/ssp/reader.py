@@ -9,11 +9,13 @@ from __future__ import annotations
 import json
 import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from pyssp_standard.ssd import SSD
 
 from ...errors import OrchestratorError, ScenarioError
 from ...fmi.archive import check_archive, unpack
@@ -23,7 +25,7 @@ from ...scenario.load import make_scenario
 from ...scenario.schema import Scenario, Value
 from ...scenario.source import Source
 from .files import ANNOTATION, KEPT, STRUCTURE, SspFiles
-from .network import Network, text
+from .network import Network, dotted
 
 logger = logging.getLogger(__name__)
 
@@ -47,7 +49,7 @@ def open_ssp(path: Path, *, step: float | None = None, stop: float | None = None
     Raises
     ------
     ScenarioError
-        The archive is dangerous or damaged, or says what this program cannot do; with the name at fault.
+        The archive is dangerous or damaged, or needs what this program cannot do; the message names the part.
     """
     path = Path(path)
     check_archive(path, kind="SSP", needs=STRUCTURE, failure=ScenarioError)
@@ -67,8 +69,6 @@ def open_ssp(path: Path, *, step: float | None = None, stop: float | None = None
 
 def _read_scenario(files: SspFiles, step: float | None, stop: float | None) -> Scenario:
     """Read the structure and put the scenario together."""
-    from pyssp_standard.ssd import SSD
-
     ssd = files.read(SSD, files.folder / STRUCTURE)
     if ssd.system is None:
         files.refuse("its system structure holds no system", "Ask its author for a complete one")
@@ -80,12 +80,13 @@ def _read_scenario(files: SspFiles, step: float | None, stop: float | None) -> S
         content |= _order(network, connections)
     experiment = ssd.default_experiment
     start = 0.0 if experiment is None or math.isnan(experiment.start_time) else experiment.start_time
-    last = None if experiment is None or math.isnan(experiment.stop_time) else experiment.stop_time
+    if stop is None and experiment is not None and not math.isnan(experiment.stop_time):
+        stop = experiment.stop_time
     content |= {
         "title": ssd.base_element.description or "",
         "start": start,
         "step": _step(network, root) if step is None else step,
-        "stop": (_stop(network, start) if last is None else last) if stop is None else stop,
+        "stop": _preferred(network, "stopTime", "stop time", max, above=start) if stop is None else stop,
         "components": _components(network, {c["to"] for c in connections}),
         "connections": connections,
     }
@@ -93,7 +94,7 @@ def _read_scenario(files: SspFiles, step: float | None, stop: float | None) -> S
 
 
 def _connections(network: Network) -> list[dict[str, Any]]:
-    """Follow what feeds every FMU's input to where it begins."""
+    """Follow every FMU's input back to the output that feeds it."""
     connections = []
     for node, feed in network.feeds.items():
         chain = network.chain(node)
@@ -101,7 +102,7 @@ def _connections(network: Network) -> list[dict[str, Any]]:
         if node[0] not in network.fmus or first[0] not in network.fmus:
             continue
         if (network.kinds[first], network.kinds[node]) != ("output", "input"):
-            label = f"{text(first)!r} to {text(node)!r}"
+            label = f"{dotted(first)!r} to {dotted(node)!r}"
             network.files.refuse(f"connection {label} sets a parameter", "Give the parameter a value instead")
         gain, bias = network.transfer(chain)
         ends = ((end, f"{network.names[place]}.{v}") for end, (place, v) in (("from", first), ("to", node)))
@@ -115,7 +116,7 @@ def _connections(network: Network) -> list[dict[str, Any]]:
 def _components(network: Network, connected: set[str]) -> dict[str, Any]:
     for node in network.values:
         if node[0] in network.fmus and network.kinds[node] not in ("input", "parameter"):
-            what = f"a value is given to {text(node)!r}, which is of kind {network.kinds[node]!r}"
+            what = f"a value is given to {dotted(node)!r}, which is of kind {network.kinds[node]!r}"
             network.files.refuse(what, "Only inputs and parameters can be given values")
     components = {}
     for place, fmu in network.fmus.items():
@@ -130,7 +131,7 @@ def _components(network: Network, connected: set[str]) -> dict[str, Any]:
 
 
 def _order(network: Network, connections: list[dict[str, Any]]) -> dict[str, Any]:
-    """Choose an order where FMUs feed each other in a circle; SSP does not state one."""
+    """Choose an order if FMUs feed each other in a circle, because SSP does not state one."""
     feeds: dict[str, list[str]] = {name: [] for name in network.names.values()}
     for connection in connections:
         feeds[split_endpoint(connection["from"])[0]].append(split_endpoint(connection["to"])[0])
@@ -160,27 +161,20 @@ def _step(network: Network, root: Any) -> float:  # noqa: ANN401
     """Return the step that the archive states for libcosim or OMSimulator, else the smallest that an FMU prefers."""
     for algorithm in root.iter("{*}FixedStepAlgorithm", "{*}FixedStepMaster"):
         return float(algorithm.get("baseStepSize") or algorithm.get("stepSize"))
-    steps = _preferred(network, "stepSize")
-    if not steps:
-        network.files.refuse("neither it nor its FMUs state a step", "Name one with --step")
-    logger.warning(
-        "%s states no step: %g s, the smallest of its FMUs. Or name one with --step", network.files.name, min(steps)
-    )
-    return min(steps)
+    return _preferred(network, "stepSize", "step", min)
 
 
-def _stop(network: Network, start: float) -> float:
-    """Return the last time that an FMU prefers; the archive states none."""
-    times = [time for time in _preferred(network, "stopTime") if time > start]
-    if not times:
-        network.files.refuse("neither it nor its FMUs state a stop time", "Name one with --stop")
-    logger.warning(
-        "%s states no stop time: %g s, from its FMUs. Or name one with --stop", network.files.name, max(times)
-    )
-    return max(times)
-
-
-def _preferred(network: Network, key: str) -> list[float]:
+def _preferred(
+    network: Network, key: str, name: str, choose: Callable[[list[float]], float], above: float = 0.0
+) -> float:
+    """Return what the FMUs prefer of a number that the archive does not state."""
     experiments = [fmu.description.defaultExperiment for fmu in network.fmus.values()]
-    found = [getattr(experiment, key, None) for experiment in experiments]
-    return [float(text) for text in found if text is not None]
+    found = [float(number) for e in experiments if (number := getattr(e, key, None)) is not None]
+    numbers = [number for number in found if number > above]
+    option = name.split()[0]
+    if not numbers:
+        network.files.refuse(f"neither it nor its FMUs state a {name}", f"Name one with --{option}")
+    chosen = choose(numbers)
+    message = "%s states no %s: %g s is taken, the %s of its FMUs. Another can be named with --%s"
+    logger.warning(message, network.files.name, name, chosen, "smallest" if choose is min else "largest", option)
+    return chosen

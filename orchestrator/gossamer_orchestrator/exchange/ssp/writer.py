@@ -10,12 +10,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from lxml import etree
+from pyssp_standard.common_content_ssc import Annotation, TypeReal
+from pyssp_standard.parameter_types import ParameterType
+from pyssp_standard.ssd import SSD, Component, Connection, Connector, DefaultExperiment, ParameterBinding, System
+from pyssp_standard.ssv import Parameter, SSVElem
+from pyssp_standard.transformation_types import Transformation
+from pyssp_standard.unit import BaseUnit, Unit
+from pyssp_standard.utils import register_namespaces
+
 from ...fmi.archive import check_target, write_archive
 from ...fmi.file import FmuFile
-from ...fmi.units import POWERS
+from ...fmi.units import powers
 from ...scenario import schema
 from ...scenario.plan import ComponentPlan, Plan, make_plan
 from ...scenario.source import Problems
@@ -45,30 +55,25 @@ def export_ssp(scenario: schema.Scenario, fmus: Path, out: Path) -> Path:
     Raises
     ------
     ScenarioError
-        The scenario is wrong, or says what SSP cannot; every such key with its line.
+        The scenario is wrong, or has keys that SSP cannot express; each with its line.
     """
     out = Path(out)
     check_target(out, ".ssp")
-    plan = make_plan(scenario, Path(fmus))
-    try:
-        _refuse_unsayable(plan)
+    with closing(make_plan(scenario, Path(fmus))) as plan:
+        _refuse_inexpressible(plan)
         sources = _sources(plan.files)
         members = {STRUCTURE: _structure(plan, sources)}
         members |= {source: file.path.read_bytes() for file, source in sources.items()}
-    finally:
-        plan.close()
     write_archive(out, members)
     return out
 
 
-def _refuse_unsayable(plan: Plan) -> None:
-    """Report every key that SSP has no words for."""
+def _refuse_inexpressible(plan: Plan) -> None:
+    """Report every key that SSP cannot express."""
     scenario = plan.scenario
     problems = Problems(scenario.source)
     for i, _ in enumerate(scenario.events):
-        problems.add(
-            ("events", i), "SSP knows no events. Remove it, or give the value it sets as an input from the start."
-        )
+        problems.add(("events", i), "SSP has no events. Remove it, or give its value as an input from the start.")
     for i, connection in enumerate(scenario.connections):
         for key in ("noise", "dropout"):
             if getattr(connection, key) is not None:
@@ -80,8 +85,8 @@ def _refuse_unsayable(plan: Plan) -> None:
                 table = "inputs" if variable.causality == "input" else "parameters"
                 problems.add(
                     ("components", component.name, table, name),
-                    f"{component.name}.{name} = {value!r} is a {variable.type}, and only Reals can be given in an SSP that "
-                    f"other tools read. Leave it at the FMU's start value, {variable.start!r}.",
+                    f"{component.name}.{name} = {value!r} is a {variable.type}, but other tools read only Reals "
+                    f"from an SSP. Leave it at the FMU's start value, {variable.start!r}.",
                 )
     problems.raise_if_any()
 
@@ -99,11 +104,6 @@ def _sources(files: Iterable[FmuFile]) -> dict[FmuFile, str]:
 
 def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     """Write the system structure through pyssp-standard."""
-    from lxml import etree
-    from pyssp_standard.common_content_ssc import Annotation
-    from pyssp_standard.ssd import SSD, DefaultExperiment, System
-    from pyssp_standard.utils import register_namespaces
-
     scenario = plan.scenario
     register_namespaces()
     ssd = SSD(STRUCTURE, mode="w")
@@ -132,11 +132,6 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
 
 def _component(plan: ComponentPlan, sources: dict[FmuFile, str], units: Any) -> Any:  # noqa: ANN401
     """Describe one component: its Real inputs and outputs, the parameters that are set, and their values."""
-    from pyssp_standard.common_content_ssc import TypeReal
-    from pyssp_standard.parameter_types import ParameterType
-    from pyssp_standard.ssd import Component, Connector, ParameterBinding
-    from pyssp_standard.ssv import Parameter, SSVElem
-
     component = Component()
     component.name, component.source = plan.name, sources[plan.fmu]
     component.component_type = "application/x-fmu-sharedlibrary"
@@ -162,13 +157,10 @@ def _component(plan: ComponentPlan, sources: dict[FmuFile, str], units: Any) -> 
 
 def _declare_unit(fmu: FmuFile, unit: str | None, units: Any) -> str | None:  # noqa: ANN401
     """Define a unit in the system structure; None if it has no definition or means something else there already."""
-    from pyssp_standard.unit import BaseUnit, Unit
-
     base = fmu.units.get(unit or "")
     if unit is None or base is None:
         return None
-    powers = {name: getattr(base, name) for name in POWERS if getattr(base, name)}
-    definition = BaseUnit(powers)
+    definition = BaseUnit(powers(base))
     if base.factor != 1.0:
         definition.factor = base.factor
     if base.offset:
@@ -182,9 +174,6 @@ def _declare_unit(fmu: FmuFile, unit: str | None, units: Any) -> str | None:  # 
 
 def _connection(connection: schema.Connection) -> Any:  # noqa: ANN401
     """Describe one connection."""
-    from lxml import etree
-    from pyssp_standard.ssd import Connection
-    from pyssp_standard.transformation_types import Transformation
 
     class Transformed(Connection):  # type: ignore[misc]
         """A connection whose transformation is written; pyssp-standard 0.9 forgets it."""
@@ -208,9 +197,6 @@ def _connection(connection: schema.Connection) -> Any:  # noqa: ANN401
 
 def _osp_step(step: float) -> Any:  # noqa: ANN401
     """Write the step as libcosim reads it."""
-    from lxml import etree
-    from pyssp_standard.common_content_ssc import Annotation
-
     annotation = Annotation(_OSP)
     algorithm = etree.SubElement(annotation.root, f"{{{_OSP_NAMESPACE}}}Algorithm", nsmap={"osp": _OSP_NAMESPACE})
     etree.SubElement(algorithm, f"{{{_OSP_NAMESPACE}}}FixedStepAlgorithm", baseStepSize=repr(step))

@@ -15,7 +15,7 @@ from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_mode
 from gossamer_orchestrator.cli import app
 from typer.testing import CliRunner
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "nylon_silver"
+DATA = Path(__file__).resolve().parents[4] / "shared" / "data" / "nylon_silver"
 needs_data = pytest.mark.skipif(not DATA.exists(), reason=f"measured data are not here: {DATA}")
 STATED = default_artifact().provenance
 
