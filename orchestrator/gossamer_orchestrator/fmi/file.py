@@ -7,6 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import fmpy
+
 from ..errors import FmuError
 from .archive import check_archive, unpack
 
@@ -35,8 +37,6 @@ class FmuFile:
     """
 
     def __init__(self, path: Path) -> None:
-        import fmpy
-
         self.path = Path(path)
         check_archive(self.path)
         try:
@@ -142,8 +142,6 @@ class FmuFile:
 
 def library_path(folder: Path, description: Any) -> Path:  # noqa: ANN401
     """Return where an unpacked FMU, FMI 2.0 or 3.0 for co-simulation, has its binary for this machine."""
-    import fmpy
-
     platform = fmpy.platform if description.fmiVersion.startswith("2") else fmpy.platform_tuple
     name = f"{description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
     return folder / "binaries" / str(platform) / name

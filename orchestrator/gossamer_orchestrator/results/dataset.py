@@ -12,16 +12,14 @@ import re
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from os.path import commonprefix
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from ..names import split_endpoint, split_indices
 from ..scenario.plan import ComponentPlan, Plan
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SCHEMA, VERSION = "gossamer.results", 1
 
@@ -83,8 +81,6 @@ def arrange(
     time: NDArray[np.float64], table: NDArray[np.float64], labels: Iterable[tuple[str, str, str]]
 ) -> xr.Dataset:
     """Group the columns of a table into variables; ``labels`` are name, unit and description of each column."""
-    import xarray as xr
-
     groups: dict[str, list[tuple[tuple[int, ...], int]]] = {}
     units: dict[str, str] = {}
     descriptions: dict[str, list[str]] = {}

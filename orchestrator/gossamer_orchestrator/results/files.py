@@ -8,15 +8,12 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from ..errors import ResultsError
 from .dataset import SCHEMA, VERSION, arrange
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 NETCDF, CSV = "results.nc", "results.csv"
 
@@ -75,8 +72,6 @@ def load_results(path: Path) -> xr.Dataset:
     ResultsError
         There is nothing, or not what ``save_results`` wrote.
     """
-    import xarray as xr
-
     path = Path(path)
     if path.is_dir():
         path = path / NETCDF

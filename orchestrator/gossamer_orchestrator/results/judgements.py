@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from ..errors import ResultsError
 from .roles import find, need
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 LEAST_SIMILARITY = 0.5  # of a valid judgement, by the interface of the detector
 

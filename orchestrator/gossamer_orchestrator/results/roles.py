@@ -6,13 +6,11 @@ Their FMUs' model names tell. Results without them, such as a CSV file, are read
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+
+import xarray as xr
 
 from ..errors import ResultsError
 from ..names import split_endpoint, split_indices
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def find_all(data: xr.Dataset, role: str) -> list[str]:

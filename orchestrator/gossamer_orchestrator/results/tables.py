@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.table import Table
 
 from .judgements import Judgement
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 
 def zone_table(judgement: Judgement) -> Table:
     """Draw true and estimated damage as the membrane is seen: zone 1 lower left, x to the right, y up."""
-    from rich.table import Table
-
     side = math.isqrt(judgement.true.size)
     table = Table(
         title=f"Damage at t = {judgement.time:.4f} s, true -> estimated [%]",
@@ -40,8 +35,6 @@ def zone_table(judgement: Judgement) -> Table:
 
 def history_table(ended: list[Judgement]) -> Table:
     """Draw a row per window: its errors and the zone it suspects most."""
-    from rich.table import Table
-
     table = Table(title="Judgements")
     for heading in (
         r"t \[s]",  # [s] would strike the rest through

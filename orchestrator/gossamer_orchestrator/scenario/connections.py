@@ -13,9 +13,9 @@ from .source import Problems
 
 def check_connections(
     scenario: Scenario, files: Mapping[str, FmuFile], problems: Problems
-) -> tuple[dict[str, list[Connection]], set[str]]:
-    """Return what arrives at each component, and all inputs that a connection feeds, or would if it were right."""
-    arriving: dict[str, list[Connection]] = {name: [] for name in files}
+) -> tuple[list[Connection], set[str]]:
+    """Return the right connections, and all inputs ``component.input`` that right or wrong ones are meant to feed."""
+    right: list[Connection] = []
     fed: dict[str, int] = {}
     for i, connection in enumerate(scenario.connections):
         explained = {
@@ -45,8 +45,8 @@ def check_connections(
         if explained["from"]:
             continue
         _check_units(i, connection, files, problems)
-        arriving[connection.receiver].append(connection)
-    return arriving, set(fed)
+        right.append(connection)
+    return right, set(fed)
 
 
 def _is_swapped(connection: Connection, files: Mapping[str, FmuFile]) -> bool:
@@ -56,7 +56,7 @@ def _is_swapped(connection: Connection, files: Mapping[str, FmuFile]) -> bool:
 
 
 def _explain_endpoint(endpoint: str, causality: str, files: Mapping[str, FmuFile]) -> str | None:
-    """Say why an endpoint is no Real output or input; None if it is one."""
+    """Say why an endpoint is not a Real output or input; None if it is one."""
     component, name = split_endpoint(endpoint)
     if component not in files:
         return f"there is no component {component!r} (in {endpoint!r}). {suggest(component, files)}"

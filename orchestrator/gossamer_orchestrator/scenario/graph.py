@@ -39,7 +39,7 @@ def find_cycle(edges: Mapping[Node, Iterable[Node]]) -> list[Node]:
 def sort_components(names: Iterable[str], edges: Mapping[str, Iterable[str]]) -> list[str]:
     """Order components so that each stands after those that feed it; ties keep the order of ``names``.
 
-    Within a cycle, which must not be an algebraic loop, the component written first goes first.
+    Within a cycle, which must not be an algebraic loop, the first component of ``names`` goes first.
     """
     waiting = list(names)
     order: list[str] = []
@@ -51,12 +51,32 @@ def sort_components(names: Iterable[str], edges: Mapping[str, Iterable[str]]) ->
     return order
 
 
-def find_loop(files: Mapping[str, FmuFile], arriving: Mapping[str, list[Connection]]) -> list[tuple[str, str]]:
+def order_components(
+    scenario: Scenario, files: Mapping[str, FmuFile], connections: Iterable[Connection], problems: Problems
+) -> tuple[list[str], list[str]]:
+    """Return the orders of initialization and of stepping, and report loops and orders that are not possible."""
+    pairs = {(connection.sender, connection.receiver) for connection in connections}
+    feeds = {name: [other for other in files if (name, other) in pairs] for name in files}
+    loop = _find_loop(files, connections)
+    if loop:
+        _report_loop(loop, scenario, problems)
+    if scenario.order is not None:
+        _check_stated_order(scenario.order, scenario, feeds, problems)
+    elif not loop and scenario.master == "gauss-seidel" and (cycle := find_cycle(feeds)):
+        problems.add(
+            ("master",),
+            f"components feed each other in a circle: {' -> '.join(cycle)}. Name them in 'order'; "
+            "the connection from a later to an earlier one delays by one step.",
+        )
+    start_order = sort_components(files, feeds)
+    return start_order, scenario.order or start_order
+
+
+def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) -> list[tuple[str, str]]:
     """Find a circle of signals in which every value depends on itself at the same instant."""
     signals: dict[tuple[str, str], list[tuple[str, str]]] = {}
-    for connections in arriving.values():
-        for c in connections:
-            signals.setdefault((c.sender, c.output), []).append((c.receiver, c.input))
+    for c in connections:
+        signals.setdefault((c.sender, c.output), []).append((c.receiver, c.input))
     for name, fmu in files.items():
         for output, inputs in fmu.feedthrough().items():
             for source in inputs:
@@ -64,7 +84,7 @@ def find_loop(files: Mapping[str, FmuFile], arriving: Mapping[str, list[Connecti
     return find_cycle(signals)
 
 
-def refuse_loop(loop: list[tuple[str, str]], scenario: Scenario, problems: Problems) -> None:
+def _report_loop(loop: list[tuple[str, str]], scenario: Scenario, problems: Problems) -> None:
     """Report an algebraic loop with its path, at the first of its connections."""
     path = [".".join(node) for node in loop]
     edges = list(pairwise(path))
@@ -76,20 +96,9 @@ def refuse_loop(loop: list[tuple[str, str]], scenario: Scenario, problems: Probl
     )
 
 
-def check_order(
-    scenario: Scenario, feeds: Mapping[str, list[str]], problems: Problems, *, known_loop: bool
-) -> list[str] | None:
-    """Return the stepping order that the scenario states, if it states one."""
-    order = scenario.order
-    if order is None:
-        cycle = [] if known_loop else find_cycle(feeds)
-        if cycle and scenario.master == "gauss-seidel":
-            problems.add(
-                ("master",),
-                f"components feed each other in a circle: {' -> '.join(cycle)}. Name them in 'order'; "
-                "the connection from a later to an earlier one delays by one step.",
-            )
-        return None
+def _check_stated_order(
+    order: list[str], scenario: Scenario, feeds: Mapping[str, list[str]], problems: Problems
+) -> None:
     if scenario.master == "jacobi":
         problems.add(("order",), "'order' has no meaning for master = \"jacobi\". Remove it.")
     for name in order:
@@ -99,4 +108,3 @@ def check_order(
         missing = [name for name in feeds if name not in order]
         what = f"; missing: {', '.join(missing)}" if missing else ""
         problems.add(("order",), f"'order' must name every component once{what}.")
-    return order

@@ -1,6 +1,6 @@
 """A scenario and its FMUs, checked against each other and resolved to names, numbers and an order.
 
-Every mistake that can be found without running is found here, and all of them are reported at once.
+Every mistake that shows without a run is reported, all of them at once.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ..errors import FmuError
 from ..fmi.file import FmuFile
 from ..names import matches, suggest
 from .connections import check_connections
-from .graph import check_order, find_loop, refuse_loop, sort_components
+from .graph import order_components
 from .schema import Component, Connection, Scenario, Value
 from .source import Location, Problems
 from .values import expand
@@ -92,43 +92,37 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
     Raises
     ------
     ScenarioError
-        Every mistake, with the line it stands on.
+        Every mistake, with its line.
     """
     problems = Problems(scenario.source)
     files = _find_files(scenario, Path(fmus), problems)
     problems.raise_if_any()
-    arriving, meant = check_connections(scenario, files, problems)
+    connections, fed = check_connections(scenario, files, problems)
     start = {
         name: _parameters(name, component, files[name], problems)
-        | _inputs(name, component, files[name], arriving[name], meant, problems)
+        | _inputs(name, component, files[name], connections, fed, problems)
         for name, component in scenario.components.items()
     }
-    events = _check_events(scenario, files, arriving, problems)
-    columns = _check_record(scenario, files, arriving, problems)
-    loop = find_loop(files, arriving)
-    feeds = {name: [r for r, cs in arriving.items() if any(c.sender == name for c in cs)] for name in files}
-    start_order = sort_components(files, feeds)
-    if loop:
-        refuse_loop(loop, scenario, problems)
-    order = check_order(scenario, feeds, problems, known_loop=bool(loop)) or start_order
+    connected = {connection.target for connection in connections}
+    events = _check_events(scenario, files, connected, problems)
+    columns = _check_recording(scenario, files, connected, problems)
+    start_order, order = order_components(scenario, files, connections, problems)
     problems.raise_if_any()
-    components = []
-    for name in order:
-        wanted = {c.output for cs in arriving.values() for c in cs if c.sender == name}
-        sent = tuple(v for v in files[name].names("output") if v in wanted)
-        recorded = tuple(v for c, v in columns if c == name and v not in wanted)
-        plan = ComponentPlan(
+
+    def plan_component(name: str) -> ComponentPlan:
+        received = {c.output for c in connections if c.sender == name}
+        return ComponentPlan(
             name=name,
             fmu=files[name],
             start=start[name],
-            connections=tuple(arriving[name]),
-            sent=sent,
-            recorded=recorded,
+            connections=tuple(c for c in connections if c.receiver == name),
+            sent=tuple(v for v in files[name].names("output") if v in received),
+            recorded=tuple(v for c, v in columns if c == name and v not in received),
         )
-        components.append(plan)
+
     return Plan(
         scenario=scenario,
-        components=tuple(components),
+        components=tuple(plan_component(name) for name in order),
         start_order=tuple(start_order),
         events=events,
         columns=tuple(columns),
@@ -136,7 +130,7 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
 
 
 def _find_files(scenario: Scenario, folder: Path, problems: Problems) -> dict[str, FmuFile]:
-    """Read every FMU once; what is wrong with one is said once."""
+    """Read every FMU once, and report a problem with one of them once."""
     found: dict[Path, FmuFile | None] = {}
     files: dict[str, FmuFile] = {}
     for name, component in scenario.components.items():
@@ -179,15 +173,20 @@ def _parameters(name: str, component: Component, fmu: FmuFile, problems: Problem
 
 
 def _inputs(
-    name: str, component: Component, fmu: FmuFile, arriving: Iterable[Connection], meant: set[str], problems: Problems
+    name: str,
+    component: Component,
+    fmu: FmuFile,
+    connections: Iterable[Connection],
+    fed: set[str],
+    problems: Problems,
 ) -> dict[str, Value]:
     place: Location = ("components", name, "inputs")
-    connected = {connection.input for connection in arriving}
+    connected = {connection.input for connection in connections if connection.receiver == name}
     for key in component.inputs:
         if key in connected:
             problems.add((*place, key), f"input '{name}.{key}' is connected and given a value. Remove one of the two.")
     given = expand(place, component.inputs, fmu, fmu.names("input"), "input", problems)
-    missing = [v for v in fmu.names("input") if f"{name}.{v}" not in meant and v not in given]
+    missing = [v for v in fmu.names("input") if f"{name}.{v}" not in fed and v not in given]
     if missing:
         shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
         starts = ", ".join(f'"{v}" = {fmu.variables[v].start}' for v in missing[:2])
@@ -200,7 +199,7 @@ def _inputs(
 
 
 def _check_events(
-    scenario: Scenario, files: Mapping[str, FmuFile], arriving: Mapping[str, list[Connection]], problems: Problems
+    scenario: Scenario, files: Mapping[str, FmuFile], connected: set[str], problems: Problems
 ) -> dict[int, list[tuple[str, dict[str, float]]]]:
     events: dict[int, list[tuple[str, dict[str, float]]]] = {}
     for i, event in enumerate(scenario.events):
@@ -210,34 +209,29 @@ def _check_events(
             continue
         fmu = files[event.component]
         place: Location = ("events", i, "set")
-        connected = {connection.input for connection in arriving[event.component]}
-        for key in event.set:
-            if key in connected:
+        free = {}
+        for key, value in event.set.items():
+            if f"{event.component}.{key}" in connected:
                 text = f"input '{event.component}.{key}' is connected, so no event can set it. Remove the connection."
                 problems.add((*place, key), text)
-        names = [v for v in fmu.names("input", kind="Real") if v not in connected]
-        values = expand(
-            place, {k: v for k, v in event.set.items() if k not in connected}, fmu, names, "input", problems
-        )
+            else:
+                free[key] = value
+        names = [v for v in fmu.names("input", kind="Real") if f"{event.component}.{v}" not in connected]
+        values = expand(place, free, fmu, names, "input", problems)
         tick = math.ceil((event.time - scenario.start) / scenario.step - 1e-6)
         entry = (event.component, {v: float(value) for v, value in values.items()})
         events.setdefault(min(tick, scenario.ticks), []).append(entry)
     return dict(sorted(events.items()))
 
 
-def _check_record(
-    scenario: Scenario, files: Mapping[str, FmuFile], arriving: Mapping[str, list[Connection]], problems: Problems
+def _check_recording(
+    scenario: Scenario, files: Mapping[str, FmuFile], connected: set[str], problems: Problems
 ) -> list[tuple[str, str]]:
     patterns = scenario.record.variables
-    every = [(c, v) for c in scenario.components for v in files[c].variables if files[c].variables[v].type == "Real"]
     if patterns is None:
-        connected = {(c.receiver, c.input) for cs in arriving.values() for c in cs}
-        return [
-            (c, v)
-            for c, v in every
-            if files[c].variables[v].causality == "output"
-            or (files[c].variables[v].causality == "input" and (c, v) not in connected)
-        ]
+        shown = [(c, v) for c in scenario.components for v in files[c].names("output", "input", kind="Real")]
+        return [(c, v) for c, v in shown if f"{c}.{v}" not in connected]
+    every = [(c, v) for c in scenario.components for v, x in files[c].variables.items() if x.type == "Real"]
     for i, pattern in enumerate(patterns):
         if not any(matches(pattern, f"{c}.{v}") for c, v in every):
             component = pattern.split(".")[0]

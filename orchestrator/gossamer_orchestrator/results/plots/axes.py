@@ -9,10 +9,11 @@ import json
 import math
 from typing import TYPE_CHECKING
 
+import xarray as xr
+
 from ..roles import find
 
 if TYPE_CHECKING:
-    import xarray as xr
     from matplotlib.axes import Axes
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")

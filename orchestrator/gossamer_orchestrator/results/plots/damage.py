@@ -5,19 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import xarray as xr
 
 from ...errors import ResultsError
 from ..judgements import doubts, judge, windows
 from ..roles import find, need
 from .axes import COLORS, GREY, axes_or_new, side
-from .pages import Pages
+from .pages import Page
 
 if TYPE_CHECKING:
-    import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-page = Pages()
 
 
 def plot_damage_map(
@@ -87,7 +85,6 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-@page("damage", size=(9.0, 4.7), roles=("membrane", "detector"))
 def _damage(data: xr.Dataset, figure: Figure) -> None:
     left, right = figure.subplots(1, 2)
     plot_damage_map(data, "true", ax=left)
@@ -96,10 +93,15 @@ def _damage(data: xr.Dataset, figure: Figure) -> None:
         figure.supxlabel(doubts(data, windows(data))[0], fontsize=9)
 
 
-@page("damage_history", size=(9.0, 4.6), roles=("membrane", "detector"))
 def _history(data: xr.Dataset, figure: Figure) -> None:
     (true,) = need(data, f"{find(data, 'membrane')}.damage")
     if len(windows(data)) < 2 and not np.ptp(true.to_numpy(), axis=0).any():
         msg = "a single window under constant damage has no history."
         raise ResultsError(msg)
     plot_damage_history(data, ax=figure.subplots())
+
+
+PAGES = {
+    "damage": Page(draw=_damage, size=(9.0, 4.7), roles=("membrane", "detector")),
+    "damage_history": Page(draw=_history, size=(9.0, 4.6), roles=("membrane", "detector")),
+}

@@ -5,17 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from ..roles import find, need
 from .axes import COLORS, axes_or_new, side
-from .pages import Pages
+from .pages import Page
 
 if TYPE_CHECKING:
-    import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-page = Pages()
 
 
 def plot_deflection(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
@@ -58,8 +56,12 @@ def plot_deflection_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes
     return ax
 
 
-@page("deflection", size=(11.0, 4.4), roles=("membrane",))
 def _deflection(data: xr.Dataset, figure: Figure) -> None:
     left, right = figure.subplots(1, 2)
     plot_deflection(data, ax=left)
     plot_deflection_history(data, ax=right)
+
+
+PAGES = {
+    "deflection": Page(draw=_deflection, size=(11.0, 4.4), roles=("membrane",)),
+}

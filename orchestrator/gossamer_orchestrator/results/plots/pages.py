@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import xarray as xr
+
 from ..roles import find
 
 if TYPE_CHECKING:
-    import xarray as xr
     from matplotlib.figure import Figure
-
-Draw = Callable[["xr.Dataset", "Figure"], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +28,7 @@ class Page:
         Components that the results must have: "membrane", "sensor", "compensator" or "detector".
     """
 
-    draw: Draw
+    draw: Callable[[xr.Dataset, Figure], None]
     size: tuple[float, float]
     roles: tuple[str, ...]
 
@@ -38,16 +37,3 @@ class Page:
         for role in self.roles:
             find(data, role)
         self.draw(data, figure)
-
-
-class Pages(dict[str, Page]):
-    """Pages by file name; an instance is the decorator that adds one."""
-
-    def __call__(self, name: str, *, size: tuple[float, float], roles: tuple[str, ...]) -> Callable[[Draw], Draw]:
-        """Add a page."""
-
-        def add(draw: Draw) -> Draw:
-            self[name] = Page(draw=draw, size=size, roles=roles)
-            return draw
-
-        return add

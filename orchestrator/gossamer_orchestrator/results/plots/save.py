@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import xarray as xr
 
 from ...errors import ResultsError
 from . import damage, deflection, sensors
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 logger = logging.getLogger(__name__)
 
-PAGES = sensors.page | damage.page | deflection.page
+PAGES = sensors.PAGES | damage.PAGES | deflection.PAGES
 STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,

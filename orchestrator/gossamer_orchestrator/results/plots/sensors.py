@@ -7,20 +7,18 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from ...errors import ResultsError
 from ..judgements import windows
 from ..roles import compensators, find, need, sensors
 from .axes import COLORS, axes_or_new
-from .pages import Pages
+from .pages import Page
 
 if TYPE_CHECKING:
-    import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
-
-page = Pages()
 
 
 def plot_sensor_loop(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) -> Axes:
@@ -74,13 +72,11 @@ def plot_strain_error(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = No
     return ax
 
 
-@page("sensors", size=(9.0, 7.0), roles=("membrane", "sensor"))
 def _sensors(data: xr.Dataset, figure: Figure) -> None:
     for number, part in _parts(figure, sensors(data)):
         plot_sensor_loop(data, number, ax=part.subplots())
 
 
-@page("strains", size=(11.0, 7.5), roles=("membrane", "compensator"))
 def _strains(data: xr.Dataset, figure: Figure) -> None:
     for number, part in _parts(figure, compensators(data)):
         upper, lower = part.subplots(2, 1, sharex=True, height_ratios=(3, 1))
@@ -122,3 +118,9 @@ def _true_and_compensated(data: xr.Dataset, sensor: int) -> tuple[NDArray[np.flo
     strains, compensated = need(data, f"{find(data, 'membrane')}.strain", f"{component}.strain")
     true = _element(strains, sensor)
     return true, compensated.to_numpy(), float(np.ptp(true)) or 1.0
+
+
+PAGES = {
+    "sensors": Page(draw=_sensors, size=(9.0, 7.0), roles=("membrane", "sensor")),
+    "strains": Page(draw=_strains, size=(11.0, 7.5), roles=("membrane", "compensator")),
+}
