@@ -8,7 +8,7 @@ import time
 import pytest
 from gossamer_fmus import build_all
 from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
-from gossamer_orchestrator.scenario_files import shipped_scenarios
+from gossamer_orchestrator.scenario.shipped import shipped_scenarios
 
 PYTHON_LIMIT = 3.0  # [s] asked of 1000 steps
 NATIVE_LIMIT = 0.7  # [s] asked of one simulated second

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from gossamer_orchestrator import load_scenario
-from gossamer_orchestrator.container import build_container
+from gossamer_orchestrator.exchange.container import build_container
 
 SCENARIO = Path(__file__).parents[2] / "orchestrator/scenarios/damaged.toml"
 
