@@ -32,52 +32,32 @@ from .page import documents
 from .python_fmu import python_members
 
 
-def build_fmu(model: StepModel, folder: Path, readme: Path | None = None) -> Path:
-    """Build an FMU of FMI 2.0 that runs in Python, through pythonfmu.
-
-    Parameters
-    ----------
-    model : StepModel
-        What it runs.
-    folder : Path
-        Where ``<model name>.fmu`` is written; made if needed.
-    readme : Path, optional
-        Text of the documentation page; by default the README of this project's FMU of the same name.
-
-    Returns
-    -------
-    Path
-        The FMU. The same model, README and package versions give the same bytes.
-    """
-    members = python_members(model) | documents(model, readme)
-    guid = identifier(members | {"modelDescription.xml": model_description(model, "", native=False)})
-    members["modelDescription.xml"] = model_description(model, guid, native=False)
-    return write_archive(folder / f"{model.name}.fmu", members)
-
-
-def build_native_fmu(
+def build_fmu(
     model: StepModel,
     folder: Path,
     readme: Path | None = None,
     *,
+    native: bool = False,
     fmi: FmiVersion = 2,
     platforms: Iterable[str] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> Path:
-    """Build an FMU of compiled C, which needs nothing where it runs.
+    """Build an FMU.
 
     Parameters
     ----------
     model : StepModel
-        What it runs, best made with ``compiled=True`` where it has that choice.
+        What it runs; for a native FMU best made with ``compiled=True`` where it has that choice.
     folder : Path
         Where ``<model name>.fmu`` is written; made if needed.
     readme : Path, optional
         Text of the documentation page; by default the README of this project's FMU of the same name.
+    native : bool
+        True: compiled C, which needs nothing where it runs; False: an FMU that runs in Python, through pythonfmu.
     fmi : {2, 3}
-        Version of the standard.
+        Version of the standard; 3 for native FMUs only.
     platforms : iterable of str
-        Keys of ``compiler.PLATFORMS``, or ``all``; by default the one this program runs on.
+        Keys of ``compiler.PLATFORMS``, or ``all``; by default the one this program runs on. For native FMUs only.
     progress : callable
         Receives a line for each library before it is compiled.
 
@@ -89,11 +69,11 @@ def build_native_fmu(
     Raises
     ------
     ParameterError
-        A platform is unknown or not part of this version of the standard.
+        A platform is unknown or not part of this version of the standard, or the FMU is not native and has none.
     ModuleNotFoundError
         The compiler is not installed.
     """
-    return _build_native([(model, readme)], folder, fmi, platforms, progress)[0]
+    return _build([(model, readme)], folder, native, fmi, platforms, progress)[0]
 
 
 def build_all(
@@ -123,10 +103,8 @@ def build_all(
         Mesh of the membrane, which must be the only name.
     method : str, optional
         How the compensator recovers strain, which must be the only name; see ``compensator_model``.
-    native : bool
-        True: compiled C; False: FMUs that run in Python.
-    fmi, platforms, progress
-        See ``build_native_fmu``; for native FMUs only.
+    native, fmi, platforms, progress
+        See ``build_fmu``.
 
     Returns
     -------
@@ -136,42 +114,41 @@ def build_all(
     Raises
     ------
     ParameterError
-        An option that an FMU does not have.
+        An option that an FMU does not have, or as ``build_fmu`` raises it.
     ArtifactError
         The artifact cannot be used.
     ModuleNotFoundError
         The compiler is not installed.
     """
-    if not native and (fmi != 2 or tuple(platforms)):
-        msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Add --native."
-        raise ParameterError(msg)
     options = {"artifact": artifact, "elements_per_side": elements_per_side, "method": method}
     models = {name: make_model(name, compiled=native, **options) for name in names}  # all or nothing
-    if native:
-        paths = _build_native([(model, None) for model in models.values()], folder, fmi, platforms, progress)
-    else:
-        paths = [build_fmu(model, folder) for model in models.values()]
+    paths = _build([(model, None) for model in models.values()], folder, native, fmi, platforms, progress)
     return dict(zip(models, paths, strict=True))
 
 
-def _build_native(
+def _build(
     models: Iterable[tuple[StepModel, Path | None]],
     folder: Path,
+    native: bool,
     fmi: FmiVersion,
     platforms: Iterable[str],
     progress: Callable[[str], None],
 ) -> list[Path]:
-    """Write the sources of all, compile them side by side (the compiler is a program of its own), and pack them."""
-    platforms = choose_platforms(platforms, fmi)
+    """Write the files of all FMUs, compile side by side (the compiler is a program of its own), and pack them."""
+    platforms = tuple(platforms)
+    if not native and (fmi != 2 or platforms):
+        msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Add --native."
+        raise ParameterError(msg)
+    platforms = choose_platforms(platforms, fmi) if native else ()
     fmus = []
     for model, readme in models:
-        members = documents(model, readme)
-        code = sources(model, "", fmi)
-        description = model_description(model, "", fmi=fmi, native=True)
-        guid = identifier(members | code | {"modelDescription.xml": description})
-        code = with_guid(code, guid)
-        members["modelDescription.xml"] = model_description(model, guid, fmi=fmi, native=True)
+        code = sources(model, "", fmi) if native else {}
+        members = documents(model, readme) | ({} if native else python_members(model))
+        description = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}
+        guid = identifier(members | code | description)
+        code = with_guid(code, guid) if native else {}
         members |= {f"sources/{name}": content for name, content in code.items()}
+        members["modelDescription.xml"] = model_description(model, guid, fmi=fmi, native=native)
         if fmi == 3:
             members["sources/buildDescription.xml"] = build_description(model)
         fmus.append((model.name, code, members))

@@ -11,6 +11,7 @@ The sources of an FMU are one translation unit::
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import casadi as ca
@@ -70,7 +71,6 @@ def initial_derivative(model: StepModel) -> ca.Function:
 def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> str:
     """Write the table of variables and all sizes as C."""
     parameters, inputs, results = model.slices()
-    place = {name: i for i, name in enumerate(model.names)}
     digest = ", ".join(f"0x{byte:02x}" for byte in bytes.fromhex(model.digest)[:16])
     sizes = {
         "N_VARIABLES": len(model.variables),
@@ -82,7 +82,7 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
         "SIZE_RES": max(f.sz_res() for f in functions),
         "SIZE_IW": max(1, *(f.sz_iw() for f in functions)),
         "SIZE_W": max(1, *(f.sz_w() for f in functions)),
-        "STEP_LIMIT": -1 if model.step_limit is None else place[model.step_limit],
+        "STEP_LIMIT": -1 if model.step_limit is None else model.names.index(model.step_limit),
     }
     lines = [
         f"/* Model {model.name}: {model.description}. */",
@@ -118,5 +118,4 @@ def _guid_line(guid: str) -> str:
 
 
 def _c_text(text: str) -> str:
-    quoted = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
-    return f'"{quoted}"'
+    return json.dumps(text, ensure_ascii=False)  # quotes and escapes as C does

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,6 @@ from gossamer_models import ParameterError, StepModel
 from gossamer_models.artifacts import artifact_schema
 from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import DetectorArtifact, detector_model
-from gossamer_models.fractional import SCHEMA as FRACTIONAL
-from gossamer_models.fractional import FractionalArtifact, fractional_sensor_model
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import SensorArtifact, sensor_model
 
@@ -23,28 +22,27 @@ MODELS: dict[str, Callable[..., StepModel]] = {
 }
 NAMES = tuple(MODELS)
 
-# Which FMUs have an option, and what to say to the others.
-_OPTIONS = {
-    "artifact": (
-        ("sensor", "compensator", "detector"),
-        "FMU {!r} is not built from an artifact. Name the FMUs to build: sensor compensator, or detector.",
-    ),
-    "elements_per_side": (
-        ("membrane",),
-        "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
-    ),
-    "method": (
-        ("compensator",),
-        "FMU {!r} has no method. Name the compensator alone to choose its method.",
-    ),
+_OPTIONS = {"artifact": NAMES[1:], "elements_per_side": ("membrane",), "method": ("compensator",)}  # and who has them
+_REFUSALS = {
+    "artifact": "FMU {!r} is not built from an artifact. Name the FMUs to build: sensor compensator, or detector.",
+    "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
+    "method": "FMU {!r} has no method. Name the compensator alone to choose its method.",
 }
 
 
 def fmu_folder(name: str) -> Path:
     """Return the folder with the README and the golden files of an FMU, in a source checkout or an installed package."""
     here = Path(__file__).parent
-    installed, checkout = here / name, here.parent / name
-    return installed if installed.is_dir() else checkout
+    return here / name if (here / name).is_dir() else here.parent / name
+
+
+def package_folder(name: str) -> Path:
+    """Return the folder of an installed package without importing it."""
+    spec = find_spec(name)
+    if spec is None or spec.origin is None:
+        msg = f"the package {name!r} is not installed. Install Gossamer with its dependencies."
+        raise ModuleNotFoundError(msg)
+    return Path(spec.origin).parent
 
 
 def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepModel:  # noqa: ANN401
@@ -73,9 +71,8 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     """
     given = {option: value for option, value in options.items() if value is not None}
     for option in given:
-        names, refusal = _OPTIONS[option]
-        if name not in names:
-            raise ParameterError(refusal.format(name))
+        if name not in _OPTIONS[option]:
+            raise ParameterError(_REFUSALS[option].format(name))
     artifact = given.pop("artifact", None)
     if name == "membrane":
         return membrane_model(**given, compiled=compiled)
@@ -83,10 +80,12 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
         return MODELS[name](**given)
     if name == "detector":
         return detector_model(DetectorArtifact.read(artifact))
-    if artifact_schema(artifact) != FRACTIONAL:
+    from gossamer_models import fractional  # slow to import, and rarely needed
+
+    if artifact_schema(artifact) != fractional.SCHEMA:
         return MODELS[name](SensorArtifact.read(artifact), **given)
     if name == "sensor":
-        return fractional_sensor_model(FractionalArtifact.read(artifact))
+        return fractional.fractional_sensor_model(fractional.FractionalArtifact.read(artifact))
     msg = (
         f"{artifact} holds a fractional model, which has no inverse: no compensator can be built from it. Identify the "
         "same records with --model preisach for one, or build the sensor alone."

@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 
 from gossamer_models import ParameterError
 
+from .catalogue import package_folder
 from .description import FmiVersion
 
 
@@ -82,7 +83,7 @@ def choose_platforms(names: Iterable[str], fmi: FmiVersion) -> list[str]:
 
 def fmi_headers() -> Path:
     """Return the folder of the FMI standard's headers."""
-    return Path(str(find_spec("fmpy").origin)).parent / "c-code"  # type: ignore[union-attr]
+    return package_folder("fmpy") / "c-code"
 
 
 def compile_library(files: dict[str, bytes], name: str, fmi: FmiVersion, platform: str) -> dict[str, bytes]:

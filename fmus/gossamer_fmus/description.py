@@ -138,11 +138,8 @@ def _float64(array: Array, k: int) -> ET.Element:
 
 
 def _kind(variable: Variable) -> dict[str, str]:
-    changing = "discrete" if variable.discrete else "continuous"
-    return {
-        "causality": variable.causality,
-        "variability": "fixed" if variable.causality == "parameter" else changing,
-    }
+    variability = "fixed" if variable.causality == "parameter" else "discrete" if variable.discrete else "continuous"
+    return {"causality": variable.causality, "variability": variability}
 
 
 def _numbers(array: Array) -> dict[str, str]:

@@ -54,7 +54,4 @@ def variables_table(model: StepModel) -> str:
 def _license() -> bytes:
     from importlib.metadata import files
 
-    for file in files("gossamer") or []:
-        if file.name == "LICENSE":
-            return Path(str(file.locate())).read_bytes()
-    return b"BSD-3-Clause\n"
+    return next((file.read_binary() for file in files("gossamer") or [] if file.name == "LICENSE"), b"BSD-3-Clause\n")

@@ -13,12 +13,12 @@ changed)::
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import gossamer_models
 from gossamer_models import StepModel
+
+from .catalogue import package_folder
 
 _STEP_FILES = ("errors.py", "step_model.py", "stepper.py")
 _PYTHONFMU_FILES = ("_version.py", "default_experiment.py", "enums.py", "fmi2slave.py", "logmsg.py", "variables.py")
@@ -35,13 +35,13 @@ ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
 def python_members(model: StepModel) -> dict[str, bytes]:
     """Return the files below ``binaries/`` and ``resources/`` by path."""
     members = {f"resources/{name}": data for name, data in _resources(model).items()}
-    for library in sorted((_package_folder("pythonfmu") / "resources/binaries").rglob("*.*")):
+    for library in sorted((package_folder("pythonfmu") / "resources/binaries").rglob("*.*")):
         members[f"binaries/{library.parent.name}/{model.name}{library.suffix}"] = library.read_bytes()
     return members
 
 
 def _resources(model: StepModel) -> dict[str, bytes]:
-    models, pythonfmu = Path(gossamer_models.__file__).parent, _package_folder("pythonfmu")
+    models, pythonfmu = package_folder("gossamer_models"), package_folder("pythonfmu")
     slave = Path(__file__).with_name("slave.py").read_text(encoding="utf-8")
     code = {"__init__.py": b"", "pythonfmu/__init__.py": b""}
     code |= {name: (models / name).read_bytes() for name in _STEP_FILES}
@@ -59,12 +59,3 @@ def _resources(model: StepModel) -> dict[str, bytes]:
         model.save(Path(temporary))
         files |= {path.name: path.read_bytes() for path in Path(temporary).iterdir()}
     return files
-
-
-def _package_folder(name: str) -> Path:
-    """Find an installed package without importing it."""
-    spec = importlib.util.find_spec(name)
-    if spec is None or spec.origin is None:
-        msg = f"the package {name!r} is not installed. Install Gossamer with its dependencies."
-        raise ModuleNotFoundError(msg)
-    return Path(spec.origin).parent

@@ -6,17 +6,7 @@ import re
 
 from gossamer_models import ParameterError
 
-# Symbols of SI base dimensions in pint, and attributes of <BaseUnit>.
-_BASE = {
-    "kilogram": "kg",
-    "meter": "m",
-    "second": "s",
-    "ampere": "A",
-    "kelvin": "K",
-    "mole": "mol",
-    "candela": "cd",
-    "radian": "rad",
-}
+_BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")  # attributes of <BaseUnit>
 
 
 def base_unit(name: str) -> dict[str, str]:
@@ -29,18 +19,19 @@ def base_unit(name: str) -> dict[str, str]:
     """
     import pint
 
-    powers = re.sub(r"(?<=[A-Za-z])(?=-?\d)", "**", name)  # kg/m3 is kg/m**3
+    expression = re.sub(r"(?<=[A-Za-z])(?=-?\d)", "**", name)  # kg/m3 is kg/m**3
     registry = pint.application_registry
     try:
-        quantity, twice = (registry.Quantity(value, powers).to_base_units() for value in (1.0, 2.0))
-        items = {_BASE[str(unit)]: exponent for unit, exponent in quantity.unit_items()}
-    except (pint.PintError, KeyError) as error:
+        quantity, twice = (registry.Quantity(value, expression).to_base_units() for value in (1.0, 2.0))
+    except pint.PintError as error:
         msg = f"unit {name!r} cannot be written in base units: {error}. Use another."
         raise ParameterError(msg) from error
-    if twice.magnitude != 2.0 * quantity.magnitude or any(exponent != int(exponent) for exponent in items.values()):
+    powers = {registry.get_symbol(unit): exponent for unit, exponent in quantity.unit_items()}
+    whole = all(unit in _BASE and power == int(power) for unit, power in powers.items())
+    if twice.magnitude != 2.0 * quantity.magnitude or not whole:
         msg = f"unit {name!r} is no product of whole powers of SI base units. Use one that is."
         raise ParameterError(msg)
-    attributes = {unit: str(int(exponent)) for unit, exponent in items.items()}
+    attributes = {unit: str(int(power)) for unit, power in powers.items()}
     if quantity.magnitude != 1.0:
         attributes["factor"] = repr(float(quantity.magnitude))
     return attributes
