@@ -1,8 +1,8 @@
 """Drive an FMU with random calls beside its model: python random_calls.py KIND MODEL FMU FOLDER.
 
 A call that the FMU accepts is made on the model too; a call that it refuses is not. So whatever comes, the FMU must
-hold, to the bit, the numbers of a model that never saw the refused calls; and it must refuse what the model refuses, and
-nothing else. Hypothesis prints the shortest sequence of calls that breaks this.
+hold, to the bit, the numbers of a model that never saw the refused calls; and it must refuse what the model refuses,
+and nothing else. Hypothesis prints the shortest sequence of calls that breaks this.
 """
 
 import sys

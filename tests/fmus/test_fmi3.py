@@ -1,4 +1,4 @@
-"""Native FMUs of FMI 3.0, through FMPy: arrays, the same numbers as the model and as FMI 2.0, what else is in the file."""
+"""Native FMUs of FMI 3.0, through FMPy: arrays, the numbers of the model and of FMI 2.0, what else is in the file."""
 
 import re
 import shutil

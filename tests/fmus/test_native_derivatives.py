@@ -56,7 +56,7 @@ def test_directional_derivatives_are_those_of_finite_differences(instance, name,
 
 
 def test_before_the_first_step_a_derivative_is_that_of_the_initial_results(instance):
-    """As FMI allows in initialization mode: central differences of the prestress equilibrium by the damage of a zone."""
+    """As FMI allows in initialization mode: central differences of the prestress equilibrium by a zone's damage."""
     fmu = instance("membrane")
     fmu.slave.setupExperiment(startTime=0.0)
     with pytest.raises(FMICallException):

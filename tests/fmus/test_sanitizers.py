@@ -1,4 +1,4 @@
-"""The C code of the native FMUs under the compilers' sanitizers and warnings, driven by the random calls of ``fuzz.c``."""
+"""The C code of native FMUs under the compilers' sanitizers and warnings, driven by the random calls of ``fuzz.c``."""
 
 import importlib.util
 import shutil
