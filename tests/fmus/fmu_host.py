@@ -6,7 +6,7 @@ import math
 import fmpy
 from fmpy import fmi2
 from gossamer_fmus import NAMES
-from gossamer_fmus.build import MODELS
+from gossamer_fmus.catalogue import MODELS
 from gossamer_models.compensator import compensator_model
 
 FMUS = (*NAMES, "estimator")  # the last is a compensator of the other method

@@ -1,9 +1,9 @@
 """The demo chain as data, for hosts that no one here wrote.
 
-A host is a script ``<tool>_host.py`` beside this file; it knows the tool and nothing of Gossamer. It runs in a process of
-its own, so that a host that crashes, prints or warns disturbs nobody: ``python <tool>_host.py job.json table.npy``. The
-job names FMUs, start values, connections and what to watch; the table has a row per communication point, the first at the
-start, and a column per watched variable.
+A host is a script ``<tool>_host.py`` beside this file; it knows the tool and nothing of Gossamer. It runs in a process
+of its own, so that a host that crashes, prints or warns disturbs nobody: ``python <tool>_host.py job.json table.npy``.
+The job names FMUs, start values, connections and what to watch; the table has a row per communication point, the first
+at the start, and a column per watched variable.
 """
 
 import json
@@ -101,9 +101,11 @@ def run_host(job, tmp_path_factory):
         (folder / "job.json").write_text(json.dumps(job | changes))
         command = [sys.executable, HERE / script, folder / "job.json", table]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
-        said = done.stdout + done.stderr
-        assert done.returncode == 0 or not must_end_well, said
-        return SimpleNamespace(status=done.returncode, table=np.load(table) if table.exists() else None, said=said)
+        printed = done.stdout + done.stderr
+        assert done.returncode == 0 or not must_end_well, printed
+        return SimpleNamespace(
+            status=done.returncode, table=np.load(table) if table.exists() else None, printed=printed
+        )
 
     return run
 

@@ -1,4 +1,4 @@
-"""A spacecraft in Basilisk drives the chain; run where Basilisk is installed (270 MB, so not among the dev dependencies)."""
+"""A spacecraft in Basilisk drives the chain, where Basilisk is installed (270 MB, so no dev dependency)."""
 
 import importlib.util
 import json
