@@ -29,6 +29,19 @@ def started(model, damage=None, **start):
     return stepper
 
 
+def vectors(model, **start):
+    """Return inputs and parameters as the functions of a model take them, at their start values but for those given."""
+    values = np.array([start.get(variable.name, variable.start) for variable in model.variables], dtype=float)
+    p, u, _ = model.slices()
+    return values[u], values[p]
+
+
+def motion(model, x):
+    """Return displacements [m] and velocities [m/s] of a state."""
+    q, v, _ = np.split(np.asarray(x).ravel(), [model.n_states // 2, model.n_states - 1])
+    return q, v
+
+
 def shape_functions(s, t):
     """Evaluate the bilinear shape functions and their parent derivatives, shapes (4,) and (4, 2)."""
     a, b = 1.0 + CORNERS[:, 0] * s, 1.0 + CORNERS[:, 1] * t

@@ -101,6 +101,7 @@ def integrate_implicit(
     M = equations.lumped_mass(params) if mass == "lumped" else equations.consistent_mass(params)
     c, beta, gamma = params.mass_damping, (1.0 - alpha) ** 2 / 4.0, 0.5 - alpha
     n = equations.n_q
+    M_effective = M * ((1.0 + (1.0 + alpha) * c * gamma * h) / (beta * h**2))
     Q, V = np.zeros((steps + 1, n)), np.zeros((steps + 1, n))
 
     def force(q: Vector, pressure: float) -> Vector:
@@ -113,7 +114,7 @@ def integrate_implicit(
         v = v_free + gamma * h * a
         r = M @ a - (1.0 + alpha) * (force(q, pressure) - c * (M @ v)) + alpha * old
         K = equations.tangent(q, damage, pressure, p).sparse()
-        return r, M * ((1.0 + (1.0 + alpha) * c * gamma * h) / (beta * h**2)) + (1.0 + alpha) * K
+        return r, M_effective + (1.0 + alpha) * K
 
     q, v = static_deflection(equations, params, damage=damage), np.zeros(n)
     f = force(q, params.pressure(0.0))
