@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gossamer_models.errors import ParameterError
+from ..errors import ParameterError
 
 ZONES_PER_SIDE = 4
+N_ZONES = ZONES_PER_SIDE**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,11 @@ class SquareMesh:
         n = self.elements_per_side
         i, j = (min(int(c * n), n - 1) for c in point)
         return i + n * j, (2.0 * (point[0] * n - i) - 1.0, 2.0 * (point[1] * n - j) - 1.0)
+
+
+def dofs(nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the places of x, y, z of some nodes in a vector that runs node by node, shape (3 nodes,)."""
+    return (3 * nodes.reshape(-1, 1) + np.arange(3)).reshape(-1)
 
 
 def square_mesh(elements_per_side: int) -> SquareMesh:
