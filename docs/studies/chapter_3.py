@@ -97,9 +97,9 @@ def _parameters(rows: Sequence[TableRow]) -> list[str]:
             ("p", 1, len(artifact.fading)),
             ("q", 1, len(artifact.fading)),
         ):
-            found = [p[f"{symbol}_{k}"] for k in range(low, high + 1) if f"{symbol}_{k}" in p]
-            if found:
-                values = ", ".join(f"{x.value:.4g}" if x.determined else f"({x.value:.4g})" for x in found)
+            identified = [p[f"{symbol}_{k}"] for k in range(low, high + 1) if f"{symbol}_{k}" in p]
+            if identified:
+                values = ", ".join(f"{x.value:.4g}" if x.determined else f"({x.value:.4g})" for x in identified)
                 body.append((NAMES[row.model], f"{symbol}_k, k = {low} to {high}", values))
     artifact = rows[0].fit.artifact
     return [

@@ -11,7 +11,7 @@ from .measured import Comparison, MeasuredFit
 from .metrics import Metric, number, table, verdict
 from .style import BLUE, FITTED_STRETCH, GREEN, MEASURED, RED, Curve, compare, panels, save, show
 
-CARBON = "velocity_profile_10wt"
+CARBON_RECORD = "velocity_profile_10wt"
 LOOP_ENDS = 0.06  # of a record with many cycles: the loops of its first and last ones are drawn
 
 
@@ -21,7 +21,7 @@ def section(results: Results, pictures: Path) -> list[str]:
         return ["", "## Measured records", "", "The measured records were not at hand when this page was made."]
     lines = ["", "## Measured records", "", INTRODUCTION, "", *_matrix(_comparisons(results))]
     lines += show(_forward(results, pictures), CAPTION_FORWARD)
-    if any(row.name == CARBON for row in results.measured):
+    if any(row.name == CARBON_RECORD for row in results.measured):
         lines += show(_carbon(results, pictures), CAPTION_CARBON)
     return lines
 
@@ -49,7 +49,7 @@ def _matrix(comparisons: list[Comparison]) -> list[str]:
 
 
 def _forward(results: Results, pictures: Path) -> str:
-    rows = [row for row in results.measured if row.name != CARBON]
+    rows = [row for row in results.measured if row.name != CARBON_RECORD]
     figure, axes = panels(3, len(rows), (9.5, 7.6))
     for k, row in enumerate(rows):
         record, train = row.record, row.fit.train[0]
@@ -75,7 +75,7 @@ def _forward(results: Results, pictures: Path) -> str:
 
 
 def _carbon(results: Results, pictures: Path) -> str:
-    rows = {row.model: row for row in results.measured if row.name == CARBON}
+    rows = {row.model: row for row in results.measured if row.name == CARBON_RECORD}
     looks = {"thesis' drives": (RED, "--"), "extension": (BLUE, "-")}
     curves = [
         Curve(label=model, values=rows[model].fit.predicted[0], colour=colour, style=style, width=0.9)

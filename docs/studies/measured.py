@@ -19,10 +19,9 @@ from .metrics import Metric
 Vector = NDArray[np.float64]
 Targets = tuple[float | None, float | None]
 
-NYLON = Columns(
-    strain="output", resistance="input", sampling_step=0.1
-)  # the step is assumed; the records have no clock
-CARBON = Columns(time="t_s", strain="strain", resistance="R_inner_ohm")
+# the step is assumed; the records have no clock
+NYLON_COLUMNS = Columns(strain="output", resistance="input", sampling_step=0.1)
+CARBON_COLUMNS = Columns(time="t_s", strain="strain", resistance="R_inner_ohm")
 PLANS: tuple[tuple[str, str, float, Targets, Targets | None], ...] = (
     # record, settings, part that is fitted [1], NRMSE targets [% of range] of the output, of the recovered strain
     ("strain_triangular", "nylon", 0.5, (0.8, 1.8), None),
@@ -123,7 +122,7 @@ def measured_records(data: Path) -> dict[str, Record]:
     """Read the measured records in the folders ``nylon_silver`` and ``cb_silicone``, by the names of their files."""
     return {
         path.stem: read_record(path, columns)
-        for folder, columns in (("nylon_silver", NYLON), ("cb_silicone", CARBON))
+        for folder, columns in (("nylon_silver", NYLON_COLUMNS), ("cb_silicone", CARBON_COLUMNS))
         for path in sorted((data / folder).glob("*.csv"))
         if path.stem != "stepped_amplitude_7_5wt"
     }

@@ -17,7 +17,7 @@ class Metric:
     unit : str
         Its unit.
     value : float
-        What the study found.
+        The result.
     target : float or None
         What it is compared with; None for a number that is only reported.
     more_is_better : bool

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from .metrics import Metric, number
 
-LIMITS = (  # pattern of what was asked, and why it was not reached; the first that matches
+LIMITS = (  # pattern of a metric, and why it misses its target; the first that matches counts
     (
         r"Dataset-2.*sub-model",
         "The sub-models of model-2 are linear in strain and the specimen is not. That Dataset-2 strains it twice as far in "

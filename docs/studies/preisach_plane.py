@@ -74,13 +74,13 @@ def output(strain: Vector, eta: float, points: int = 200) -> Vector:
     beta, alpha = np.meshgrid(middles, middles)
     acting = alpha >= beta
     up = np.zeros_like(acting)
-    f, found = 0.0, []
+    f, outputs = 0.0, []
     for u in strain:
         rise, fall = acting & ~up & (alpha <= u), up & (beta >= u)
         f += (rise.sum() - eta * fall.sum()) / acting.sum()
         up = (up | rise) & ~fall
-        found.append(f)
-    return np.array(found)
+        outputs.append(f)
+    return np.array(outputs)
 
 
 def _plane(ax: Axes, stage: int, fallen: str) -> None:

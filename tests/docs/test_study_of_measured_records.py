@@ -8,7 +8,7 @@ from gossamer_models.fitting import e1, nrmse, read_record
 from gossamer_models.identify import settings_for
 from gossamer_models.replay import predict_resistance, recover_strain
 from gossamer_models.sensor.fit import fit_preisach
-from studies.measured import CARBON, NYLON, measured_settings
+from studies.measured import CARBON_COLUMNS, NYLON_COLUMNS, measured_settings
 from studies.specimen import specimen_record
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
@@ -39,7 +39,7 @@ def test_the_specimen_is_fitted_better_than_the_thesis_fits_its_own(modes, thesi
 
 @needs_data
 def test_silver_thread_is_predicted_and_its_strain_recovered():
-    record = read_record(DATA / "nylon_silver" / "strain_sin_30.csv", NYLON)
+    record = read_record(DATA / "nylon_silver" / "strain_sin_30.csv", NYLON_COLUMNS)
     fit = fit_preisach((record,), leading(record, 0.5), measured_settings()["nylon"], full_scale=1.0)
     reached = forward_and_back(fit, record)
     assert (np.array(reached) < [0.7, 0.8, 0.60, 0.85]).all(), reached
@@ -47,7 +47,7 @@ def test_silver_thread_is_predicted_and_its_strain_recovered():
 
 @needs_data
 def test_carbon_black_reverses_and_its_strain_is_recovered():
-    record = read_record(DATA / "cb_silicone" / "velocity_profile_10wt.csv", CARBON)
+    record = read_record(DATA / "cb_silicone" / "velocity_profile_10wt.csv", CARBON_COLUMNS)
     fit = fit_preisach((record,), leading(record, 0.6), measured_settings()["carbon"])
     reached = forward_and_back(fit, record)
     assert (np.array(reached) < [0.9, 1.4, 3.0, 7.0]).all(), reached
@@ -56,7 +56,7 @@ def test_carbon_black_reverses_and_its_strain_is_recovered():
 @needs_data
 def test_loops_that_grow_need_a_gain():
     """The triangular record's loop grows from cycle to cycle; a ridge chosen within the first half predicts the second."""
-    record = read_record(DATA / "nylon_silver" / "strain_triangular.csv", NYLON)
+    record = read_record(DATA / "nylon_silver" / "strain_triangular.csv", NYLON_COLUMNS)
     reached = {}
     for extension in ("none", "gain"):
         settings = settings_for("preisach-hats", extension=extension, ridge="auto", starts=1)
@@ -72,7 +72,7 @@ def test_loops_that_grow_need_a_gain():
 def test_a_sensor_known_to_have_rested_is_predicted_in_another_file():
     """No error of a few percent can be asked: each file is normalised by its own range."""
     records = {
-        name: read_record(DATA / "nylon_silver" / f"{name}.csv", NYLON)
+        name: read_record(DATA / "nylon_silver" / f"{name}.csv", NYLON_COLUMNS)
         for name in ("strain_sin_30", "strain_triangular")
     }
     source, target = records.values()

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError
+from .options import option
 from .records import Record
 from .repairs import LARGEST_JUMP, Samples, check, drop_missing, order_times
 
@@ -42,7 +43,7 @@ OHMS = {"ohm": 1.0, "kohm": 1e3, "mohm": 1e-3, "megohm": 1e6, "1": 1.0}
 OPTION = {"time": "--time", "strain": "--strain", "resistance": "--resistance"}  # of the command
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Columns:
     """Which columns to read, and in which units.
 
@@ -58,14 +59,14 @@ class Columns:
         Sort samples by time instead of refusing times that go backwards.
     """
 
-    time: str | None = None
-    strain: str | None = None
-    resistance: str | None = None
-    time_unit: str | None = None
-    strain_unit: str | None = None
-    resistance_unit: str | None = None
-    sampling_step: float | None = None
-    sort: bool = False
+    time: str | None = option(None, "Column of time; recognised if not given.", metavar="NAME")
+    strain: str | None = option(None, "Column of strain.", metavar="NAME")
+    resistance: str | None = option(None, "Column of resistance.", metavar="NAME")
+    time_unit: str | None = option(None, "s, ms, us, min or h.")
+    strain_unit: str | None = option(None, "1, %, permille or ustrain.")
+    resistance_unit: str | None = option(None, "ohm, kohm or megohm.")
+    sampling_step: float | None = option(None, "Time between samples [s] of a record without time.")
+    sort: bool = option(False, "Sort samples by time instead of refusing them.")
 
 
 def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1.0) -> Record:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -37,6 +38,8 @@ class FractionalSettings:
     shortest, longest : float
         Range of times [s] of the memory.
     """
+
+    FAMILY: ClassVar[str] = "fractional"
 
     model: ModelName
     terms: int = option(5, "Fractional derivatives or integrals.", least=1)

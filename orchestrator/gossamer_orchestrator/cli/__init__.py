@@ -17,7 +17,7 @@ from typer.core import TyperGroup
 from ..errors import OrchestratorError
 from .build import build
 from .exchange import container, export
-from .identify import identify
+from .identify import CommandWithFields, identify
 from .inspect import info, verify
 from .run import demo, run
 from .train import train
@@ -77,4 +77,4 @@ app.command()(demo)
 app.command()(verify)
 app.command()(info)
 app.command()(train)
-app.command()(identify)
+app.command(cls=CommandWithFields)(identify)

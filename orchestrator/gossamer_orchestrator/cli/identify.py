@@ -1,21 +1,78 @@
-"""``gossamer identify``: from measured strain and resistance to a sensor."""
+"""``gossamer identify``: from measured strain and resistance to a sensor.
+
+The options of columns and of models are fields of classes in ``gossamer_models``: see ``fitting/options.py`` there. They are
+looked up when this command runs or explains itself, so that other commands need not import the models.
+"""
 
 from __future__ import annotations
 
+import inspect
 import sys
+from functools import cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
-from rich.console import Console
+from typer.core import TyperCommand
 
 from ..errors import OrchestratorError
-from .common import model_errors
+from .common import model_errors, wide
 
-PREISACH, FRACTIONAL = "Options of the Preisach models", "Options of the fractional models"
+
+class CommandWithFields(TyperCommand):
+    """A command that has, besides its own options, those of ``field_options``; their values are in ``ctx.obj`` by name."""
+
+    def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401
+        """Return all options."""
+        return [*super().get_params(ctx), *field_options()]
+
+    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
+        """Call the command."""
+        ctx.obj = {each.name: ctx.params.pop(each.name) for each in field_options()}
+        return super().invoke(ctx)
+
+
+@cache
+def field_options() -> list[Any]:
+    """Return the options of columns and of models, as typer makes them."""
+    from gossamer_models.fitting import Columns
+    from gossamer_models.identify import SETTINGS, options
+
+    panels = {Columns: "Columns of the records", **{each: f"Options of the {each.FAMILY} models" for each in SETTINGS}}
+    declared: dict[str, inspect.Parameter] = {}
+    for owner, panel in panels.items():
+        for field in options(owner):
+            first = declared.get(field.name)
+            declared[field.name] = _parameter(owner, field, None if first else panel)
+    command = typer.Typer()
+
+    @command.command()
+    def only_options() -> None:
+        """Stand for the signature below."""
+
+    only_options.__signature__ = inspect.Signature(list(declared.values()))  # type: ignore[attr-defined]
+    return list(typer.main.get_command(command).params)
+
+
+def _parameter(owner: type, field: Any, panel: str | None) -> inspect.Parameter:  # noqa: ANN401
+    """Return the parameter of a function that typer makes an option of; ``panel`` is None for one that all models have."""
+    about, hint = field.metadata, get_type_hints(owner)[field.name]
+    kind = next((each for each in get_args(hint) if each is not type(None)), hint)
+    text = about["help"]
+    if about["models"]:
+        text = f"Of {' and '.join(about['models'])}: {text[0].lower()}{text[1:]}"
+    if panel and not isinstance(field.default, bool | str | None):
+        text += f" {field.default:g} if not given."
+    how = typer.Option(
+        f"--{field.name.replace('_', '-')}", help=text, metavar=about["metavar"], min=about["least"], rich_help_panel=panel
+    )
+    annotation = Annotated[bool if kind is bool else (str if about["read"] else kind) | None, how]
+    default = False if kind is bool else None
+    return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
 def identify(
+    ctx: typer.Context,
     files: Annotated[list[Path], typer.Argument(help="CSV files with a header line; each is a record of one sensor.")],
     out: Annotated[Path, typer.Option(help="File to write; pictures go beside it.", metavar="FILE")] = Path(
         "out/identified/sensor.json"
@@ -28,111 +85,12 @@ def identify(
     rest_resistance: Annotated[
         float | None, typer.Option(help="Resistance at rest [ohm] where it is known; fitted if not given.")
     ] = None,
-    time: Annotated[str | None, typer.Option(help="Column of time; recognised if not given.", metavar="NAME")] = None,
-    strain: Annotated[str | None, typer.Option(help="Column of strain.", metavar="NAME")] = None,
-    resistance: Annotated[str | None, typer.Option(help="Column of resistance.", metavar="NAME")] = None,
-    time_unit: Annotated[str | None, typer.Option(help="s, ms, us, min or h.")] = None,
-    strain_unit: Annotated[str | None, typer.Option(help="1, %, permille or ustrain.")] = None,
-    resistance_unit: Annotated[str | None, typer.Option(help="ohm, kohm or megohm.")] = None,
-    sampling_step: Annotated[
-        float | None, typer.Option(help="Time between samples [s] of a record without time.")
-    ] = None,
     weights: Annotated[
         str | None,
         typer.Option(help="Of each record's squared errors: 1,0.5 for two files; 1 if not given.", metavar="LIST"),
     ] = None,
-    sort: Annotated[bool, typer.Option("--sort", help="Sort samples by time instead of refusing them.")] = False,
-    starts: Annotated[
-        int | None,
-        typer.Option(help="How many starts; 2 for the Preisach, 12 for the fractional models if not given.", min=1),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
     pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
-    modes: Annotated[
-        int | None,
-        typer.Option(
-            help="Of preisach: modal functions of mu and of eta; 7 if not given.", min=1, rich_help_panel=PREISACH
-        ),
-    ] = None,
-    knots: Annotated[
-        int | None,
-        typer.Option(
-            help="Of preisach-hats: knots of the hat functions along each axis; 9 if not given.",
-            rich_help_panel=PREISACH,
-        ),
-    ] = None,
-    relaxations: Annotated[
-        int | None, typer.Option(help="Relaxation kernels; 7 if not given.", min=0, rich_help_panel=PREISACH)
-    ] = None,
-    tau: Annotated[
-        str | None,
-        typer.Option(
-            help="Times of the kernels [s], one per relaxation: 3,100. Fitted if not given.",
-            metavar="LIST",
-            rich_help_panel=PREISACH,
-        ),
-    ] = None,
-    exponents: Annotated[
-        str | None,
-        typer.Option(
-            help="Exponents of the kernels in (0, 1]: 0.5,0.5. Fitted if not given.",
-            metavar="LIST",
-            rich_help_panel=PREISACH,
-        ),
-    ] = None,
-    extension: Annotated[
-        str | None,
-        typer.Option(
-            help="Added to the thesis' relaxation: falling (falling strain drives it too), gain (loading changes the gauge "
-            "factor) or reversing (both, with either sign: carbon black). Nothing if not given.",
-            metavar="NAME",
-            rich_help_panel=PREISACH,
-        ),
-    ] = None,
-    ridge: Annotated[
-        str | None,
-        typer.Option(
-            help="How small densities and relaxation are preferred to be: a number, or auto to choose it by predicting the "
-            "later parts of the training stretch.",
-            metavar="NUMBER",
-            rich_help_panel=PREISACH,
-        ),
-    ] = None,
-    earlier: Annotated[
-        bool,
-        typer.Option(
-            "--earlier",
-            help="The sensor had not come to rest when its record began; fit what was still relaxing.",
-            rich_help_panel=PREISACH,
-        ),
-    ] = False,
-    direct_inverse: Annotated[
-        bool,
-        typer.Option(
-            "--direct-inverse",
-            help="Fit the way from resistance to strain too, for the compensator.",
-            rich_help_panel=PREISACH,
-        ),
-    ] = False,
-    least_slope: Annotated[
-        float | None,
-        typer.Option(
-            help="Least slope, in output's range per full scale: bounds what the compensator makes of noise; 0.02 if not "
-            "given.",
-            rich_help_panel=PREISACH,
-        ),
-    ] = None,
-    terms: Annotated[
-        int | None,
-        typer.Option(help="Fractional derivatives or integrals; 5 if not given.", min=1, rich_help_panel=FRACTIONAL),
-    ] = None,
-    fading: Annotated[
-        int | None,
-        typer.Option(
-            help="Of fractional-model-1: fading integrals; 3 if not given.", min=0, rich_help_panel=FRACTIONAL
-        ),
-    ] = None,
 ) -> None:
     """Identify a sensor from measured strain and resistance.
 
@@ -158,81 +116,51 @@ def identify(
     """
     import shlex
 
-    from gossamer_models.identification import Columns, choose, identify_files, save_pictures
+    from gossamer_models.fitting import Columns
+    from gossamer_models.fitting.options import numbers
+    from gossamer_models.identify import SETTINGS, identify_files, options, save_pictures, settings_for
     from rich.table import Table
 
-    console = Console(stderr=True, width=None if sys.stderr.isatty() else 160)
-    columns = Columns(
-        time=time,
-        strain=strain,
-        output=resistance,
-        time_unit=time_unit,
-        strain_unit=strain_unit,
-        output_unit=resistance_unit,
-        sampling_step=sampling_step,
-        sort=sort,
-    )
+    console = wide(stderr=True)
+    readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
+    chosen = {name: _read(name, value, readers.get(name)) for name, value in ctx.obj.items() if value not in (None, False)}
+    columns = {each.name: chosen.pop(each.name) for each in options(Columns) if each.name in chosen}
     names = {str(path): path.name for path in (*files, out)} | {f"--out={out}": f"--out={out.name}"}
     command = shlex.join(["gossamer", *(names.get(argument, argument) for argument in sys.argv[1:])])
     with model_errors(), console.status("reading the records") as status:
-        found = identify_files(
+        result = identify_files(
             files,
-            columns=columns,
-            weights=_numbers("--weights", weights),
+            columns=Columns(**columns),
+            weights=None if weights is None else _read("weights", weights, numbers),
             train=train,
-            settings=choose(
-                model,
-                starts=starts,
-                seed=seed,
-                modes=modes,
-                knots=knots,
-                relaxations=relaxations,
-                tau=_numbers("--tau", tau),
-                exponents=_numbers("--exponents", exponents),
-                extension=extension,
-                direct_inverse=direct_inverse or None,
-                ridge="auto" if ridge == "auto" else _number("--ridge", ridge),
-                earlier=earlier or None,
-                least_slope=least_slope,
-                terms=terms,
-                fading=fading,
-            ),
+            settings=settings_for(model, **chosen),
             full_scale=full_scale,
-            rest_output=rest_resistance,
+            rest_resistance=rest_resistance,
             command=command,
             origin=origin,
             progress=status.update,
         )
         out.parent.mkdir(parents=True, exist_ok=True)
-        found.fit.artifact.write(out)
-        drawn = save_pictures(found, out.with_suffix("")) if pictures else []
+        result.fit.artifact.write(out)
+        drawn = save_pictures(result, out.with_suffix("")) if pictures else []
     known = "given" if rest_resistance is not None else "fitted"
-    caption = f"E1: sum of errors over sum of changes from the {known} {found.rest:.6g} ohm at rest"
+    caption = f"E1: sum of errors over sum of changes from the {known} {result.fit.rest_resistance:.6g} ohm at rest"
     headings = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
     table = Table(*headings, caption=caption)
-    for e in found.errors:
+    for e in result.errors:
         recovered = "-" if e.strain_nrmse is None else f"{e.strain_nrmse:.3f}"
         table.add_row(e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}", recovered)
     console.print(table)
-    for sentence in found.remarks:
+    for sentence in result.remarks:
         console.print(sentence, style="yellow")
     for path in (out, *drawn):
         typer.echo(path)
 
 
-def _number(option: str, text: str | None) -> float | None:
-    """Read one number; None stays None."""
-    numbers = _numbers(option, text)
-    if numbers is not None and len(numbers) != 1:
-        msg = f"{option} takes one number, not {text!r}."
-        raise OrchestratorError(msg)
-    return None if numbers is None else numbers[0]
-
-
-def _numbers(option: str, text: str | None) -> tuple[float, ...] | None:
-    """Read a list of numbers; None stays None."""
+def _read(name: str, value: Any, reader: Any) -> Any:  # noqa: ANN401
+    """Return the value of an option, from its text where the option has a reader."""
     try:
-        return None if text is None else tuple(float(part) for part in text.split(","))
+        return reader(value) if reader else value
     except ValueError:
-        msg = f"cannot read {option} {text!r} as numbers. Write them with commas: 3,100."
+        msg = f"cannot read --{name.replace('_', '-')} {value!r} as numbers. Write them with commas: 3,100."
         raise OrchestratorError(msg) from None

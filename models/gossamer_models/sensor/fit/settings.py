@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from ...errors import ParameterError
 from ...fitting.options import number_or_auto, numbers, option
@@ -88,6 +88,8 @@ class PreisachSettings:
     most_iterations : int
         Most iterations per start.
     """
+
+    FAMILY: ClassVar[str] = "Preisach"
 
     modes: int = option(7, "Modal functions of mu and of eta.", models=("preisach",), least=1)
     knots: int = option(9, "Knots of the hat functions along each axis.", models=("preisach-hats",))
