@@ -38,13 +38,15 @@ def field_options() -> list[Any]:
     from gossamer_models.fitting import Columns
     from gossamer_models.identify import SETTINGS, options
 
-    panels = {Columns: "Columns of the records", **{each: f"Options of the {each.FAMILY} models" for each in SETTINGS}}
+    owners: dict[type, str] = {Columns: "Columns of the records"}
+    owners |= {owner: f"Options of the {owner.FAMILY} models" for owner in SETTINGS}
     declared: dict[str, inspect.Parameter] = {}
-    for owner, panel in panels.items():
+    for owner, panel in owners.items():
         for field in options(owner):
-            first = declared.get(field.name)
-            declared[field.name] = _parameter(owner, field, None if first else panel)
-    command = typer.Typer()
+            having = [each for each in SETTINGS if field.name in {other.name for other in options(each)}]
+            defaults = {each.FAMILY: getattr(each, field.name) for each in having}
+            declared[field.name] = _parameter(owner, field, defaults, panel if len(having) < 2 else None)
+    command = typer.Typer(add_completion=False)
 
     @command.command()
     def only_options() -> None:
@@ -54,21 +56,31 @@ def field_options() -> list[Any]:
     return list(typer.main.get_command(command).params)
 
 
-def _parameter(owner: type, field: Any, panel: str | None) -> inspect.Parameter:  # noqa: ANN401
-    """Return the parameter of a function that typer makes an option of; ``panel`` is None for one that all models have."""
+def _parameter(owner: type, field: Any, defaults: dict[str, Any], panel: str | None) -> inspect.Parameter:  # noqa: ANN401
+    """Return the parameter of a function that typer makes an option of."""
     about, hint = field.metadata, get_type_hints(owner)[field.name]
     kind = next((each for each in get_args(hint) if each is not type(None)), hint)
     text = about["help"]
     if about["models"]:
         text = f"Of {' and '.join(about['models'])}: {text[0].lower()}{text[1:]}"
-    if panel and not isinstance(field.default, bool | str | None):
-        text += f" {field.default:g} if not given."
+    if defaults and not isinstance(field.default, bool | str | None):
+        several = len(set(defaults.values())) > 1
+        values = [
+            f"{value:g} for the {family} models" if several else f"{value:g}" for family, value in defaults.items()
+        ]
+        text += f" {' and '.join(values if several else values[:1])} if not given."
     how = typer.Option(
-        f"--{field.name.replace('_', '-')}", help=text, metavar=about["metavar"], min=about["least"], rich_help_panel=panel
+        f"--{field.name.replace('_', '-')}",
+        help=text,
+        metavar=about["metavar"],
+        min=about["least"],
+        rich_help_panel=panel,
     )
-    annotation = Annotated[bool if kind is bool else (str if about["read"] else kind) | None, how]
+    value: Any = bool if kind is bool else (str if about["read"] else kind) | None
     default = False if kind is bool else None
-    return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+    return inspect.Parameter(
+        field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[value, how]
+    )
 
 
 def identify(
@@ -123,7 +135,9 @@ def identify(
 
     console = wide(stderr=True)
     readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
-    chosen = {name: _read(name, value, readers.get(name)) for name, value in ctx.obj.items() if value not in (None, False)}
+    chosen = {
+        name: _read(name, value, readers.get(name)) for name, value in ctx.obj.items() if value not in (None, False)
+    }
     columns = {each.name: chosen.pop(each.name) for each in options(Columns) if each.name in chosen}
     names = {str(path): path.name for path in (*files, out)} | {f"--out={out}": f"--out={out.name}"}
     command = shlex.join(["gossamer", *(names.get(argument, argument) for argument in sys.argv[1:])])

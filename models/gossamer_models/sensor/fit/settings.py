@@ -103,8 +103,8 @@ class PreisachSettings:
     extension: str = option(
         "none",
         "Added to the thesis' relaxation: "
-        + "; ".join(f"{name}, {each.text}" for name, each in EXTENSIONS.items() if name != "none")
-        + ".",
+        + ", ".join(f"{name} ({each.text})" for name, each in EXTENSIONS.items() if name != "none")
+        + ". Nothing if not given.",
         metavar="NAME",
     )
     ridge: float | Literal["auto"] | None = option(
