@@ -4,7 +4,7 @@ Symbols, as in Chapter 6 of [1]_: ``I`` input (damage feature index), ``X`` refe
 similarity, ``w1`` distance weights, ``b`` bias, ``w2`` rule weights, ``O`` memberships of the damage in the fuzzy sets,
 ``peaks`` damage at which each set has membership one.
 
-Readings of the source (its slips): similarity falls with distance, so Eq. (6.3) is S = 1 / (1 + exp(-(b - D))).
+Correction of the source: similarity falls with distance, so Eq. (6.3) must read S = 1 / (1 + exp(-(b - D))).
 
 References
 ----------
