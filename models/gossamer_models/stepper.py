@@ -15,8 +15,8 @@ from collections.abc import Iterable
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
-from .arrays import Vector
 from .errors import ConvergenceError, InputError, ParameterError, StateError
 from .step_model import StepModel
 from .variables import Variable
@@ -289,13 +289,15 @@ def _unit(variable: Variable) -> str:
     return "" if variable.unit == "1" else variable.unit
 
 
-def _read_only(array: Vector) -> Vector:
+def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
     view = array.view()
     view.flags.writeable = False
     return view
 
 
-def _prepare(function: ca.Function, arguments: Iterable[Vector], results: Iterable[Vector]) -> ca.FunctionBuffer:
+def _prepare(
+    function: ca.Function, arguments: Iterable[NDArray[np.float64]], results: Iterable[NDArray[np.float64]]
+) -> ca.FunctionBuffer:
     """Bind arrays to a CasADi function; the returned object evaluates it when called."""
     buffer, run = function.buffer()
     for i, array in enumerate(arguments):
