@@ -55,7 +55,8 @@ def compensator_model(
 
     References
     ----------
-    .. [1] M. R. Sunny, dissertation, Virginia Tech, chapter 5.
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapter 5.
     """
     if method not in ("inverse", "estimator"):
         msg = f"there is no compensation method {method!r}. Choose inverse or estimator."

@@ -53,7 +53,8 @@ def detector_model(
 
     References
     ----------
-    .. [1] M. R. Sunny, PhD thesis, Virginia Tech, 2010, Chapters 6 and 7.
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapters 6 and 7.
     """
     trained = artifact or DetectorArtifact.default()
     record, judge = _record_function(), _judge_function(trained, defuzzification)

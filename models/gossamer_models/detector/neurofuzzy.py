@@ -8,7 +8,8 @@ Readings of the source (its slips): similarity falls with distance, so Eq. (6.3)
 
 References
 ----------
-.. [1] M. R. Sunny, PhD thesis, Virginia Tech, 2010, Sections 6.1 to 6.3 and 7.6.
+.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors, dissertation, Virginia Tech, 2010, Chapters 6 and 7.
 """
 
 from __future__ import annotations

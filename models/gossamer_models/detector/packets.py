@@ -36,7 +36,8 @@ def block_energies(x1: ca.SX, x2: ca.SX, x3: ca.SX, x4: ca.SX) -> ca.SX:
 
     References
     ----------
-    .. [1] M. R. Sunny, PhD thesis, Virginia Tech, 2010, Section 7.4.
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapter 7.
     """
     a1, d1 = x1 + x2, x1 - x2
     a2, d2 = x3 + x4, x3 - x4

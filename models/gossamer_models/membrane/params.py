@@ -25,7 +25,7 @@ def _row(start: float, unit: str, description: str, minimum: float, maximum: flo
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MembraneParams:
-    """Parameters of a square membrane; the defaults are the thesis' membrane with the damping this project states.
+    """Parameters of a square membrane; the defaults are those of Section 7.3 of the thesis and a mass damping.
 
     Each field is a row: default, unit, description, smallest and largest value.
 

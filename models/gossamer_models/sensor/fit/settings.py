@@ -66,8 +66,8 @@ class PreisachSettings:
     starts, seed : int
         How many starts, and the seed of all but the first.
     density : {"modal", "hats"}
-        Modal functions of Eqs. (4.16) and (4.17), or hat functions on a coarse grid of the triangle with an elastic line
-        :math:`\alpha = \beta` of their own and one eta.
+        Modal functions of Eqs. (4.16) and (4.17) of the thesis, or hat functions on a coarse grid of the triangle with an
+        elastic line :math:`\alpha = \beta` of their own and one eta.
     n_lines : int
         Lines and bins along a line of the finished tables.
     elastic : bool
