@@ -86,7 +86,7 @@ def test_the_memory_is_that_of_the_sensor(pair):
     strain, h = reversals(300, seed=1)
     drive(compensator, drive(sensor, strain, h), h)
     n = pair[0].n_states
-    assert compensator._x[:n] == pytest.approx(sensor._x, abs=1e-11)
+    assert compensator.x[:n] == pytest.approx(sensor.x, abs=1e-11)
 
 
 def test_scales_and_start_are_parameters():
@@ -114,11 +114,11 @@ def test_a_spike_out_of_reach_saturates_and_leaves_no_trace(pair, spike):
     measured = drive(sensor, strain, h)
     measured[30] += spike
     drive(compensator, measured[:30], h)
-    before = compensator._x.copy()
+    before = compensator.x.copy()
     assert drive(compensator, measured[30:31], h)[0] == (1.0 if spike > 0 else 0.0)
     assert compensator.get("saturated") == 1.0
     n = 3 * ARTIFACTS["default"].n_lines + 2 if pair is PAIRS["default"] else MEMORY
-    assert (compensator._x[:n] == before[:n]).all()
+    assert (compensator.x[:n] == before[:n]).all()
     after = drive(compensator, measured[31:], h) - strain[31:]
     assert compensator.get("saturated") == 0.0
     # what is left: the rise of two samples counts as a rise within the second, which matters to the modes alone

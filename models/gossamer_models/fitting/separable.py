@@ -88,11 +88,15 @@ class SeparableProblem:
         Phi, _, c = self.solve(theta)
         return np.asarray(np.vstack([Phi, self._cancelling(Phi, c)]) @ c - self._wanted)
 
-    def jacobian(self, theta: Vector) -> Matrix:
-        """Return the derivative of ``residual`` without its part along the columns."""
+    def jacobian(self, theta: Vector, *, released: bool = False) -> Matrix:
+        """Return the derivative of ``residual`` without its part along the columns.
+
+        Columns whose coefficient is held at zero do not count; with ``released`` they do, which converges faster where
+        columns are so alike that one takes up what another leaves.
+        """
         Phi, slopes, c = self.solve(theta)
         row = self._cancelling(Phi, c)
-        acting = (c != 0.0) | ~(self._nonnegative | (self._restraint > 0.0))
+        acting = (c != 0.0) | ~(self._nonnegative | (self._restraint > 0.0)) | released
         basis, _ = np.linalg.qr(np.vstack([Phi, row])[:, acting])
         growth = row / np.maximum(np.einsum("ij,ij->j", Phi, Phi), TINY)
         change = np.column_stack(

@@ -1,7 +1,7 @@
 r"""The bilinear membrane element: the one place where its forces are written.
 
-Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1], ``h`` the four bilinear modes 1, s, t, st and
-``dh`` their parent derivatives, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the
+Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1], ``H`` the four bilinear modes 1, s, t, st and
+``dH`` their parent derivatives, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the
 Green-Lagrange strain, ``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu``
 Poisson's ratio [1], ``D`` = E/(1 - nu^2). Lengths are in any one unit; forces are per thickness. Explicit steps, statics,
 implicit steps and frequencies all evaluate these expressions or their ``ca.jacobian``.
@@ -42,9 +42,9 @@ class GaussPoint:
 
     Attributes
     ----------
-    h : ndarray, shape (4,)
+    H : ndarray, shape (4,)
         Signs of the modes [1].
-    dh : ndarray, shape (4, 2)
+    dH : ndarray, shape (4, 2)
         Signs of their parent derivatives [1].
     J_inverse : ndarray, shape (2, 2)
         Derivative of a quarter of the parent coordinates by reference coordinates [1/length].
@@ -52,8 +52,8 @@ class GaussPoint:
         Reference area [length^2] that it stands for: the determinant of J, since the weights of the 2 x 2 rule are 1.
     """
 
-    h: Array
-    dh: Array
+    H: Array
+    dH: Array
     J_inverse: Array
     dA: float
 
@@ -67,15 +67,15 @@ def gauss_points(X: Array) -> list[GaussPoint]:
     """Describe the 2 x 2 Gauss points of an element with reference node positions ``X``, shape (4, 2) [length]."""
     points = []
     for s, t in CORNERS:
-        h, dh = modes(s, t)
-        J = np.round(X.T @ MODES * _SLOPE @ dh, 14)  # four times J, and zeros and ones in place of round-off
-        points.append(GaussPoint(h, dh, np.asarray(np.linalg.inv(J)), float(np.linalg.det(J)) / 16.0))
+        H, dH = modes(s, t)
+        J = np.round(X.T @ MODES * _SLOPE @ dH, 14)  # four times J, and zeros and ones in place of round-off
+        points.append(GaussPoint(H, dH, np.asarray(np.linalg.inv(J)), float(np.linalg.det(J)) / 16.0))
     return points
 
 
 def element_mass(points: list[GaussPoint]) -> Array:
     """Integrate the consistent mass matrix per density and thickness [length^2], shape (12, 12)."""
-    N = np.array([point.h for point in points]) * _VALUE @ MODES.T / 4.0
+    N = np.array([point.H for point in points]) * _VALUE @ MODES.T / 4.0
     return np.kron(N.T @ np.diag([point.dA for point in points]) @ N, np.eye(3))
 
 
@@ -124,12 +124,12 @@ def element_force(
     a = _matrix([columns[i::3] for i in range(3)]) @ MODES * _SLOPE  # four times the modes of the position
     load, stress, wave = np.zeros((3, 4)), np.zeros((3, 4)), 0.0
     for point in points:
-        tangents = a @ point.dh  # four times x_,s and x_,t
+        tangents = a @ point.dH  # four times x_,s and x_,t
         F = tangents @ point.J_inverse
         e = F.T @ F - np.eye(2)
         S = _stress(e, point.dA * D, nu)
-        load = load + np.outer(np.cross(tangents[:, 0], tangents[:, 1]), point.h)
-        stress = stress + F @ S @ (point.dh @ point.J_inverse).T
+        load = load + np.outer(np.cross(tangents[:, 0], tangents[:, 1]), point.H)
+        stress = stress + F @ S @ (point.dH @ point.J_inverse).T
         wave = ca.fmax(wave, _wave_modulus(e, D, nu))
     p = pressure_over_thickness / 64.0
     f = (load * _matrix([[p * value for value in _VALUE]]) - stress * _SLOPE) @ MODES.T

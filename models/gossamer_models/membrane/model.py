@@ -73,10 +73,10 @@ def membrane_model(elements_per_side: int = 8, *, compiled: bool = False) -> Ste
         pressure = u.pressure + p.pressure_amplitude * ca.sin(2.0 * np.pi * phase_half)
         drag, mass = p.mass_damping * h / 2.0, equations.node_mass(p)
 
-        q = q + h / 2.0 * v
+        q = q + h / 2.0 * v  # half a step
         f, wave = equations.force_expression(q, u.damage, pressure, p)
         v = ((1.0 - drag) * v + h * (f / mass - u.base_acceleration * normal)) / (1.0 + drag)
-        q = q + h / 2.0 * v
+        q = q + h / 2.0 * v  # the other half
 
         return ca.vertcat(q, v, phase_end - ca.floor(phase_end)), results(q, wave, p)
 

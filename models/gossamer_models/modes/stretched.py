@@ -148,7 +148,7 @@ def _search(problem: SeparableProblem, logarithms: Vector) -> Vector:
         if size > 0.9 * sizes[-PATIENCE] or damping > 1e6:
             break
         sizes.append(size)
-        J = problem.jacobian(logarithms)
+        J = problem.jacobian(logarithms, released=True)
         scale = np.linalg.norm(J, axis=0) + 1e-14
         system = np.vstack([J, np.sqrt(damping) * np.diag(scale)])
         change = np.linalg.lstsq(system, np.concatenate([-error, np.zeros(scale.size)]), rcond=None)[0]
