@@ -72,5 +72,5 @@ PARAMETERS = tuple(parameter(row.name, **row.metadata) for row in fields(Membran
 
 
 def stretch(p: MembraneParams | SimpleNamespace) -> Any:  # noqa: ANN401
-    """Return the stretch [1] of the undamaged, unloaded membrane in every direction of its plane."""
+    """Return the stretch [1] of the undamaged, unloaded membrane in its plane, Section 7.2 of the thesis."""
     return 1.0 + 2.0 * p.edge_displacement / p.side_length

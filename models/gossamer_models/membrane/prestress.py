@@ -1,4 +1,4 @@
-r"""Static equilibrium of the stretched, unloaded membrane, as part of ``init``.
+r"""Static equilibrium of the stretched, unloaded membrane, Section 7.2 of the thesis, as part of ``init``.
 
 Symbols: ``q`` displacements [m] from the homogeneous stretch, ``f`` forces [N], ``K`` tangent [N/m].
 """
