@@ -10,7 +10,8 @@ from .style import FOLDER
 
 HEAD = """# What identification and compensation reach
 
-To be read beside the thesis: M. R. Sunny, dissertation, Virginia Tech, chapters 3 to 5, of which it gives the tables
+To be read beside the thesis, M. R. Sunny, *Towards Structural Health Monitoring of Gossamer Structures Using Conductive
+Polymer Nanocomposite Sensors*, dissertation, Virginia Tech, 2010, Chapters 3 to 5, of which it gives the tables
 and pictures in their order, ours beside or in place of the thesis'. Written by `make figures` (minutes); do not edit.
 
 **Errors.** E1 = 100 Σ|R − R'| / Σ|R| [%], R the measured change of resistance against rest, R' that of the model: the

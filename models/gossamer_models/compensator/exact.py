@@ -112,9 +112,9 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
 
     Notes
     -----
-    Chapter 5 of [1]_: the decayed modes and the static output are subtracted, the sign of the rest tells whether
-    strain rises or falls, and the surface of Eqs. (5.3), (5.4) is inverted; here the surface is never tabulated, and the
-    operators switched within the step count with their exact step response. The recovered strain then advances the
+    Chapter 5 of [1]_: the decayed modes, Eq. (5.7), and the static output are subtracted, the sign of the rest tells
+    whether strain rises or falls, and the surface of Eqs. (5.3) and (5.4) is inverted; here the surface is never tabulated,
+    and the operators switched within the step count with their exact step response. The recovered strain then advances the
     compensator's own memory through ``SensorLaw.advance``, the function that the sensor runs.
 
     While a resistance is out of reach, memory stands still and only the modes decay, so a spike leaves no trace. The
@@ -122,8 +122,8 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
 
     References
     ----------
-    .. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer
-       Nanocomposite Sensors", dissertation, Virginia Tech, 2010, chapter 5.
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapter 5.
     """
     if not artifact.exactly_invertible:
         msg = (

@@ -163,10 +163,10 @@ def train_networks(I: Vector, damages: Vector, peaks: ArrayLike = PEAKS) -> Netw
     -----
     W1_ij = scale / (r_j^2 d_i): r_j is how far index j strays from linear between neighbouring cases of the same zone, so
     that rough indices count less; d_i is the distance of reference i from its two nearest neighbours, so that every
-    reference reaches just its surroundings. The output layer is a ridge regression on the triangular memberships. Scale,
-    bias and ridge minimize the leave-one-out error: a residual over one minus the diagonal of the hat matrix, which one
-    singular value decomposition of S gives for every ridge. The sixteen networks share the similarity layer; each has its
-    own output layer.
+    reference reaches just its surroundings. The output layer, Section 6.3 of the thesis, is a ridge regression on the
+    triangular memberships. Scale, bias and ridge minimize the leave-one-out error: a residual over one minus the diagonal
+    of the hat matrix, which one singular value decomposition of S gives for every ridge. The sixteen networks share the
+    similarity layer; each has its own output layer.
 
     Raises
     ------

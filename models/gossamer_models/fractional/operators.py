@@ -28,7 +28,7 @@ from ..modes.power_law import check_order
 
 
 def integral(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:
-    r"""Return :math:`J^a u` [unit of u times s**order], Eq. (3.2), shape (m,).
+    r"""Return :math:`J^a u` [unit of u times s**order], Eq. (3.2) of [1]_, shape (m,).
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def integral(u: Vector, h: float, order: float, kernels: PowerLawKernels | None 
 
 
 def derivative(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:
-    r"""Return :math:`D^a u` [unit of u times s**-order], Eq. (3.1), shape (m,); arguments as of ``integral``.
+    r"""Return :math:`D^a u` [unit of u times s**-order], Eq. (3.1) of [1]_, shape (m,); arguments as in ``integral``.
 
     Notes
     -----
@@ -69,7 +69,7 @@ def derivative(u: Vector, h: float, order: float, kernels: PowerLawKernels | Non
 
 
 def initial_term(u: Vector, h: float, order: float) -> Vector:
-    r"""Return :math:`u_0 t^{-a}/\Gamma(1-a)`, shape (m,), Eq. (3.11): what the derivative keeps of the first sample."""
+    r"""Return :math:`u_0 t^{-a}/\Gamma(1-a)`, shape (m,): what the derivative keeps of the first sample, Eq. (3.11)."""
     if u[0] == 0.0:
         return np.zeros(u.size)
     t = h * np.arange(1, u.size)
@@ -81,7 +81,8 @@ def quadrature(u: Vector) -> Vector:
 
     Notes
     -----
-    The Hilbert transform. It needs the whole record and takes it as one period: not causal, offline only.
+    The Hilbert transform: :math:`\epsilon_{Ph}` of Eq. (3.18) of [1]_ for b = -1. It needs the whole record and takes it as
+    one period: not causal, offline only.
     """
     return np.asarray(np.imag(hilbert(u)))
 

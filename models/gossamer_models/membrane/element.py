@@ -105,14 +105,14 @@ def element_force(
 
     Notes
     -----
-    With :math:`F = \sum_a x_a \otimes \nabla N_a`, :math:`e = F^T F - 1` and St Venant-Kirchhoff's law in plane stress,
-    :math:`S = \tfrac12 D\,[(1-\nu)\,e + \nu\,\mathrm{tr}(e)\,1]`, the force on node :math:`a` is
+    With :math:`F = \sum_I x_I \otimes \nabla N_I`, :math:`e = F^T F - 1` and St Venant-Kirchhoff's law in plane stress,
+    :math:`S = \tfrac12 D\,[(1-\nu)\,e + \nu\,\mathrm{tr}(e)\,1]`, the force on node :math:`I` is
 
-    .. math:: f_a = \int N_a\,p\; x_{,s} \times x_{,t}\,\mathrm{d}s\,\mathrm{d}t - \int F S\,\nabla N_a\,\mathrm{d}A,
+    .. math:: f_I = \int N_I\,p\; x_{,s} \times x_{,t}\,\mathrm{d}s\,\mathrm{d}t - \int F S\,\nabla N_I\,\mathrm{d}A,
 
     the total Lagrangian form of [1]_ with the consistent follower load of [2]_, both by the 2 x 2 Gauss rule (exact for the
     load of a plane element). Positions and forces are split into the four modes 1, s, t, st, since
-    :math:`N_a = \tfrac14 (1 + s_a s)(1 + t_a t)`; this halves the operations. Compression is carried: no wrinkling.
+    :math:`N_I = \tfrac14 (1 + s_I s)(1 + t_I t)`; this halves the operations. Compression is carried: no wrinkling.
 
     References
     ----------

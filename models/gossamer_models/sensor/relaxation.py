@@ -4,11 +4,12 @@ Symbols: ``z[q]`` mode [1], :math:`\lambda_q` decay rate [1/s], :math:`g_q, k_q`
 
 .. math:: \dot z_q = -\lambda_q z_q + (g_q + k_q s)\,\dot s, \qquad f_d = \sum_q z_q,
 
-which is Eq. (4.13) of the thesis with :math:`A = a\zeta^d`, d = 0 (:math:`g`) or 1 (:math:`k`), and the stretched
-exponentials replaced by sums. Falling strain excites nothing in the thesis. As an extension it excites the same modes with
-amplitudes of its own, :math:`(g'_q + k'_q s)\,|\dot s|`: carbon-black sensors jump up when unloading begins. As another,
-modes ``g`` of the same law are multiplied by the present strain, :math:`f_d = \sum_q z_q + s \sum_q g_q`: the loops of
-silver thread grow from cycle to cycle. ``x`` = :math:`\lambda h` [1]. The step is exact for strain linear over it.
+which is Eq. (4.13) of the thesis, read with :math:`n_\zeta` for :math:`n_\alpha`, with :math:`A = a\zeta^d`, d = 0
+(:math:`g`) or 1 (:math:`k`), and the stretched exponentials replaced by sums. Falling strain excites nothing in the thesis.
+As an extension it excites the same modes with amplitudes of its own, :math:`(g'_q + k'_q s)\,|\dot s|`: carbon-black
+sensors jump up when unloading begins. As another, modes :math:`z'_q` of the same law are multiplied by the present strain,
+:math:`f_d = \sum_q z_q + s \sum_q z'_q`: the loops of silver thread grow from cycle to cycle. ``x`` = :math:`\lambda h`
+[1], ``h`` step [s]. The step is exact for strain linear over it.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def excitation(bank: ModeBank, start: ca.MX, h: ca.MX, strain: str) -> tuple[ca.
     Notes
     -----
     :math:`\int_0^h (g + k(s \pm \Delta\,\tau/h))\,(\Delta/h)\,e^{-\lambda(h - \tau)}\,d\tau
-    = \Delta\,(g + k s)\,\varphi_1(\lambda h) \pm \Delta^2 k\,\varphi_2(\lambda h)`. The printed Eq. (5.3) takes operators
+    = \Delta\,(g + k s)\,\varphi_1(\lambda h) \pm \Delta^2 k\,\varphi_2(\lambda h)`. Eq. (5.3) of the thesis takes operators
     switched in the last step undecayed, :math:`\varphi_1 = 1`; exact is as cheap, and a ramp may then be cut into any steps.
     """
     x = ca.DM(bank.decay_rates) * h
