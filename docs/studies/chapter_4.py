@@ -77,7 +77,7 @@ def _chosen(results: Results) -> str:
     parts = []
     for row in results.chosen:
         first, second, _ = row.metrics()
-        ridge = f"{row.fit.settings.ridge:g}"
+        ridge = f"{row.fit.settings.density_ridge:g}"
         parts.append(f"M = P = {row.modes}, ridge {ridge}: {number(first.value)} / {number(second.value)}")
     return (
         "The ridges above are the same for all M. `--ridge auto` chooses one for each M instead: it predicts each half "

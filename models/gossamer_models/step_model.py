@@ -15,17 +15,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 
 from .errors import ArtifactError, ParameterError
-from .variables import CAUSALITIES, Causality, Variable, by_name, in_order
+from .variables import CAUSALITIES, Causality, Results, State, Values, Variable, by_name, in_order, pack, unpack
 
 FORMAT_VERSION = 1
 
@@ -90,8 +89,8 @@ class StepModel:
         cls,
         *,
         variables: tuple[Variable, ...],
-        init: Callable[[SimpleNamespace, SimpleNamespace], tuple[ca.MX, Mapping[str, ca.MX]]],
-        step: Callable[[ca.MX, SimpleNamespace, SimpleNamespace, ca.MX], tuple[ca.MX, Mapping[str, ca.MX]]],
+        init: Callable[[Values, Values], tuple[State, Results]],
+        step: Callable[[State, Values, Values, ca.MX], tuple[State, Results]],
         **rest: Any,  # noqa: ANN401
     ) -> StepModel:
         """Trace a model that is written with the names of its table.
@@ -102,9 +101,10 @@ class StepModel:
             The table.
         init : callable
             ``init(u, p) -> (x, results)``: attributes of ``u`` and ``p`` are the inputs and parameters, arrays as columns;
-            ``results`` holds the outputs and locals by name, arrays as columns too.
+            ``x`` is a column or a dataclass of columns and dataclasses; ``results`` holds the outputs and locals by
+            name, arrays as columns.
         step : callable
-            ``step(x, u, p, h) -> (x_next, results)``.
+            ``step(x, u, p, h) -> (x_next, results)`` with states as ``init`` returns them.
         **rest
             The other attributes of the model.
 
@@ -118,12 +118,12 @@ class StepModel:
         u, p = ca.MX.sym("u", len(rows["input"])), ca.MX.sym("p", len(rows["parameter"]))
         inputs, parameters = by_name(rows["input"], u), by_name(rows["parameter"], p)
         x0, y0 = init(inputs, parameters)
-        x, h = ca.MX.sym("x", x0.numel()), ca.MX.sym("h")
-        x_next, y = step(x, inputs, parameters, h)
+        x, h = ca.MX.sym("x", pack(x0).numel()), ca.MX.sym("h")
+        x_next, y = step(unpack(x0, x), inputs, parameters, h)
         return cls(
             variables=variables,
-            init=ca.Function("init", [u, p], [x0, in_order(results, y0)]),
-            step=ca.Function("step", [x, u, p, h], [x_next, in_order(results, y)]),
+            init=ca.Function("init", [u, p], [pack(x0), in_order(results, y0)]),
+            step=ca.Function("step", [x, u, p, h], [pack(x_next), in_order(results, y)]),
             **rest,
         )
 

@@ -1,8 +1,8 @@
 """Run a ``StepModel``: set inputs, step, read results.
 
 Symbols: ``x`` state, ``values`` all variables in table order (parameters, inputs, outputs, locals), ``h`` step [s].
-Evaluation goes through CasADi's virtual machine with buffers prepared once, so a step allocates nothing that grows. Every
-method either does what it says or raises and leaves the state as it was.
+CasADi's virtual machine evaluates the model in buffers that are prepared once, so memory does not grow with the number of
+steps. A method that raises leaves the state as it was.
 """
 
 from __future__ import annotations
@@ -36,6 +36,17 @@ class Stepper:
         Start values of parameters and inputs that differ from the table's. Names that are no Python identifiers go
         through ``set``.
 
+    Attributes
+    ----------
+    model : StepModel
+        The model.
+    initialized : bool
+        Whether ``initialize`` has been called.
+    values : ndarray, shape (number of variables,)
+        Current values in table order: a read-only view that every call updates in place.
+    x : ndarray, shape (n_states,)
+        Current state: another such view.
+
     Examples
     --------
     >>> from gossamer_models.sensor import sensor_model
@@ -61,6 +72,7 @@ class Stepper:
         self._next = np.zeros(n_x + self._values[self._y].size)
         self._x_next, self._y_next = self._next[:n_x], self._next[n_x:]
         self._h = np.zeros(1)
+        self.values, self.x = _read_only(self._values), _read_only(self._x)
         u, p = self._values[self._u], self._values[self._p]
         self._run_init = _prepare(model.init, (u, p), (self._x_next, self._y_next))
         self._run_step = _prepare(model.step, (self._x_work, u, p, self._h), (self._x_next, self._y_next))
@@ -92,15 +104,15 @@ class Stepper:
     def set_values(self, indices: Iterable[int], values: Iterable[float]) -> None:
         """Set parameters or inputs by table index.
 
-        A value that is not finite or out of range is taken here and refused by the ``initialize`` or ``step`` that would
-        use it, which leaves the caller the chance to correct it.
+        A value that is not finite or out of range is stored; the ``initialize`` or ``step`` that would use it raises, so
+        the caller can still correct it.
 
         Raises
         ------
         InputError
-            Unknown index, a result, or something that is no number; nothing is set.
+            An index is unknown or that of a result, or a value is not a number; nothing is set.
         StateError
-            A parameter after initialization; nothing is set.
+            A parameter is set after initialization; nothing is set.
         """
         pairs = []
         try:
@@ -150,7 +162,7 @@ class Stepper:
         self.initialized = True
 
     def step(self, h: float) -> None:
-        """Advance by ``h`` seconds with the inputs as set; a longer step than the model's own limit is divided.
+        """Advance by ``h`` seconds with the inputs as set; a step beyond the model's own limit is divided.
 
         Raises
         ------
@@ -275,6 +287,12 @@ class Stepper:
 
 def _unit(variable: Variable) -> str:
     return "" if variable.unit == "1" else variable.unit
+
+
+def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _prepare(

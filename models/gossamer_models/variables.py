@@ -1,23 +1,28 @@
-"""A model's variables as one table of rows, and its vectors by the names in that table.
+"""A model's variables as one table of rows, and its vectors by name.
 
 A row is ``parameter``, ``input_``, ``output`` or ``local`` of name, unit, description, start value and range. Elements of an
-array carry their index in the name, ``damage[1]``; inside a step the array is one column, ``u.damage``.
+array carry their index in the name, ``damage[1]``; inside a step the array is one column, ``u.damage``. A state is one
+column too, or a dataclass whose fields are states: ``x.sensor.front``.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
+from itertools import accumulate
 from types import SimpleNamespace
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import casadi as ca
 
 from .errors import ParameterError
 
 Causality = Literal["parameter", "input", "output", "local"]
+Values = SimpleNamespace  # inputs or parameters inside a step
+Results = Mapping[str, ca.MX]  # outputs and locals of a step
+State = TypeVar("State")
 CAUSALITIES: tuple[Causality, ...] = ("parameter", "input", "output", "local")
 
 
@@ -71,15 +76,15 @@ output = partial(Variable, "output")
 local = partial(Variable, "local")
 
 
-def by_name(variables: Iterable[Variable], column: ca.MX) -> SimpleNamespace:
+def by_name(variables: Iterable[Variable], column: ca.MX) -> Values:
     """Split a column, shape (n,), by the names of its variables; the elements of an array make one column."""
     places: dict[str, list[int]] = {}
     for i, variable in enumerate(variables):
         places.setdefault(_array(variable), []).append(i)
-    return SimpleNamespace(**{name: column[where] for name, where in places.items()})
+    return Values(**{name: column[where] for name, where in places.items()})
 
 
-def in_order(variables: Iterable[Variable], values: Mapping[str, ca.MX]) -> ca.MX:
+def in_order(variables: Iterable[Variable], values: Results) -> ca.MX:
     """Stack values by name, arrays as columns, in the order of their variables, shape (n,).
 
     Raises
@@ -93,6 +98,32 @@ def in_order(variables: Iterable[Variable], values: Mapping[str, ca.MX]) -> ca.M
         msg = f"the table has results {dict(sizes)}, the step returns {dict(given)} (name: number of elements)"
         raise ParameterError(msg)
     return ca.vertcat(*(ca.MX(values[name]) for name in sizes))
+
+
+def pack(state: Any) -> ca.MX:  # noqa: ANN401
+    """Stack a state, shape (n,); a matrix column by column."""
+    if is_dataclass(state):
+        return ca.vertcat(*(pack(getattr(state, part.name)) for part in fields(state)))
+    return ca.vec(state)
+
+
+def unpack(like: State, x: ca.MX) -> State:
+    """Split a column, shape (n,), into a state with the fields and shapes of another one."""
+    if is_dataclass(like) and not isinstance(like, type):
+        parts = [getattr(like, part.name) for part in fields(like)]
+        ends = accumulate((pack(part).numel() for part in parts), initial=0)
+        return type(like)(*(unpack(*pair) for pair in zip(parts, ca.vertsplit(x, list(ends)), strict=True)))
+    column: State = ca.reshape(x, ca.MX(like).shape)
+    return column
+
+
+def choose(condition: ca.MX, yes: State, no: State) -> State:
+    """Return the first state where the condition holds, else the second, field by field."""
+    if is_dataclass(yes) and not isinstance(yes, type):
+        pairs = ((getattr(yes, part.name), getattr(no, part.name)) for part in fields(yes))
+        return type(yes)(*(choose(condition, *pair) for pair in pairs))
+    column: State = ca.if_else(condition, yes, no)
+    return column
 
 
 def _array(variable: Variable) -> str:

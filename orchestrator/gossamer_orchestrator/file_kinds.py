@@ -1,4 +1,4 @@
-"""What a file is, when it is not what a command expected."""
+"""Explain what a file is when a command expected another kind."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import zipfile
 from pathlib import Path
 
 _MEMBERS = {
-    "modelDescription.xml": "It is an FMU; 'gossamer info' and 'gossamer verify' take it.",
-    "SystemStructure.ssd": "It is an SSP; 'gossamer run' takes it.",
+    "modelDescription.xml": "It is an FMU: look at it with 'gossamer info' or 'gossamer verify'.",
+    "SystemStructure.ssd": "It is an SSP: run it with 'gossamer run'.",
 }
 _HEADS = {
-    b"PK": "It is not a whole ZIP archive. Build or copy it again.",
+    b"PK": "It is an incomplete ZIP archive. Build or copy it again.",
     b"\x89PNG": "It is a picture (PNG).",
     b"\xff\xd8": "It is a picture (JPEG).",
     b"%PDF": "It is a PDF.",
-    b"CDF": "It is results (netCDF); xarray opens it.",
+    b"CDF": "It is a results file (netCDF): open it with xarray.",
     b"\x89HDF": "It is HDF5.",
     b"\x7fELF": "It is a Linux binary.",
 }
@@ -36,6 +36,6 @@ def explain_file(path: Path) -> str:
     except (OSError, zipfile.BadZipFile):
         return "It cannot be read; build or copy it again."
     if path.suffix == ".toml":
-        return "It seems to be a scenario; 'gossamer run' takes it."
+        return "It seems to be a scenario: run it with 'gossamer run'."
     kind = next((text for start, text in _HEADS.items() if head.startswith(start)), None)
     return kind or ("It is empty." if not head else "It is some other data." if b"\0" in head else "It is text.")

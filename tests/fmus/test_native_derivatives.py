@@ -44,7 +44,8 @@ def test_directional_derivatives_are_those_of_finite_differences(instance, name,
         return np.array(fmu.get(*results))
 
     for key in inputs:
-        change = 1e-5 * max(abs(values.get(key, 0.0)), 1.0)
+        # round-off of a strain would hide a derivative of 1e-12; the membrane is smooth enough for a larger change
+        change = (1e-3 if name == "membrane" else 1e-5) * max(abs(values.get(key, 0.0)), 1.0)
         step()
         known, unknown = [fmu.references[key]], [fmu.references[result] for result in results]
         found = np.array(fmu.slave.getDirectionalDerivative(unknown, known, [2.0])) / 2.0

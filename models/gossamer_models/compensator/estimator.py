@@ -1,187 +1,158 @@
-r"""The compensator as an estimator: fixed-lag smoothing, memory that commits late, an observer of the drift.
+r"""The compensator as an estimator: fixed-lag smoothing, memory that commits late, a Kalman filter of the drift.
 
-Symbols: ``T`` target, output that the memory does not explain [1]; ``d`` +1 or -1, the direction of motion; ``turn`` and
-``turn_variance`` where the present leg has got to, counted from the memory [1]; ``e`` drift, error of the strain [1];
-``theta`` relative correction of ``nu``, and so of eta [1]; ``ee, et, tt`` their covariances; ``v`` variance of the smoothed
-output [1].
+Symbols: ``T`` target, output that the memory does not explain [1]; ``v`` variance of the smoothed output [1]; ``theta``
+relative correction of ``nu``, and so of eta [1]; ``h`` step [s]; ``M`` delay [samples].
 
-The exact inverse takes noise for motion: every small reversal wipes memory and loses (1 - eta) of itself. Here nothing
-is written to memory that may have to be taken back:
+The exact inverse takes noise for motion: every small reversal wipes memory and loses (1 - eta) of itself. The estimator
+writes nothing to memory that it may have to take back. One step reads smooth, follow, commit, learn:
 
-1. The last 2 M + 1 resistances are smoothed (``smooth.py``); what follows speaks of the middle, M samples ago.
-2. While strain runs on, memory follows at a distance of several standard deviations. The strain itself is found by the
-   exact inverse from there, so it does not lag.
-3. Once the output has come back by more than noise explains, the turning point is written, at its own best estimate.
-4. A Kalman filter keeps the error that this leaves: turning points add to ``e``, an error of eta adds in proportion to
-   what switches down. It learns where strain is known: told so, or at the end of its range.
+1. Smooth the last 2 M + 1 resistances (``smooth.py``). What follows concerns the middle one, M samples ago.
+2. Follow the leg, the motion since the last turning point, until the output comes back by more than noise (``leg.py``).
+3. Commit to memory what is certain: while strain runs on, all but several standard deviations; after a turning point, its
+   best estimate. The exact inverse gives the strain from there, so the strain does not lag further.
+4. Learn the error that remains (``drift.py``): turning points add to it, an error of eta adds in proportion to what
+   switches down. A known strain and the end of the range reveal it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import accumulate, pairwise
+from itertools import pairwise
 
 import casadi as ca
 
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
-from ..sensor.model import ADVICE, SCALE_VARIABLES, resting_state, saturated, with_scales
-from ..sensor.relaxation import decay
+from ..sensor.model import ADVICE, SCALE_VARIABLES, normalised, resting_state, saturated, with_scales
 from ..sensor.state import SensorLaw, SensorState
 from ..step_model import StepModel
-from ..variables import Variable
-from .inverse import invert
-from .smooth import smooth
+from ..variables import Results, Values, choose, input_, output, parameter
+from .drift import Drift
+from .exact import invert
+from .leg import BACK, Leg
+from .smooth import Smoothed, smooth
 
 HALF_WIDTHS = (3, 8, 24)  # [samples] of the windows; the largest is the delay
-AHEAD, BACK = 3.0, 4.0  # standard deviations that tell motion from noise, onward and backward
-TREND = 2.5  # the same for the slope
-LAST_TURN = 0.5  # of the variance of the last turning point shows until the loop from there closes
+LAST_TURN = 0.5  # share of the variance of the last turning point that the strain shows until its loop closes
 ROUNDING = 0.3  # standard deviations of the noise that a sharp turning point loses if it looks round
-FORGOTTEN = 0.25  # of an error stays in the remembered turning points when the strain is set right
-LEAST_DOUBT = 0.1  # of the doubt about eta stays, whatever was learned
+FORGOTTEN = 0.25  # share of an error that stays in the remembered turning points when a known strain corrects it
+LEAST_DOUBT = 0.1  # share of eta_deviation that stays, whatever was learned
 REACH = 0.02  # [1] standard deviation of strain about the end of its range where the model says it is beyond
 MOST_DRIFT = 0.3  # [1]; an output further beyond what any strain explains is a broken wire or a meter, never drift
-PATIENCE = 32.0  # a resistance out of reach is believed after about PATIENCE**2 / BACK**2 samples
+PATIENCE = 32.0  # a resistance out of reach is accepted as drift after about PATIENCE**2 / BACK**2 samples
 SHORTEST = 1e-9  # [s] stands for the steps before the run, [1] for a movement of nothing
 
 VARIABLES = (
-    Variable(
-        name="noise",
-        causality="parameter",
-        unit="ohm",
-        description="Standard deviation of the measured resistance's white noise; 0 lets every sample pass",
-        start=0.1,
-        minimum=0.0,
-        nominal=0.1,
+    *SCALE_VARIABLES,
+    parameter(
+        "noise", "ohm", "Standard deviation of the resistance's white noise; 0 = no smoothing", 0.1, 0.0, nominal=0.1
     ),
-    Variable(
-        name="eta_deviation",
-        causality="parameter",
-        unit="1",
-        description="Standard deviation of the relative error of the artifact's eta; 0 trusts it",
-        start=0.01,
-        minimum=0.0,
-        nominal=0.01,
+    parameter(
+        "eta_deviation", "1", "Standard deviation of the relative error of eta; 0 trusts it", 0.01, 0.0, nominal=0.01
     ),
-    Variable(
-        name="resistance",
-        causality="input",
-        unit="ohm",
-        description="Measured resistance, one sample per step",
-        start=100.0,
-        nominal=100.0,
-    ),
-    Variable(
-        name="known",
-        causality="input",
-        unit="1",
-        description="1 if the strain is known now, so that the drift is set back, else 0",
-        start=0.0,
-        minimum=0.0,
-        maximum=1.0,
-        discrete=True,
-    ),
-    Variable(
-        name="known_strain",
-        causality="input",
-        unit="1",
-        description="Strain now; read while known is 1",
-        start=0.0,
-        minimum=0.0,
-        nominal=0.1,
-    ),
-    Variable(
-        name="strain",
-        causality="output",
-        unit="1",
-        description="Estimated strain, delay seconds ago",
-        minimum=0.0,
-        nominal=0.1,
-    ),
-    saturated(
-        description="1 if no strain from 0 to full scale explains the resistance, nor its noise, nor drift; else 0"
-    ),
-    Variable(
-        name="present_strain",
-        causality="output",
-        unit="1",
-        description="Estimated strain now: without delay, less accurate",
-        minimum=0.0,
-        nominal=0.1,
-    ),
-    Variable(
-        name="strain_deviation",
-        causality="output",
-        unit="1",
-        description="Standard deviation of the error of strain",
-        minimum=0.0,
-        nominal=0.001,
-    ),
-    Variable(
-        name="delay",
-        causality="output",
-        unit="s",
-        description="By how much strain lags behind the resistance",
-        minimum=0.0,
-        nominal=1.0,
-    ),
-    Variable(
-        name="eta_correction",
-        causality="output",
-        unit="1",
-        description="Relative correction of the artifact's eta, learned where strain was known or out of range",
-        nominal=0.01,
+    input_("resistance", "ohm", "Measured resistance, one sample per step", 100.0, nominal=100.0),
+    input_("known", "1", "1 if the strain is known now, which ends the drift; else 0", 0.0, 0.0, 1.0, discrete=True),
+    input_("known_strain", "1", "Present strain; read while known is 1", 0.0, 0.0, nominal=0.1),
+    output("strain", "1", "Estimated strain, delay seconds ago", minimum=0.0, nominal=0.1),
+    saturated("1 if neither a strain from 0 to full scale nor noise nor drift explains the resistance, else 0"),
+    output("present_strain", "1", "Estimated strain now: without delay, less accurate", minimum=0.0, nominal=0.1),
+    output("strain_deviation", "1", "Standard deviation of the error of strain", minimum=0.0, nominal=0.001),
+    output("delay", "s", "Delay of strain behind the resistance", minimum=0.0, nominal=1.0),
+    output(
+        "eta_correction", "1", "Relative correction of eta, learned from known and out-of-range strain", nominal=0.01
     ),
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Drift:
-    """Gaussian belief about the error of strain and the error of eta.
+class Buffer:
+    """The latest samples, oldest first.
 
     Attributes
     ----------
-    theta : casadi.MX, scalar
-        Correction of ``nu`` in use, relative [1].
-    ee, et, tt : casadi.MX, scalar
-        Covariances of the errors of strain and of ``theta`` [1].
-    rounding : casadi.MX, scalar
-        Error of strain [1] if every turning point that was not seen to be sharp was one; it grows with their number.
+    output : casadi.MX, shape (2 M + 1,)
+        Normalised output [1].
+    h, known, strain : casadi.MX, shape (M + 1,)
+        Step [s], whether the strain is known, and the known strain [1], from the middle of the window on.
     """
 
-    theta: ca.MX
-    ee: ca.MX
-    et: ca.MX
-    tt: ca.MX
-    rounding: ca.MX
+    output: ca.MX
+    h: ca.MX
+    known: ca.MX
+    strain: ca.MX
 
-    def fall(self, drop: ca.MX) -> Drift:
-        """Let ``drop`` [1] of output switch down: an error of eta becomes an error of strain."""
-        ee = self.ee + 2.0 * drop * self.et + drop**2 * self.tt
-        return Drift(self.theta, ee, self.et + drop * self.tt, self.tt, self.rounding)
+    def push(self, *newest: ca.MX) -> Buffer:
+        """Return the columns without their oldest sample and with the newest."""
+        columns = (self.output, self.h, self.known, self.strain)
+        return Buffer(*(ca.vertcat(column[1:], new) for column, new in zip(columns, newest, strict=True)))
 
-    def learn(self, error: ca.MX, variance: ca.MX, weight: ca.MX, least: ca.MX) -> Drift:
-        """Take in an error of strain [1] with a weight of 0..1; the strain is corrected elsewhere."""
-        gain = weight / (self.ee + variance)
-        left = 1.0 - gain * self.ee
-        theta = self.theta + self.et * error * (weight > 0.0) / (self.ee + variance)
-        return Drift(
-            theta,
-            left * self.ee,
-            left * self.et,
-            ca.fmax(self.tt - gain * self.et**2, least),
-            (1.0 - weight) * self.rounding,
-        )
 
-    @property
-    def variance(self) -> ca.MX:
-        """Variance of the error of strain [1]."""
-        return self.ee + self.rounding**2
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The sample at the middle of the window.
 
-    def pack(self) -> ca.MX:
-        """Return the belief as one column, shape (5,)."""
-        return ca.vertcat(self.theta, self.ee, self.et, self.tt, self.rounding)
+    Attributes
+    ----------
+    output : Smoothed
+        Normalised output [1].
+    h, known, strain : casadi.MX, scalar
+        Step [s], whether the strain is known, and the known strain [1].
+    """
+
+    output: Smoothed
+    h: ca.MX
+    known: ca.MX
+    strain: ca.MX
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorState:
+    """State of the estimator.
+
+    Attributes
+    ----------
+    sensor : SensorState
+        Committed memory, at the middle of the window.
+    buffer : Buffer
+        Samples of the window.
+    leg : Leg
+        Motion since the last turning point.
+    drift : Drift
+        Errors of the strain and of eta.
+    """
+
+    sensor: SensorState
+    buffer: Buffer
+    leg: Leg
+    drift: Drift
+
+
+@dataclass(frozen=True, slots=True)
+class Commit:
+    """Result of a commit to memory.
+
+    Attributes
+    ----------
+    sensor : SensorState
+        Memory after it.
+    refused : casadi.MX, scalar
+        1 where neither strain nor noise nor drift explains the output, so that memory stood still.
+    drop : casadi.MX, scalar
+        Output that switched down [1].
+    residual : casadi.MX, scalar
+        Output that no strain explains [1].
+    shift : casadi.MX, scalar
+        Part of it that the memory accepted as drift [1].
+    error : casadi.MX, scalar
+        Error of strain that this shows [1]; read where the strain is known or ``shift`` is not zero.
+    """
+
+    sensor: SensorState
+    refused: ca.MX
+    drop: ca.MX
+    residual: ca.MX
+    shift: ca.MX
+    error: ca.MX
 
 
 def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[int, ...] = HALF_WIDTHS) -> StepModel:
@@ -203,15 +174,16 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     Raises
     ------
     ParameterError
-        The half widths are not such, or the output of the sensor may move against the strain.
+        The half widths are not such, the output of the sensor may move against the strain, or it has a direct inverse.
 
     Notes
     -----
     ``known`` = 1 says that the strain is ``known_strain`` now. It acts when that sample reaches the middle of the window:
-    the memory goes there, the output is set to what was measured, and the error found corrects eta in proportion to the
-    covariances. One unit of normalised output counts as one unit of normalised strain in the belief about the drift,
-    which is the mean slope of any sensor. Strain found beyond the end of its range is drift as well, if it is no more
-    than the belief allows and less than ``MOST_DRIFT``; otherwise it is a fault, ``saturated`` is 1 and memory stands still.
+    the memory goes there, the output is set to the measured one, and the error that this shows corrects eta in proportion
+    to the covariances. One unit of normalised output counts as one unit of normalised strain in the estimate of the drift,
+    which is the mean slope of any sensor. Strain beyond the end of its range is drift as well, if it is no more than
+    that estimate allows and less than ``MOST_DRIFT``; otherwise it is a fault, ``saturated`` is 1 and memory stands
+    still.
 
     Without noise every window but the sample itself is rejected, and the strain is that of the exact inverse, delayed;
     relaxation of what rises in the first step after a turning point is timed one step late.
@@ -225,108 +197,63 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
         raise ParameterError(msg)
     if artifact.inverse is not None:
         msg = (
-            "this sensor brings a direct inverse, which the estimator does not use. Build the compensator with the "
+            "this sensor has a direct inverse, which the estimator does not use. Build the compensator with the "
             "method inverse, or identify the sensor without --direct-inverse."
         )
         raise ParameterError(msg)
     if not half_widths or half_widths[0] < 3 or any(a >= b for a, b in pairwise(half_widths)):
-        msg = f"half widths of the windows are increasing and 3 samples or more, not {half_widths}"
+        msg = f"half widths of the windows must increase and be 3 samples or more, not {half_widths}"
         raise ParameterError(msg)
-    law = SensorLaw(artifact)
-    M = half_widths[-1]
-    sizes = (law.n_states, 2 * M + 1, M + 1, M + 1, M + 1, 5, 5)
-    x, h = ca.MX.sym("x", sum(sizes)), ca.MX.sym("h")
-    u, p = ca.MX.sym("u", 3), ca.MX.sym("p", len(SCALE_VARIABLES) + 2)
-    R0, dR, full_scale, rest_strain, noise, eta_deviation = ca.vertsplit(p)
+    law, M = SensorLaw(artifact), half_widths[-1]
+    lost = abs(1.0 - law.nu.sum() / law.mu.sum())  # share of an error of a turning point that stays in the strain
 
-    rest = resting_state(law, rest_strain, full_scale)
-    x0 = ca.vertcat(
-        rest.pack(),
-        ca.repmat(rest.f, 2 * M + 1),
-        ca.DM.zeros(3 * (M + 1)),
-        ca.vertcat(1.0, 0.0, 0.0, 0.0, 0.0),
-        Drift(ca.MX(0.0), ca.MX(0.0), ca.MX(0.0), eta_deviation**2, ca.MX(0.0)).pack(),
-    )
-    y0 = ca.vertcat(rest.s * full_scale, 0.0, rest.s * full_scale, 0.0, 0.0, 0.0)
-    init = ca.Function("init", [u, p], [x0, y0])
+    def init(_: Values, p: Values) -> tuple[EstimatorState, Results]:
+        rest, zero = resting_state(law, p), ca.MX(0.0)
+        buffer = Buffer(ca.repmat(rest.f, 2 * M + 1), *3 * [ca.MX.zeros(M + 1)])
+        leg = Leg(ca.MX(1.0), zero, zero, zero, zero)
+        strain = rest.s * p.full_scale_strain
+        results = {"strain": strain, "present_strain": strain}
+        results |= dict.fromkeys(("saturated", "strain_deviation", "delay", "eta_correction"), zero)
+        return EstimatorState(rest, buffer, leg, Drift(zero, zero, zero, p.eta_deviation**2, zero)), results
 
-    parts = [x[a:b] for a, b in pairwise(accumulate(sizes, initial=0))]
-    state, drift = law.unpack(parts[0]), Drift(*ca.vertsplit(parts[6]))
-    d, turn, turn_variance, last_variance, fresh = ca.vertsplit(parts[5])
-    new = ((u[0] - R0) / dR, h, u[1], u[2] / full_scale)
-    buffers = [ca.vertcat(part[1:], value) for part, value in zip(parts[1:5], new, strict=True)]
-    output, steps, known, known_strain = buffers
-    known, known_strain = known[0] > 0.5, known_strain[0]
-    h_middle, delay = ca.fmax(steps[0], SHORTEST), ca.fmax(ca.sum1(steps[1:]), SHORTEST)
-    sigma = noise / dR
-    middle, present = (smooth(output, sigma, half_widths, place) for place in (M, 2 * M))
-    v = middle.variance
+    def step(x: EstimatorState, u: Values, p: Values, h: ca.MX) -> tuple[EstimatorState, Results]:
+        # smooth
+        sigma = p.noise / p.full_scale_resistance_change
+        buffer = x.buffer.push(normalised(u.resistance, p), h, u.known, u.known_strain / p.full_scale_strain)
+        middle, present = (smooth(buffer.output, sigma, half_widths, place) for place in (M, 2 * M))
+        now = Sample(middle, ca.fmax(buffer.h[0], SHORTEST), buffer.known[0] > 0.5, buffer.strain[0])
+        # follow
+        held = law.hold(x.sensor, now.h).output()
+        leg, turned, certain = x.leg.follow(middle, held, M)
+        # commit
+        commit = _commit(law, x.sensor, x.drift, now, ca.if_else(now.known, middle.value - held, certain))
+        sensor = commit.sensor
+        # learn
+        turning = ca.if_else(turned, lost**2 * leg.variance, 0.0)
+        rounding = ca.if_else(turned, lost * ROUNDING * sigma * (1.0 - middle.sharp), 0.0)
+        drift = _learn(x.drift.add(turning, rounding), now, commit, (LEAST_DOUBT * p.eta_deviation) ** 2)
 
-    # where the leg has got to: it runs on, rests, or has turned
-    before = state.f + ca.sum1(decay(law.bank, state.z, h_middle))
-    T, T_turn = middle.value - before, middle.turn - before
-    width = ca.sqrt(v + turn_variance)
-    turned = (T - turn) * d < -BACK * width
-    onward = (T_turn - turn) * d > 0.0
-    moving = ca.logic_or(middle.trend * d > TREND, (T - turn) * d > AHEAD * width)
-    fresh = ca.logic_or(moving, ca.logic_and(fresh, onward))
-    resting = ca.logic_and(ca.fabs(middle.trend) < TREND, ca.logic_not(fresh))
-    gain = ca.if_else(resting, turn_variance / (turn_variance + M * v), 0.0)  # errors last for about M samples
-    followed = ca.if_else(fresh, T_turn, turn + gain * (T - turn))
-    turn = ca.if_else(turned, turn + d * ca.fmax((T_turn - turn) * d, 0.0), followed)
-    turn_variance = ca.if_else(fresh, v, (1.0 - gain) * turn_variance)
+        T, v = middle.value - sensor.output(), middle.variance
+        leg = leg.recount(turned, now.known, T, v, moved=sensor.output() - held)
+        s, _ = _invert(law, sensor, T, drift, now.h)
+        delay = ca.fmax(ca.sum1(buffer.h[1:]), SHORTEST)
+        s_present, _ = _invert(law, sensor, present.value - law.hold(sensor, delay).output(), drift, delay)
+        floor = ca.sqrt(v) + SHORTEST
+        slope = (ca.fabs(T) + floor) / (ca.fabs(s - sensor.s) + floor)
+        deviation = ca.sqrt(v / slope**2 + LAST_TURN * leg.start_variance + drift.variance)
+        return EstimatorState(sensor, buffer, leg, drift), {
+            "strain": s * p.full_scale_strain,
+            "saturated": commit.refused,
+            "present_strain": s_present * p.full_scale_strain,
+            "strain_deviation": deviation * p.full_scale_strain,
+            "delay": delay,
+            "eta_correction": drift.theta,
+        }
 
-    # memory follows at a distance, up to the turning point itself once that is known
-    certain = ca.if_else(turned, turn, d * ca.fmax(turn * d - BACK * width, 0.0))
-    certain = ca.if_else(known, T, certain)
-    reached, outside = _invert(law, state, certain, drift, h_middle)
-    moved, drop = _advance(law, state, ca.if_else(known, known_strain, reached), drift, h_middle)
-    left = before + certain - moved.output()
-    believed = ca.logic_and(left**2 < BACK**2 * (drift.ee + v), ca.fabs(left) < MOST_DRIFT)
-    beyond = ca.logic_and(outside, ca.logic_not(known))
-    refused = ca.logic_and(beyond, ca.logic_not(believed))
-    drop = ca.if_else(refused, 0.0, drop)
-    shift = ca.if_else(ca.logic_or(known, ca.logic_and(beyond, believed)), left, 0.0)
-    still = replace(state, z=decay(law.bank, state.z, h_middle))
-    state = _choose(refused, still, replace(moved, f=moved.f + shift))
-
-    # what is not known: turning points and eta add to it, a known strain or the end of the range takes from it
-    lost = abs(1.0 - law.nu.sum() / law.mu.sum())  # of what a turning point is too high or too low
-    drift = drift.fall(drop)
-    drift = replace(
-        drift,
-        ee=drift.ee
-        + ca.if_else(turned, lost**2 * turn_variance, 0.0)
-        + ca.if_else(refused, (left / PATIENCE) ** 2, 0.0),
-        rounding=drift.rounding + ca.if_else(turned, lost * ROUNDING * sigma * (1.0 - middle.sharp), 0.0),
-    )
-    error = ca.if_else(known, known_strain - reached, -shift)
-    doubt = ca.if_else(known, (FORGOTTEN * error) ** 2, REACH**2)
-    weight = ca.if_else(known, 1.0, ca.fmin(ca.fabs(shift) / REACH, 1.0))
-    drift = drift.learn(error, v + doubt, weight, (LEAST_DOUBT * eta_deviation) ** 2)
-
-    T = middle.value - state.output()
-    restart = ca.logic_or(turned, known)
-    turn = ca.if_else(restart, T, turn - (state.output() - before))
-    last_variance = ca.if_else(turned, turn_variance, last_variance)
-    turn_variance = ca.if_else(restart, v, turn_variance)
-    d = ca.if_else(turned, -d, d)
-    s, _ = _invert(law, state, T, drift, h_middle)
-    after = present.value - state.f - ca.sum1(decay(law.bank, state.z, delay))
-    s_present, _ = _invert(law, state, after, drift, delay)
-    floor = ca.sqrt(v) + SHORTEST
-    slope = (ca.fabs(T) + floor) / (ca.fabs(s - state.s) + floor)
-    deviation = ca.sqrt(v / slope**2 + LAST_TURN * last_variance + drift.variance)
-
-    x_next = ca.vertcat(state.pack(), *buffers, d, turn, turn_variance, last_variance, fresh, drift.pack())
-    y = ca.vertcat(
-        ca.vertcat(s * full_scale, refused, s_present * full_scale, deviation * full_scale), delay, drift.theta
-    )
-    step = ca.Function("step", [x, u, p, h], [x_next, y])
-    return StepModel(
+    return StepModel.written(
         name="compensator",
         description="Estimator of strain from the resistance of a hysteretic sensor",
-        variables=with_scales((*SCALE_VARIABLES, *VARIABLES), artifact),
+        variables=with_scales(VARIABLES, artifact),
         init=init,
         step=step,
         advice=ADVICE,
@@ -334,18 +261,37 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     )
 
 
+def _commit(law: SensorLaw, sensor: SensorState, drift: Drift, now: Sample, change: ca.MX) -> Commit:
+    """Move the memory to the strain that explains a change of output [1], or to the known strain."""
+    held = law.hold(sensor, now.h)
+    reached, outside = _invert(law, sensor, change, drift, now.h)
+    moved = law.advance(sensor, ca.if_else(now.known, now.strain, reached), now.h)
+    drop = ca.fmax(sensor.f - moved.f, 0.0)
+    moved = replace(moved, f=moved.f - drift.theta * drop)
+    residual = held.output() + change - moved.output()
+    explained = ca.logic_and(residual**2 < BACK**2 * (drift.ee + now.output.variance), ca.fabs(residual) < MOST_DRIFT)
+    beyond = ca.logic_and(outside, ca.logic_not(now.known))
+    refused = ca.logic_and(beyond, ca.logic_not(explained))
+    shift = ca.if_else(ca.logic_or(now.known, ca.logic_and(beyond, explained)), residual, 0.0)
+    return Commit(
+        sensor=choose(refused, held, replace(moved, f=moved.f + shift)),
+        refused=refused,
+        drop=ca.if_else(refused, 0.0, drop),
+        residual=residual,
+        shift=shift,
+        error=ca.if_else(now.known, now.strain - reached, -shift),
+    )
+
+
+def _learn(drift: Drift, now: Sample, commit: Commit, least: ca.MX) -> Drift:
+    """Update the drift with a commit; ``least`` is the variance of ``theta`` [1] that always remains."""
+    fault = ca.if_else(commit.refused, (commit.residual / PATIENCE) ** 2, 0.0)
+    doubt = ca.if_else(now.known, (FORGOTTEN * commit.error) ** 2, REACH**2)
+    weight = ca.if_else(now.known, 1.0, ca.fmin(ca.fabs(commit.shift) / REACH, 1.0))
+    drift = drift.fall(commit.drop).add(fault, 0.0)
+    return drift.learn(commit.error, now.output.variance + doubt, weight, least)
+
+
 def _invert(law: SensorLaw, state: SensorState, target: ca.MX, drift: Drift, h: ca.MX) -> tuple[ca.MX, ca.MX]:
     """Invert one step with the corrected ``nu``."""
     return invert(law, state, ca.if_else(target < 0.0, target / (1.0 + drift.theta), target), h)
-
-
-def _advance(law: SensorLaw, state: SensorState, s: ca.MX, drift: Drift, h: ca.MX) -> tuple[SensorState, ca.MX]:
-    """Advance the memory with the corrected ``nu``; return what has switched down, too [1]."""
-    moved = law.advance(state, s, h)
-    drop = ca.fmax(state.f - moved.f, 0.0)
-    return replace(moved, f=moved.f - drift.theta * drop), drop
-
-
-def _choose(condition: ca.MX, yes: SensorState, no: SensorState) -> SensorState:
-    pairs = ((getattr(yes, name), getattr(no, name)) for name in SensorState.__slots__)
-    return SensorState(*(ca.if_else(condition, *pair) for pair in pairs))

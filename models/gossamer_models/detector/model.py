@@ -1,24 +1,116 @@
 """The detector: strain histories in, damage of sixteen zones out.
 
-Symbols: ``to_next`` time to the next sample [s], ``count`` samples taken in this window, ``window`` windows completed,
-``last`` strains at the last communication point, ``block`` the last three samples of the four sensors, ``U`` packet
-energies of the running window, ``I`` damage feature index. Sampling, packets and energies stream; the networks run only
-when a window ends.
+Symbols: ``U`` packet energies of the running window, ``I`` damage feature index [1], ``S`` similarity [1], ``O`` memberships
+[1]. Sampling, packets and energies stream; the networks run only when a window ends.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
+
 import casadi as ca
 
 from ..step_model import StepModel
-from ..variables import Variable
+from ..variables import Results, Values, Variable, input_, output, pack, parameter, unpack
 from .artifact import INDICES, ZONES, DetectorArtifact
 from .neurofuzzy import Defuzzification, defuzzify, similarity
-from .packets import BLOCK, block_energies
+from .packets import BLOCK, PACKETS, block_energies
 
 SENSORS = 4
-KNOWN = 0.5  # least similarity of a valid judgement; single damage between the reference levels has 0.97 or more
-_SNAP = 1e-6  # in sampling steps: a sample due within this is due now, so that rounding does not accumulate
+LEAST_SIMILARITY = 0.5  # of a valid estimate; single damage between the reference levels has 0.97 or more
+SNAP = 1e-6  # in sampling steps: a sample due within this is due now, so that rounding does not accumulate
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Sampling and energies of the running window.
+
+    Attributes
+    ----------
+    to_next : casadi.MX, scalar
+        Time to the next sample [s].
+    count : casadi.MX, scalar
+        Samples taken in this window.
+    number : casadi.MX, scalar
+        Windows completed.
+    last : casadi.MX, shape (4,)
+        Strains [1] at the last communication point.
+    block : casadi.MX, shape (4, 3)
+        Strains [1] at the last three samples.
+    U : casadi.MX, shape (16,)
+        Packet energies so far.
+    """
+
+    to_next: ca.MX
+    count: ca.MX
+    number: ca.MX
+    last: ca.MX
+    block: ca.MX
+    U: ca.MX
+
+    def advance(self, strain: ca.MX, p: Values, h: ca.MX) -> tuple[Window, ca.MX, ca.MX]:
+        """Take the sample that is due within a step, if one is.
+
+        Parameters
+        ----------
+        strain : casadi.MX, shape (4,)
+            Strains [1] at the end of the step, linear over it.
+        p : Values
+            Parameters of the detector.
+        h : casadi.MX, scalar
+            Step [s], at most one sampling step.
+
+        Returns
+        -------
+        window : Window
+            After the step; a new one if it has ended.
+        U : casadi.MX, shape (16,)
+            Energies of the window that the step belongs to.
+        ended : casadi.MX, scalar
+            Whether that window has ended.
+        """
+        rest = self.to_next - h
+        due = rest <= SNAP * p.sampling_step
+        on_time = ca.if_else(ca.fabs(rest) <= SNAP * p.sampling_step, 0.0, rest)
+        sample = self.last + (strain - self.last) * ca.fmin(self.to_next / h, 1.0)
+        block = ca.horzcat(self.block, sample)
+        take = ca.logic_and(due, ca.logic_or(self.number < 0.5, p.repeat > 0.5))
+        count = self.count + take
+        completes = ca.logic_and(take, ca.fmod(count, BLOCK) < 0.5)
+        U = self.U + ca.if_else(completes, block_energies(block), 0.0)
+        ended = ca.logic_and(completes, count >= samples_of(p) - 0.5)
+        window = Window(
+            to_next=ca.if_else(due, on_time + p.sampling_step, rest),
+            count=ca.if_else(ended, 0.0, count),
+            number=self.number + ended,
+            last=strain,
+            block=ca.if_else(take, block[:, 1:], self.block),
+            U=ca.if_else(ended, 0.0, U),
+        )
+        return window, U, ended
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """The outputs that one window gives, by their names."""
+
+    damage: ca.MX
+    index: ca.MX
+    similarity: ca.MX
+    valid: ca.MX
+
+    def results(self) -> Results:
+        """Return the outputs by name."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorState:
+    """State of the detector: the running window and the results of the last one that ended."""
+
+    window: Window
+    estimate: Estimate
 
 
 def detector_model(
@@ -43,192 +135,89 @@ def detector_model(
     Strains are read every ``sampling_step``, the first time one sampling step after ``start_time``; between communication
     points they are taken as linear (held, where a communication step is longer than the sampling step). A window ends after
     ``window_length``; its energies, Eq. (7.8) of [1]_, are divided by the baseline energies of the same window of the
-    undamaged structure, Eq. (7.9), and sixteen networks judge the logarithms of the sixteen indices. With ``repeat`` the
-    next window follows at once, else the record is the only one. Windows beyond the last one trained use its baseline and
-    networks, for a response that has become periodic.
+    undamaged structure, Eq. (7.9), and sixteen networks estimate damage from the logarithms of the sixteen indices. With
+    ``repeat`` the next window follows at once, else there is one window only. Windows beyond the last one trained use its
+    baseline and networks, for a response that has become periodic.
 
     ``similarity`` is the largest similarity with any reference case, relative to that of the case itself; near zero,
-    nothing like it was trained. ``valid`` is 1 if the last window judged is the one that the baseline belongs to and its
-    similarity is at least one half.
+    the training holds nothing like it. ``valid`` is 1 if the baseline belongs to the last window that ended and its
+    similarity is ``LEAST_SIMILARITY`` or more.
 
     References
     ----------
-    .. [1] M. R. Sunny, PhD thesis, Virginia Tech, 2010, Chapters 6 and 7.
+    .. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer
+       Nanocomposite Sensors", dissertation, Virginia Tech, 2010, chapters 6 and 7.
     """
     trained = artifact or DetectorArtifact.default()
-    record, judge = _record_function(), _judge_function(trained, defuzzification)
-    unjudged = ca.DM([0.0] * ZONES + [1.0] * INDICES + [0.0, 0.0])
-    n_memory = record.nnz_in(0)
+    windows = range(len(trained.baseline))
 
-    x, u = ca.MX.sym("x", n_memory + unjudged.numel()), ca.MX.sym("u", SENSORS)
-    p, h = ca.MX.sym("p", 4), ca.MX.sym("h")
-    memory, judged = ca.vertsplit(x, [0, n_memory, x.numel()])
-    memory_next, U, window, ended = record(memory, u, p, h)
-    belongs = (
-        (ca.fabs(p[0] - trained.start_time) <= _SNAP * trained.sampling_step)
-        * (ca.fabs(p[2] - trained.sampling_step) <= _SNAP * trained.sampling_step)
-        * (_samples(p) == trained.samples)
-    )
-    trained_window = ca.fmin(window, trained.baseline.shape[0] - 1)
-    judged_next = judge(ca.if_else(ended, trained_window, -1), U, belongs, judged)
+    def estimate(U: ca.MX, c: int, p: Values) -> Estimate:
+        I = U / ca.DM(trained.baseline[c])
+        S = similarity(ca.log(I), ca.DM(trained.references[c]), ca.DM(trained.weights[c]), trained.bias[c])
+        O = ca.vertcat(*(S.T @ ca.DM(rule) for rule in trained.rules[c]))
+        largest = ca.mmax(S) * (1.0 + ca.exp(-trained.bias[c]))
+        valid = ca.logic_and(_has_baseline(trained, p), largest >= LEAST_SIMILARITY)
+        return Estimate(defuzzify(O, ca.DM(trained.peaks), defuzzification).T, I, largest, valid)
 
-    start = ca.vertcat(p[0] + p[2], ca.DM.zeros(n_memory - 1))
-    return StepModel(
+    def init(_: Values, p: Values) -> tuple[DetectorState, Results]:
+        zero = ca.MX(0.0)
+        none = Estimate(ca.MX.zeros(ZONES), ca.MX.ones(INDICES), zero, zero)
+        strains, block = ca.MX.zeros(SENSORS), ca.MX.zeros(SENSORS, BLOCK - 1)
+        window = Window(p.start_time + p.sampling_step, zero, zero, strains, block, ca.MX.zeros(INDICES))
+        return DetectorState(window, none), none.results()
+
+    def step(x: DetectorState, u: Values, p: Values, h: ca.MX) -> tuple[DetectorState, Results]:
+        window, U, ended = x.window.advance(u.strain, p, h)
+        case = ca.if_else(ended, ca.fmin(x.window.number, windows[-1]), -1)
+        estimates = [pack(estimate(U, c, p)) for c in windows]
+        found = unpack(x.estimate, ca.conditional(case, estimates, pack(x.estimate), True))
+        return DetectorState(window, found), found.results()
+
+    return StepModel.written(
         name="detector",
         description="Damage of 16 membrane zones from 4 strain histories: Haar packet energies and neuro-fuzzy networks",
         variables=_variables(trained),
-        init=ca.Function("init", [u, p], [ca.vertcat(start, unjudged), unjudged]),
-        step=ca.Function("step", [x, u, p, h], [ca.vertcat(memory_next, judged_next), judged_next]),
+        init=init,
+        step=step,
         step_limit="sampling_step",
         advice="The strains are probably far beyond anything physical.",
         provenance=trained.provenance,
     )
 
 
-def _samples(p: ca.SX | ca.MX) -> ca.SX | ca.MX:
+def samples_of(p: Values) -> ca.MX:
     """Count the samples of a window: the whole blocks of four that fit its length."""
-    return BLOCK * ca.fmax(ca.floor(p[1] / p[2] / BLOCK + _SNAP), 1.0)
+    return BLOCK * ca.fmax(ca.floor(p.window_length / p.sampling_step / BLOCK + SNAP), 1.0)
 
 
-def _record_function() -> ca.Function:
-    """Sample the strains and accumulate the packet energies of the running window."""
-    to_next, count, window = ca.SX.sym("to_next"), ca.SX.sym("count"), ca.SX.sym("window")
-    last, block, U = ca.SX.sym("last", SENSORS), ca.SX.sym("block", SENSORS, BLOCK - 1), ca.SX.sym("U", INDICES)
-    u, p, h = ca.SX.sym("u", SENSORS), ca.SX.sym("p", 4), ca.SX.sym("h")
-    sampling_step, repeat = p[2], p[3]
-
-    rest = to_next - h
-    due = rest <= _SNAP * sampling_step
-    recording = ca.logic_or(window < 0.5, repeat > 0.5)
-    sample = last + (u - last) * ca.fmin(to_next / h, 1.0)
-    on_time = ca.if_else(ca.fabs(rest) <= _SNAP * sampling_step, 0.0, rest)
-    to_next_after = ca.if_else(due, on_time + sampling_step, rest)
-
-    take = ca.logic_and(due, recording)
-    count_after = count + take
-    completes = ca.logic_and(take, ca.fmod(count_after, BLOCK) < 0.5)
-    U_after = U + ca.if_else(completes, block_energies(block[:, 0], block[:, 1], block[:, 2], sample), 0.0)
-    block_after = ca.if_else(take, ca.horzcat(block[:, 1:], sample), block)
-    ended = ca.logic_and(completes, count_after >= _samples(p) - 0.5)
-
-    memory = ca.vertcat(to_next, count, window, last, ca.vec(block), U)
-    memory_after = ca.vertcat(
-        to_next_after,
-        ca.if_else(ended, 0.0, count_after),
-        window + ended,
-        u,
-        ca.vec(block_after),
-        ca.if_else(ended, 0.0, U_after),
+def _has_baseline(trained: DetectorArtifact, p: Values) -> ca.MX:
+    """Tell whether the parameters describe the windows whose baseline was trained."""
+    return (
+        (ca.fabs(p.start_time - trained.start_time) <= SNAP * trained.sampling_step)
+        * (ca.fabs(p.sampling_step - trained.sampling_step) <= SNAP * trained.sampling_step)
+        * (samples_of(p) == trained.samples)
     )
-    return ca.Function("record", [memory, u, p, h], [memory_after, U_after, window, ended])
-
-
-def _judge_function(trained: DetectorArtifact, defuzzification: Defuzzification) -> ca.Function:
-    """Judge the energies of a window; the window's number selects baseline and networks, -1 keeps the last judgement."""
-    U, belongs, judged = ca.MX.sym("U", INDICES), ca.MX.sym("belongs"), ca.MX.sym("judged", ZONES + INDICES + 2)
-    peaks = ca.DM(trained.peaks)
-    functions = []
-    for c in range(trained.baseline.shape[0]):
-        I = U / ca.DM(trained.baseline[c])
-        S = similarity(ca.log(I), ca.DM(trained.references[c]), ca.DM(trained.weights[c]), trained.bias[c])
-        O = ca.vertcat(*(S.T @ ca.DM(rule) for rule in trained.rules[c]))
-        known = ca.mmax(S) * (1.0 + ca.exp(-trained.bias[c]))
-        valid = ca.logic_and(belongs, known >= KNOWN)
-        result = ca.vertcat(defuzzify(O, peaks, defuzzification).T, I, known, valid)
-        functions.append(ca.Function(f"judge_{c}", [U, belongs, judged], [result]))
-    keep = ca.Function("keep", [U, belongs, judged], [judged])
-    return ca.Function.conditional("judge", functions, keep)
 
 
 def _variables(trained: DetectorArtifact) -> tuple[Variable, ...]:
-    parameters = (
-        Variable(
-            name="start_time",
-            causality="parameter",
-            unit="s",
-            start=trained.start_time,
-            minimum=0.0,
-            description="Beginning of the first window, counted from the start of the run",
+    length = "Length of a window; whole blocks of four samples are used, at least one"
+    valid = f"1 if the baseline belongs to the last window and similarity is {LEAST_SIMILARITY} or more, else 0"
+    sensors, zones = range(1, SENSORS + 1), range(1, ZONES + 1)
+    packets = [f"sensor {i}, packet {packet}" for i in sensors for packet in PACKETS]
+    fraction = partial(output, unit="1", minimum=0.0, maximum=1.0, discrete=True)
+    index = partial(output, unit="1", minimum=0.0, discrete=True)
+    strain = partial(input_, unit="1", start=0.0, nominal=0.1)
+    return (
+        parameter("start_time", "s", "Start of the first window after the start of the run", trained.start_time, 0.0),
+        parameter("window_length", "s", length, trained.window_length, 0.0),
+        parameter("sampling_step", "s", "Time between two samples", trained.sampling_step, 1e-9),
+        parameter("repeat", "1", "1: windows follow each other through the run; 0: one window", 0.0, 0.0, 1.0),
+        *(strain(f"strain[{i}]", description=f"Strain at sensor {i}, prestrain included") for i in sensors),
+        *(fraction(f"damage[{z}]", description=f"Estimated loss of stiffness in zone {z}") for z in zones),
+        *(
+            index(f"index[{k}]", description=f"Damage feature index of {packet}: energy over baseline energy")
+            for k, packet in enumerate(packets, start=1)
         ),
-        Variable(
-            name="window_length",
-            causality="parameter",
-            unit="s",
-            start=trained.window_length,
-            minimum=0.0,
-            description="Length of a window; whole blocks of four samples are used, at least one",
-        ),
-        Variable(
-            name="sampling_step",
-            causality="parameter",
-            unit="s",
-            start=trained.sampling_step,
-            minimum=1e-9,
-            description="Time between two samples",
-        ),
-        Variable(
-            name="repeat",
-            causality="parameter",
-            unit="1",
-            start=0.0,
-            minimum=0.0,
-            maximum=1.0,
-            description="1: windows follow each other through the run; 0: a single record",
-        ),
+        fraction("similarity", description="Largest similarity with a reference case; near 0: unlike any of them"),
+        fraction("valid", description=valid),
     )
-    strains = tuple(
-        Variable(
-            name=f"strain[{i + 1}]",
-            causality="input",
-            unit="1",
-            start=0.0,
-            nominal=0.1,
-            description=f"Strain at sensor {i + 1}, prestrain included",
-        )
-        for i in range(SENSORS)
-    )
-    damages = tuple(
-        Variable(
-            name=f"damage[{z + 1}]",
-            causality="output",
-            unit="1",
-            minimum=0.0,
-            maximum=1.0,
-            discrete=True,
-            description=f"Estimated loss of stiffness in zone {z + 1}",
-        )
-        for z in range(ZONES)
-    )
-    packets = ("AA", "AD", "DA", "DD")
-    indices = tuple(
-        Variable(
-            name=f"index[{k + 1}]",
-            causality="output",
-            unit="1",
-            minimum=0.0,
-            discrete=True,
-            description=f"Damage feature index of sensor {k // 4 + 1}, packet {packets[k % 4]}: energy over baseline energy",
-        )
-        for k in range(INDICES)
-    )
-    flags = (
-        Variable(
-            name="similarity",
-            causality="output",
-            unit="1",
-            minimum=0.0,
-            maximum=1.0,
-            discrete=True,
-            description="Largest similarity with a reference case; near 0: nothing like it was trained",
-        ),
-        Variable(
-            name="valid",
-            causality="output",
-            unit="1",
-            minimum=0.0,
-            maximum=1.0,
-            discrete=True,
-            description="1 if the last window judged fits the trained baseline and resembles a reference case",
-        ),
-    )
-    return parameters + strains + damages + indices + flags

@@ -1,28 +1,31 @@
-"""Train the detector on simulated damage and judge it on the thesis' test cases.
+"""Train the detector on simulated damage and test it on the thesis' test cases.
 
-Symbols: ``I`` logarithms of the damage feature indices, ``D`` distances, ``S`` similarities, ``T`` target memberships, ``H``
-hat matrix of the ridge fit, ``W2`` rule weights.
+Symbols: ``I`` logarithms of the damage feature indices, ``D`` distances, ``S`` similarities, ``T`` target memberships,
+``W2`` rule weights.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
+from ..arrays import Vector
 from ..errors import DataError
 from ..membrane import membrane_model
+from ..simulate import simulate
 from ..step_model import StepModel
 from ..stepper import Stepper
 from .artifact import ZONES, DetectorArtifact
 from .model import SENSORS, detector_model
 from .neurofuzzy import triangular_memberships
 from .packets import packet_energies
-
-Array = NDArray[np.float64]
 
 PEAKS = (0.0, 0.2, 0.4)
 SAMPLING_STEP = 3e-4
@@ -39,12 +42,13 @@ THESIS_ERROR = {"all zones": 0.104, "damaged zones": 0.214}  # mean absolute err
 # One case per zone, none of them on a training level; drawn once, uniformly from 2 to 40 %.
 UNSEEN = (0.32, 0.04, 0.22, 0.13, 0.07, 0.38, 0.27, 0.18, 0.02, 0.33, 0.09, 0.24, 0.36, 0.12, 0.29, 0.16)
 
+STRAINS = tuple(f"strain[{i}]" for i in range(1, SENSORS + 1))
 _SCALES = np.logspace(-3.0, 1.0, 13)
 _BIASES = (-4.0, -2.0, 0.0, 2.0, 4.0)
 _RIDGES = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 1e-1)
 
 
-def single_damage_cases(levels: Sequence[float] = LEVELS) -> Array:
+def single_damage_cases(levels: Sequence[float] = LEVELS) -> Vector:
     """List the undamaged membrane and every level in every zone alone.
 
     Returns
@@ -57,12 +61,12 @@ def single_damage_cases(levels: Sequence[float] = LEVELS) -> Array:
     return np.array(cases)
 
 
-def table_7_1_cases() -> Array:
+def table_7_1_cases() -> Vector:
     """Return the damages of the 13 single-damage cases of Table 7.1, shape (13, 16) [1]."""
     return np.array([damage * np.eye(ZONES)[zone - 1] for zone, damage in TABLE_7_1])
 
 
-def unseen_cases() -> Array:
+def unseen_cases() -> Vector:
     """Return damages between the training levels, one zone at a time, every zone once, shape (16, 16) [1]."""
     return np.diag(UNSEEN)
 
@@ -72,7 +76,7 @@ def _membrane() -> StepModel:
     return membrane_model()
 
 
-def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAMPLING_STEP) -> Array:
+def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAMPLING_STEP) -> Vector:
     """Simulate the four strain histories of the default membrane from the start of its load.
 
     Parameters
@@ -90,18 +94,13 @@ def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAM
         Strain along y [1].
     """
     membrane = Stepper(_membrane())
-    for zone, value in enumerate(np.asarray(damage, dtype=float)):
-        membrane.set(f"damage[{zone + 1}]", value)
+    for zone, value in enumerate(np.asarray(damage, dtype=float), start=1):
+        membrane.set(f"damage[{zone}]", value)
     membrane.initialize()
-    indices = [membrane.index(f"strain[{i + 1}]") for i in range(SENSORS)]
-    record = np.empty((samples, SENSORS))
-    for k in range(samples):
-        membrane.step(sampling_step)
-        record[k] = membrane.get_values(indices)
-    return record.T
+    return np.array(list(simulate(membrane, np.full(samples, sampling_step), {}, STRAINS).values()))
 
 
-def window_energies(strains: ArrayLike, samples: int) -> Array:
+def window_energies(strains: ArrayLike, samples: int) -> Vector:
     """Return the packet energies of successive windows.
 
     Parameters
@@ -122,7 +121,28 @@ def window_energies(strains: ArrayLike, samples: int) -> Array:
     return packet_energies(windows).transpose(1, 0, 2).reshape(count, -1)
 
 
-def train_networks(I: Array, damages: Array, peaks: ArrayLike = PEAKS) -> tuple[Array, float, Array, float]:
+class Networks(NamedTuple):
+    """The sixteen networks of one window.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (n, 16)
+        Distance weights W1_ij.
+    bias : float
+        Bias of the similarity.
+    rules : ndarray, shape (k, n, 16)
+        Rule weights W2.
+    leave_one_out : float
+        Root mean square error of the memberships [1] of each case from networks that are trained on all others.
+    """
+
+    weights: Vector
+    bias: float
+    rules: Vector
+    leave_one_out: float
+
+
+def train_networks(I: Vector, damages: Vector, peaks: ArrayLike = PEAKS) -> Networks:
     """Train the sixteen networks of one window; the training cases are the references.
 
     Parameters
@@ -136,22 +156,17 @@ def train_networks(I: Array, damages: Array, peaks: ArrayLike = PEAKS) -> tuple[
 
     Returns
     -------
-    weights : ndarray, shape (n, 16)
-        Distance weights W1_ij.
-    bias : float
-        Bias of the similarity.
-    rules : ndarray, shape (k, n, 16)
-        Rule weights W2.
-    leave_one_out : float
-        Root mean square error of the memberships [1] of each case judged by the networks trained on all others.
+    Networks
+        With the least leave-one-out error.
 
     Notes
     -----
     W1_ij = scale / (r_j^2 d_i): r_j is how far index j strays from linear between neighbouring cases of the same zone, so
     that rough indices count less; d_i is the distance of reference i from its two nearest neighbours, so that every
     reference reaches just its surroundings. The output layer is a ridge regression on the triangular memberships. Scale,
-    bias and ridge minimize the leave-one-out error, which has a closed form. The sixteen networks share the similarity
-    layer; each has its own output layer.
+    bias and ridge minimize the leave-one-out error: a residual over one minus the diagonal of the hat matrix, which one
+    singular value decomposition of S gives for every ridge. The sixteen networks share the similarity layer; each has its
+    own output layer.
 
     Raises
     ------
@@ -161,12 +176,18 @@ def train_networks(I: Array, damages: Array, peaks: ArrayLike = PEAKS) -> tuple[
     n = len(I)
     levels = (n - 1) // ZONES
     if levels < 2 or n != 1 + levels * ZONES:
-        msg = f"{n} training cases are not the undamaged one and two or more levels in each of {ZONES} zones"
+        msg = (
+            f"there are {n} training cases; training needs the undamaged one and two or more levels in each of {ZONES} "
+            "zones"
+        )
         raise DataError(msg)
     paths = np.concatenate([np.repeat(I[None, :1], ZONES, axis=0), I[1:].reshape(ZONES, levels, -1)], axis=1)
     roughness = np.sqrt(np.mean((paths[:, 1:-1] - 0.5 * (paths[:, :-2] + paths[:, 2:])) ** 2, axis=(0, 1)))
     if roughness.min() <= 0.0 or not np.isfinite(roughness).all():
-        msg = f"index {int(roughness.argmin()) + 1} is not finite, or linear in damage to the last bit: are these simulated?"
+        msg = (
+            f"index {int(roughness.argmin()) + 1} is not finite, or linear in damage to the last bit. Check the strains it "
+            "comes from."
+        )
         raise DataError(msg)
     D = ((I[:, None] - I[None]) ** 2) @ roughness**-2
     reach = np.sort(D + np.diag(np.full(n, np.inf)), axis=0)[:2].mean(axis=0)
@@ -174,21 +195,23 @@ def train_networks(I: Array, damages: Array, peaks: ArrayLike = PEAKS) -> tuple[
     targets = T.transpose(0, 2, 1).reshape(n, -1)
 
     best = (np.inf, 0.0, 0.0, np.empty(0))
-    for scale in _SCALES:
-        for bias in _BIASES:
+    with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
+        for scale, bias in itertools.product(_SCALES, _BIASES):
             S = 1.0 / (1.0 + np.exp(np.minimum(D * scale / reach - bias, 700.0)))
+            Q, singular, Vt = np.linalg.svd(S)
+            projected = Q.T @ targets
             for ridge in _RIDGES:
-                solution = np.linalg.solve(S.T @ S + ridge**2 * np.eye(n), np.hstack([S.T @ targets, S.T]))
-                W2, H = solution[:, : targets.shape[1]], S @ solution[:, targets.shape[1] :]
-                leverage = 1.0 - np.diag(H)
+                inverse = singular / (singular**2 + ridge**2)
+                leverage = 1.0 - Q**2 @ (singular * inverse)
                 if leverage.min() < 1e-9:
                     continue
-                error = float(np.sqrt(np.mean(((targets - S @ W2) / leverage[:, None]) ** 2)))
+                residual = targets - Q @ ((singular * inverse)[:, None] * projected)
+                error = float(np.sqrt(np.mean((residual / leverage[:, None]) ** 2)))
                 if error < best[0]:
-                    best = (error, scale, bias, W2)
+                    best = (error, scale, bias, Vt.T @ (inverse[:, None] * projected))
     error, scale, bias, W2 = best
-    weights = scale / (roughness**2 * reach[:, None])
-    return weights, bias, W2.reshape(n, T.shape[-1], ZONES).transpose(1, 0, 2), error
+    rules = W2.reshape(n, T.shape[-1], ZONES).transpose(1, 0, 2)
+    return Networks(scale / (roughness**2 * reach[:, None]), bias, rules, error)
 
 
 def train_detector(
@@ -200,8 +223,8 @@ def train_detector(
     ----------
     levels : sequence of float
         Damage levels [1] in each zone, besides 0. The default contains the first training of the thesis, 0.2 and 0.4, which
-        is too coarse alone: leave-one-out then finds nothing better than always answering about 2 % (error 24 % over
-        damaged zones), since between levels so far apart the indices are not near any reference.
+        is too coarse alone: the best networks by leave-one-out then answer about 2 % always (error 24 % over damaged
+        zones), since between levels so far apart the indices are not near any reference.
     progress : callable, optional
         Called with the number of finished and of all simulations.
     workers : int, optional
@@ -210,20 +233,19 @@ def train_detector(
     Returns
     -------
     DetectorArtifact
-        References and training cases are the same, as in the thesis.
+        The training cases are its references, as in the thesis.
     """
     damages = single_damage_cases(levels)
     energies = []
     with ProcessPoolExecutor(workers) as pool:
-        runs = pool.map(_case_energies, damages, chunksize=2)
-        for energy in runs:
+        for energy in pool.map(_case_energies, damages, chunksize=2):
             energies.append(energy)
             if progress is not None:
                 progress(len(energies), len(damages))
     U = np.array(energies)
     I = np.log(U / U[0])
     trained = [train_networks(I[:, c], damages) for c in range(WINDOWS)]
-    errors = ", ".join(f"{networks[3]:.4f}" for networks in trained)
+    errors = ", ".join(f"{networks.leave_one_out:.4f}" for networks in trained)
     return DetectorArtifact(
         start_time=0.0,
         sampling_step=SAMPLING_STEP,
@@ -231,9 +253,9 @@ def train_detector(
         peaks=np.array(PEAKS),
         baseline=U[0],
         references=I.transpose(1, 0, 2),
-        weights=np.array([networks[0] for networks in trained]),
-        bias=np.array([networks[1] for networks in trained]),
-        rules=np.array([networks[2] for networks in trained]),
+        weights=np.array([networks.weights for networks in trained]),
+        bias=np.array([networks.bias for networks in trained]),
+        rules=np.array([networks.rules for networks in trained]),
         provenance={
             "command": "gossamer train",
             "cases": f"undamaged and {', '.join(f'{level:g}' for level in levels)} in each of {ZONES} zones alone",
@@ -243,12 +265,12 @@ def train_detector(
     )
 
 
-def _case_energies(damage: Array) -> Array:
+def _case_energies(damage: Vector) -> Vector:
     return window_energies(simulate_strains(damage, WINDOWS * SAMPLES), SAMPLES)
 
 
-def judge(strains: ArrayLike, detector: StepModel) -> Array:
-    """Run the detector over one record of its sampling step and return its last judgement.
+def estimate_damage(strains: ArrayLike, detector: StepModel) -> Vector:
+    """Run the detector over one record of its sampling step and return the damage after the last window.
 
     Parameters
     ----------
@@ -264,16 +286,13 @@ def judge(strains: ArrayLike, detector: StepModel) -> Array:
     """
     stepper = Stepper(detector, repeat=1.0)
     stepper.initialize()
-    inputs = [stepper.index(f"strain[{i + 1}]") for i in range(SENSORS)]
-    h = stepper.get("sampling_step")
-    for sample in np.asarray(strains, dtype=float).T:
-        stepper.set_values(inputs, sample)
-        stepper.step(h)
-    return np.array([stepper.get(f"damage[{zone + 1}]") for zone in range(ZONES)])
+    inputs = dict(zip(STRAINS, np.asarray(strains, dtype=float), strict=True))
+    simulate(stepper, np.full(len(inputs[STRAINS[0]]), stepper.get("sampling_step")), inputs, ())
+    return np.array([stepper.get(f"damage[{zone}]") for zone in range(1, ZONES + 1)])
 
 
 def assess(artifact: DetectorArtifact | None = None) -> dict[str, dict[str, float]]:
-    """Judge simulated cases in their first window.
+    """Test the detector on simulated cases, in their first window.
 
     Returns
     -------
@@ -285,7 +304,7 @@ def assess(artifact: DetectorArtifact | None = None) -> dict[str, dict[str, floa
     table, unseen = table_7_1_cases(), unseen_cases()
     new = ~np.isclose(table.max(axis=1)[:, None], LEVELS).any(axis=1)
     estimates = {
-        name: np.array([judge(simulate_strains(case, SAMPLES), detector) for case in cases])
+        name: np.array([estimate_damage(simulate_strains(case, SAMPLES), detector) for case in cases])
         for name, cases in (("table", table), ("unseen", unseen))
     }
     return {

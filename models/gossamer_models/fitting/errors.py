@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Matrix, Rows, Vector
 from .records import Record
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 ALIKE = 0.98  # correlation from which two parameters cannot be told apart
 LEAST_SINGULAR = 1e-12  # of a Jacobian with columns of unit length: below, the data say nothing of a direction
-UNSTRAINED, RESTED = 0.01, 0.1  # of full scale, and of the range of resistance that counts as another rest
+UNSTRAINED, RESTED = 0.01, 0.01  # of full scale, and of the range of resistance that counts as another rest
 
 
 def e1(measured: Vector, predicted: Vector, *, rest: float) -> float:

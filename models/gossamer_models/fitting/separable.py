@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from ..arrays import Matrix, Rows, Vector
+
 Derivative = tuple[
     NDArray[np.int_], Matrix
 ]  # the columns that an element of theta moves, (k,), and by how much, (m, k)
@@ -59,9 +59,9 @@ class SeparableProblem:
         y: Vector,
         *,
         weights: Vector | float = 1.0,
-        nonnegative: NDArray[np.bool_] | bool = True,
+        nonnegative: Rows | bool = True,
         restraint: float = 0.0,
-        restrained: NDArray[np.bool_] | bool = True,
+        restrained: Rows | bool = True,
     ) -> None:
         self._columns, self._nonnegative = columns, np.asarray(nonnegative)
         self._restraint = restraint * np.asarray(restrained, dtype=float)
@@ -88,11 +88,15 @@ class SeparableProblem:
         Phi, _, c = self.solve(theta)
         return np.asarray(np.vstack([Phi, self._cancelling(Phi, c)]) @ c - self._wanted)
 
-    def jacobian(self, theta: Vector) -> Matrix:
-        """Return the derivative of ``residual`` without its part along the columns."""
+    def jacobian(self, theta: Vector, *, released: bool = False) -> Matrix:
+        """Return the derivative of ``residual`` without its part along the columns.
+
+        Columns whose coefficient is held at zero do not count; with ``released`` they do, which converges faster where
+        columns are so alike that one takes up what another leaves.
+        """
         Phi, slopes, c = self.solve(theta)
         row = self._cancelling(Phi, c)
-        acting = (c != 0.0) | ~(self._nonnegative | (self._restraint > 0.0))
+        acting = (c != 0.0) | ~(self._nonnegative | (self._restraint > 0.0)) | released
         basis, _ = np.linalg.qr(np.vstack([Phi, row])[:, acting])
         growth = row / np.maximum(np.einsum("ij,ij->j", Phi, Phi), TINY)
         change = np.column_stack(

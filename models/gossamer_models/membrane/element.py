@@ -1,7 +1,7 @@
 r"""The bilinear membrane element: the one place where its forces are written.
 
-Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1], ``h`` the four bilinear modes 1, s, t, st and
-``dh`` their parent derivatives, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the
+Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1], ``H`` the four bilinear modes 1, s, t, st and
+``dH`` their parent derivatives, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the
 Green-Lagrange strain, ``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu``
 Poisson's ratio [1], ``D`` = E/(1 - nu^2). Lengths are in any one unit; forces are per thickness. Explicit steps, statics,
 implicit steps and frequencies all evaluate these expressions or their ``ca.jacobian``.
@@ -20,9 +20,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Vector
+
 Column: TypeAlias = ca.MX  # or ca.SX
 Matrix: TypeAlias = NDArray[np.object_]  # of columns
-Array: TypeAlias = NDArray[np.float64]
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 MODES = np.column_stack([np.ones(4), CORNERS, CORNERS.prod(axis=1)])  # 1, s, t, st at the nodes
@@ -42,9 +43,9 @@ class GaussPoint:
 
     Attributes
     ----------
-    h : ndarray, shape (4,)
+    H : ndarray, shape (4,)
         Signs of the modes [1].
-    dh : ndarray, shape (4, 2)
+    dH : ndarray, shape (4, 2)
         Signs of their parent derivatives [1].
     J_inverse : ndarray, shape (2, 2)
         Derivative of a quarter of the parent coordinates by reference coordinates [1/length].
@@ -52,30 +53,30 @@ class GaussPoint:
         Reference area [length^2] that it stands for: the determinant of J, since the weights of the 2 x 2 rule are 1.
     """
 
-    h: Array
-    dh: Array
-    J_inverse: Array
+    H: Vector
+    dH: Vector
+    J_inverse: Vector
     dA: float
 
 
-def modes(s: float, t: float) -> tuple[Array, Array]:
+def modes(s: float, t: float) -> tuple[Vector, Vector]:
     """Evaluate the modes 1, s, t, st and their parent derivatives, shapes (4,) and (4, 2)."""
     return np.array([1.0, s, t, s * t]), np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [t, s]])
 
 
-def gauss_points(X: Array) -> list[GaussPoint]:
+def gauss_points(X: Vector) -> list[GaussPoint]:
     """Describe the 2 x 2 Gauss points of an element with reference node positions ``X``, shape (4, 2) [length]."""
     points = []
     for s, t in CORNERS:
-        h, dh = modes(s, t)
-        J = np.round(X.T @ MODES * _SLOPE @ dh, 14)  # four times J, and zeros and ones in place of round-off
-        points.append(GaussPoint(h, dh, np.asarray(np.linalg.inv(J)), float(np.linalg.det(J)) / 16.0))
+        H, dH = modes(s, t)
+        J = np.round(X.T @ MODES * _SLOPE @ dH, 14)  # four times J, and zeros and ones in place of round-off
+        points.append(GaussPoint(H, dH, np.asarray(np.linalg.inv(J)), float(np.linalg.det(J)) / 16.0))
     return points
 
 
-def element_mass(points: list[GaussPoint]) -> Array:
+def element_mass(points: list[GaussPoint]) -> Vector:
     """Integrate the consistent mass matrix per density and thickness [length^2], shape (12, 12)."""
-    N = np.array([point.h for point in points]) * _VALUE @ MODES.T / 4.0
+    N = np.array([point.H for point in points]) * _VALUE @ MODES.T / 4.0
     return np.kron(N.T @ np.diag([point.dA for point in points]) @ N, np.eye(3))
 
 
@@ -124,12 +125,12 @@ def element_force(
     a = _matrix([columns[i::3] for i in range(3)]) @ MODES * _SLOPE  # four times the modes of the position
     load, stress, wave = np.zeros((3, 4)), np.zeros((3, 4)), 0.0
     for point in points:
-        tangents = a @ point.dh  # four times x_,s and x_,t
+        tangents = a @ point.dH  # four times x_,s and x_,t
         F = tangents @ point.J_inverse
         e = F.T @ F - np.eye(2)
         S = _stress(e, point.dA * D, nu)
-        load = load + np.outer(np.cross(tangents[:, 0], tangents[:, 1]), point.h)
-        stress = stress + F @ S @ (point.dh @ point.J_inverse).T
+        load = load + np.outer(np.cross(tangents[:, 0], tangents[:, 1]), point.H)
+        stress = stress + F @ S @ (point.dH @ point.J_inverse).T
         wave = ca.fmax(wave, _wave_modulus(e, D, nu))
     p = pressure_over_thickness / 64.0
     f = (load * _matrix([[p * value for value in _VALUE]]) - stress * _SLOPE) @ MODES.T

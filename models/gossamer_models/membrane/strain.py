@@ -18,8 +18,8 @@ SENSOR_POINTS = ((1 / 3, 1 / 3), (2 / 3, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 2 / 3))
 def deformation_gradient_expression(mesh: SquareMesh, x: ca.MX, point: tuple[float, float]) -> ca.MX:
     """Write the deformation gradient [1], shape (3, 2), at a material point given by fractions of the side."""
     element, (s, t) = mesh.locate(point)
-    _, dh = modes(s, t)
-    return ca.reshape(x[dofs(mesh.elements[element]).tolist()], 3, 4) @ ca.DM(MODES @ dh)
+    _, dH = modes(s, t)
+    return ca.reshape(x[dofs(mesh.elements[element]).tolist()], 3, 4) @ ca.DM(MODES @ dH)
 
 
 def sensor_strains_expression(mesh: SquareMesh, x: ca.MX) -> ca.MX:

@@ -14,13 +14,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Matrix, Vector
 from ..errors import ConvergenceError, ParameterError
 from ..fitting.separable import Derivative, SeparableProblem
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 RATES_PER_DECADE = 3.5
 MOST_TERMS = 30
@@ -147,7 +144,7 @@ def _search(problem: SeparableProblem, logarithms: Vector) -> Vector:
         if size > 0.9 * sizes[-PATIENCE] or damping > 1e6:
             break
         sizes.append(size)
-        J = problem.jacobian(logarithms)
+        J = problem.jacobian(logarithms, released=True)
         scale = np.linalg.norm(J, axis=0) + 1e-14
         system = np.vstack([J, np.sqrt(damping) * np.diag(scale)])
         change = np.linalg.lstsq(system, np.concatenate([-error, np.zeros(scale.size)]), rcond=None)[0]

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..errors import ParameterError
 
-Vector = NDArray[np.float64]
 DIRECTIONS = {"rising": 1.0, "falling": -1.0}
 
 

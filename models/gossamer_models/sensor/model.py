@@ -1,48 +1,34 @@
 """The sensor as a ``StepModel``: strain in, resistance out.
 
-Symbols: ``R`` resistance, ``R0`` at rest [ohm], ``dR`` its change at full scale [ohm], ``s`` normalised strain [1].
+Symbols: ``R`` resistance, ``R0`` at rest [ohm], ``dR`` its change at full scale [ohm], ``s`` normalised strain [1], ``y``
+normalised output [1].
 """
 
 from __future__ import annotations
 
 from dataclasses import asdict, replace
 from functools import partial
-from types import SimpleNamespace
 
 import casadi as ca
 
 from ..step_model import StepModel
-from ..variables import Variable, input_, output, parameter
+from ..variables import Results, Values, Variable, input_, output, parameter
 from .artifact import SensorArtifact, default_artifact
 from .state import SensorLaw, SensorState
 
-LIKELY_NOISE = 1e-3  # of the change at full scale, what an estimator takes noise to be if nobody says
+LIKELY_NOISE = 1e-3  # of the change at full scale: start value of an estimator's noise
+ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must be of a sensible size."
 
 SCALE_VARIABLES = (
     parameter("rest_resistance", "ohm", "Resistance of the sensor before its first loading", 100.0, 0.0, nominal=100.0),
     parameter(
-        "full_scale_resistance_change",
-        "ohm",
-        "Static rise of resistance on the first loading to full scale",
-        100.0,
-        1e-6,
-        nominal=100.0,
+        "full_scale_resistance_change", "ohm", "Static rise on first loading to full scale", 100.0, 1e-6, nominal=100.0
     ),
     parameter(
-        "full_scale_strain",
-        "1",
-        "Strain at the end of the identified range; the sensor saturates there",
-        0.5,
-        1e-6,
-        nominal=0.5,
+        "full_scale_strain", "1", "End of the identified range; the sensor saturates there", 0.5, 1e-6, nominal=0.5
     ),
     parameter(
-        "rest_strain",
-        "1",
-        "Strain at which the sensor has rested long before the run, reached by monotone loading",
-        0.0,
-        0.0,
-        nominal=0.1,
+        "rest_strain", "1", "Strain of the relaxed sensor before the run, after monotone loading", 0.0, 0.0, nominal=0.1
     ),
 )
 STRAIN = input_("strain", "1", "Strain of the sensor, taken as linear over a step", 0.0, nominal=0.1)
@@ -51,20 +37,12 @@ saturated = partial(output, "saturated", "1", minimum=0.0, maximum=1.0, discrete
 
 
 def with_scales(variables: tuple[Variable, ...], artifact: SensorArtifact) -> tuple[Variable, ...]:
-    """Return variables of sensor or compensator that start at the identified values, where the artifact knows them."""
+    """Return variables of sensor or compensator that start at the identified values, where the artifact has them."""
     if artifact.scales is None:
         return variables
     starts = {**asdict(artifact.scales), "resistance": artifact.scales.rest_resistance}
     starts["noise"] = LIKELY_NOISE * artifact.scales.full_scale_resistance_change
     return tuple(v if v.causality == "output" else replace(v, start=starts.get(v.name, v.start)) for v in variables)
-
-
-ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must be of a sensible size."
-
-
-def resting_state(law: SensorLaw, rest_strain: ca.MX, full_scale: ca.MX) -> SensorState:
-    """Return the state before the run; not a number, and so refused, where ``rest_strain`` is beyond full scale."""
-    return law.rest(ca.if_else(rest_strain <= full_scale, rest_strain / full_scale, float("nan")))
 
 
 def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
@@ -82,38 +60,32 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
 
     Notes
     -----
-    :math:`R = R_0 + \Delta R\,(f_s + \sum_q z_q)`, Eqs. (4.7) and (4.13) of [1]_. ``init`` does not look at the strain: the
-    run starts at ``rest_strain``, so there is no false transient, and the first step ramps from there.
+    :math:`R = R_0 + \Delta R\,(f_s + \sum_q z_q)`, Eqs. (4.7) and (4.13) of [1]_. ``init`` ignores the strain: the run
+    starts at ``rest_strain``, so there is no false transient, and the first step ramps from there.
 
     References
     ----------
-    .. [1] M. R. Sunny, dissertation, Virginia Tech, chapter 4.
+    .. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer
+       Nanocomposite Sensors", dissertation, Virginia Tech, 2010, chapter 4.
     """
     artifact = default_artifact() if artifact is None else artifact
     law = SensorLaw(artifact)
 
-    def init(_: SimpleNamespace, p: SimpleNamespace) -> tuple[ca.MX, dict[str, ca.MX]]:
-        rest = resting_state(law, p.rest_strain, p.full_scale_strain)
-        return rest.pack(), {"resistance": resistance(rest, p), "saturated": 0.0}
+    def init(_: Values, p: Values) -> tuple[SensorState, Results]:
+        rest = resting_state(law, p)
+        return rest, {"resistance": resistance(rest.output(), p), "saturated": 0.0}
 
-    def step(x: ca.MX, u: SimpleNamespace, p: SimpleNamespace, h: ca.MX) -> tuple[ca.MX, dict[str, ca.MX]]:
+    def step(x: SensorState, u: Values, p: Values, h: ca.MX) -> tuple[SensorState, Results]:
         s = u.strain / p.full_scale_strain
-        state = law.advance(law.unpack(x), clip(s), h)
+        state = law.advance(x, clip(s), h)
         outside = ca.logic_or(s > 1.0, s < 0.0)
-        return state.pack(), {"resistance": resistance(state, p), "saturated": outside}
+        return state, {"resistance": resistance(state.output(), p), "saturated": outside}
 
+    beyond = saturated("1 if the strain is outside 0 to full scale and was clipped, else 0")
     return StepModel.written(
         name="sensor",
         description="Conductive polymer strain sensor with hysteresis, drift and relaxation",
-        variables=with_scales(
-            (
-                *SCALE_VARIABLES,
-                STRAIN,
-                RESISTANCE,
-                saturated(description="1 if the strain is outside 0 to full scale and was clipped, else 0"),
-            ),
-            artifact,
-        ),
+        variables=with_scales((*SCALE_VARIABLES, STRAIN, RESISTANCE, beyond), artifact),
         init=init,
         step=step,
         advice=ADVICE,
@@ -121,9 +93,20 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
     )
 
 
-def resistance(state: SensorState, p: SimpleNamespace) -> ca.MX:
-    """Return the resistance [ohm] of a state."""
-    return p.rest_resistance + p.full_scale_resistance_change * state.output()
+def resting_state(law: SensorLaw, p: Values) -> SensorState:
+    """Return the state before the run; not a number, and so refused, where ``rest_strain`` is beyond full scale."""
+    s = p.rest_strain / p.full_scale_strain
+    return law.rest(ca.if_else(p.rest_strain <= p.full_scale_strain, s, float("nan")))
+
+
+def resistance(y: ca.MX, p: Values) -> ca.MX:
+    """Return the resistance [ohm] of a normalised output [1]."""
+    return p.rest_resistance + p.full_scale_resistance_change * y
+
+
+def normalised(R: ca.MX, p: Values) -> ca.MX:
+    """Return the normalised output [1] of a resistance [ohm]."""
+    return (R - p.rest_resistance) / p.full_scale_resistance_change
 
 
 def clip(s: ca.MX) -> ca.MX:

@@ -1,20 +1,18 @@
-"""What a sensor remembers, and how one sample changes it; sensor and compensator both use this and nothing else.
+"""State of a sensor and its change over one sample, which the sensor and its compensators share.
 
 Symbols: ``s`` normalised strain [1], ``front`` fronts of the ``N`` lines [1], ``up`` and ``down`` cumulative weights below
-them [1], ``f`` accumulated static output [1], ``z`` relaxation modes [1], ``g`` modes of the gain [1]; the state vector is
-their concatenation.
+them [1], ``f`` accumulated static output [1], ``z`` relaxation modes [1], ``g`` modes of the gain [1].
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from .artifact import SensorArtifact
 from .hysteresis import cumulate, move_fronts, resting_fronts
-from .relaxation import ModeBank, relax
+from .relaxation import ModeBank, decay, relax
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,46 +41,45 @@ class SensorState:
     z: ca.MX
     g: ca.MX
 
-    def pack(self) -> ca.MX:
-        """Return the state as one column, shape (3 N + 2 + n + m,)."""
-        return ca.vertcat(self.front, self.up, self.down, self.f, self.s, self.z, self.g)
-
     def output(self) -> ca.MX:
         r"""Return the output [1], Eq. (4.7) plus Eq. (4.13); with the extension plus :math:`s \sum_q g_q`."""
         return self.f + ca.sum1(self.z) + self.s * ca.sum1(self.g)
 
 
 class SensorLaw:
-    """The physics of one artifact: state layout, resting state and the step.
+    """The physics of one artifact: the state at rest and its change.
 
     Parameters
     ----------
     artifact : SensorArtifact
         Weights and relaxation terms.
+
+    Attributes
+    ----------
+    mu, nu : ndarray, shape (N, N)
+        Weights [1] of up- and down-switching.
+    bank, gains : ModeBank
+        Relaxation modes that are added to the output, and those that are multiplied by the strain.
     """
 
     def __init__(self, artifact: SensorArtifact) -> None:
         self.mu, self.nu = artifact.tables()
         self.bank = ModeBank.of(tuple(term for term in artifact.relaxation if not term.gain))
         self.gains = ModeBank.of(tuple(term for term in artifact.relaxation if term.gain))
-        self.n_lines = artifact.n_lines
-        self.n_states = 3 * self.n_lines + 2 + self.bank.size + self.gains.size
-
-    def unpack(self, x: ca.MX) -> SensorState:
-        """Split a state column, shape (n_states,)."""
-        n = self.n_lines
-        ends = [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2, 3 * n + 2 + self.bank.size, self.n_states]
-        return SensorState(*(x[a:b] for a, b in pairwise(ends)))
 
     def rest(self, s: ca.MX) -> SensorState:
         """Return the state long after the first monotone loading to strain ``s`` [1]: relaxation is over."""
-        front = resting_fronts(self.n_lines, s)
+        front = resting_fronts(len(self.mu), s)
         up, down = cumulate(front, self.mu, self.nu)
         z, g = ca.DM.zeros(self.bank.size), ca.DM.zeros(self.gains.size)
         return SensorState(front, up, down, ca.sum1(up), s, z, g)
 
+    def hold(self, state: SensorState, h: ca.MX) -> SensorState:
+        """Return the state after ``h`` [s] at constant strain: only the modes decay."""
+        return replace(state, z=decay(self.bank, state.z, h), g=decay(self.gains, state.g, h))
+
     def advance(self, state: SensorState, s: ca.MX, h: ca.MX) -> SensorState:
-        r"""Advance the memory by one sample.
+        r"""Return the state after one sample.
 
         Parameters
         ----------

@@ -45,7 +45,7 @@ app = typer.Typer(
 
 Start with **gossamer demo**, then look at **out/**.
 """,
-    epilog="Each command explains itself: gossamer run --help",
+    epilog="Every command has its own help: gossamer run --help",
 )
 
 
@@ -57,7 +57,7 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def _configure(
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show what is logged, not only warnings.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show all log messages, not only warnings.")] = False,
     _version: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
     ] = False,

@@ -10,38 +10,39 @@ from rich.console import Console
 
 from ..errors import FmuError
 from ..names import suggest
-from .common import FMUS, model_errors, say_kinds
+from .common import FMUS, model_errors, print_kinds
 
 
 def build(
     names: Annotated[
         list[str] | None,
-        typer.Argument(help="FMUs to build: sensor, compensator, membrane, detector. All if none is named."),
+        typer.Argument(help="FMUs to build: sensor, compensator, membrane, detector. All of them by default."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")] = FMUS,
     artifact: Annotated[
         Path | None,
-        typer.Option(help="Identified sensor (sensor, compensator) or trained detector to build from.", metavar="FILE"),
+        typer.Option(help="Identified sensor (for sensor and compensator) or trained detector.", metavar="FILE"),
     ] = None,
     elements_per_side: Annotated[
-        int | None, typer.Option(help="Mesh of the membrane, a multiple of 4; 8 if not given.", metavar="N")
+        int | None,
+        typer.Option(help="Elements along a side of the membrane, a multiple of 4; 8 by default.", metavar="N"),
     ] = None,
     method: Annotated[
         str | None,
         typer.Option(
-            help="Of the compensator: inverse, exact for resistance without noise, or estimator, which survives noise, "
-            "delays the strain and says how well it is known.",
+            help="Method of the compensator: inverse is exact for resistance without noise; estimator tolerates noise, "
+            "delays the strain and reports its uncertainty.",
             metavar="NAME",
         ),
     ] = None,
     native: Annotated[
-        bool, typer.Option("--native", help="Compile C, which runs without Python, instead of packing Python code.")
+        bool, typer.Option("--native", help="Compile C code, so that the FMU runs without Python.")
     ] = False,
     platform: Annotated[
         list[str] | None,
         typer.Option(
-            help="With --native: linux64, win64, darwin64, aarch64-linux (FMI 3 only) or all; may be repeated. "
-            "This machine's if not given.",
+            help="With --native: linux64, win64, darwin64, aarch64-linux (FMI 3 only) or all; may be repeated; "
+            "this machine's platform by default.",
             metavar="NAME",
         ),
     ] = None,
@@ -72,7 +73,7 @@ def build(
     paths = build_fmus(out, names, **choices, **options).values()
     for path in paths:
         typer.echo(path)
-    say_kinds(f"FMI {fmi}.0", paths)
+    print_kinds(f"FMI {fmi}.0", paths)
 
 
 def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> dict[str, Path]:  # noqa: ANN401

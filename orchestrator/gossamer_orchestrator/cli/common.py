@@ -24,7 +24,7 @@ def wide(*, stderr: bool = False) -> Console:
 
 @contextmanager
 def model_errors() -> Iterator[None]:
-    """Make what a model refuses an expected error of this program."""
+    """Turn the errors of the models into expected errors of this program."""
     from gossamer_models import GossamerError
 
     try:
@@ -36,8 +36,8 @@ def model_errors() -> Iterator[None]:
         raise OrchestratorError(msg) from error
 
 
-def say_kinds(what: str, paths: Iterable[Path]) -> None:
-    """Print on stderr, as one line, what FMUs run in and on which platforms."""
+def print_kinds(what: str, paths: Iterable[Path]) -> None:
+    """Print one line on stderr: what FMUs run in and on which platforms."""
     from ..fmi.archive import describe_fmu
 
     kinds: dict[str, list[str]] = {}

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..errors import OrchestratorError
 from ..scenario.shipped import find_scenario
-from .common import FMUS, FmuFolder, say_kinds
+from .common import FMUS, FmuFolder, print_kinds
+
+if TYPE_CHECKING:
+    from ..scenario.schema import Scenario
 
 
 def export(
     scenario: Annotated[str, typer.Argument(help="A scenario file, or the name of one that is shipped.")],
-    out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.ssp if not given.", metavar="FILE")] = None,
+    out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.ssp by default.", metavar="FILE")] = None,
     fmus: FmuFolder = FMUS,
 ) -> None:
     """Write a scenario and its FMUs as one .ssp for other tools.
 
     System Structure and Parameterization is the standard in which co-simulation tools exchange connected FMUs. Prints the
-    path. What SSP cannot say (events, noise, dropout) is refused.
+    path. Events, noise and dropout are refused, because SSP cannot express them.
 
     For example:
 
@@ -28,25 +33,21 @@ def export(
 
         gossamer export-ssp my_scenario.toml --out mine.ssp
     """
-    from ..exchange.open import open_scenario
     from ..exchange.ssp.writer import export_ssp
 
-    path = find_scenario(scenario)
-    with open_scenario(path) as opened:
-        typer.echo(export_ssp(opened, fmus, _target(out, path, ".ssp")))
-        say_kinds("packed", (opened.fmu_path(component, fmus) for component in opened.components))
+    _write(export_ssp, scenario, fmus, out, ".ssp")
 
 
 def container(
     scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
-    out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.fmu if not given.", metavar="FILE")] = None,
+    out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.fmu by default.", metavar="FILE")] = None,
     fmus: FmuFolder = FMUS,
-    fmi: Annotated[int, typer.Option(help="Version of FMI outside, 2 or 3.", min=2, max=3)] = 2,
+    fmi: Annotated[int, typer.Option(help="FMI version of the container, 2 or 3.", min=2, max=3)] = 2,
 ) -> None:
     """Merge a scenario and its FMUs into one FMU.
 
-    Inputs are what the scenario gives from outside, outputs what nobody receives and what is recorded, all named
-    component.variable. Prints the path. Events, gain, bias, noise and dropout are refused.
+    Its inputs are those that the scenario gives a value. Its outputs are those that no component receives and those that are
+    recorded. All are named component.variable. Prints the path. Events, gain, bias, noise and dropout are refused.
 
     For example:
 
@@ -55,18 +56,19 @@ def container(
         gossamer container damaged --fmi 3 --out monitoring.fmu
     """
     from ..exchange.container import build_container
+
+    _write(partial(build_container, fmi=fmi), scenario, fmus, out, ".fmu")
+
+
+def _write(write: Callable[[Scenario, Path, Path], Path], text: str, fmus: Path, out: Path | None, ending: str) -> None:
+    """Write a scenario, which is not overwritten, as another kind of file; print its path and what it holds."""
     from ..exchange.open import open_scenario
 
-    path = find_scenario(scenario)
-    with open_scenario(path) as opened:
-        typer.echo(build_container(opened, fmus, _target(out, path, ".fmu"), fmi=fmi))
-        say_kinds("packed", (opened.fmu_path(component, fmus) for component in opened.components))
-
-
-def _target(out: Path | None, scenario: Path, ending: str) -> Path:
-    """Return the file to write, which must not be the scenario itself."""
-    target = Path("out") / f"{scenario.stem}{ending}" if out is None else out
-    if target.resolve() == scenario.resolve():
+    path = find_scenario(text)
+    target = Path("out") / f"{path.stem}{ending}" if out is None else out
+    if target.resolve() == path.resolve():
         msg = f"{target} is the scenario itself. Name another file with --out."
         raise OrchestratorError(msg)
-    return target
+    with open_scenario(path) as opened:
+        typer.echo(write(opened, fmus, target))
+        print_kinds("packed", (opened.fmu_path(component, fmus) for component in opened.components))

@@ -136,7 +136,9 @@ def identify(
     console = wide(stderr=True)
     readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
     chosen = {
-        name: _read(name, value, readers.get(name)) for name, value in ctx.obj.items() if value not in (None, False)
+        name: _read(name, value, readers.get(name))
+        for name, value in ctx.obj.items()
+        if value is not None and value is not False
     }
     columns = {each.name: chosen.pop(each.name) for each in options(Columns) if each.name in chosen}
     names = {str(path): path.name for path in (*files, out)} | {f"--out={out}": f"--out={out.name}"}

@@ -40,14 +40,14 @@ def info(
 
 
 def verify(
-    fmus: Annotated[list[Path], typer.Argument(help="FMU files, anybody's.")],
+    fmus: Annotated[list[Path], typer.Argument(help="FMU files of any tool.")],
     limit: Annotated[float, typer.Option(help="Time that one check may take [s].")] = 30.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON in place of tables.")] = False,
 ) -> None:
-    """Verify FMUs: archive, model description, binary, and how they behave when they run.
+    """Check FMUs against FMI and against their declared capabilities.
 
-    FMI 2.0 and 3.0 for co-simulation. An FMU runs in a process of its own, so that it may crash or hang. Prints a table per
-    FMU; exits 1 if a check failed.
+    Checks archive, model description, binary and behaviour of FMUs for co-simulation, FMI 2.0 and 3.0. An FMU runs in a
+    process of its own, which it may crash or hang. Prints a table per FMU; exits 1 if a check failed.
 
     For example:
 

@@ -22,7 +22,7 @@ DEMO = ("damaged", "damage_begins")
 def run(
     scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the results; out/NAME if not given.", metavar="FOLDER")
+        Path | None, typer.Option(help="Folder for the results; out/NAME by default.", metavar="FOLDER")
     ] = None,
     fmus: FmuFolder = FMUS,
     step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
@@ -31,8 +31,8 @@ def run(
 ) -> None:
     """Run a scenario.
 
-    Writes results.nc, results.csv and pictures, and prints their paths. An interrupted or failed run keeps what it
-    produced.
+    Writes results.nc, results.csv and pictures, and prints their paths. An interrupted or failed run keeps the results
+    up to then.
 
     For example:
 
@@ -52,7 +52,7 @@ def demo(
     """Build the FMUs and run both demonstrations.
 
     A membrane with 40 % damage in zone 1, and one that is damaged half way through the run: four sensors, four
-    compensators and a detector find out. Leaves results and pictures in out/damaged and out/damage_begins.
+    compensators and a detector find the damage. Leaves results and pictures in out/damaged and out/damage_begins.
 
     For example:
 
@@ -66,7 +66,7 @@ def demo(
 def _run(
     scenario: Path, fmus: Path, out: Path, *, pictures: bool, step: float | None = None, stop: float | None = None
 ) -> None:
-    """Run one scenario, write everything, and show what the detector found."""
+    """Run one scenario, write everything, and show the judgements."""
     from ..results.files import CSV, NETCDF
     from ..run.progress import ProgressBar
     from ..run.runner import run_scenario
@@ -87,7 +87,7 @@ def _run(
 
 
 def _show(data: xr.Dataset) -> None:
-    """Print what the detector found as tables on stderr, if there is a detector."""
+    """Print the judgements as tables on stderr, if there is a detector."""
     from ..results.judgements import doubts, windows
     from ..results.tables import history_table, zone_table
 

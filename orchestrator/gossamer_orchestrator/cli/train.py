@@ -19,7 +19,7 @@ def train(
     """Train the detector on simulated damage.
 
     Simulates the membrane with damage in one zone at a time on all cores, which takes a minute or two, writes the networks,
-    and judges the 13 single-damage cases of the thesis' Table 7.1 and unseen cases with them.
+    and tests them on the 13 single-damage cases of the thesis' Table 7.1 and on unseen cases.
 
     For example:
 

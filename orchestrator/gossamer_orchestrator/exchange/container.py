@@ -1,15 +1,15 @@
 """A whole scenario as one FMU, by fmucontainer of the FMU Manipulation Toolbox.
 
 The container steps its FMUs one after another in the order of the scenario's master, each with the outputs just computed,
-at the scenario's step: the same numbers as the orchestrator's. Its variables are called ``component.variable``: inputs are
-what the scenario gives from outside, with the scenario's values as start values; outputs are what nobody receives and what
-is recorded. Parameters are set as in the scenario and not exposed.
+at the scenario's step: the same numbers as the orchestrator's. Its variables are called ``component.variable``: its
+inputs are those that the scenario gives a value, which is their start value; its outputs are those that no component
+receives and those that are recorded. Parameters are set as in the scenario and not exposed.
 
 A host may set inputs before the first step. In FMI 3 a container sets those start values that are not the FMUs' own when
 initialization begins, so a host replaces these in initialization mode, not before.
 
 fmucontainer 2.0 carries neither units nor ranges into the container, and stamps times and random identifiers; both are
-mended here, so that a build is reproducible.
+corrected here, so that a build is reproducible.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _refuse_inexpressible(plan: Plan) -> None:
     problems.raise_if_any()
 
 
-class Container(FMUContainer):  # type: ignore[misc]
+class _Container(FMUContainer):  # type: ignore[misc]
     """A container with start values that a host can replace, and with a completed model description."""
 
     def __init__(self, name: str, folder: Path, plan: Plan, fmi: int) -> None:
@@ -119,7 +119,7 @@ class Container(FMUContainer):  # type: ignore[misc]
         text = self.plan.scenario.source.text
         if text:
             (base_directory / "documentation/scenario.toml").write_text(text, encoding="utf-8")
-        _mend(base_directory, self.plan, self.fmi)
+        _complete(base_directory, self.plan, self.fmi)
         self.members = _members(base_directory)
 
 
@@ -127,8 +127,8 @@ def _build(plan: Plan, folder: Path, name: str, fmi: int) -> dict[str, bytes]:
     """Let fmucontainer merge the FMUs, and return the files of the archive."""
     with _complaints() as complaints:
         try:
-            container = Container(name, folder, plan, fmi)
-            _wire(container, plan)
+            container = _Container(name, folder, plan, fmi)
+            _connect(container, plan)
             container.make_fmu(
                 f"{name}.fmu", plan.scenario.step, sequential=plan.scenario.master == "gauss-seidel", profiling=False
             )
@@ -141,7 +141,7 @@ def _build(plan: Plan, folder: Path, name: str, fmi: int) -> dict[str, bytes]:
     return dict(container.members)
 
 
-def _wire(container: Any, plan: Plan) -> None:  # noqa: ANN401
+def _connect(container: Any, plan: Plan) -> None:  # noqa: ANN401
     """Add FMUs in stepping order, then links, inputs, values and outputs."""
     for component in plan.components:
         container.get_fmu(str(component.fmu.path.resolve()), f"{component.name}.fmu")
@@ -166,7 +166,7 @@ def _wire(container: Any, plan: Plan) -> None:  # noqa: ANN401
                 container.add_output(f"{component.name}.fmu", variable, f"{component.name}.{variable}")
 
 
-def _mend(folder: Path, plan: Plan, fmi: int) -> None:
+def _complete(folder: Path, plan: Plan, fmi: int) -> None:
     """Complete the model description: units, ranges, recorded outputs, and an identifier from the content."""
     path = folder / "modelDescription.xml"
     tree = etree.parse(path)

@@ -1,4 +1,7 @@
-"""Unpack an archive from anywhere, checking what it says about itself and counting what comes out of it; and write one."""
+"""Unpack archives that are not trusted, and write archives.
+
+What an archive declares is checked first; then its bytes are counted while they are unpacked.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ def check_archive(
     needs: str = "modelDescription.xml",
     failure: type[OrchestratorError] = FmuError,
 ) -> None:
-    """Refuse a file that is no ZIP archive, leaves its folder when unpacked, is ambiguous, or is absurdly large.
+    """Refuse a file that is not a ZIP archive, leaves its folder when unpacked, is ambiguous, or is absurdly large.
 
     Parameters
     ----------
@@ -48,7 +51,7 @@ def check_archive(
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
     except (OSError, zipfile.BadZipFile):
-        msg = f"{path} is no {kind}. {explain_file(path)}"
+        msg = f"{path} is not an {kind}. {explain_file(path)}"
         raise failure(msg) from None
     size = sum(member.file_size for member in members)
     if len(members) > MAX_FILES or size > MAX_BYTES:
@@ -65,12 +68,12 @@ def check_archive(
             raise failure(msg)
         seen.add(PurePosixPath(member.filename))
     if PurePosixPath(needs) not in seen:
-        msg = f"{path} is no {kind}: it holds no {needs}. {explain_file(path)}"
+        msg = f"{path} is not an {kind}: it holds no {needs}. {explain_file(path)}"
         raise failure(msg)
 
 
 def _explain_member(member: zipfile.ZipInfo, seen: set[PurePosixPath]) -> str | None:
-    """Say what is wrong with a member; None if nothing is."""
+    """Return what is wrong with a member; None if nothing is."""
     name, place = member.filename, PurePosixPath(member.filename)
     if stat.S_ISLNK(member.external_attr >> 16):
         return "is a link"
@@ -79,17 +82,17 @@ def _explain_member(member: zipfile.ZipInfo, seen: set[PurePosixPath]) -> str | 
     if member.flag_bits & _ENCRYPTED:
         return "is encrypted"
     if place in seen and not member.is_dir():
-        return "is there twice, so that readers may see different files"
+        return "is in it twice, so that two programs may read different files"
     return None
 
 
 def unpack(path: Path, folder: Path, *, failure: type[OrchestratorError] = FmuError) -> None:
-    """Unpack a checked archive, and stop when more comes out of it than it said.
+    """Unpack a checked archive, and stop if it grows beyond the limit.
 
     Raises
     ------
     FmuError
-        Or ``failure``: a member is damaged, or larger than it said.
+        Or ``failure``: a member is damaged, or larger than declared.
     """
     left = MAX_BYTES
     try:
@@ -104,7 +107,8 @@ def unpack(path: Path, folder: Path, *, failure: type[OrchestratorError] = FmuEr
                     while piece := source.read(1024**2):
                         left -= len(piece)
                         if left < 0:
-                            msg = f"{path}: more than {MAX_BYTES // 1024**2} MiB come out of it. Do not trust it."
+                            limit = f"{MAX_BYTES // 1024**2} MiB"
+                            msg = f"{path}: more than {limit} are unpacked from it, and it declares less. Do not trust it."
                             raise failure(msg)
                         target.write(piece)
     except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error) as error:
@@ -115,7 +119,7 @@ def unpack(path: Path, folder: Path, *, failure: type[OrchestratorError] = FmuEr
 
 
 def describe_fmu(path: Path) -> str:
-    """Say what an FMU runs in and on which platforms."""
+    """Describe what an FMU runs in and on which platforms."""
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
     places = [PurePosixPath(name).parts for name in names]
@@ -125,7 +129,7 @@ def describe_fmu(path: Path) -> str:
 
 
 def check_target(path: Path, ending: str) -> None:
-    """Refuse to write an archive where it would not be one by its name, or over a folder.
+    """Refuse to write an archive to a file with another ending, or over a folder.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""An FMU file: what its model description says, and its folder once it is unpacked."""
+"""An FMU file: its model description, and its folder once it is unpacked."""
 
 from __future__ import annotations
 
@@ -43,16 +43,15 @@ class FmuFile:
             description = fmpy.read_model_description(str(self.path))
         except Exception as error:
             # FMPy raises bare exceptions, lxml its own
-            msg = (
-                f"{self.path}: its modelDescription.xml is not valid: {error}. Try 'gossamer verify {self.path.name}'."
-            )
+            advice = f"Check it with 'gossamer verify {self.path.name}'."
+            msg = f"{self.path}: its modelDescription.xml is not valid: {error}. {advice}"
             raise FmuError(msg) from error
         if description.fmiVersion != "2.0" or description.coSimulation is None:
             kind = "co-simulation" if description.coSimulation else "model exchange"
             three = description.fmiVersion.startswith("3")
             msg = (
                 f"{self.path} is FMI {description.fmiVersion} for {kind}; this program runs FMI 2.0 for co-simulation. "
-                f"{'Build it without --fmi 3.' if three else 'Export it as that.'}"
+                f"{'Build it without --fmi 3.' if three else 'Export it as FMI 2.0 for co-simulation.'}"
             )
             raise FmuError(msg)
         self.description: Any = description
@@ -148,7 +147,7 @@ def library_path(folder: Path, description: Any) -> Path:  # noqa: ANN401
 
 
 def explain_platforms(folder: Path, library: Path) -> str:
-    """Say that an unpacked FMU lacks a binary, and which it has."""
+    """Explain which binary an unpacked FMU lacks, and which it has."""
     there = sorted(p.name for p in (folder / "binaries").glob("*") if p.is_dir())
     has = f"binaries for {', '.join(there)}" if there else "no binaries"
     return f"It has no {library.relative_to(folder).as_posix()}, which this machine needs; it has {has}."

@@ -1,18 +1,19 @@
 """A running FMU, through FMPy's low-level interface.
 
-A step costs what the FMU costs: the arguments of a call are converted to C once per group of variables (``Port``), and the
-C functions are called directly, since fmi2Discard is an answer here and no exception. ctypes converts no argument of a
+A step costs what the FMU costs. The arguments of a call are converted to C once per group of variables (``Port``), and the C
+functions are called directly, since fmi2Discard is a normal result here, not an exception. ctypes converts no argument of a
 function that declares no types, which halves the cost of a call; so every argument of those must be a ctypes object.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from fmpy import fmi2
+from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
 from ..errors import FmuError, SimulationError
@@ -20,13 +21,6 @@ from .file import FmuFile
 from .slave import DISCARD, ERROR, FATAL, WARNING, Log, is_python, start_slave
 
 _LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
-_TYPES: dict[str, tuple[str, Any, Callable[[Any], Any]]] = {
-    "Real": ("fmi2SetReal", fmi2.fmi2Real, float),
-    "Integer": ("fmi2SetInteger", fmi2.fmi2Integer, int),
-    "Enumeration": ("fmi2SetInteger", fmi2.fmi2Integer, int),
-    "Boolean": ("fmi2SetBoolean", fmi2.fmi2Boolean, int),
-    "String": ("fmi2SetString", fmi2.fmi2String, lambda text: str(text).encode()),
-}
 
 
 class Port:
@@ -87,7 +81,7 @@ class Instance:
             self.log.close()
             msg = f"{name}: {fmu.path} cannot be started: {error}{self.log.tail()}"
             if not isinstance(error, FmuError):
-                msg += " Try 'gossamer verify' on it."
+                msg += " Check it with 'gossamer verify'."
             raise FmuError(msg) from error
         self._is_python = is_python(fmu.folder())
         dll = self._slave.dll  # by subscript it gives functions of its own, without FMPy's argument types
@@ -111,21 +105,17 @@ class Instance:
         """Set parameters and inputs of any type by name."""
         for name, value in values.items():
             variable = self.fmu.variables[name]
-            function, ctype, convert = _TYPES[variable.type]
-            reference = (fmi2.fmi2ValueReference * 1)(variable.valueReference)
-            array = (ctype * 1)(convert(value))
-            status = getattr(self._slave.dll, function)(self._component, reference, 1, array)
-            self._check(status, f"refused {name!r} = {value}")
+            kind = "Integer" if variable.type == "Enumeration" else variable.type
+            self._call(f"refused {name!r} = {value}", f"set{kind}", [variable.valueReference], [value])
 
     def enter_initialization(self, stop: float) -> None:
-        """Tell it the times of the run and enter the mode in which start values are set."""
-        dll = self._slave.dll
-        self._check(dll.fmi2SetupExperiment(self._component, 0, 0.0, self.time, 1, stop), "refused the run's times")
-        self._check(dll.fmi2EnterInitializationMode(self._component), "could not enter initialization")
+        """Set the times of the run and enter the mode in which start values are set."""
+        self._call("refused the run's times", "setupExperiment", None, self.time, stop)
+        self._call("could not enter initialization", "enterInitializationMode")
 
     def exit_initialization(self) -> None:
         """Leave the initialization mode; outputs can be read from here on."""
-        self._check(self._slave.dll.fmi2ExitInitializationMode(self._component), "could not be initialized")
+        self._call("could not be initialized", "exitInitializationMode")
         self._initialized = True
 
     def write(self, port: Port) -> None:
@@ -152,9 +142,9 @@ class Instance:
         return False
 
     def save_state(self) -> None:
-        """Keep the present state in place of the one kept before."""
+        """Save the present state in place of the one saved before."""
         if self._is_python and self._state:
-            # an FMU is given its old state to write over; pythonfmu 0.7.0 makes a new one and loses the old
+            # FMI lets an FMU overwrite its old state; pythonfmu 0.7.0 makes a new one and loses the old
             self._check(self._free_state(*self._state_arguments), "did not free its state")
             self._state.value = None
         status = self._get_state(*self._state_arguments)
@@ -162,8 +152,8 @@ class Instance:
             self._check(status, "did not save its state")
 
     def restore_state(self) -> None:
-        """Go back to the state kept last."""
-        self._check(self._set_state(self._component, self._state), "did not go back to its saved state")
+        """Restore the saved state."""
+        self._check(self._set_state(self._component, self._state), "did not restore its saved state")
 
     def close(self) -> None:
         """Terminate and free it; after fmi2Fatal nothing may be called, so it stays in memory."""
@@ -179,6 +169,13 @@ class Instance:
             if not self.fmu.corrupt:
                 self._slave.freeInstance()
         self.log.close()
+
+    def _call(self, what: str, method: str, *arguments: object) -> None:
+        """Call a method of FMPy's instance; ``what`` describes its failure."""
+        try:
+            getattr(self._slave, method)(*arguments)
+        except FMICallException as error:
+            self._check(error.status, what)
 
     def _check(self, status: int, what: str) -> None:
         """Raise ``SimulationError`` unless a call went well."""

@@ -70,7 +70,7 @@ def load_results(path: Path) -> xr.Dataset:
     Raises
     ------
     ResultsError
-        There is nothing, or not what ``save_results`` wrote.
+        There is no file, or ``save_results`` did not write it.
     """
     path = Path(path)
     if path.is_dir():
@@ -88,7 +88,8 @@ def load_results(path: Path) -> xr.Dataset:
         raise ResultsError(msg) from error
     if (data.attrs.get("schema"), int(data.attrs.get("version", 0))) != (SCHEMA, VERSION):
         msg = (
-            f"{path} holds {data.attrs.get('schema', 'no schema')!r}, this program reads {SCHEMA!r} version {VERSION}."
+            f"{path} holds {data.attrs.get('schema', 'no schema')!r}, this program reads {SCHEMA!r} version {VERSION}. "
+            "Run the scenario again."
         )
         raise ResultsError(msg)
     return data

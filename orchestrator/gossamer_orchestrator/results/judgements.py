@@ -1,7 +1,7 @@
-"""What the detector found, against what was put in.
+"""Judgements of the detector, beside the true damage.
 
-A window of the detector ends when its outputs change; it is a judgement if ``valid`` is 1 then. Everything is read from
-recorded results, so it works on a file as well as right after a run.
+A window of the detector ends when its outputs change. It gives a valid judgement if ``valid`` is 1 then. Everything is read
+from recorded results, from a file as well as right after a run.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LEAST_SIMILARITY = 0.5  # of a valid judgement, by the interface of the detector
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
-    """What the detector said when a window ended.
+    """Output of the detector at the end of a window.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Judgement:
     similarity : float
         Largest similarity with a case the detector was trained on [1]; not a number if it was not recorded.
     valid : bool
-        False if the detector says that this is no judgement.
+        False if the detector marks its output as no judgement.
     """
 
     time: float
@@ -58,7 +58,7 @@ class Judgement:
 
 
 def windows(data: xr.Dataset) -> list[Judgement]:
-    """List what the detector said at the end of every window, valid or not, in order of time."""
+    """List the judgement at the end of every window, valid or not, in order of time."""
     detector = find(data, "detector")
     true, estimated, valid = need(data, f"{find(data, 'membrane')}.damage", f"{detector}.damage", f"{detector}.valid")
     names = (f"{detector}.{name}" for name in ("damage", "valid", "index", "similarity"))
@@ -98,7 +98,7 @@ def judge(data: xr.Dataset) -> Judgement:
 
 
 def _why_none(data: xr.Dataset, ended: list[Judgement]) -> str:
-    """Say why there is no valid judgement."""
+    """Explain why there is no valid judgement."""
     if not ended:
         return (
             f"No window of the detector ended until t = {float(data['time'][-1]):.9g} s, so there is no judgement. "
@@ -120,7 +120,7 @@ def _why_none(data: xr.Dataset, ended: list[Judgement]) -> str:
 
 
 def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
-    """Say why not to trust the judgement shown: none is valid, a later window is not, sensors beyond their range."""
+    """List reasons to doubt the judgement shown: none is valid, a later window is not, or a component was saturated."""
     valid = [window for window in ended if window.valid]
     sentences = []
     if not valid:
@@ -130,7 +130,7 @@ def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
         similarity = "" if math.isnan(last.similarity) else f" (similarity {last.similarity:.2g})"
         sentences.append(
             f"The last window, ended at {last.time:.4f} s, was not valid{similarity}; "
-            f"shown is the judgement at {valid[-1].time:.4f} s."
+            f"the judgement shown is that at {valid[-1].time:.4f} s."
         )
     beyond = [
         name.removesuffix(".saturated")
@@ -139,6 +139,6 @@ def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
     ]
     if beyond:
         sentences.append(
-            f"Beyond their range during the run: {', '.join(beyond)}. What follows from them is a lower bound."
+            f"Saturated during the run: {', '.join(beyond)}. Strain and damage that follow from them are lower bounds."
         )
     return sentences

@@ -1,6 +1,7 @@
-"""Which components of a run are the membrane, its sensors, their compensators and the detector, whatever they are called.
+"""Find the membrane, its sensors, their compensators and the detector among the components of a run.
 
-Their FMUs' model names tell. Results without them, such as a CSV file, are read by the names of their components.
+A component has the role that its FMU's model name states. In results without model names, such as a CSV file, the name of
+the component counts.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ def find(data: xr.Dataset, role: str) -> str:
     """
     found = find_all(data, role)
     if not found:
-        msg = f"no component is a {role}: an FMU with the model name {role!r}."
+        msg = f"no component is a {role}. A {role} is an FMU with the model name {role!r}."
         raise ResultsError(msg)
     return found[0]
 
 
 def need(data: xr.Dataset, *names: str) -> list[xr.DataArray]:
-    """Return recorded variables; raise ``ResultsError`` that says how to record them if one is missing."""
+    """Return recorded variables; if one is missing, raise ``ResultsError`` with the way to record it."""
     missing = [name for name in names if name not in data.data_vars]
     if missing:
         msg = f"the results lack {', '.join(missing)}. Add it to [record] variables in the scenario and run it again."
@@ -46,10 +47,10 @@ def need(data: xr.Dataset, *names: str) -> list[xr.DataArray]:
 
 def sensors(data: xr.Dataset) -> dict[int, str]:
     """Return the sensors by the number of the membrane's strain that they read; without connections, in order."""
-    wires, membrane = _wires(data), find(data, "membrane")
+    origins, membrane = _origins(data), find(data, "membrane")
     found = {}
     for name in find_all(data, "sensor"):
-        base, indices = split_indices(wires.get(f"{name}.strain", ""))
+        base, indices = split_indices(origins.get(f"{name}.strain", ""))
         if base == f"{membrane}.strain" and indices:
             found[indices[0]] = name
     return dict(sorted(found.items())) or dict(enumerate(find_all(data, "sensor"), start=1))
@@ -57,12 +58,12 @@ def sensors(data: xr.Dataset) -> dict[int, str]:
 
 def compensators(data: xr.Dataset) -> dict[int, str]:
     """Return the compensators by the numbers of their sensors; without connections, in order."""
-    wires, numbers = _wires(data), {f"{name}.resistance": number for number, name in sensors(data).items()}
-    ends = {wires.get(f"{name}.resistance", ""): name for name in find_all(data, "compensator")}
+    origins, numbers = _origins(data), {f"{name}.resistance": number for number, name in sensors(data).items()}
+    ends = {origins.get(f"{name}.resistance", ""): name for name in find_all(data, "compensator")}
     found = {number: ends[end] for end, number in numbers.items() if end in ends}
     return found or dict(enumerate(find_all(data, "compensator"), start=1))
 
 
-def _wires(data: xr.Dataset) -> dict[str, str]:
+def _origins(data: xr.Dataset) -> dict[str, str]:
     """Return the origin of every connected input."""
     return {target: origin for origin, target in json.loads(data.attrs.get("connections", "[]"))}

@@ -11,7 +11,7 @@ from .judgements import Judgement
 
 
 def zone_table(judgement: Judgement) -> Table:
-    """Draw true and estimated damage as the membrane is seen: zone 1 lower left, x to the right, y up."""
+    """Tabulate true and estimated damage as the membrane is seen: zone 1 lower left, x to the right, y up."""
     side = math.isqrt(judgement.true.size)
     table = Table(
         title=f"Damage at t = {judgement.time:.4f} s, true -> estimated [%]",
@@ -34,7 +34,7 @@ def zone_table(judgement: Judgement) -> Table:
 
 
 def history_table(ended: list[Judgement]) -> Table:
-    """Draw a row per window: its errors and the zone it suspects most."""
+    """Tabulate the windows: the most damaged zone by the estimate, and the errors."""
     table = Table(title="Judgements")
     for heading in (
         r"t \[s]",  # [s] would strike the rest through

@@ -20,19 +20,19 @@ from ..scenario.schema import Connection
 
 
 class Channel:
-    """The path of one connection through its manipulators.
+    """The disturbances of one connection.
 
     Parameters
     ----------
     connection : Connection
-        What the scenario says.
+        As the scenario states it.
     ticks : int
         Number of communication steps of the run.
 
     Attributes
     ----------
     held : float
-        Last sample that arrived; all that a channel remembers.
+        Last sample that arrived; the whole state of a channel.
     """
 
     def __init__(self, connection: Connection, ticks: int) -> None:

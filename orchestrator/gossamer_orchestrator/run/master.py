@@ -1,6 +1,6 @@
 """The master algorithm: step every FMU from one communication point to the next.
 
-Symbols: ``k`` tick (an integer), ``h`` communication step [s], ``y`` values read from an FMU, ``u`` inputs of one component.
+Symbols: ``k`` tick (an integer), ``h`` communication step [s], ``y`` values read from an FMU.
 
 Time is ``start + k * h`` and nothing is accumulated. A step that an FMU discards is repeated in 2, 4, .. 64 equal parts
 from the state at its start; within step ``k`` time is ``start + (64 k + j) * (h / 64)``, which is exact at ``j = 0``
@@ -13,19 +13,17 @@ import ctypes
 import logging
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import partial
 from types import FrameType
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import SimulationError
-from ..fmi.instance import Instance, Port
-from ..scenario.plan import ComponentPlan, Plan
-from .channel import Channel
+from ..fmi.instance import Instance
+from ..scenario.plan import Plan
+from .member import Member
 
 logger = logging.getLogger(__name__)
 
@@ -45,72 +43,8 @@ class Observer(Protocol):
         """Finish; also called when the run fails."""
 
 
-class Member:
-    """A component at work: its instance, its ports, and where its inputs come from.
-
-    Parameters
-    ----------
-    plan : ComponentPlan
-        What it is.
-    instance : Instance
-        Its FMU.
-    y : numpy.ndarray
-        Where its outputs go, a view into the values of the whole run.
-    arrived : numpy.ndarray
-        Where its inputs come from, the values of the whole run as the receivers see them.
-    places : dict
-        Place of every ``(component, variable)`` in those values.
-    ticks : int
-        Number of communication steps.
-    """
-
-    def __init__(
-        self,
-        plan: ComponentPlan,
-        instance: Instance,
-        y: NDArray[np.float64],
-        arrived: NDArray[np.float64],
-        places: dict[tuple[str, str], int],
-        ticks: int,
-    ) -> None:
-        self.name = plan.name
-        self.instance = instance
-        self.sent: Port = instance.port(plan.sent, y[: len(plan.sent)])
-        self.outputs: Port = instance.port([*plan.sent, *plan.recorded], y)
-        channels = [Channel.if_needed(connection, ticks) for connection in plan.connections]
-        self.channels = [(i, channel) for i, channel in enumerate(channels) if channel is not None]
-        sources = np.array([places[c.sender, c.output] for c in plan.connections], dtype=np.intp)
-        inputs = [connection.input for connection in plan.connections]
-        side_by_side = bool((np.diff(sources) == 1).all())
-        if inputs and side_by_side and not self.channels:  # the FMU reads them where they stand
-            self.inputs: Port = instance.port(inputs, arrived[sources[0] : sources[0] + len(inputs)])
-            self._gather: Callable[[], object] | None = None
-        else:
-            self.inputs = instance.port(inputs)
-            self._gather = partial(arrived.take, sources, None, self.inputs.values, "clip") if inputs else None
-
-    def receive(self, tick: int) -> None:
-        """Fetch the inputs from what the others sent, and set them."""
-        if self._gather is not None:
-            self._gather()
-            u = self.inputs.values
-            for i, channel in self.channels:
-                u[i] = channel(float(u[i]), tick)
-        if self.inputs.size:
-            self.instance.write(self.inputs)
-
-    def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
-        """Step and read outputs (all of them if ``full``); False if the FMU discarded the step."""
-        if not self.instance.step(time, size):
-            return False
-        outputs = self.outputs if full else self.sent
-        if outputs.size:
-            self.instance.read(outputs)
-        return True
-
-
 class Simulation:
-    """A plan at work. Use it as a context manager: it frees the FMUs however the run ends.
+    """A running plan. Use it as a context manager: it frees the FMUs however the run ends.
 
     Parameters
     ----------
@@ -122,7 +56,8 @@ class Simulation:
     tick : int
         Communication steps done.
     values : numpy.ndarray
-        Variables read from the FMUs; ``places`` tells where. What nobody receives is read only at recorded points.
+        Variables read from the FMUs; ``places`` gives their positions. A variable that no component receives is read
+        only at recorded points.
     places : dict
         Index in ``values`` by ``(component, variable)``.
     divided : int
@@ -176,7 +111,7 @@ class Simulation:
         Raises
         ------
         SimulationError
-            An FMU failed, or refused a step however small. The observers have been told the end of the run.
+            An FMU failed, or refused a step even in the smallest parts. Every observer's ``end`` has been called.
         KeyboardInterrupt
             Ctrl-C, delivered between two steps: inside an FMU written in Python it would be fatal to the FMU.
         """
@@ -270,13 +205,14 @@ class Simulation:
         return None
 
     def _refusal(self, member: Member, parts: int) -> SimulationError:
-        """Say who refused which step, and what it logged."""
+        """Explain which component refused which step, and what it logged."""
         if self._can_repeat:
             how = f"even in {parts} parts of {self.scenario.step / parts:.3g} s"
             advice = "Correct its inputs or parameters, or start from smaller loads."
         else:
             unable = [f.name for f in self.plan.files if not (f.can_restore and f.can_vary_step)]
-            how = f"and it cannot be repeated in parts, because {', '.join(unable)} cannot go back or vary the step"
+            why = f"{', '.join(unable)} cannot restore its state or vary its step"
+            how = f"and the step cannot be repeated in parts, because {why}"
             advice = "Use a smaller 'step'."
         msg = (
             f"component {member.name!r} refused the step of {self.scenario.step:g} s at t = {self.time:.9g} s, {how}."

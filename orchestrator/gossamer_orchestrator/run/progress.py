@@ -1,4 +1,4 @@
-"""Show how far a run is: simulated time, rate and remaining time. Quiet without a terminal."""
+"""Show the progress of a run: simulated time, rate and remaining time. Quiet without a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Keep what a run produces: one preallocated table, a row per recorded communication point."""
+"""Record a run in one preallocated table, a row per recorded communication point."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Recorder:
     Parameters
     ----------
     plan : Plan
-        What is recorded, and how often.
+        Gives the variables to record, and how often.
 
     Attributes
     ----------

@@ -42,7 +42,7 @@ def run_scenario(
     step, stop : float or None
         Communication step and last time [s] in place of those of the file.
     observers : sequence of Observer
-        Who else watches, for instance a ``ProgressBar``.
+        More observers, for instance a ``ProgressBar``.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def run_scenario(
     ScenarioError, FmuError, ResultsError
         The scenario, an FMU or the folder for results cannot be used; nothing was run.
     SimulationError, KeyboardInterrupt
-        The run ended early; what it produced until then is in ``out``, and ``ended`` says why.
+        The run ended early. Its results so far are in ``out``, and ``ended`` gives the reason.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Who feeds whom: algebraic loops, which no order can resolve, and the order in which components step."""
+"""The graph of a scenario: algebraic loops, which no order can resolve, and the order in which components step."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def load_scenario(path: Path, *, step: float | None = None, stop: float | None =
     Raises
     ------
     ScenarioError
-        The file cannot be read, is no TOML, or has unknown, missing or meaningless keys; every mistake on a line.
+        The file cannot be read, is not TOML, or has unknown, missing or meaningless keys; one line per mistake.
     """
     path = Path(path)
     try:
@@ -43,7 +43,7 @@ def load_scenario(path: Path, *, step: float | None = None, stop: float | None =
         msg = f"there is no scenario file {path}. {near}"
         raise ScenarioError(msg) from None
     except (OSError, UnicodeDecodeError):
-        msg = f"{path} is no scenario, which is a TOML file in UTF-8. {explain_file(path)}"
+        msg = f"{path} is not a scenario (a TOML file in UTF-8). {explain_file(path)}"
         raise ScenarioError(msg) from None
     return parse_scenario(text, name=path.name, folder=path.parent, step=step, stop=stop)
 
@@ -90,7 +90,7 @@ def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | 
 
 
 def _explain(kind: str, location: Location, message: str, value: Any) -> str:  # noqa: ANN401
-    """Turn one finding of pydantic into a sentence."""
+    """Turn one error of pydantic into a sentence."""
     key, table = str(location[-1]), ".".join(part for part in location[:-1] if isinstance(part, str))
     known = [field.alias or name for name, field in _owner(location).model_fields.items()]
     place = f" in {table!r}" if table else ""
@@ -99,7 +99,7 @@ def _explain(kind: str, location: Location, message: str, value: Any) -> str:  #
     if kind == "missing":
         return f"key {key!r}{place} is missing. Add it."
     if key == "[key]":
-        return f"{location[-2]!r} cannot be a name: use letters, digits and underscores, no digit first."
+        return f"{location[-2]!r} cannot be a name. Use letters, digits and underscores, and no digit at the start."
     if kind == "string_pattern_mismatch" and key in ("from", "to"):
         return f"{key!r}{place}: write component.variable, not {value!r}."
     return f"{key!r}{place}: {message[0].lower()}{message[1:]}, not {value!r}."
@@ -131,7 +131,7 @@ def _check_time(scenario: Scenario, problems: Problems) -> None:
         problems.add(
             ("step",),
             f"'step' = {step:g} s makes {many} from 'start' = {start:g} s to 'stop' = {stop:g} s; at most {MAX_STEPS:.0e} "
-            "are run. Use a longer 'step' or an earlier 'stop'.",
+            "are allowed. Use a longer 'step' or an earlier 'stop'.",
         )
         return
     ticks = scenario.ticks
@@ -139,7 +139,8 @@ def _check_time(scenario: Scenario, problems: Problems) -> None:
         nearest = scenario.seconds(max(ticks, 1))
         problems.add(
             ("stop",),
-            f"'stop' = {stop:g} s is no whole number of steps of {step:g} s after 'start'; the nearest is {nearest:.12g}.",
+            f"'stop' = {stop:g} s is not a whole number of steps of {step:g} s after 'start'. "
+            f"The nearest is {nearest:.12g}.",
         )
     for i, event in enumerate(scenario.events):
         if not start <= event.time <= stop:

@@ -6,7 +6,7 @@ Every mistake that shows without a run is reported, all of them at once.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,23 +15,23 @@ from ..fmi.file import FmuFile
 from ..names import matches, suggest
 from .connections import check_connections
 from .graph import order_components
-from .schema import Component, Connection, Scenario, Value
+from .schema import Connection, Scenario, Value
 from .source import Location, Problems
-from .values import expand
+from .values import expand, start_values
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentPlan:
-    """What one component needs.
+    """One component of a run.
 
     Attributes
     ----------
     start : dict
         Parameters and unconnected inputs that the scenario sets.
     connections : tuple of Connection
-        What arrives.
+        Those to this component.
     sent, recorded : tuple of str
-        Variables read at every step because somebody receives them, and the others that are recorded.
+        Variables read at every step because a component receives them, and the others that are recorded.
     """
 
     name: str
@@ -98,12 +98,11 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
     files = _find_files(scenario, Path(fmus), problems)
     problems.raise_if_any()
     connections, fed = check_connections(scenario, files, problems)
+    connected = {connection.target for connection in connections}
     start = {
-        name: _parameters(name, component, files[name], problems)
-        | _inputs(name, component, files[name], connections, fed, problems)
+        name: start_values(name, component, files[name], connected, fed, problems)
         for name, component in scenario.components.items()
     }
-    connected = {connection.target for connection in connections}
     events = _check_events(scenario, files, connected, problems)
     columns = _check_recording(scenario, files, connected, problems)
     start_order, order = order_components(scenario, files, connections, problems)
@@ -167,37 +166,6 @@ def _read_file(fmu: str, path: Path, place: Location, problems: Problems) -> Fmu
         return None
 
 
-def _parameters(name: str, component: Component, fmu: FmuFile, problems: Problems) -> dict[str, Value]:
-    place: Location = ("components", name, "parameters")
-    return expand(place, component.parameters, fmu, fmu.names("parameter"), "parameter", problems)
-
-
-def _inputs(
-    name: str,
-    component: Component,
-    fmu: FmuFile,
-    connections: Iterable[Connection],
-    fed: set[str],
-    problems: Problems,
-) -> dict[str, Value]:
-    place: Location = ("components", name, "inputs")
-    connected = {connection.input for connection in connections if connection.receiver == name}
-    for key in component.inputs:
-        if key in connected:
-            problems.add((*place, key), f"input '{name}.{key}' is connected and given a value. Remove one of the two.")
-    given = expand(place, component.inputs, fmu, fmu.names("input"), "input", problems)
-    missing = [v for v in fmu.names("input") if f"{name}.{v}" not in fed and v not in given]
-    if missing:
-        shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
-        starts = ", ".join(f'"{v}" = {fmu.variables[v].start}' for v in missing[:2])
-        problems.add(
-            ("components", name),
-            f"component {name!r} has inputs that are neither connected nor given: {shown}. "
-            f"Connect them or add inputs = {{ {starts} }}.",
-        )
-    return {v: value for v, value in given.items() if v not in connected}
-
-
 def _check_events(
     scenario: Scenario, files: Mapping[str, FmuFile], connected: set[str], problems: Problems
 ) -> dict[int, list[tuple[str, dict[str, float]]]]:
@@ -239,5 +207,5 @@ def _check_recording(
                 near = suggest(pattern, [f"{c}.{v}" for c, v in every])
             else:
                 near = f"There is no component {component!r}. {suggest(component, files)}"
-            problems.add(("record", "variables", i), f"nothing to record fits {pattern!r}. {near}")
+            problems.add(("record", "variables", i), f"no variable to record matches {pattern!r}. {near}")
     return [(c, v) for c, v in every if any(matches(p, f"{c}.{v}") for p in patterns)]

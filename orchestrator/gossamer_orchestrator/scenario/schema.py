@@ -158,14 +158,14 @@ class Event(Table):
 
 
 class Recording(Table):
-    """What is kept.
+    """What is recorded.
 
     Attributes
     ----------
     variables : list of str or None
-        Patterns of ``component.variable``; None keeps every output and every input given from outside.
+        Patterns of ``component.variable``; None records every output and every input that no connection feeds.
     every : int
-        Keep each n-th communication point.
+        Record each n-th communication point.
     """
 
     variables: list[str] | None = None

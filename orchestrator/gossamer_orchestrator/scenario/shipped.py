@@ -19,7 +19,7 @@ def shipped_scenarios() -> dict[str, Path]:
 
 
 def find_scenario(text: str) -> Path:
-    """Return the file that a user means by a path or by the name of a shipped scenario.
+    """Return the scenario file of a path or of the name of a shipped scenario.
 
     Raises
     ------

@@ -10,10 +10,50 @@ from typing import Any
 
 from ..fmi.file import FmuFile
 from ..names import is_pattern, matches, suggest
-from .schema import Value
+from .schema import Component, Value
 from .source import Location, Problems
 
 logger = logging.getLogger(__name__)
+
+
+def start_values(
+    name: str, component: Component, fmu: FmuFile, connected: set[str], fed: set[str], problems: Problems
+) -> dict[str, Value]:
+    """Return the parameters and unconnected inputs that a scenario sets of a component.
+
+    Parameters
+    ----------
+    name, component, fmu : str, Component, FmuFile
+        The component.
+    connected, fed : set of str
+        Inputs ``component.input`` that right connections feed, and that right or wrong ones are meant to feed.
+    problems : Problems
+        Receives the mistakes.
+
+    Returns
+    -------
+    dict
+        Values by name.
+    """
+    place: Location = ("components", name)
+    parameters = expand(
+        (*place, "parameters"), component.parameters, fmu, fmu.names("parameter"), "parameter", problems
+    )
+    for key in component.inputs:
+        if f"{name}.{key}" in connected:
+            text = f"input '{name}.{key}' is connected and given a value. Remove one of the two."
+            problems.add((*place, "inputs", key), text)
+    inputs = expand((*place, "inputs"), component.inputs, fmu, fmu.names("input"), "input", problems)
+    missing = [v for v in fmu.names("input") if f"{name}.{v}" not in fed and v not in inputs]
+    if missing:
+        shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
+        starts = ", ".join(f'"{v}" = {fmu.variables[v].start}' for v in missing[:2])
+        problems.add(
+            place,
+            f"component {name!r} has inputs that are neither connected nor given: {shown}. "
+            f"Connect them or add inputs = {{ {starts} }}.",
+        )
+    return parameters | {v: value for v, value in inputs.items() if f"{name}.{v}" not in connected}
 
 
 def expand(
@@ -26,7 +66,7 @@ def expand(
 ) -> dict[str, Value]:
     """Resolve names and patterns to values; a name beats a pattern, a later pattern an earlier one.
 
-    What is refused is among the values too, so that nobody reports it as missing.
+    Refused values are returned too, so that they are not reported as missing.
     """
     values: dict[str, Value] = {}
     for key, value in sorted(given.items(), key=lambda item: not is_pattern(item[0])):
@@ -49,23 +89,20 @@ def _explain_name(name: str, fmu: FmuFile, candidates: list[str], kind: str) -> 
     """Say why there is no input or parameter of a name."""
     other = fmu.variables[name].causality if name in fmu.variables else None
     if other == "parameter":
-        return f"{name!r} is a parameter: put it under parameters; it is fixed during the run."
+        return f"{name!r} is a parameter, which is fixed during the run. Put it under parameters."
     if other == "input":
-        return f"{name!r} is an input: put it under inputs."
+        return f"{name!r} is an input. Put it under inputs."
     return f"FMU {fmu.name!r} has no {kind} {name!r}. {suggest(name, candidates)}"
 
 
 def _explain_value(variable: Any, value: Value, unit: str | None) -> str | None:  # noqa: ANN401
     """Say why a variable cannot have a value; None if it can."""
-    kinds = {"Boolean": bool, "String": str, "Integer": int, "Enumeration": int}
-    kind = kinds.get(variable.type, float)
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    fits = number if kind is float else isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
-    if not fits:
+    kind = {"Boolean": bool, "String": str, "Integer": int, "Enumeration": int}.get(variable.type, int | float)
+    if not isinstance(value, kind) or isinstance(value, bool) != (kind is bool):
         return f"is a {variable.type} and cannot be {value!r}."
     if isinstance(value, str | bool):
         return None
-    largest = sys.float_info.max if kind is float else 2**31 - 1
+    largest = 2**31 - 1 if kind is int else sys.float_info.max
     if abs(value) > largest:
         return f"is a {variable.type} and cannot be larger than {largest:g}."
     low = -math.inf if variable.min is None else float(variable.min)

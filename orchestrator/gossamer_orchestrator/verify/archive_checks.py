@@ -1,4 +1,4 @@
-"""Checks of what is in the archive."""
+"""Checks of the files in the archive."""
 
 from __future__ import annotations
 

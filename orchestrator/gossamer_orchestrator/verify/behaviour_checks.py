@@ -1,4 +1,4 @@
-"""Checks of an FMU that runs; what such a function raises has failed too."""
+"""Checks of a running FMU. A check that raises an exception has failed."""
 
 from __future__ import annotations
 
@@ -24,9 +24,6 @@ _NOISE = 2.0**17  # [byte]
 _TOLERANCE = 1e-3
 
 
-# --- life of an instance ---
-
-
 @check("start", gate=True)
 def _start(subject: Subject) -> Outcome:
     with subject.instance() as one:
@@ -43,13 +40,13 @@ def _token(subject: Subject) -> Outcome:
         if "instantiate" in str(error):
             return PASSED, "An instance with another guid or instantiation token is refused."
         raise
-    return REMARK, "An instance with another guid or instantiation token starts all the same."
+    return REMARK, "An instance with another guid or instantiation token starts nevertheless."
 
 
 @check("first outputs")
 def _first_outputs(subject: Subject) -> Outcome:
     with subject.instance() as one:
-        strange = [v.name for v in subject.outputs if v.type in REALS and not all(map(math.isfinite, one.get(v)))]
+        strange = one.not_finite()
     if strange:
         return FAILED, f"Not finite after initialization: {listed(strange)}."
     return PASSED, f"All {len(subject.outputs)} outputs are finite after initialization."
@@ -71,12 +68,9 @@ def _steps(subject: Subject) -> Outcome:
             verdict = one.attempt(one.step, k)
             if verdict > WARNING:
                 return FAILED, f"Step {k} of {subject.size:g} s is {_WORDS.get(verdict, 'fatal')}.{subject.log.tail()}"
-            if not all(math.isfinite(x) for v in subject.outputs if v.type in REALS for x in one.get(v)):
+            if one.not_finite():
                 return FAILED, f"An output is not finite after step {k} of {subject.size:g} s."
     return PASSED, f"{STEPS} steps of {subject.size:g} s with start values, outputs finite."
-
-
-# --- states ---
 
 
 def _equal(first: list[str], second: list[str], good: str, bad: str) -> Outcome:
@@ -131,7 +125,7 @@ def _reset(subject: Subject) -> Outcome:
 @check("two instances")
 def _two(subject: Subject) -> Outcome:
     if subject.can.canBeInstantiatedOnlyOncePerProcess:
-        return NOT_APPLICABLE, "It says canBeInstantiatedOnlyOncePerProcess."
+        return NOT_APPLICABLE, "It declares canBeInstantiatedOnlyOncePerProcess."
     with subject.instance() as alone:
         expected = alone.excite(0, STEPS)
     with subject.instance() as one, subject.instance() as other:
@@ -141,9 +135,6 @@ def _two(subject: Subject) -> Outcome:
             other.excite(k, k + 1, phase=1.0)
     good = "An instance beside another with other inputs gives the outputs it gives alone."
     return _equal(expected, found, good, "Beside another instance with other inputs")
-
-
-# --- misuse ---
 
 
 @check("fixed parameter")
@@ -178,8 +169,7 @@ def _nan(subject: Subject) -> Outcome:
                 worst, how = one.attempt(one.step, 0), "is stepped"
             text = f"{value} {_WORDS.get(worst, 'fatal')} when it {how}"
             if worst <= WARNING:
-                finite = all(math.isfinite(x) for v in subject.outputs if v.type in REALS for x in one.get(v))
-                text += f", outputs {'finite' if finite else 'not finite'}"
+                text += f", outputs {'not finite' if one.not_finite() else 'finite'}"
             found.append(text)
             if worst == FATAL:
                 return FAILED, f"Inputs {text}."
@@ -221,17 +211,14 @@ def _log(subject: Subject) -> Outcome:
     if any(not text.strip() for _, text in subject.log.messages):
         return FAILED, "It logs messages without text."
     if not subject.log.messages:
-        return NOT_APPLICABLE, "It logged nothing, in a step with inputs that are no numbers either."
-    return PASSED, f"What it logs has text.{subject.log.tail()}"
-
-
-# --- numbers ---
+        return NOT_APPLICABLE, "It logged nothing, not even in a step with inputs that are not numbers."
+    return PASSED, f"All its messages have text.{subject.log.tail()}"
 
 
 @check("directional derivatives", needs=_STATE)
 def _derivatives(subject: Subject) -> Outcome:
     if not subject.differentiates:
-        return NOT_APPLICABLE, "It does not say that it provides them."
+        return NOT_APPLICABLE, "It does not declare that it provides them."
     outputs = [v for v in subject.outputs if v.type in REALS]
     if not subject.inputs or not outputs:
         return NOT_APPLICABLE, "It has no Real input or no Real output."
@@ -271,7 +258,7 @@ def _derivative_error(one: Trial, variable: Any, at: float, outputs: list[Any], 
 def _memory(subject: Subject) -> Outcome:
     pages = Path("/proc/self/statm")
     if not pages.exists():
-        return NOT_APPLICABLE, "This system does not tell."
+        return NOT_APPLICABLE, "This system does not report the memory of a process."
 
     def resident() -> int:
         return int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -292,7 +279,7 @@ def _memory(subject: Subject) -> Outcome:
             steps += 50
         # what grows once is a cache; a leak goes on
         growth = max(min(grow(steps, 2 * steps), grow(2 * steps, 3 * steps)), 0.0)
-    text = f"It grew by {growth / 1024:.0f} KiB in {steps} steps, each with a saved and freed state if it has any."
+    text = f"Its process grew by {growth / 1024:.0f} KiB in {steps} steps, each with a saved and freed state if it has any."
     if growth > _LEAK * steps and growth > _NOISE:
         return FAILED, text
     return PASSED, text

@@ -37,9 +37,9 @@ def verify(
     Parameters
     ----------
     path : Path
-        The FMU; it need not be trusted as an archive, but its code is run.
+        The FMU. It need not be trusted as an archive, but its code is run.
     only : collection of str, optional
-        Names of checks to be made, besides those that others rest on; all of them by default.
+        Names of checks to make, besides those that others depend on; all of them by default.
     limit : float
         Time that one check may take [s]; an FMU that takes longer is stopped.
     progress : callable, optional
@@ -48,7 +48,7 @@ def verify(
     Returns
     -------
     list of Finding
-        One per check. What comes after a failure that makes it meaningless is not applicable.
+        One per check. A check that an earlier failure makes meaningless is not applicable.
     """
     findings: list[Finding] = []
 
@@ -88,7 +88,7 @@ def _run_checks(
 
 
 def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> tuple[list[tuple[str, str]], str | None]:
-    """Run checks in one process; return what it found, and what it died of if it did not find all."""
+    """Run checks in one process; return its findings, and why it ended if some are missing."""
     report, late = scratch / "report", scratch / "late"
     for file in (report, late):
         file.write_bytes(b"")

@@ -1,4 +1,4 @@
-"""What a check is."""
+"""What a check is, and how one is registered."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Outcome = tuple[str, str]  # verdict and sentence
 
 
 class Context:
-    """What a check may look at."""
+    """What a check may inspect."""
 
     def __init__(self, path: Path, folder: Path) -> None:
         self.path = path

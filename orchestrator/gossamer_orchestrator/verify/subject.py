@@ -51,14 +51,8 @@ class Subject:
         self.inputs = [v for v in self.variables if v.causality == "input" and v.type in REALS]
         self.outputs = [v for v in self.variables if v.causality == "output"]
         experiment = self.description.defaultExperiment
-        start, stop, size = (
-            float(text) if text is not None else math.nan
-            for text in (
-                getattr(experiment, "startTime", None),
-                getattr(experiment, "stopTime", None),
-                getattr(experiment, "stepSize", None),
-            )
-        )
+        texts = (getattr(experiment, key, None) for key in ("startTime", "stopTime", "stepSize"))
+        start, stop, size = (math.nan if text is None else float(text) for text in texts)
         self.start = 0.0 if math.isnan(start) else start
         span = 1.0 if math.isnan(stop) else stop - self.start
         self.size = span / STEPS if math.isnan(size) else size
@@ -75,7 +69,7 @@ class Subject:
 
     @contextmanager
     def instance(self, *, initialize: bool = True, token: str | None = None) -> Iterator[Trial]:
-        """Start an instance, and free it unless it said that it must not be called any more."""
+        """Start an instance, and free it unless it must not be called any more."""
         one = Trial(self, token)
         try:
             if initialize:
@@ -122,6 +116,11 @@ class Trial:
     def read(self, variables: Iterable[Any]) -> list[Any]:
         """Read several variables."""
         return [value for variable in variables for value in self.get(variable)]
+
+    def not_finite(self) -> list[str]:
+        """Return the names of the Real outputs that are not finite."""
+        reals = [variable for variable in self.subject.outputs if variable.type in REALS]
+        return [variable.name for variable in reals if not np.all(np.isfinite(self.get(variable)))]
 
     def step(self, k: int) -> None:
         """Do the k-th step."""

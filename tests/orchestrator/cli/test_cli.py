@@ -115,8 +115,10 @@ def test_options_of_native_fmus_alone_are_refused_with_the_way_out(call, tmp_pat
 
 def test_what_a_file_is_instead_is_said(call, fmus, tmp_path):
     (tmp_path / "a.toml").write_text(GAIN)
-    assert "It is an FMU; 'gossamer info' and 'gossamer verify' take it." in call("run", fmus / "gain.fmu").stderr
-    assert "'gossamer run' takes it." in call("info", tmp_path / "a.toml").stderr
+    assert (
+        "It is an FMU: look at it with 'gossamer info' or 'gossamer verify'." in call("run", fmus / "gain.fmu").stderr
+    )
+    assert "run it with 'gossamer run'." in call("info", tmp_path / "a.toml").stderr
     assert "there is no file" in call("info", tmp_path / "nothing.fmu").stderr
 
 

@@ -20,7 +20,7 @@ def make_archive(path, name="modelDescription.xml", content="<fmiModelDescriptio
 
 def test_a_file_that_is_no_archive_is_refused(tmp_path):
     (tmp_path / "text.fmu").write_text("no archive")
-    with pytest.raises(FmuError, match=r"text.fmu is no FMU. It is text."):
+    with pytest.raises(FmuError, match=r"text.fmu is not an FMU. It is text."):
         FmuFile(tmp_path / "text.fmu")
 
 
@@ -31,24 +31,26 @@ def test_what_a_file_is_instead_of_an_fmu_is_said(fmus, tmp_path):
         (tmp_path / f"{name}.fmu").write_bytes(content)
     make_archive(tmp_path / "structure.fmu", "SystemStructure.ssd")
     for name, what in {
-        "half": "It is not a whole ZIP archive. Build or copy it again.",
+        "half": "It is an incomplete ZIP archive. Build or copy it again.",
         "picture": "It is a picture",
         "nothing": "It is empty.",
         "data": "It is some other data.",
-        "structure": "It is an SSP; 'gossamer run' takes it.",
+        "structure": "It is an SSP: run it with 'gossamer run'.",
         "halv": "there is no file .*halv.fmu. Did you mean 'half.fmu'?",
-        "": "is no FMU. It is a folder.",
+        "": "is not an FMU. It is a folder.",
     }.items():
         with pytest.raises(FmuError, match=what):
             FmuFile(tmp_path / f"{name}.fmu" if name else tmp_path)
-    with pytest.raises(ScenarioError, match=r"gain.fmu is no scenario, .* It is an FMU; 'gossamer info' and"):
+    with pytest.raises(
+        ScenarioError, match=r"gain.fmu is not a scenario .* It is an FMU: look at it with 'gossamer info' or"
+    ):
         load_scenario(fmus / "gain.fmu")
 
 
 def test_an_fmu_is_unpacked_only_as_far_as_it_said(fmus, monkeypatch):
     file = FmuFile(fmus / "gain.fmu")
     monkeypatch.setattr(archive, "MAX_BYTES", 10)
-    with pytest.raises(FmuError, match="come out of it"):
+    with pytest.raises(FmuError, match="are unpacked from it"):
         file.folder()
     file.close()
 

@@ -78,7 +78,7 @@ def test_what_is_not_ours_is_refused(tmp_path):
     with pytest.raises(ResultsError, match=r"cannot read results from"):
         load_results(tmp_path / "results.csv")
     save_results(xr.Dataset({"a.x": ("time", [1.0])}, coords={"time": [0.0]}), tmp_path)
-    with pytest.raises(ResultsError, match=r"holds 'no schema', this program reads 'gossamer.results' version 1"):
+    with pytest.raises(ResultsError, match=r"holds 'no schema', this program reads 'gossamer.results' version 1. Run"):
         load_results(tmp_path)
 
 

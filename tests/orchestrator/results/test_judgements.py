@@ -47,9 +47,9 @@ def test_doubts_name_sensors_out_of_range_and_a_last_window_that_is_not_valid(da
     assert judge(data).time == 4.0
     unknown, beyond = doubts(data, windows(data))
     assert unknown == (
-        "The last window, ended at 8.0000 s, was not valid (similarity 0.28); shown is the judgement at 4.0000 s."
+        "The last window, ended at 8.0000 s, was not valid (similarity 0.28); the judgement shown is that at 4.0000 s."
     )
-    assert beyond.startswith("Beyond their range during the run: sensor2.")
+    assert beyond.startswith("Saturated during the run: sensor2.")
 
 
 def test_tables_show_the_membrane_as_it_is_seen(data):

@@ -103,5 +103,8 @@ def test_pictures_are_drawn_for_what_was_recorded(data, tmp_path):
 def test_nothing_is_drawn_of_a_stranger_s_run_and_one_line_says_why(tmp_path, caplog):
     assert plots.save_pictures(xr.Dataset({"a.y": ("time", [0.0])}), tmp_path) == []
     (record,) = caplog.records
-    assert "no pictures: no component is a membrane: an FMU with the model name 'membrane'." in record.getMessage()
+    assert (
+        "no pictures: no component is a membrane. A membrane is an FMU with the model name 'membrane'."
+        in record.getMessage()
+    )
     assert "\n" not in record.getMessage()

@@ -158,7 +158,9 @@ def test_a_step_refused_in_all_sizes_ends_the_run_with_time_component_and_log(ch
 
 def test_without_states_a_refused_step_ends_the_run_and_says_whose_fault_it_is(chain, fmus):
     scenario = chain(('fmu = "integrator"', 'fmu = "forgetful"\nparameters = { limit = 0.03 }'))
-    with pytest.raises(SimulationError, match="cannot be repeated in parts, because forgetful cannot go back"):
+    with pytest.raises(
+        SimulationError, match="the step cannot be repeated in parts, because forgetful cannot restore its state"
+    ):
         run_scenario(scenario, fmus)
 
 

@@ -77,15 +77,15 @@ PLAN_REFUSALS = {
     ),
     "parameter among inputs": (
         ("u = 2.0", "factor = 1.0, u = 2.0"),
-        "chain.toml:8: 'factor' is a parameter: put it under parameters; it is fixed during the run.",
+        "chain.toml:8: 'factor' is a parameter, which is fixed during the run. Put it under parameters.",
     ),
     "input among parameters": (
         (INTEGRAL, f"{INTEGRAL}\nparameters = {{ u = 1.0 }}"),
-        "chain.toml:12: 'u' is an input: put it under inputs.",
+        "chain.toml:12: 'u' is an input. Put it under inputs.",
     ),
     "event on a parameter": (
         more('[[events]]\ntime = 0.5\ncomponent = "source"\nset = { factor = 1.0 }'),
-        "chain.toml:19: 'factor' is a parameter: put it under parameters; it is fixed during the run.",
+        "chain.toml:19: 'factor' is a parameter, which is fixed during the run. Put it under parameters.",
     ),
     "array as a scalar": (
         ('to = "integral.u"', 'to = "source.offset"'),
@@ -101,7 +101,7 @@ PLAN_REFUSALS = {
     ),
     "unknown component to record": (
         more('[record]\nvariables = [\n  "sauce.*",\n]'),
-        "chain.toml:18: nothing to record fits 'sauce.\\*'. There is no component 'sauce'. Did you mean 'source'?",
+        "chain.toml:18: no variable to record matches 'sauce.\\*'. There is no component 'sauce'. Did you mean 'source'?",
     ),
     "parameter of another type": (
         ('fmu = "gain"', 'fmu = "bounded"\nparameters = { factor = "ten" }'),
@@ -121,7 +121,7 @@ PLAN_REFUSALS = {
     ),
     "nothing to record": (
         more('[record]\nvariables = [\n  "source.*",\n  "integral.x",\n]'),
-        "chain.toml:19: nothing to record fits 'integral.x'. Did you mean 'integral.[uy]'",
+        "chain.toml:19: no variable to record matches 'integral.x'. Did you mean 'integral.[uy]'",
     ),
     "order with a stranger": (
         ("step = 0.1", 'step = 0.1\norder = ["source", "integrl"]'),
@@ -156,7 +156,7 @@ def test_all_mistakes_are_reported_at_once(chain, fmus):
 def test_what_is_wrong_with_an_fmu_or_their_folder_is_said_once(fmus, tmp_path, two_gains):
     (tmp_path / "gain.fmu").write_text("no FMU")
     text = two_gains("gain", "gain")
-    with pytest.raises(ScenarioError, match=r"^scenario:4: [^\n]*gain.fmu is no FMU. It is text.$"):
+    with pytest.raises(ScenarioError, match=r"^scenario:4: [^\n]*gain.fmu is not an FMU. It is text.$"):
         make_plan(parse_scenario(text), tmp_path)
     message = r"^scenario: there is no folder \S+ with FMUs. Build them: gossamer build --out \S+, or name [^\n]*$"
     with pytest.raises(ScenarioError, match=message):

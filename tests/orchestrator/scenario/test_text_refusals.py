@@ -32,11 +32,11 @@ TEXT_REFUSALS = {
     ),
     "stop between steps": (
         ("stop = 1.0", "stop = 1.04"),
-        "chain.toml:4: 'stop' = 1.04 s is no whole number of steps of 0.1 s after 'start'; the nearest is 1.",
+        "chain.toml:4: 'stop' = 1.04 s is not a whole number of steps of 0.1 s after 'start'. The nearest is 1.",
     ),
     "absurdly many steps": (
         ("step = 0.1", "step = 1e-9"),
-        r"chain.toml:3: 'step' = 1e-09 s makes 1e\+09 steps .* at most 1e\+08 are run. Use a longer 'step'",
+        r"chain.toml:3: 'step' = 1e-09 s makes 1e\+09 steps .* at most 1e\+08 are allowed. Use a longer 'step'",
     ),
     "uncountable steps": (("stop = 1.0", "stop = 1e308"), "'step' = 0.1 s makes more steps than can be counted from"),
     "absurdly rare records": (
@@ -60,7 +60,7 @@ TEXT_REFUSALS = {
         ('to = "integral.u"', 'to = "integral"'),
         "chain.toml:15: 'to' in 'connections': write component.variable, not 'integral'.",
     ),
-    "component name": (("[components.source]", '[components."1st"]'), "'1st' cannot be a name: use letters"),
+    "component name": (("[components.source]", '[components."1st"]'), "'1st' cannot be a name. Use letters"),
     "probability": (
         ('to = "integral.u"', 'to = "integral.u"\ndropout = { probability = 2.0 }'),
         "chain.toml:16: 'probability' in 'connections.dropout': input should be less than or equal to 1, not 2.0.",

@@ -63,7 +63,7 @@ def test_a_truncated_archive_fails_and_nothing_else_is_tried(fmus, tmp_path):
     (tmp_path / "half.fmu").write_bytes((fmus / "gain.fmu").read_bytes()[:5000])
     (finding,) = verify(tmp_path / "half.fmu")
     assert (finding.check, finding.verdict) == ("archive", FAILED)
-    assert "It is not a whole ZIP archive" in finding.why
+    assert "It is an incomplete ZIP archive" in finding.why
 
 
 def test_a_damaged_member_fails(fmus, tmp_path):
@@ -164,7 +164,7 @@ ROGUES = {
     "hides a state from bytes": ("self.hidden += 1; self.y = self.hidden", "serialize", "differ from step 0 on"),
     "shares a state": ("self.shared.append(t); self.y = len(self.shared)", "two instances", "differ from step 0 on"),
     "forgets to reset": ("self.shared.append(t); self.y = len(self.shared)", "reset", "differ from step 0 on"),
-    "leaks": ("self.shared.append(bytes(1000))", "memory", "It grew by"),
+    "leaks": ("self.shared.append(bytes(1000))", "memory", "Its process grew by"),
     "dislikes NaN": ("if self.u != self.u: ctypes.string_at(0)", "not a number", "crashed its process: SIG"),
 }
 
@@ -201,7 +201,7 @@ def test_the_command_prints_a_table_and_exits_1_on_a_failure(fmus, tmp_path):
     (tmp_path / "bad.fmu").write_text("no archive")
     result = CliRunner().invoke(app, ["verify", str(tmp_path / "bad.fmu")])
     assert result.exit_code == 1
-    for word in ("bad.fmu", "archive", "failed", "is no FMU"):
+    for word in ("bad.fmu", "archive", "failed", "is not an FMU"):
         assert word in result.stdout
 
 

@@ -165,7 +165,7 @@ def _step(network: Network, root: Any) -> float:  # noqa: ANN401
 
 
 def _preferred(
-    network: Network, key: str, name: str, choose: Callable[[list[float]], float], above: float = 0.0
+    network: Network, key: str, name: str, pick: Callable[[list[float]], float], above: float = 0.0
 ) -> float:
     """Return what the FMUs prefer of a number that the archive does not state."""
     experiments = [fmu.description.defaultExperiment for fmu in network.fmus.values()]
@@ -174,7 +174,7 @@ def _preferred(
     option = name.split()[0]
     if not numbers:
         network.files.refuse(f"neither it nor its FMUs state a {name}", f"Name one with --{option}")
-    chosen = choose(numbers)
+    picked = pick(numbers)
     message = "%s states no %s: %g s is taken, the %s of its FMUs. Another can be named with --%s"
-    logger.warning(message, network.files.name, name, chosen, "smallest" if choose is min else "largest", option)
-    return chosen
+    logger.warning(message, network.files.name, name, picked, "smallest" if pick is min else "largest", option)
+    return picked

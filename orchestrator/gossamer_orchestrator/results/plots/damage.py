@@ -1,4 +1,4 @@
-"""Plots of damage: what was put in, and what the detector estimates."""
+"""Plots of damage, true and as the detector estimates it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def plot_damage_map(
     data : xarray.Dataset
         Results.
     which : {"true", "estimated"}
-        What was put in, or what the detector found.
+        True damage, or the estimate of the detector.
     ax : matplotlib.axes.Axes, optional
         Where to draw.
     """

@@ -1,0 +1,249 @@
+r"""The compensator as the exact inverse of the sensor, step by step, with a fixed number of operations.
+
+Symbols: ``R`` resistance [ohm], ``s`` normalised strain [1], ``y`` normalised output [1], ``target`` change of output that
+the new strain has to make [1]. In ``invert``, for rising strain (falling strain is its mirror image :math:`s \to 1 - s`,
+:math:`\mu \to \nu`): ``front[i]`` of line i [1], not decreasing in i; ``m[i]`` weight below it [1]; ``C[i, l]`` weight of
+line i below strain l/N [1].
+
+The static rise :math:`F(s) = \sum_i \max(C_i(s) - m_i, 0)` bends only at the lattice l/N and at the fronts. Its
+values on the lattice tell the interval; there every line that moves has a constant slope, and since the fronts are
+sorted, prefix sums give F at each of them; on the last piece F plus the relaxation term is a quadratic, solved in closed
+form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from ..errors import ParameterError
+from ..modes import phi_1
+from ..sensor.artifact import SensorArtifact
+from ..sensor.hysteresis import offsets
+from ..sensor.model import ADVICE, SCALE_VARIABLES, normalised, resistance, resting_state, saturated, with_scales
+from ..sensor.relaxation import excitation
+from ..sensor.state import SensorLaw, SensorState
+from ..step_model import StepModel
+from ..variables import Results, Values, input_, output, parameter
+
+REACH_TOLERANCE = 1e-9  # a target this little [1] out of reach is rounding at the end of the range, not saturation
+SHORTEST_FILTER_TIME = 1e-300  # [s]; stands for 0
+
+DEAD_BAND = parameter(
+    "dead_band", "ohm", "Strain stays while the resistance to explain is below this; 0 = off", 0.0, 0.0, nominal=1.0
+)
+COMMON_VARIABLES = (
+    parameter(
+        "filter_time", "s", "Time constant of a first-order low-pass on the resistance; 0 = off", 0.0, 0.0, nominal=1.0
+    ),
+    input_("resistance", "ohm", "Measured resistance, taken as linear over a step", 100.0, nominal=100.0),
+    output("strain", "1", "Recovered strain", minimum=0.0, nominal=0.1),
+    saturated("1 if no strain from 0 to full scale explains the resistance, else 0"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class LowPass:
+    """State of a first-order low-pass on the resistance.
+
+    Attributes
+    ----------
+    filtered, last : casadi.MX, scalar
+        Filtered and measured resistance at the last sample [ohm].
+    """
+
+    filtered: ca.MX
+    last: ca.MX
+
+    def advance(self, R: ca.MX, T: ca.MX, h: ca.MX) -> LowPass:
+        r"""Return the state after a step.
+
+        Parameters
+        ----------
+        R : casadi.MX, scalar
+            Resistance [ohm] at its end.
+        T, h : casadi.MX, scalar
+            Filter time, 0 for none, and step [s].
+
+        Notes
+        -----
+        :math:`T \dot R_f = R - R_f`, exact for resistance linear over the step.
+        """
+        ratio = h / ca.fmax(T, SHORTEST_FILTER_TIME)
+        left, mean = ca.exp(-ratio), phi_1(ratio)
+        return LowPass(left * self.filtered + (mean - left) * self.last + (1.0 - mean) * R, R)
+
+
+@dataclass(frozen=True, slots=True)
+class CompensatorState:
+    """State of a compensator.
+
+    Attributes
+    ----------
+    sensor : SensorState
+        Memory of the operators: the sensor's, or those of a direct inverse.
+    low_pass : LowPass
+        Filter of the resistance.
+    """
+
+    sensor: SensorState
+    low_pass: LowPass
+
+
+def exact_model(artifact: SensorArtifact) -> StepModel:
+    r"""Build the exact inverse of a sensor.
+
+    Parameters
+    ----------
+    artifact : SensorArtifact
+        Identified sensor.
+
+    Returns
+    -------
+    StepModel
+        Input ``resistance`` [ohm]; outputs ``strain`` [1] and ``saturated`` [1].
+
+    Raises
+    ------
+    ParameterError
+        The output of the sensor may move against the strain, or has a gain.
+
+    Notes
+    -----
+    Chapter 5 of [1]_: the decayed modes and the static output are subtracted, the sign of the rest tells whether
+    strain rises or falls, and the surface of Eqs. (5.3), (5.4) is inverted; here the surface is never tabulated, and the
+    operators switched within the step count with their exact step response. The recovered strain then advances the
+    compensator's own memory through ``SensorLaw.advance``, the function that the sensor runs.
+
+    While a resistance is out of reach, memory stands still and only the modes decay, so a spike leaves no trace. The
+    same holds within the dead band.
+
+    References
+    ----------
+    .. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer
+       Nanocomposite Sensors", dissertation, Virginia Tech, 2010, chapter 5.
+    """
+    if not artifact.exactly_invertible:
+        msg = (
+            "the output of this sensor may move against the strain or has a gain, so it has no exact inverse. Identify it "
+            "again with --direct-inverse."
+        )
+        raise ParameterError(msg)
+    law = SensorLaw(artifact)
+
+    def init(_: Values, p: Values) -> tuple[CompensatorState, Results]:
+        rest = resting_state(law, p)
+        R = resistance(rest.output(), p)
+        return CompensatorState(rest, LowPass(R, R)), {"strain": rest.s * p.full_scale_strain, "saturated": 0.0}
+
+    def step(x: CompensatorState, u: Values, p: Values, h: ca.MX) -> tuple[CompensatorState, Results]:
+        low_pass = x.low_pass.advance(u.resistance, p.filter_time, h)
+        y = normalised(low_pass.filtered, p)
+        target = y - law.hold(x.sensor, h).output()
+        quiet = ca.fabs(target) * p.full_scale_resistance_change < p.dead_band
+        inverted, out_of_reach = invert(law, x.sensor, target, h)
+        unreachable = ca.logic_and(out_of_reach, ca.logic_not(quiet))
+        s = ca.if_else(quiet, x.sensor.s, inverted)
+        state = law.advance(x.sensor, ca.if_else(unreachable, x.sensor.s, s), h)
+        # the residual within the tolerance of reach is rounding; carried along, every visit to full scale would multiply it
+        residual = ca.if_else(ca.logic_or(quiet, unreachable), 0.0, y - state.output())
+        state = replace(state, f=state.f + residual)
+        return CompensatorState(state, low_pass), {"strain": s * p.full_scale_strain, "saturated": unreachable}
+
+    return StepModel.written(
+        name="compensator",
+        description="Inverse of the strain sensor: recovers strain from resistance",
+        variables=with_scales((*SCALE_VARIABLES, DEAD_BAND, *COMMON_VARIABLES), artifact),
+        init=init,
+        step=step,
+        advice=ADVICE,
+        provenance=dict(artifact.provenance),
+    )
+
+
+def invert(law: SensorLaw, state: SensorState, target: ca.MX, h: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """Return the strain whose step changes the output by ``target``.
+
+    Parameters
+    ----------
+    law : SensorLaw
+        Physics of the sensor.
+    state : SensorState
+        Before the step.
+    target : casadi.MX, scalar
+        Output [1] minus static output minus decayed modes; positive means that strain rises.
+    h : casadi.MX, scalar
+        Step [s].
+
+    Returns
+    -------
+    s : casadi.MX, scalar
+        Normalised strain [1], in 0..1.
+    unreachable : casadi.MX, scalar
+        1 where no strain in 0..1 gives the target; ``s`` is then the nearer end.
+    """
+    n = len(law.mu)
+    up = target >= 0.0
+    front = ca.if_else(up, state.front, 1.0 - state.front + offsets(n))
+    s0 = ca.if_else(up, state.s, 1.0 - state.s)
+    target = ca.fabs(target)
+    first = second = 0.0
+    if law.bank.size:
+        rising = [ca.sum1(part) for part in excitation(law.bank, state.s, h, "rising")]
+        falling = [-ca.sum1(part) for part in excitation(law.bank, state.s, h, "falling")]
+        first, second = (ca.if_else(up, a, b) for a, b in zip(rising, falling, strict=True))
+
+    def relaxation(s: ca.MX) -> ca.MX:
+        delta = ca.fmax(s - s0, 0.0)
+        return delta * (first + second * delta)
+
+    # F on the lattice, both ways: the tables are constants, and choosing the sums is cheaper than choosing the tables
+    mu, nu = law.mu, _mirror(law.nu)
+    F = ca.if_else(up, _rise_on_lattice(mu, state.up), _rise_on_lattice(nu, nu.sum(axis=1) / n - state.down))
+    grid = ca.DM(np.arange(n + 1) / n)
+    reached = F + relaxation(grid) <= target
+    unreachable = F[n] + relaxation(grid[n]) + REACH_TOLERANCE < target
+
+    # interval l is the last one whose lower end is reached; the end of the range itself counts to the last interval
+    here = ca.vertcat(1.0, reached[1:n]) - ca.vertcat(reached[1:n], 0.0)
+    base = ca.fmax(ca.dot(grid[:n], here), s0)
+    F = ca.dot(F[:n], here)
+    slope = ca.mtimes(_sparse(mu), ca.if_else(up, here, 0.0)) + ca.mtimes(_sparse(nu), ca.if_else(up, 0.0, here))
+
+    # lines join in the order of their fronts; each front that the target passes moves the start of the last piece
+    fronts = ca.fmax(front, base)
+    gaps = fronts[1:] - fronts[:-1]
+    rises = ca.mtimes(_sparse(np.tri(n - 1)), slope[:-1]) * gaps
+    passed = F + ca.mtimes(_sparse(np.tri(n - 1)), rises) + relaxation(fronts[1:]) <= target
+    s = base + ca.dot(passed, gaps)
+    c = slope[0] + ca.dot(passed, slope[1:]) + first + 2.0 * second * (s - s0)
+    rest = ca.fmax(target - F - ca.dot(passed, rises) - relaxation(s), 0.0)
+    s = ca.fmin(s + 2.0 * rest / (c + ca.sqrt(c * c + 4.0 * second * rest)), 1.0)
+    return ca.if_else(up, s, 1.0 - s), unreachable
+
+
+def _mirror(nu: np.ndarray) -> np.ndarray:
+    """Turn a table over alpha into one over 1 - beta, line by line."""
+    n = nu.shape[0]
+    mirrored = np.zeros_like(nu)
+    for i in range(n):
+        mirrored[i, i:] = nu[i, i:][::-1]
+    return mirrored
+
+
+def _sparse(table: np.ndarray) -> ca.DM:
+    return ca.sparsify(ca.DM(table))
+
+
+def _rise_on_lattice(table: np.ndarray, m: ca.MX) -> ca.MX:
+    """Return F at all points l/N, shape (N + 1,), from a table of slopes and the weights below the fronts."""
+    n = table.shape[0]
+    C = np.zeros((n, n + 1))
+    C[:, 1:] = np.cumsum(table, axis=1) / n
+    # line i has no operators below strain i/N and cannot move there
+    point, line = np.nonzero(np.tri(n + 1, n))
+    gain = ca.fmax(ca.DM(C[line, point]) - m[line.tolist()], 0.0)
+    place = ca.Sparsity.triplet(n + 1, line.size, point.tolist(), list(range(line.size)))
+    return ca.mtimes(ca.DM(place, 1.0), gain)
