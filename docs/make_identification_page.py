@@ -1,15 +1,15 @@
 """Write docs/identification.md and its pictures: the thesis' tables and figures of chapters 3 to 5, and ours.
 
-Run ``make figures``; it takes minutes. The measured records lie beside a development checkout; elsewhere they are left out.
+Run ``make figures``; it takes minutes. Elsewhere than beside a development checkout, the page omits the measured records.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from identification_page.compute import compute
-from identification_page.page import write
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from studies.compute import compute
+from studies.page import write
 
 DOCS = Path(__file__).resolve().parent
 DATA = DOCS.parents[1] / "shared" / "data"

@@ -1,10 +1,14 @@
 """Options and data shared by all tests."""
 
+import os
+import shutil
+import time
 from pathlib import Path
 
 import pytest
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+KINDS = {"python": {}, "native": {"native": True}, "native FMI 3": {"native": True, "fmi": 3}}
 
 
 def pytest_addoption(parser):
@@ -21,18 +25,57 @@ def rewrite_goldens(request):
 
 
 @pytest.fixture(scope="session")
-def built(tmp_path_factory):
-    """Build the four FMUs of a kind when they are first asked for; paths by name, all in one folder."""
+def once(tmp_path_factory):
+    """Fill a folder once per run, whichever worker of pytest-xdist needs it first; the others wait for it.
+
+    ``once(name, fill)`` calls ``fill(folder)`` and returns the folder, which nobody may change after that.
+    """
+    base = tmp_path_factory.getbasetemp()
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def get(name, fill):
+        folder, claim = base / f"once_{name}", base / f"claim_{name}"
+        unfinished, failed = claim / "unfinished", claim / "failed"
+        try:
+            claim.mkdir()  # one process only succeeds
+        except FileExistsError:
+            patience = time.monotonic() + 900.0
+            while not folder.exists():
+                assert not failed.exists(), f"another worker failed to make {name}: see its error"
+                assert time.monotonic() < patience, f"another worker has been making {name} for 15 minutes"
+                time.sleep(0.1)
+            return folder
+        unfinished.mkdir()
+        try:
+            fill(unfinished)
+        except BaseException:
+            failed.touch()
+            raise
+        return unfinished.rename(folder)
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def built(once, tmp_path_factory):
+    """Return this worker's copy of the FMUs of a kind: paths by name, the four in one folder, the estimator in another."""
     from gossamer_fmus import build_all
 
-    options = {"python": {}, "native": {"native": True}, "native FMI 3": {"native": True, "fmi": 3}}
     paths = {}
 
     def get(kind):
         if kind not in paths:
             if kind != "python":
                 pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
-            paths[kind] = build_all(tmp_path_factory.mktemp(kind.replace(" ", "_")), **options[kind])
+
+            def build(folder):
+                build_all(folder, **KINDS[kind])
+                build_all(folder / "estimator", ["compensator"], method="estimator", **KINDS[kind])
+
+            made = once(kind.replace(" ", "_"), build)
+            folder = shutil.copytree(made, tmp_path_factory.mktemp("fmus") / made.name)
+            paths[kind] = {path.stem: path for path in folder.glob("*.fmu")}
+            paths[kind]["estimator"] = folder / "estimator/compensator.fmu"
         return paths[kind]
 
     return get

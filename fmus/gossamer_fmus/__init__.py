@@ -1,7 +1,7 @@
 """Names, units and packaging: builds FMUs from step models."""
 
-from .build import build_all, build_fmu, build_native_fmu
-from .description import variables_table
-from .interface import NAMES, Interface, read_interface
+from .build import build_all, build_fmu
+from .catalogue import NAMES
+from .page import variables_table
 
-__all__ = ["NAMES", "Interface", "build_all", "build_fmu", "build_native_fmu", "read_interface", "variables_table"]
+__all__ = ["NAMES", "build_all", "build_fmu", "variables_table"]

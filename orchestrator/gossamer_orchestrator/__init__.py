@@ -6,19 +6,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .container import build_container
     from .errors import FmuError, OrchestratorError, ResultsError, ScenarioError, SimulationError
-    from .fmu import FmuFile
-    from .master import Observer, Simulation
-    from .plan import Plan, make_plan
-    from .progress import ProgressBar
-    from .recorder import Recorder
-    from .report import Judgement, judge
-    from .results import load_results, save_results
-    from .run import run_scenario
-    from .scenario import Scenario, load_scenario, parse_scenario
-    from .ssp import export_ssp
-    from .ssp_reader import open_ssp
+    from .exchange.container import build_container
+    from .exchange.ssp.reader import open_ssp
+    from .exchange.ssp.writer import export_ssp
+    from .fmi.file import FmuFile
+    from .results.files import load_results, save_results
+    from .results.judgements import Judgement, judge
+    from .run.master import Observer, Simulation
+    from .run.progress import ProgressBar
+    from .run.recorder import Recorder
+    from .run.runner import run_scenario
+    from .scenario.load import load_scenario, parse_scenario
+    from .scenario.plan import Plan, make_plan
+    from .scenario.schema import Scenario
 
 __all__ = [
     # from a scenario to results
@@ -52,19 +53,20 @@ __all__ = [
 ]
 
 _HOMES = {
-    "container": ("build_container",),
     "errors": ("OrchestratorError", "ScenarioError", "FmuError", "SimulationError", "ResultsError"),
-    "fmu": ("FmuFile",),
-    "master": ("Observer", "Simulation"),
-    "plan": ("Plan", "make_plan"),
-    "progress": ("ProgressBar",),
-    "recorder": ("Recorder",),
-    "report": ("Judgement", "judge"),
-    "results": ("load_results", "save_results"),
-    "run": ("run_scenario",),
-    "scenario": ("Scenario", "load_scenario", "parse_scenario"),
-    "ssp": ("export_ssp",),
-    "ssp_reader": ("open_ssp",),
+    "exchange.container": ("build_container",),
+    "exchange.ssp.reader": ("open_ssp",),
+    "exchange.ssp.writer": ("export_ssp",),
+    "fmi.file": ("FmuFile",),
+    "results.files": ("load_results", "save_results"),
+    "results.judgements": ("Judgement", "judge"),
+    "run.master": ("Observer", "Simulation"),
+    "run.progress": ("ProgressBar",),
+    "run.recorder": ("Recorder",),
+    "run.runner": ("run_scenario",),
+    "scenario.load": ("load_scenario", "parse_scenario"),
+    "scenario.plan": ("Plan", "make_plan"),
+    "scenario.schema": ("Scenario",),
 }
 
 

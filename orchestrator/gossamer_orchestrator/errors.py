@@ -1,4 +1,4 @@
-"""What can go wrong in a co-simulation.
+"""The errors of a co-simulation.
 
 One root, ``OrchestratorError``; every leaf is also the built-in it resembles. A message names the file and line, the
 component or the number at fault and ends in what to do next.
@@ -10,11 +10,11 @@ class OrchestratorError(Exception):
 
 
 class ScenarioError(OrchestratorError, ValueError):
-    """A scenario that does not say what to simulate, or that its FMUs do not fit."""
+    """A scenario that is incomplete or wrong, or that does not fit its FMUs."""
 
 
 class FmuError(OrchestratorError, ValueError):
-    """A file that is no usable FMI 2.0 co-simulation FMU."""
+    """A file that is not a usable FMI 2.0 co-simulation FMU."""
 
 
 class SimulationError(OrchestratorError, RuntimeError):
@@ -38,4 +38,4 @@ class SimulationError(OrchestratorError, RuntimeError):
 
 
 class ResultsError(OrchestratorError, ValueError):
-    """A results file that is missing, truncated or not one of ours, or that lacks what a picture needs."""
+    """A results file that is missing, truncated or of another program, or that lacks what a plot needs."""

@@ -36,7 +36,7 @@ def split_indices(name: str) -> tuple[str, tuple[int, ...]]:
 
 
 def suggest(name: str, known: Iterable[str]) -> str:
-    """Say which known name was probably meant, or list some.
+    """Suggest the known name that was probably meant, or list some.
 
     Returns
     -------

@@ -4,7 +4,7 @@ import math
 
 
 def calculix_deck(steps, *, elements=8, side=0.588, stretch=0.006, h=3e-4):
-    """Return the text of an input file: static stretching, then implicit steps of ``h`` seconds under 10 kPa at 7.9 Hz."""
+    """Return an input file's text: static stretching, then implicit steps of ``h`` seconds under 10 kPa at 7.9 Hz."""
     numbers = range(elements + 1)
     node = {(i, j): j * (elements + 1) + i + 1 for j in numbers for i in numbers}
     corners = [(i, j) for j in range(elements) for i in range(elements)]

@@ -1,4 +1,4 @@
-"""Cost of one step of each model in CasADi's virtual machine, printed beside what was asked and beside a peer."""
+"""Cost of one step of each model in CasADi's virtual machine, printed beside its target and a peer."""
 
 import statistics
 import time
@@ -38,7 +38,7 @@ def test_membrane_step():
     begin = time.perf_counter()
     integrate_implicit(MembraneEquations(8), MembraneParams(), steps=50)
     implicit = 1e6 * (time.perf_counter() - begin) / 50
-    print(f"\nmembrane 8 x 8, one explicit step: {explicit:.0f} us (asked 150)")
+    print(f"\nmembrane 8 x 8, one explicit step: {explicit:.0f} us (target 150)")
     print(f"one implicit step of 3e-4 s: {implicit / (2 * explicit):.0f} times the two explicit ones it stands for")
 
 
@@ -56,7 +56,7 @@ def test_sensor_compensator_estimator_and_detector_step():
         compensator.set("resistance", sensor.get("resistance"))
         compensator.step(H)
 
-    print(f"\nsensor, input set and step: {microseconds(sense, 6000):.1f} us (asked 25)")
+    print(f"\nsensor, input set and step: {microseconds(sense, 6000):.1f} us (target 25)")
     print(f"sensor and compensator step: {microseconds(compensate, 6000):.1f} us")
     estimator = running(compensator_model(method="estimator"))
     print(f"estimator step: {microseconds(lambda: estimator.step(H), 6000):.1f} us")
@@ -65,7 +65,7 @@ def test_sensor_compensator_estimator_and_detector_step():
 
 @pytest.mark.parametrize("model", [sensor_model, compensator_model])
 def test_a_step_costs_the_same_after_a_million(model):
-    """Asked: 1.0 +- 0.1. Early and late instances take turns, so that both see the same machine."""
+    """Target: 1.0 +- 0.1. Early and late instances take turns, so that both see the same machine."""
     name = "strain" if model is sensor_model else "resistance"
     early, late = running(model()), running(model())
     middle = early.get("resistance") if name == "resistance" else 0.1

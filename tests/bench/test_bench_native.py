@@ -20,9 +20,8 @@ H = 3e-4
 
 
 @pytest.fixture(scope="module")
-def fmus(tmp_path_factory):
-    estimator = build_all(tmp_path_factory.mktemp("estimator"), ["compensator"], method="estimator", native=True)
-    return build_all(tmp_path_factory.mktemp("native"), native=True) | {"estimator": estimator["compensator"]}
+def fmus(built):
+    return built("native")
 
 
 def start(path, folder):
@@ -64,13 +63,13 @@ def inside(slave, h):
 
 
 @pytest.mark.parametrize(
-    ("name", "h", "asked"),
+    ("name", "h", "target"),
     [("membrane", 1e-4, 10.0), ("sensor", H, 3.0), ("compensator", H, 20.0), ("detector", H, 1.0)],
 )
-def test_step_inside_the_fmu(fmus, tmp_path, name, h, asked):
+def test_step_inside_the_fmu(fmus, tmp_path, name, h, target):
     slave = start(fmus[name], fmpy.extract(fmus[name], str(tmp_path)))
     what = "one internal step" if name == "membrane" else "one step"
-    print(f"\nnative {name}, {what}: {inside(slave, h):.2f} us (asked {asked:g})")
+    print(f"\nnative {name}, {what}: {inside(slave, h):.2f} us (target {target:g})")
     slave.freeInstance()
 
 
@@ -92,7 +91,7 @@ def test_start_of_the_membrane(fmus, tmp_path):
         slave = start(fmus["membrane"], folder)
         best = min(best, time.perf_counter() - begin)
         slave.freeInstance()
-    print(f"\nnative membrane, instantiate and initialize, library loaded: {1e3 * best:.1f} ms (asked 20)")
+    print(f"\nnative membrane, instantiate and initialize, library loaded: {1e3 * best:.1f} ms (target 20)")
 
 
 def test_a_simulated_second_beside_calculix(fmus, tmp_path):
@@ -102,7 +101,7 @@ def test_a_simulated_second_beside_calculix(fmus, tmp_path):
     slave.freeInstance()
     low, high = (1e-3 * step / H for step in CALCULIX_STEP)
     print(f"\nnative membrane, 8 x 8: {ours:.3f} s per simulated second, on one core")
-    print(f"CalculiX, reference: {low:.0f} to {high:.0f} s, {low / ours:.0f} to {high / ours:.0f} times (asked 800)")
+    print(f"CalculiX, reference: {low:.0f} to {high:.0f} s, {low / ours:.0f} to {high / ours:.0f} times (target 800)")
     if (ccx := shutil.which("ccx")) is None:
         pytest.skip("CalculiX is not installed (ccx), so its reference figure stands alone")
     found = importlib.util.spec_from_file_location("calculix_deck", Path(__file__).with_name("calculix_deck.py"))
@@ -115,7 +114,8 @@ def test_a_simulated_second_beside_calculix(fmus, tmp_path):
     theirs = (time.perf_counter() - begin) / (100 * H)
     centre = float((tmp_path / "membrane.dat").read_text().split()[-1])
     print(
-        f"CalculiX, here: {theirs:.0f} s, {theirs / ours:.0f} times; centre at 0.03 s {centre:.6f} m (reference 0.120686)"
+        f"CalculiX, here: {theirs:.0f} s, {theirs / ours:.0f} times; "
+        f"centre at 0.03 s {centre:.6f} m (reference 0.120686)"
     )
     assert centre == pytest.approx(0.1206857, abs=1e-6)
 
@@ -123,5 +123,5 @@ def test_a_simulated_second_beside_calculix(fmus, tmp_path):
 def test_size_of_an_fmu_with_three_platforms(tmp_path):
     built = build_all(tmp_path, native=True, platforms=["all"])
     sizes = ", ".join(f"{name} {path.stat().st_size / 1e6:.2f}" for name, path in built.items())
-    print(f"\nFMI 2.0 FMU for Linux, Windows and macOS (two processors) [MB]: {sizes} (asked 3)")
+    print(f"\nFMI 2.0 FMU for Linux, Windows and macOS (two processors) [MB]: {sizes} (target 3)")
     assert max(path.stat().st_size for path in built.values()) < 3e6

@@ -10,7 +10,7 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy import fmi2
-from gossamer_fmus import NAMES, build_all
+from gossamer_fmus import NAMES
 
 THREADS, STEPS, H = 4, 250_000, 3e-4
 SWINGS = {
@@ -27,8 +27,8 @@ def resident():
 
 
 @pytest.fixture(scope="module")
-def fmus(tmp_path_factory):
-    return build_all(tmp_path_factory.mktemp("native"), native=True)
+def fmus(built):
+    return built("native")
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads /proc, which this system does not have")

@@ -1,20 +1,23 @@
 """The page of results: its links, and its generator on a few quick fits."""
 
-import importlib
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import pytest
-from gossamer_models.compensator import assess as compensator
-from gossamer_models.fractional import FractionalSettings, identify_fractional, misfit
-from gossamer_models.fractional.assess import THESIS, AssessmentRow, limits, record_of
-from gossamer_models.identification import Figure, FitSettings, fit_preisach
-from gossamer_models.identification import assess as identification
-from gossamer_models.specimen import dataset
+from gossamer_models.fractional import FractionalSettings
+from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
+from studies import chapter_measured, misses, noise, preisach_plane
+from studies.compute import Results
+from studies.fractional import fit_row, limits, repeat_on_dataset_3
+from studies.measured import MeasuredFit
+from studies.metrics import Metric
+from studies.page import write
+from studies.preisach import SpecimenFit
+from studies.recovery import Recovery
+from studies.specimen import specimen_record
 
 DOCS = Path(__file__).parents[2] / "docs"
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
@@ -22,75 +25,50 @@ THESIS_FIGURES = [f"{c}.{k}" for c, last in ((3, 5), (4, 10)) for k in range(1, 
 
 
 @pytest.fixture(scope="module")
-def page():
-    """The generator's modules, which stand beside the page and in no package."""
-    before = list(sys.path)
-    sys.path.insert(0, str(DOCS))
-    yield lambda name: importlib.import_module(f"identification_page.{name}")
-    sys.path[:] = before
-
-
-@pytest.fixture(scope="module")
-def results(page):
+def results():
     """One row of each table, from quick fits; one of them stands in for all Preisach fits."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compensator, "SAMPLES", 1500)
-        ways = compensator.run_ways((0,), (0.001,))
-    noise = [*ways, *(replace(case, noise=0.005) for case in ways)]
+        patch.setattr(noise, "SAMPLES", 1500)
+        ways = noise.run_ways(0.001, (0,))
     estimator = ways[-1]
     wrong = [replace(estimator, how="estimator, strain known 0 times", eta_error=error) for error in (-0.02, 0.02)]
-    record = identification.specimen_record(3)
-    settings = FitSettings(modes=1, relaxations=1, n_lines=8, starts=1)
-    fit = fit_preisach((record,), (record.time < 200.0,), settings, rest_output=0.0)
-    both = (identification.specimen_record(1), identification.specimen_record(2))
-    first, second = record_of(dataset(1)), record_of(dataset(2))
-    rows = []
-    for model in ("model-1", "sub-model-1", "sub-model-2"):
-        settings = FractionalSettings(n_terms=3, starts=1)
-        fractional = identify_fractional([first], model, settings)
-        rows.append(
-            AssessmentRow(
-                model=model,
-                n_terms=3,
-                thesis=THESIS[model, 3],
-                fitted=fractional.train[0],
-                dataset_1=misfit(fractional.artifact, first),
-                dataset_2=misfit(fractional.artifact, second),
-                fit=fractional,
-                settings=settings,
-            )
-        )
-    row = identification.SpecimenFit(
-        modes=3, fit=fit, seconds=1.0, records=both, predicted=tuple(0.9 * each.output for each in both)
+    record = specimen_record(3)
+    settings = PreisachSettings(modes=1, relaxations=1, n_lines=8, starts=1)
+    fit = fit_preisach((record,), (record.time < 200.0,), settings, rest_resistance=0.0)
+    both = (specimen_record(1), specimen_record(2))
+    models = ("model-1", "sub-model-1", "sub-model-2")
+    rows = [fit_row(FractionalSettings(model=model, terms=3, starts=1)) for model in models]
+    row = SpecimenFit(
+        modes=3, fit=fit, seconds=1.0, records=both, predicted=tuple(0.9 * each.resistance for each in both)
     )
-    return page("compute").Results(
+    return Results(
         specimen=[row],
         chosen=[row],
-        speed=[Figure(what="fit", unit="s", reached=1.0, asked=10.0)],
-        recovery=compensator.Recovery(
+        speed=[Metric(what="fit", unit="s", value=1.0, target=10.0)],
+        recovery=Recovery(
             record=record,
             fit=fit,
             time=record.time,
             strain=record.strain,
-            judged=record.time >= 200.0,
-            found={"exact inverse": 0.98 * record.strain, "estimator": record.strain[:-24]},
+            predicted=record.time >= 200.0,
+            estimates={"exact inverse": 0.98 * record.strain, "estimator": record.strain[:-24]},
             deviation=np.full(record.time.size - 24, 1e-3),
         ),
         rows=rows,
-        floors=limits(),
-        repeated=page("compute").repeat_on_dataset_3(rows),
-        noise=noise,
+        limits=limits(),
+        repeated=repeat_on_dataset_3(rows),
+        noise=[*ways, *(replace(case, noise=0.005) for case in ways)],
         more_noise=[],
         wrong_eta=wrong,
         measured=[
-            identification.MeasuredFit(
+            MeasuredFit(
                 name=name,
                 model="extension",
                 record=record,
                 fit=fit,
                 recovered={"direct inverse": record.strain},
-                asked=(0.0, None),
-                asked_back=(1.0, 1.0),
+                targets=(0.0, None),
+                strain_targets=(1.0, 1.0),
             )
             for name in ("strain_triangular", "velocity_profile_10wt")
         ],
@@ -98,10 +76,10 @@ def results(page):
 
 
 @pytest.fixture(scope="module")
-def written(page, results, tmp_path_factory):
+def written(results, tmp_path_factory):
     folder = tmp_path_factory.mktemp("docs")
     before = mpl.rcParams.copy()
-    page("page").write(results, folder)
+    write(results, folder)
     mpl.rcParams.update(before)
     return folder
 
@@ -130,29 +108,28 @@ def test_the_generator_writes_the_page_and_its_pictures(written):
     links = LINK.findall(text)
     assert {written / link for link in links} == set((written / "identification").glob("*.png"))
     assert "nan" not in text
-    assert "strain_triangular, forward, train" in text.split("## Asked but not reached")[1]
+    assert "strain_triangular, forward, train" in text.split("## Missed targets")[1]
 
 
-def test_pictures_have_the_same_bytes_every_time(page, written, tmp_path):
-    page("preisach_plane").relays(tmp_path)
+def test_pictures_have_the_same_bytes_every_time(written, tmp_path):
+    preisach_plane.relays(tmp_path)
     assert (tmp_path / "relays.png").read_bytes() == (written / "identification" / "relays.png").read_bytes()
 
 
-def test_a_page_without_measured_records_says_so(page, results, tmp_path):
-    lines = page("measured").section(replace(results, measured=(), transfers=()), tmp_path)
-    assert "were not at hand" in "\n".join(lines)
+def test_a_page_without_measured_records_says_so(results, tmp_path):
+    lines = chapter_measured.section(replace(results, measured=(), transfers=()), tmp_path)
+    assert "records were missing when this page was made" in "\n".join(lines)
 
 
-def test_a_miss_without_a_written_limit_is_not_explained_away(page):
-    figure = Figure(what="something new", unit="%", reached=2.0, asked=1.0)
-    assert page("misses").limit_of(figure) == page("misses").UNKNOWN
-    assert "something new" in "\n".join(page("misses").section([figure]))
+def test_a_miss_without_a_written_limit_is_not_explained_away():
+    metric = Metric(what="something new", unit="%", value=2.0, target=1.0)
+    assert misses.limit_of(metric) == misses.UNKNOWN
+    assert "something new" in "\n".join(misses.section([metric]))
 
 
-def test_the_drawn_relays_close_without_partial_switching_and_climb_with_it(page):
-    plane = page("preisach_plane")
-    cycle = np.concatenate([plane.path(2), plane.path(2)[::-1]])
-    assert plane.output(cycle, 1.0)[-1] == pytest.approx(0.0, abs=1e-12)
-    assert plane.output(cycle, 0.7)[-1] == pytest.approx(0.3, abs=1e-12)
+def test_the_drawn_relays_close_without_partial_switching_and_climb_with_it():
+    cycle = np.concatenate([preisach_plane.path(2), preisach_plane.path(2)[::-1]])
+    assert preisach_plane.output(cycle, 1.0)[-1] == pytest.approx(0.0, abs=1e-12)
+    assert preisach_plane.output(cycle, 0.7)[-1] == pytest.approx(0.3, abs=1e-12)
     # uniform density: u**2 on the way up
-    assert plane.output(plane.path(1), 1.0)[-1] == pytest.approx(0.36, abs=0.005)
+    assert preisach_plane.output(preisach_plane.path(1), 1.0)[-1] == pytest.approx(0.36, abs=0.005)

@@ -1,4 +1,4 @@
-"""The FMUs of all kinds, built once for all tests: the four, and the compensator that estimates."""
+"""The FMUs and instances of them, by kind: Python or native."""
 
 import fmpy
 import pytest
@@ -10,24 +10,6 @@ KINDS = ("python", "native")
 @pytest.fixture(scope="session")
 def models():
     return {name: model_of(name) for name in FMUS}
-
-
-@pytest.fixture(scope="session")
-def built(built, tmp_path_factory):
-    """Build the estimator beside the four."""
-    from gossamer_fmus import build_all
-
-    options = {"python": {}, "native": {"native": True}, "native FMI 3": {"native": True, "fmi": 3}}
-    paths = {}
-
-    def get(kind):
-        if kind not in paths:
-            four, folder = built(kind), tmp_path_factory.mktemp("estimator")
-            made = build_all(folder, ["compensator"], method="estimator", **options[kind])
-            paths[kind] = four | {"estimator": made["compensator"]}
-        return paths[kind]
-
-    return get
 
 
 @pytest.fixture(scope="session")

@@ -1,29 +1,31 @@
-/* Drive two instances of an FMU with the same random calls, but keep from the second what the first refuses: a refused call
-   must leave no trace. Compiled together with the sources of the FMU:
+/* Drive two instances of an FMU with the same random calls, but keep from the second what the first refuses: a refused
+   call must leave no trace. Compiled together with the sources of the FMU:
 
        cc -DFMI=2 -I sources -I headers fuzz.c -lm -pthread && ./a.out CALLS SEED THREADS
 
    Prints, for each thread, a checksum of all it saw and how many steps were done and how many calls refused. */
 
+#define OK 0
+#define DISCARD 2
+#define ERROR 3
+
 #if FMI == 2
 #include "fmi2.c"
+#include "fuzz_fmi2.h"
 #else
 #include "fmi3.c"
+#include "fuzz_fmi3.h"
 #endif
 #include <pthread.h>
 
 #define SLOTS 8
-#define REQUIRE(condition)                                                                \
-  do {                                                                                    \
-    if (!(condition)) {                                                                   \
+#define REQUIRE(condition)                                                                                   \
+  do {                                                                                                       \
+    if (!(condition)) {                                                                                      \
       fprintf(stderr, "line %d: %s after '%s'\n", __LINE__, #condition, f->a ? f->a->stepper.message : ""); \
-      abort();                                                                            \
-    }                                                                                     \
+      abort();                                                                                               \
+    }                                                                                                        \
   } while (0)
-
-#define OK 0
-#define DISCARD 2
-#define ERROR 3
 
 typedef struct {
   Instance *a, *b; /* b never sees what a refuses */
@@ -32,80 +34,6 @@ typedef struct {
   uint32_t seen;
   long steps, refused;
 } Fuzz;
-
-/* ---- what differs between the versions of FMI ---- */
-
-#if FMI == 2
-#define N_REFERENCES N_VARIABLES
-#define CALL(name) fmi2##name
-#define STATE(before, after) fmi2##before##FMUstate##after
-#define DESERIALIZE fmi2DeSerializeFMUstate
-typedef fmi2Byte Byte;
-static void ignore(void *e, fmi2String name, fmi2Status status, fmi2String category, fmi2String text, ...) {
-  (void)e, (void)name, (void)status, (void)category, (void)text;
-}
-static Instance *instantiate(const char *name, const char *guid) {
-  static const fmi2CallbackFunctions callbacks = {.logger = ignore};
-  return fmi2Instantiate(name, fmi2CoSimulation, guid, NULL, &callbacks, 0, 1);
-}
-static size_t size_of(unsigned reference) { return (void)reference, 1; }
-static int place_of(unsigned reference) { return reference < N_VARIABLES ? (int)reference : 0; }
-static int get(Instance *m, const unsigned *vr, size_t n, double *v, size_t n_v) { return (void)n_v, fmi2GetReal(m, vr, n, v); }
-static int set(Instance *m, const unsigned *vr, size_t n, const double *v, size_t n_v) { return (void)n_v, fmi2SetReal(m, vr, n, v); }
-static int enter(Instance *m, double start) {
-  int status = fmi2SetupExperiment(m, 0, 0.0, start, 0, 0.0);
-  return status == OK ? (int)fmi2EnterInitializationMode(m) : status;
-}
-static int do_step(Instance *m, double time, double h) { return fmi2DoStep(m, time, h, 1); }
-static int derive(Instance *m, const unsigned *y, size_t n_y, const unsigned *u, size_t n_u, const double *du, size_t n_du, double *dy,
-                  size_t n_dy) {
-  return (void)n_du, (void)n_dy, fmi2GetDirectionalDerivative(m, y, n_y, u, n_u, du, dy);
-}
-static void others(Instance *m) {
-  fmi2Status status;
-  double time;
-  int flag;
-  fmi2GetInteger(m, NULL, 1, NULL), fmi2SetInteger(m, NULL, 1, NULL), fmi2GetBoolean(m, NULL, 1, NULL), fmi2SetBoolean(m, NULL, 1, NULL);
-  fmi2GetString(m, NULL, 1, NULL), fmi2SetString(m, NULL, 1, NULL), fmi2GetString(m, NULL, 0, NULL), fmi2CancelStep(m);
-  fmi2SetRealInputDerivatives(m, NULL, 1, NULL, NULL), fmi2GetRealOutputDerivatives(m, NULL, 1, NULL, NULL);
-  fmi2GetStatus(m, fmi2DoStepStatus, &status), fmi2GetStatus(m, fmi2PendingStatus, &status), fmi2GetStatus(m, fmi2DoStepStatus, NULL);
-  fmi2GetRealStatus(m, fmi2LastSuccessfulTime, &time), fmi2GetRealStatus(m, fmi2LastSuccessfulTime, NULL);
-  fmi2GetBooleanStatus(m, fmi2Terminated, &flag), fmi2GetIntegerStatus(m, fmi2Terminated, NULL), fmi2GetStringStatus(m, fmi2Terminated, NULL);
-  fmi2SetDebugLogging(m, 1, 1, NULL);
-}
-#else
-#define N_REFERENCES (N_ARRAYS + 1)
-#define CALL(name) fmi3##name
-#define STATE(before, after) fmi3##before##FMUState##after
-#define DESERIALIZE fmi3DeserializeFMUState
-typedef fmi3Byte Byte;
-static void ignore(void *e, fmi3Status status, fmi3String category, fmi3String text) { (void)e, (void)status, (void)category, (void)text; }
-static Instance *instantiate(const char *name, const char *token) {
-  return fmi3InstantiateCoSimulation(name, token, NULL, 0, 1, 0, 0, NULL, 0, NULL, ignore, NULL);
-}
-static size_t size_of(unsigned reference) { return reference >= 1 && reference <= N_ARRAYS ? (size_t)ARRAYS[reference - 1].size : 1; }
-static int place_of(unsigned reference) { return reference >= 1 && reference <= N_ARRAYS ? ARRAYS[reference - 1].first : 0; }
-static int get(Instance *m, const unsigned *vr, size_t n, double *v, size_t n_v) { return fmi3GetFloat64(m, vr, n, v, n_v); }
-static int set(Instance *m, const unsigned *vr, size_t n, const double *v, size_t n_v) { return fmi3SetFloat64(m, vr, n, v, n_v); }
-static int enter(Instance *m, double start) { return fmi3EnterInitializationMode(m, 0, 0.0, start, 0, 0.0); }
-static int do_step(Instance *m, double time, double h) {
-  bool event, terminate, early;
-  double last;
-  return fmi3DoStep(m, time, h, 1, &event, &terminate, &early, &last);
-}
-static int derive(Instance *m, const unsigned *y, size_t n_y, const unsigned *u, size_t n_u, const double *du, size_t n_du, double *dy,
-                  size_t n_dy) {
-  return fmi3GetDirectionalDerivative(m, y, n_y, u, n_u, du, n_du, dy, n_dy);
-}
-static void others(Instance *m) {
-  fmi3GetInt32(m, NULL, 1, NULL, 1), fmi3SetInt32(m, NULL, 1, NULL, 1), fmi3GetString(m, NULL, 1, NULL, 1), fmi3SetString(m, NULL, 1, NULL, 1);
-  fmi3GetBinary(m, NULL, 1, NULL, NULL, 1), fmi3SetBinary(m, NULL, 1, NULL, NULL, 1), fmi3GetClock(m, NULL, 1, NULL), fmi3SetClock(m, NULL, 0, NULL);
-  fmi3EnterEventMode(m), fmi3EnterStepMode(m), fmi3EnterConfigurationMode(m), fmi3ExitConfigurationMode(m), fmi3EnterContinuousTimeMode(m);
-  fmi3UpdateDiscreteStates(m, NULL, NULL, NULL, NULL, NULL, NULL), fmi3EvaluateDiscreteStates(m), fmi3GetNumberOfContinuousStates(m, NULL);
-  fmi3GetAdjointDerivative(m, NULL, 1, NULL, 1, NULL, 1, NULL, 1), fmi3GetOutputDerivatives(m, NULL, 1, NULL, NULL, 1), fmi3SetTime(m, 0.0);
-  fmi3GetVariableDependencies(m, 0, NULL, NULL, NULL, NULL, 0), fmi3ActivateModelPartition(m, 0, 0.0), fmi3SetDebugLogging(m, 1, 1, NULL);
-}
-#endif
 
 /* ---- random numbers ---- */
 
@@ -117,7 +45,8 @@ static uint64_t below(Fuzz *f, uint64_t n) { /* splitmix64 */
 }
 
 static double odd_number(Fuzz *f) {
-  static const double numbers[] = {0.0, -0.0, 1.0, -1.0, 1e-310, -5e-324, 1e308, -1e308, DBL_MIN, NAN, HUGE_VAL, -HUGE_VAL};
+  static const double numbers[] = {0.0,   -0.0,   1.0,     -1.0, 1e-310,   -5e-324,
+                                   1e308, -1e308, DBL_MIN, NAN,  HUGE_VAL, -HUGE_VAL};
   return numbers[below(f, sizeof numbers / sizeof *numbers)];
 }
 
@@ -132,7 +61,9 @@ static double value_for(Fuzz *f, int place) {
   return fmin(fmax(value, v->minimum), v->maximum);
 }
 
-static unsigned reference(Fuzz *f) { return below(f, 30) ? (unsigned)below(f, N_REFERENCES) : (unsigned)below(f, 1ull << 32); }
+static unsigned reference(Fuzz *f) {
+  return below(f, 30) ? (unsigned)below(f, N_REFERENCES) : (unsigned)below(f, 1ull << 32);
+}
 
 /* ---- calls ---- */
 
@@ -142,7 +73,9 @@ static bool accepted(Fuzz *f, int status) {
   return status == OK;
 }
 
-static void saw(Fuzz *f, const double *values, size_t n) { f->seen = f->seen * 31 + crc32((const uint8_t *)values, n * sizeof *values); }
+static void saw(Fuzz *f, const double *values, size_t n) {
+  f->seen = f->seen * 31 + crc32((const uint8_t *)values, n * sizeof *values);
+}
 
 /* Choose up to three variables; return how many values they have. */
 static size_t choose(Fuzz *f, unsigned vr[3], size_t *n) {
@@ -157,10 +90,10 @@ static double *room(size_t n) { return calloc(n ? n : 1, sizeof(double)); }
 
 static void random_get(Fuzz *f) {
   unsigned vr[3];
-  size_t n, n_values = choose(f, vr, &n), told = below(f, 20) ? n_values : below(f, n_values + 1);
+  size_t n, n_values = choose(f, vr, &n), claimed = below(f, 20) ? n_values : below(f, n_values + 1);
   double *values = room(n_values), *same = room(n_values);
-  if (accepted(f, get(f->a, vr, n, values, told))) {
-    REQUIRE(get(f->b, vr, n, same, told) == OK);
+  if (accepted(f, get(f->a, vr, n, values, claimed))) {
+    REQUIRE(get(f->b, vr, n, same, claimed) == OK);
     REQUIRE(memcmp(values, same, n_values * sizeof *values) == 0);
     saw(f, values, n_values);
   }
@@ -169,12 +102,12 @@ static void random_get(Fuzz *f) {
 
 static void random_set(Fuzz *f) {
   unsigned vr[3];
-  size_t n, n_values = choose(f, vr, &n), told = below(f, 20) ? n_values : below(f, n_values + 1), k = 0;
+  size_t n, n_values = choose(f, vr, &n), claimed = below(f, 20) ? n_values : below(f, n_values + 1), k = 0;
   double *values = room(n_values);
   for (size_t i = 0; i < n; i++) {
     for (size_t j = 0; j < size_of(vr[i]); j++) values[k++] = value_for(f, place_of(vr[i]) + (int)j);
   }
-  if (accepted(f, set(f->a, vr, n, values, told))) REQUIRE(set(f->b, vr, n, values, told) == OK);
+  if (accepted(f, set(f->a, vr, n, values, claimed))) REQUIRE(set(f->b, vr, n, values, claimed) == OK);
   free(values);
 }
 
@@ -184,7 +117,9 @@ static void repair(Fuzz *f) {
     double *values = room(size_of(i));
     int place = place_of(i);
     for (size_t k = 0; k < size_of(i); k++) values[k] = VARIABLES[place + (int)k].start;
-    if (place < FIRST_RESULT && accepted(f, set(f->a, &i, 1, values, size_of(i)))) REQUIRE(set(f->b, &i, 1, values, size_of(i)) == OK);
+    if (place < FIRST_RESULT && accepted(f, set(f->a, &i, 1, values, size_of(i)))) {
+      REQUIRE(set(f->b, &i, 1, values, size_of(i)) == OK);
+    }
     free(values);
   }
 }
@@ -270,21 +205,34 @@ static void hopeless(Fuzz *f) {
   double value = 0.0;
   void *state = NULL;
   size_t size;
-  REQUIRE(get(f->a, NULL, 1, &value, 1) == ERROR && get(f->a, &vr, 1, NULL, 1) == ERROR && get(NULL, &vr, 1, &value, 1) == ERROR);
-  REQUIRE(set(f->a, NULL, 1, &value, 1) == ERROR && set(f->a, &vr, 1, NULL, 1) == ERROR && set(NULL, &vr, 1, &value, 1) == ERROR);
-  REQUIRE(enter(NULL, 0.0) == ERROR && do_step(NULL, 0.0, 1e-3) == ERROR && derive(NULL, &vr, 1, &vr, 1, &value, 1, &value, 1) == ERROR);
+  REQUIRE(get(f->a, NULL, 1, &value, 1) == ERROR);
+  REQUIRE(get(f->a, &vr, 1, NULL, 1) == ERROR);
+  REQUIRE(get(NULL, &vr, 1, &value, 1) == ERROR);
+  REQUIRE(set(f->a, NULL, 1, &value, 1) == ERROR);
+  REQUIRE(set(f->a, &vr, 1, NULL, 1) == ERROR);
+  REQUIRE(set(NULL, &vr, 1, &value, 1) == ERROR);
+  REQUIRE(enter(NULL, 0.0) == ERROR);
+  REQUIRE(do_step(NULL, 0.0, 1e-3) == ERROR);
+  REQUIRE(derive(NULL, &vr, 1, &vr, 1, &value, 1, &value, 1) == ERROR);
   REQUIRE(CALL(ExitInitializationMode)(NULL) == ERROR && CALL(Terminate)(NULL) == ERROR && CALL(Reset)(NULL) == ERROR);
-  REQUIRE(STATE(Get, )(f->a, NULL) == ERROR && STATE(Get, )(NULL, &state) == ERROR && STATE(Set, )(f->a, NULL) == ERROR);
+  REQUIRE(STATE(Get, )(f->a, NULL) == ERROR);
+  REQUIRE(STATE(Get, )(NULL, &state) == ERROR);
+  REQUIRE(STATE(Set, )(f->a, NULL) == ERROR);
   REQUIRE(STATE(Serialized, Size)(f->a, NULL, &size) == ERROR && DESERIALIZE(f->a, NULL, 10, &state) == ERROR);
-  REQUIRE(!instantiate("", MODEL_GUID) && !instantiate(NULL, MODEL_GUID) && !instantiate("x", "{no}") && !instantiate("x", NULL));
+  REQUIRE(!instantiate("", MODEL_GUID));
+  REQUIRE(!instantiate(NULL, MODEL_GUID));
+  REQUIRE(!instantiate("x", "{no}"));
+  REQUIRE(!instantiate("x", NULL));
   others(f->a), others(NULL);
   CALL(FreeInstance)(NULL);
 }
 
 static void *run(void *argument) {
   Fuzz *f = argument;
-  static void (*const calls[])(Fuzz *) = {random_get,   random_set,   random_set,   repair,   random_mode,
-                                          start_again,  random_state, random_state, random_bytes, random_derivative, hopeless};
+  static void (*const calls[])(Fuzz *) = {
+      random_get,   random_set,   random_set,   repair,       random_mode,       start_again,
+      random_state, random_state, random_bytes, random_derivative, hopeless,
+  };
   long n = f->steps;
   f->steps = 0;
   f->a = instantiate("first", MODEL_GUID);

@@ -13,9 +13,9 @@ from fmpy.validation import validate_fmu
 from fmu_host import FMUS, model_of
 from gossamer_fmus import NAMES, build_all, build_fmu, variables_table
 from gossamer_fmus.arrays import arrays_of
-from gossamer_fmus.build import MODELS
-from gossamer_fmus.description import base_unit, with_variables
-from gossamer_fmus.interface import fmu_folder
+from gossamer_fmus.catalogue import MODELS, fmu_folder
+from gossamer_fmus.page import with_variables
+from gossamer_fmus.units import base_unit
 from gossamer_models import ArtifactError, ParameterError, StepModel, Variable
 
 only_python = pytest.mark.parametrize("kind", ["python"], indirect=True)
@@ -54,7 +54,7 @@ def test_a_build_in_another_process_gives_the_same_bytes(fmus, kind, tmp_path):
 
 @only_python
 def test_another_model_has_another_guid_and_other_module_names(fmus, tmp_path):
-    other = build_fmu(MODELS["membrane"].__call__(4), tmp_path)
+    other = build_fmu(MODELS["membrane"](4), tmp_path)
     assert fmpy.read_model_description(str(other)).guid != fmpy.read_model_description(str(fmus["membrane"])).guid
     names = [{n for n in zipfile.ZipFile(p).namelist() if n.endswith(".py")} for p in (other, fmus["membrane"])]
     assert not names[0] & names[1]
@@ -145,6 +145,11 @@ def test_elements_that_are_no_array_are_refused(names):
     init, step = ca.Function("init", [u, p], [x, x]), ca.Function("step", [x, u, p, h], [x, x])
     with pytest.raises(ParameterError, match="the elements of 'a'"):
         arrays_of(StepModel(name="toy", description="x", variables=variables, init=init, step=step))
+
+
+def test_fmi_3_without_native_is_refused(tmp_path):
+    with pytest.raises(ParameterError, match="Add --native"):
+        build_all(tmp_path, fmi=3)
 
 
 @only_python

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmi_instances import Fmi2, Fmi3
 from fmu_host import FMUS
 from gossamer_models import Stepper
-from random_calls import Fmi2, Fmi3
 
 KINDS = ("python", "native", "native FMI 3")
 

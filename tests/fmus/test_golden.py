@@ -6,7 +6,7 @@ import fmpy
 import numpy as np
 import pytest
 from fmu_host import FMUS
-from gossamer_fmus.interface import fmu_folder
+from gossamer_fmus.catalogue import fmu_folder
 
 # Relative to the largest value of a column. The arithmetic is the same everywhere; the C library's exp and sin are not.
 TOLERANCE = 1e-9

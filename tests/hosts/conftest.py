@@ -1,9 +1,9 @@
 """The demo chain as data, for hosts that no one here wrote.
 
-A host is a script ``<tool>_host.py`` beside this file; it knows the tool and nothing of Gossamer. It runs in a process of
-its own, so that a host that crashes, prints or warns disturbs nobody: ``python <tool>_host.py job.json table.npy``. The
-job names FMUs, start values, connections and what to watch; the table has a row per communication point, the first at the
-start, and a column per watched variable.
+A host is a script ``<tool>_host.py`` beside this file; it knows the tool and nothing of Gossamer. It runs in a process
+of its own, so that a host that crashes, prints or warns disturbs nobody: ``python <tool>_host.py job.json table.npy``.
+The job names FMUs, start values, connections and what to watch; the table has a row per communication point, the first
+at the start, and a column per watched variable.
 """
 
 import json
@@ -17,8 +17,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from gossamer_orchestrator import load_scenario, run_scenario
-from gossamer_orchestrator.plan import make_plan
-from gossamer_orchestrator.ssp import export_ssp
+from gossamer_orchestrator.exchange.ssp.writer import export_ssp
+from gossamer_orchestrator.scenario.plan import make_plan
 
 # Host: the package it needs, and the systems for which that package has binaries (x86_64 all).
 HOSTS = {
@@ -83,7 +83,7 @@ def job(fmus):
         "steps": [[scenario.seconds(k), scenario.step] for k in range(scenario.ticks)],
         "master": "gauss-seidel",
         "components": [{"name": c.name, "fmu": str(c.fmu.path), "start": c.start} for c in plan.components],
-        "connections": [[w.sender, w.origin, c.name, w.target] for c in plan.components for w in c.wires],
+        "connections": [[w.sender, w.output, w.receiver, w.input] for c in plan.components for w in c.connections],
         "watched": WATCHED,
     }
 
@@ -101,9 +101,11 @@ def run_host(job, tmp_path_factory):
         (folder / "job.json").write_text(json.dumps(job | changes))
         command = [sys.executable, HERE / script, folder / "job.json", table]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
-        said = done.stdout + done.stderr
-        assert done.returncode == 0 or not must_end_well, said
-        return SimpleNamespace(status=done.returncode, table=np.load(table) if table.exists() else None, said=said)
+        printed = done.stdout + done.stderr
+        assert done.returncode == 0 or not must_end_well, printed
+        return SimpleNamespace(
+            status=done.returncode, table=np.load(table) if table.exists() else None, printed=printed
+        )
 
     return run
 

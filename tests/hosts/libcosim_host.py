@@ -47,7 +47,7 @@ def main(job, table):
     watched = [places[component, variable] for component, variable in job["watched"]]
     for place in watched:
         assert observer.start_time_series(*place, CosimVariableType.REAL)
-    # libcosimpy takes step 0 for an empty place and withholds the last sample: it is asked for one step more.
+    # libcosimpy takes step 0 for an empty place and withholds the last sample: request one step more.
     samples = job["ticks"] + 2
     assert execution.step(samples - 1)
     columns = [observer.time_series_real_samples(*place, from_step=0, sample_count=samples)[2] for place in watched]

@@ -15,7 +15,7 @@ def main(job, table):
     blocks = {}
     for component in job["components"]:
         name = component["name"]
-        # A block initializes its FMU when it is made and asks nobody for inputs, so it is told what the others send.
+        # A block initializes its FMU when it is made and reads no inputs then: give it the outputs of the others.
         arriving = {entry: blocks[s].outputs[output] for s, output, receiver, entry in connections if receiver == name}
         start = component["start"] | arriving
         blocks[name] = CoSimulationFMU(component["fmu"], instance_name=name, start_values=start, dt=step)

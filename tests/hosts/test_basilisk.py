@@ -1,4 +1,4 @@
-"""A spacecraft in Basilisk drives the chain; run where Basilisk is installed (270 MB, so not among the dev dependencies)."""
+"""A spacecraft in Basilisk drives the chain, where Basilisk is installed (270 MB, so no dev dependency)."""
 
 import importlib.util
 import json
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from gossamer_orchestrator import parse_scenario, run_scenario
-from gossamer_orchestrator.container import build_container
+from gossamer_orchestrator.exchange.container import build_container
 
 ROOT = Path(__file__).parents[2]
 RUN = "import json, runpy, sys; print(json.dumps(runpy.run_path(sys.argv[1])['main'](sys.argv[2])))"

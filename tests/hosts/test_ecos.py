@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from gossamer_orchestrator import load_scenario
-from gossamer_orchestrator.container import build_container
+from gossamer_orchestrator.exchange.container import build_container
 
 SCENARIO = Path(__file__).parents[2] / "orchestrator/scenarios/damaged.toml"
 
@@ -30,7 +30,7 @@ def test_ecospy_runs_fmi_3_without_arrays(run_host, with_fmi3, own, assert_equal
 @pytest.mark.parametrize("kind", ["native"], indirect=True, scope="session")
 def test_ecospy_has_no_elements_of_arrays(run_host, with_fmi3):
     host = run_host("ecos_host.py", must_end_well=False, components=with_fmi3("membrane"))
-    assert "No such real property: membrane::strain[1]" in host.said
+    assert "No such real property: membrane::strain[1]" in host.printed
 
 
 @pytest.fixture(scope="module")

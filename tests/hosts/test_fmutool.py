@@ -15,10 +15,10 @@ def check(fmu):
 
 
 def assert_nothing_wrong(fmu, version):
-    status, said = check(fmu)
-    assert f"seems to be compliant with FMI-{version}.0" in said
-    assert f"No semantic error against the FMI-{version} standard" in said
-    assert (status, said.count("ERROR")) == (0, 0), said
+    status, printed = check(fmu)
+    assert f"seems to be compliant with FMI-{version}.0" in printed
+    assert f"No semantic error against the FMI-{version} standard" in printed
+    assert (status, printed.count("ERROR")) == (0, 0), printed
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -37,6 +37,6 @@ def test_fmutool_finds_what_is_wrong(fmus, tmp_path):
     with zipfile.ZipFile(fmus / "sensor.fmu") as old, zipfile.ZipFile(wrong, "w") as new:
         description = old.read("modelDescription.xml")
         new.writestr("modelDescription.xml", description.replace(b'causality="output"', b'causality="parameter"', 1))
-    status, said = check(wrong)
+    status, printed = check(wrong)
     assert status != 0
-    assert "which is not an output" in said
+    assert "which is not an output" in printed

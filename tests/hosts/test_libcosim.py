@@ -39,4 +39,4 @@ def test_libcosim_gives_the_trajectories_of_the_jacobi_master(table, own, job):
 def test_libcosim_refuses_fmi_3(run_host, with_fmi3):
     host = run_host("libcosim_host.py", must_end_well=False, components=with_fmi3("sensor"))
     assert host.table is None
-    assert "Unsupported FMI version" in host.said
+    assert "Unsupported FMI version" in host.printed

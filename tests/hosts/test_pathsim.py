@@ -18,4 +18,4 @@ def test_pathsim_refuses_arrays(run_host, with_fmi3):
     components = [c | {"start": {}} for c in with_fmi3("membrane")]
     host = run_host("pathsim_host.py", must_end_well=False, components=components)
     assert host.status == 1
-    assert "fmi3GetFloat64 failed with status 3 (error)" in host.said
+    assert "fmi3GetFloat64 failed with status 3 (error)" in host.printed

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from gossamer_models import ParameterError, Stepper, simulate
 from gossamer_models.compensator import compensator_model, estimator_model
-from gossamer_models.compensator.assess import measure, random_legs, run_estimator, run_inverse, uniform_eta
 from gossamer_models.compensator.smooth import smooth
 from gossamer_models.sensor import Scales, default_artifact, sensor_model
 from oracles.preisach import UNIT, artifact, drive, start, term
+from studies.noise import measure, random_legs, uniform_eta
 
 M = 24  # [samples]
 TRUE = uniform_eta()
@@ -38,48 +38,6 @@ def test_without_noise_the_strain_is_that_of_the_exact_inverse_delayed(name):
     found = drive(start(compensator_model(sensor, "estimator"), noise=0.0), measured)
     # the memory commits a sample late; what rises in between relaxes as if it had risen then
     assert found[M:] == pytest.approx(strain[:-M], abs=1e-9 if name == "eta 0.85" else 2e-3)
-
-
-@pytest.mark.parametrize(("noise", "asked"), [(0.001, 0.4), (0.005, 1.2)])
-def test_error_over_2e4_noisy_samples_is_what_was_asked(noise, asked):
-    strain = random_legs(20_000, 7)
-    output = measure(strain, noise, 8, TRUE)
-    run = run_estimator(TRUE, strain, output, noise)
-    assert run.rms < asked
-    assert run.present_rms < 1.2 * asked
-    assert run_inverse(TRUE, strain[:4000], output[:4000]).rms > 10.0 * run.rms
-
-
-@pytest.mark.parametrize("shape", ["cosines", "holds"])
-def test_round_turning_points_and_rests_do_not_drift(shape):
-    strain = random_legs(6000, 5, (60, 140), shape)
-    assert run_estimator(TRUE, strain, measure(strain, 0.005, 6, TRUE), 0.005).rms < 0.6
-
-
-def test_the_stated_deviation_is_that_of_the_errors():
-    ratios = []
-    for seed in range(5):
-        strain = random_legs(3000, seed, (100, 400))
-        run = run_estimator(TRUE, strain, measure(strain, 0.002, 50 + seed, TRUE), 0.002)
-        ratios.append(run.error / run.deviation)
-    ratio = np.concatenate(ratios)
-    assert 0.6 < np.sqrt(np.mean(ratio**2)) < 1.6
-    assert np.mean(np.abs(ratio) < 2.0) > 0.85
-
-
-@pytest.mark.parametrize("factor", [0.98, 1.02])
-def test_a_wrong_eta_is_learned_where_the_strain_is_known(factor):
-    wrong = uniform_eta(0.85 * factor)
-    strain = random_legs(10_000, 2)
-    output = measure(strain, 0.001, 3, TRUE)
-    told = run_estimator(wrong, strain, output, 0.001, eta_deviation=0.02, every=2000)
-    alone = run_estimator(wrong, strain, output, 0.001, eta_deviation=0.02)
-    assert told.rms < 2.0
-    assert np.abs(told.error[5000:]).max() < 0.01
-    assert alone.rms > 2.0 * told.rms
-    # left alone it does not know the strain, and says so
-    assert np.mean(np.abs(alone.error / alone.deviation) < 3.0) > 0.98
-    assert alone.deviation[-1] > 5.0 * told.deviation[-1]
 
 
 def test_resistance_alone_cannot_tell_a_wrong_eta_from_another_strain():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from gossamer_models import ParameterError
 from gossamer_models.compensator import compensator_model
-from gossamer_models.identification import everett
 from gossamer_models.sensor import default_artifact, sensor_model
+from gossamer_models.sensor.plots import everett
 from oracles.everett import EverettInverse, everett_surfaces
 from oracles.preisach import artifact, drive, start, term
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import fmpy
 import numpy as np
 import pytest
-from gossamer_fmus import build_fmu, build_native_fmu
+from gossamer_fmus import build_fmu
 from gossamer_models import ArtifactError, ParameterError, Stepper
 from gossamer_models.fractional import FadingTerm, FractionalArtifact, FractionalTerm, fractional_sensor_model, predict
 from gossamer_models.sensor import sensor_model
@@ -141,7 +141,7 @@ def test_strain_outside_the_identified_range_is_flagged_and_not_clipped():
 def test_sub_model_1_runs_as_an_fmu(kind, tmp_path):
     if kind == "native":
         pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
-    path = (build_fmu if kind == "python" else build_native_fmu)(MODEL, tmp_path)
+    path = build_fmu(MODEL, tmp_path, native=kind == "native")
     inputs = np.array(
         list(zip(TIME + H, np.append(STRAIN[1:], 0.0), strict=True)), dtype=[("time", "f8"), ("strain", "f8")]
     )

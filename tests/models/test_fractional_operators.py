@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
-from gossamer_models.fractional import ModeGrid, derivative, integral
-from gossamer_models.fractional.kernels import at_order
+from gossamer_models.fractional import derivative, integral
+from gossamer_models.modes import PowerLawKernels
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.fractional import derivative_sum, integral_sum, turned
@@ -23,8 +23,8 @@ def clock(n, lasts=2.0):
 
 @pytest.mark.parametrize("order", [1e-3, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
 def test_the_sum_of_exponentials_is_the_kernel_to_1e_6_from_one_to_a_million_samples(order):
-    grid = ModeGrid(1.0, 1e6)
-    weights, mass = at_order(grid, order)
+    grid = PowerLawKernels(1.0, 1e6)
+    weights, mass = grid.at_order(order)
     t = np.geomspace(1.0, 1e6, 3000)
     kernel = t ** (order - 1.0) / gamma(order)
     found = np.exp(-np.outer(t, grid.rates)) @ weights
@@ -37,8 +37,8 @@ def test_the_sum_of_exponentials_is_the_kernel_to_1e_6_from_one_to_a_million_sam
 @pytest.mark.parametrize("order", ORDERS)
 def test_the_mass_makes_up_for_what_the_kernel_has_before_the_first_sample(order):
     """The integral of the kernel over one sample, Eq. (3.12) at t = h, and its first moment."""
-    grid = ModeGrid(1.0, 1e6)
-    weights, mass = at_order(grid, order)
+    grid = PowerLawKernels(1.0, 1e6)
+    weights, mass = grid.at_order(order)
     whole = mass + np.sum(weights * -np.expm1(-grid.rates) / grid.rates)
     assert whole == pytest.approx(1.0 / gamma(1.0 + order), abs=1e-7)
     moments = [quad(lambda t, r=rate: t * np.exp(-r * t), 0.0, 1.0)[0] for rate in grid.rates]
@@ -142,7 +142,7 @@ def test_the_operators_are_linear(u, v, a, order):
 def test_a_record_that_starts_later_gives_the_same_later(u, order, later):
     u = np.concatenate([[0.0], u])
     waited = np.concatenate([np.zeros(later), u])
-    grid = ModeGrid(0.1, 100.0)
+    grid = PowerLawKernels(0.1, 100.0)
     for operator in (integral, derivative):
         assert operator(waited, 0.1, order, grid)[later:] == pytest.approx(operator(u, 0.1, order, grid), abs=1e-11)
 
@@ -202,6 +202,6 @@ def test_records_that_cannot_be_used_are_refused():
         with pytest.raises(DataError, match="two or more finite samples"):
             integral(u, h, 0.5)
     with pytest.raises(DataError, match=r"outside the memory of 1 s to 10 s\. Widen"):
-        integral(np.zeros(20), 1.0, 0.5, ModeGrid(1.0, 10.0))
+        integral(np.zeros(20), 1.0, 0.5, PowerLawKernels(1.0, 10.0))
     with pytest.raises(ParameterError, match="0 < shortest < longest"):
-        ModeGrid(1.0, 0.5)
+        PowerLawKernels(1.0, 0.5)

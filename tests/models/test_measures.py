@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gossamer_models.measures import e1, nrmse
+from gossamer_models.fitting import e1, nrmse
 
 
 def test_e1_is_relative_to_the_change_from_rest():

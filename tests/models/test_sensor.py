@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from gossamer_models import ArtifactError, ConvergenceError, ParameterError, Stepper
 from gossamer_models.compensator import compensator_model
-from gossamer_models.sensor import RelaxationTerm, SensorArtifact, default_artifact, exponential_sum, sensor_model
-from gossamer_models.sensor.relaxation import phi_1, phi_2
+from gossamer_models.modes import exponential_sum, phi_1, phi_2
+from gossamer_models.sensor import RelaxationTerm, SensorArtifact, default_artifact, sensor_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.preisach import EverettStack, RelayLattice, artifact, drive, spring, start, term

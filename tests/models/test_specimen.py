@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
-from gossamer_models.identification import read_record
+from gossamer_models.fitting import read_record
 from gossamer_models.specimen import SpecimenParams, VirtualSpecimen, dataset, random_reversals
 from gossamer_models.specimen.__main__ import app
 from scipy.constants import electron_mass, electron_volt, hbar

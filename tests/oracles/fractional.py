@@ -6,9 +6,10 @@ Symbols: ``u`` samples, ``h`` sampling step [s], ``j`` number of a sample.
 from __future__ import annotations
 
 import numpy as np
-from gossamer_models.fractional import FadingTerm, FractionalArtifact, FractionalTerm, UniformRecord, predict
-from gossamer_models.fractional.kernels import check_order
+from gossamer_models.fitting import Record
+from gossamer_models.fractional import FadingTerm, FractionalArtifact, FractionalTerm, predict
 from gossamer_models.fractional.operators import initial_term, quadrature
+from gossamer_models.modes.power_law import check_order
 from numpy.typing import NDArray
 from scipy.special import gamma
 
@@ -83,4 +84,5 @@ def turned(u: Vector, phase: float) -> Vector:
 
 def record(artifact, noise=0.0, seed=0, **changes):
     resistance = predict(artifact, STRAIN, H) + noise * np.random.default_rng(seed).standard_normal(STRAIN.size)
-    return UniformRecord(strain=STRAIN, resistance=resistance, sampling_step=H, rest_resistance=1000.0, **changes)
+    values = {"time": TIME, "strain": STRAIN, "resistance": resistance, "lines": np.arange(TIME.size) + 2, **changes}
+    return Record(name="record", **values)

@@ -9,9 +9,7 @@ import numpy as np
 import scipy.sparse.linalg
 from gossamer_models import ParameterError
 from gossamer_models.membrane import MembraneEquations, MembraneParams
-from gossamer_models.membrane.equations import N_ZONES
 from gossamer_models.membrane.implicit import Mass
-from gossamer_models.membrane.newton import sparse
 from numpy.typing import ArrayLike, NDArray
 
 
@@ -56,9 +54,7 @@ def natural_frequencies(
     if not 0 < count < equations.n_q:
         msg = f"count is {count}; this mesh has 1 to {equations.n_q - 1} frequencies to ask for"
         raise ParameterError(msg)
-    x = np.broadcast_to(np.asarray(q, dtype=np.float64), (equations.n_q,))
-    d = np.broadcast_to(np.asarray(damage, dtype=np.float64), (N_ZONES,))
-    K = sparse(equations.tangent(x, d, 0.0, params.vector()))
+    K = equations.tangent(q, damage, 0.0, params.vector()).sparse()
     K = (K + K.T) / 2.0  # symmetric but for round-off
     M = equations.lumped_mass(params) if mass == "lumped" else equations.consistent_mass(params)
     start = np.cos(np.arange(equations.n_q))  # ARPACK's own start is random

@@ -8,8 +8,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 from gossamer_models.membrane import MembraneEquations, MembraneParams
-from gossamer_models.membrane.params import N_PARAMETERS
+from gossamer_models.membrane.params import PARAMETERS
 from gossamer_models.membrane.strain import deformation_gradient_expression
+from gossamer_models.variables import by_name
 from numpy.typing import NDArray
 
 
@@ -36,8 +37,9 @@ def deformation_gradients(
     -------
     ndarray, shape (n, 3, 2)
     """
-    x, p = ca.MX.sym("q", equations.n_q), ca.MX.sym("p", N_PARAMETERS)
-    F = ca.Function("F", [x, p], [ca.vec(deformation_gradient_expression(equations, x, p, point))])
+    motion, p = ca.MX.sym("q", equations.n_q), ca.MX.sym("p", len(PARAMETERS))
+    x = equations.positions(motion, by_name(PARAMETERS, p))
+    F = ca.Function("F", [motion, p], [ca.vec(deformation_gradient_expression(equations.mesh, x, point))])
     columns = np.asarray(F(q.T, params.vector()))
     return np.ascontiguousarray(columns.T.reshape(-1, 2, 3).swapaxes(1, 2))
 

@@ -2,6 +2,7 @@
 
 #include "fmi2Functions.h"
 #include "stepper.h"
+#include "state.h"
 
 typedef struct {
   Stepper stepper;
@@ -11,9 +12,9 @@ typedef struct {
   fmi2Status last_step;
 } Instance;
 
-/* The text of a log message is a printf format for the host: a percent sign is doubled. */
-static void tell(fmi2CallbackLogger logger, fmi2ComponentEnvironment environment, const char *name, fmi2Status status,
-                 const char *text) {
+/* Log a refusal. Its text is a printf format for the host: a percent sign is doubled. */
+static void log_text(fmi2CallbackLogger logger, fmi2ComponentEnvironment environment, const char *name,
+                     fmi2Status status, const char *text) {
   char format[2 * sizeof((Stepper *)0)->message];
   size_t n = 0;
   if (!logger) return;
@@ -27,7 +28,7 @@ static void tell(fmi2CallbackLogger logger, fmi2ComponentEnvironment environment
 
 /* Log the stepper's message. */
 static fmi2Status fail(Instance *m, fmi2Status status) {
-  tell(m->logger, m->environment, m->name, status, m->stepper.message);
+  log_text(m->logger, m->environment, m->name, status, m->stepper.message);
   return status;
 }
 
@@ -48,15 +49,20 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
                               const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging) {
   fmi2CallbackLogger logger = callbacks ? callbacks->logger : NULL;
   fmi2ComponentEnvironment environment = callbacks ? callbacks->componentEnvironment : NULL;
-  const char *complaint = NULL;
+  const char *refusal = NULL;
   Instance *m = NULL;
   (void)resources, (void)visible, (void)logging;
-  if (!name || !*name) complaint = "an instance needs a name";
-  else if (type != fmi2CoSimulation) complaint = "model '" MODEL_NAME "' is for co-simulation only";
-  else if (!guid || strcmp(guid, MODEL_GUID) != 0) complaint = "the guid is not " MODEL_GUID ", which this binary was built for";
-  else if (!(m = calloc(1, sizeof *m))) complaint = "there is no memory for another instance of model '" MODEL_NAME "'";
-  if (complaint) {
-    tell(logger, environment, name ? name : "", fmi2Error, complaint);
+  if (!name || !*name) {
+    refusal = "an instance needs a name";
+  } else if (type != fmi2CoSimulation) {
+    refusal = "model '" MODEL_NAME "' is for co-simulation only";
+  } else if (!guid || strcmp(guid, MODEL_GUID) != 0) {
+    refusal = "the guid is not " MODEL_GUID ", which this binary was built for";
+  } else if (!(m = calloc(1, sizeof *m))) {
+    refusal = "there is no memory for another instance of model '" MODEL_NAME "'";
+  }
+  if (refusal) {
+    log_text(logger, environment, name ? name : "", fmi2Error, refusal);
     return NULL;
   }
   m->logger = logger;
@@ -68,8 +74,9 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 
 void fmi2FreeInstance(fmi2Component c) { free(c); }
 
+/* Refusals are logged always: FMI 2.0 allows it, and they explain why a run ended. */
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[]) {
-  (void)on, (void)n, (void)categories; /* refusals are logged always: FMI 2.0 allows it, and hosts that ask for nothing want to know */
+  (void)on, (void)n, (void)categories;
   return c ? fmi2OK : fmi2Error;
 }
 
@@ -113,11 +120,12 @@ fmi2Status fmi2Reset(fmi2Component c) {
 }
 
 /* Check the arguments of a call that names variables. */
-static bool known(Instance *m, const fmi2ValueReference vr[], size_t n, const void *values) {
+static bool valid(Instance *m, const fmi2ValueReference vr[], size_t n, const void *values) {
   if (n > 0 && (!vr || !values)) return refuse(&m->stepper, "there are %zu variables, but an array is NULL", n);
   for (size_t i = 0; i < n; i++) {
     if (vr[i] >= N_VARIABLES) {
-      return refuse(&m->stepper, "model '%s' has no value reference %u; it has 0 to %d", MODEL_NAME, vr[i], N_VARIABLES - 1);
+      return refuse(&m->stepper, "model '%s' has no value reference %u; it has 0 to %d", MODEL_NAME, vr[i],
+                    N_VARIABLES - 1);
     }
   }
   return true;
@@ -126,9 +134,9 @@ static bool known(Instance *m, const fmi2ValueReference vr[], size_t n, const vo
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
   Instance *m = c;
   if (!m) return fmi2Error;
-  /* a host that ignores the status must not take what the buffer held before for a value */
+  /* a host that ignores the status must not take the buffer's old content for a value */
   for (size_t i = 0; value && i < n; i++) value[i] = NAN;
-  if (!known(m, vr, n, value)) return fail(m, fmi2Error);
+  if (!valid(m, vr, n, value)) return fail(m, fmi2Error);
   for (size_t i = 0; i < n; i++) {
     if (!stepper_may_get(&m->stepper, vr[i])) return fail(m, fmi2Error);
   }
@@ -139,49 +147,12 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
   Instance *m = c;
   if (!m || is_in(m, TERMINATED)) return wrong(m, "fmi2SetReal");
-  if (!known(m, vr, n, value)) return fail(m, fmi2Error);
+  if (!valid(m, vr, n, value)) return fail(m, fmi2Error);
   for (size_t i = 0; i < n; i++) {
     if (!stepper_may_set(&m->stepper, vr[i])) return fail(m, fmi2Error); /* before any is set */
   }
   for (size_t i = 0; i < n; i++) stepper_set(&m->stepper, vr[i], value[i]);
   return fmi2OK;
-}
-
-static fmi2Status not_real(Instance *m, size_t n) {
-  if (!m) return fmi2Error;
-  if (n == 0) return fmi2OK;
-  refuse(&m->stepper, "model '%s' has real variables only", MODEL_NAME);
-  return fail(m, fmi2Error);
-}
-
-fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Integer value[]) {
-  (void)vr, (void)value;
-  return not_real(c, n);
-}
-
-fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[]) {
-  (void)vr, (void)value;
-  return not_real(c, n);
-}
-
-fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2String value[]) {
-  (void)vr, (void)value;
-  return not_real(c, n);
-}
-
-fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer value[]) {
-  (void)vr, (void)value;
-  return not_real(c, n);
-}
-
-fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[]) {
-  (void)vr, (void)value;
-  return not_real(c, n);
-}
-
-fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2String value[]) {
-  (void)vr, (void)value;
-  return not_real(c, n);
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real h, fmi2Boolean no_return) {
@@ -192,8 +163,6 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real h, fmi2Boolean no
   m->stepper.state.time = time + h;
   return m->last_step = fmi2OK;
 }
-
-fmi2Status fmi2CancelStep(fmi2Component c) { return wrong(c, "fmi2CancelStep: steps are never pending, so it"); }
 
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value) {
   Instance *m = c;
@@ -209,11 +178,6 @@ fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Rea
   return fmi2OK;
 }
 
-fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value) {
-  (void)c, (void)kind, (void)value;
-  return fmi2Discard;
-}
-
 /* A host that cannot do a refused step in another way should end: some would repeat it for ever. */
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value) {
   Instance *m = c;
@@ -222,69 +186,37 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2
   return fmi2OK;
 }
 
-fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value) {
-  (void)c, (void)kind, (void)value;
-  return fmi2Discard;
-}
-
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer order[],
-                                       const fmi2Real value[]) {
-  (void)vr, (void)n, (void)order, (void)value;
-  return wrong(c, "fmi2SetRealInputDerivatives: inputs are not interpolated, so it");
-}
-
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer order[],
-                                        fmi2Real value[]) {
-  (void)vr, (void)n, (void)order, (void)value;
-  return wrong(c, "fmi2GetRealOutputDerivatives: outputs have no derivatives by time, so it");
-}
-
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t n_unknown,
-                                        const fmi2ValueReference given[], size_t n_given, const fmi2Real d_given[],
+                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real d_known[],
                                         fmi2Real d_unknown[]) {
   Instance *m = c;
-  Stepper *s;
   if (!m || is_in(m, TERMINATED)) return wrong(m, "fmi2GetDirectionalDerivative");
-  s = &m->stepper;
-  if (!known(m, unknown, n_unknown, d_unknown) || !known(m, given, n_given, d_given)) return fail(m, fmi2Error);
-  memset(s->du, 0, sizeof s->du);
-  for (size_t i = 0; i < n_given; i++) {
-    if (given[i] < FIRST_INPUT || given[i] >= FIRST_RESULT) {
-      refuse(s, "derivatives of model '%s' are those by inputs, and '%s' is none", MODEL_NAME, VARIABLES[given[i]].name);
-      return fail(m, fmi2Error);
-    }
-    s->du[given[i] - FIRST_INPUT] += d_given[i];
+  if (!valid(m, unknown, n_unknown, d_unknown) || !valid(m, known, n_known, d_known)) return fail(m, fmi2Error);
+  memset(m->stepper.du, 0, sizeof m->stepper.du);
+  for (size_t i = 0; i < n_known; i++) {
+    if (!stepper_seed(&m->stepper, known[i], d_known[i])) return fail(m, fmi2Error);
   }
-  if (!stepper_derivative(s)) return fail(m, fmi2Error);
-  for (size_t i = 0; i < n_unknown; i++) d_unknown[i] = derivative_of(s, unknown[i]);
+  if (!stepper_derivative(&m->stepper)) return fail(m, fmi2Error);
+  for (size_t i = 0; i < n_unknown; i++) d_unknown[i] = derivative_of(&m->stepper, unknown[i]);
   return fmi2OK;
 }
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
   Instance *m = c;
   if (!m || !state) return fmi2Error;
-  if (!*state && !(*state = malloc(sizeof(State)))) {
-    refuse(&m->stepper, "there is no memory for a state of model '%s'", MODEL_NAME);
-    return fail(m, fmi2Error);
-  }
-  memcpy(*state, &m->stepper.state, sizeof(State));
-  return fmi2OK;
+  return state_save(&m->stepper, state) ? fmi2OK : fail(m, fmi2Error);
 }
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
   Instance *m = c;
   if (!m || !state) return wrong(m, "fmi2SetFMUstate with no state");
-  memcpy(&m->stepper.state, state, sizeof(State));
-  m->stepper.checked = m->stepper.results_known = false;
+  state_restore(&m->stepper, state);
   return fmi2OK;
 }
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
   if (!c) return fmi2Error;
-  if (state) {
-    free(*state);
-    *state = NULL;
-  }
+  if (state) state_free(state);
   return fmi2OK;
 }
 
@@ -302,13 +234,46 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte b
 
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
   Instance *m = c;
-  State *read;
   if (!m || !bytes || !state) return wrong(m, "fmi2DeSerializeFMUstate with nothing to read");
-  if (!(read = malloc(sizeof *read))) return fmi2Error;
-  if (!state_read(&m->stepper, read, (const uint8_t *)bytes, size)) {
-    free(read);
-    return fail(m, fmi2Error);
-  }
-  *state = read;
-  return fmi2OK;
+  return state_read(&m->stepper, (const uint8_t *)bytes, size, state) ? fmi2OK : fail(m, fmi2Error);
 }
+
+/* Every other function belongs to what an instance does not have: variables of other types, steps that are pending,
+   interpolated inputs. */
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+
+#define REFERENCES fmi2Component c, const fmi2ValueReference vr[], size_t n
+
+static fmi2Status not_real(Instance *m, size_t n) {
+  if (!m) return fmi2Error;
+  if (n == 0) return fmi2OK;
+  refuse(&m->stepper, "model '%s' has real variables only", MODEL_NAME);
+  return fail(m, fmi2Error);
+}
+
+#define NO_VARIABLES_OF(Type)                                                         \
+  fmi2Status fmi2Get##Type(REFERENCES, fmi2##Type value[]) { return not_real(c, n); } \
+  fmi2Status fmi2Set##Type(REFERENCES, const fmi2##Type value[]) { return not_real(c, n); }
+
+NO_VARIABLES_OF(Integer)
+NO_VARIABLES_OF(Boolean)
+NO_VARIABLES_OF(String)
+
+#define NO_STATUS_OF(Type)                                                                          \
+  fmi2Status fmi2Get##Type##Status(fmi2Component c, const fmi2StatusKind kind, fmi2##Type *value) { \
+    return fmi2Discard;                                                                             \
+  }
+
+NO_STATUS_OF(Integer)
+NO_STATUS_OF(String)
+
+#define NOT_PROVIDED(name, why, ...) \
+  fmi2Status name(__VA_ARGS__) { return wrong(c, #name ": " why ", so it"); }
+
+NOT_PROVIDED(fmi2CancelStep, "steps are never pending", fmi2Component c)
+NOT_PROVIDED(fmi2SetRealInputDerivatives, "inputs are not interpolated", REFERENCES, const fmi2Integer order[],
+             const fmi2Real value[])
+NOT_PROVIDED(fmi2GetRealOutputDerivatives, "outputs have no derivatives by time", REFERENCES,
+             const fmi2Integer order[], fmi2Real value[])

@@ -6,10 +6,10 @@
        step(x, u, p, h) -> (x_next, y)   u holds at the end of the step
 
    model.h holds the table of variables, functions.h the C code that CasADi generated from the model's expressions. A
-   Stepper holds all the memory it needs; nothing is global, so instances may run in different threads. Every function either
-   does what it says and returns true, or writes a message that says why not, returns false and leaves the state as it was.
-   Everything is static or carries the model's name, so that sources of several FMUs can be linked into one program; define
-   FMI2_FUNCTION_PREFIX or FMI3_FUNCTION_PREFIX for that, as the standard says. */
+   Stepper holds all the memory it needs; nothing is global, so instances may run in different threads. A function that
+   returns a bool either does what it says and returns true, or writes a message that says why not, returns false and
+   leaves the state as it was. Everything is static or carries the model's name, so that sources of several FMUs can be
+   linked into one program; define FMI2_FUNCTION_PREFIX or FMI3_FUNCTION_PREFIX for that, as the standard says. */
 
 /* the same numbers everywhere: no fused multiply-add */
 #if defined(__clang__)
@@ -55,9 +55,9 @@ typedef enum { INSTANTIATED, INITIALIZING, RUNNING, TERMINATED } Mode;
 /* Everything that an instance remembers, and so what a saved state holds. */
 typedef struct {
   int64_t mode;
-  double time;              /* [s], for messages and for hosts that ask; the model itself is autonomous */
-  double last_step;         /* [s], 0 before the first */
-  double limit_before;      /* [s], largest internal step when the last step began, for derivatives */
+  double time;         /* [s], for hosts that read it; the model itself is autonomous */
+  double last_step;    /* [s], 0 before the first */
+  double limit_before; /* [s], largest internal step when the last step began, for derivatives */
   double values[N_VARIABLES]; /* parameters, inputs, outputs, locals */
   double x[N_STATES];
   double x_before[N_STATES]; /* at the start of the last step, for derivatives */
@@ -87,8 +87,13 @@ static bool refuse(Stepper *s, const char *format, ...) {
 
 /* Refuse a call that the present mode does not allow. */
 static bool wrong_call(Stepper *s, const char *call) {
-  static const char *const modes[] = {"before initialization", "in initialization mode", "while it runs", "after its end"};
-  return refuse(s, "%s is not allowed %s of model '%s'", call, modes[s->state.mode], MODEL_NAME);
+  static const char *const when[] = {
+      "before initialization of model '" MODEL_NAME "'",
+      "while model '" MODEL_NAME "' is in initialization mode",
+      "while model '" MODEL_NAME "' is running",
+      "after model '" MODEL_NAME "' was terminated",
+  };
+  return refuse(s, "%s is not allowed %s", call, when[s->state.mode]);
 }
 
 static void stepper_reset(Stepper *s) {
@@ -102,7 +107,8 @@ static bool stepper_may_set(Stepper *s, size_t index) {
     return refuse(s, "'%s' is a result of model '%s' and cannot be set", VARIABLES[index].name, MODEL_NAME);
   }
   if (index < FIRST_INPUT && s->state.mode == RUNNING) {
-    return refuse(s, "parameter '%s' is fixed once model '%s' runs. Reset it, then set it.", VARIABLES[index].name, MODEL_NAME);
+    return refuse(s, "parameter '%s' is fixed once model '%s' runs. Reset it, then set it.", VARIABLES[index].name,
+                  MODEL_NAME);
   }
   return true;
 }
@@ -118,10 +124,13 @@ static bool in_range(Stepper *s, int begin, int end) {
     const Variable *v = &VARIABLES[i];
     double value = s->state.values[i];
     if (!(value >= v->minimum && value <= v->maximum)) {
-      bool plain = strcmp(v->unit, "1") == 0;
-      return refuse(s, "%s '%s' of model '%s' is %g%s%s; it must be a finite number from %g to %g. Correct it and call again.",
-                    i < FIRST_INPUT ? "parameter" : "input", v->name, MODEL_NAME, value, plain ? "" : " ", plain ? "" : v->unit,
-                    v->minimum == -DBL_MAX ? -HUGE_VAL : v->minimum, v->maximum == DBL_MAX ? HUGE_VAL : v->maximum);
+      bool has_unit = strcmp(v->unit, "1") != 0;
+      return refuse(s,
+                    "%s '%s' of model '%s' is %g%s%s; it must be a finite number from %g to %g. "
+                    "Correct it and call again.",
+                    i < FIRST_INPUT ? "parameter" : "input", v->name, MODEL_NAME, value, has_unit ? " " : "",
+                    has_unit ? v->unit : "", v->minimum == -DBL_MAX ? -HUGE_VAL : v->minimum,
+                    v->maximum == DBL_MAX ? HUGE_VAL : v->maximum);
     }
   }
   return true;
@@ -152,7 +161,7 @@ static bool stepper_initialize(Stepper *s) {
   return true;
 }
 
-/* Make a value ready to be read: while initializing, results are computed when they are asked for. */
+/* Make a value ready to be read: while initializing, a result is computed when it is read. */
 static bool stepper_may_get(Stepper *s, size_t index) {
   if (index < FIRST_RESULT || s->state.mode >= RUNNING || s->results_known) return true;
   if (s->state.mode == INSTANTIATED) return wrong_call(s, "reading a result");
@@ -163,15 +172,17 @@ static bool stepper_may_get(Stepper *s, size_t index) {
 static bool divide(Stepper *s, double h, double limit, double *count) {
   double ratio = h / limit * (1.0 - 1e-12);
   if (!(ratio <= MAX_INTERNAL_STEPS)) {
-    return refuse(s, "a step of %g s needs %.3g internal steps of %.3e s of model '%s', more than %g. Use shorter communication steps.",
+    return refuse(s,
+                  "a step of %g s needs %.3g internal steps of %.3e s of model '%s', more than %g. "
+                  "Use shorter communication steps.",
                   h, ratio, limit, MODEL_NAME, MAX_INTERNAL_STEPS);
   }
   *count = ratio > 1.0 ? ceil(ratio) : 1.0;
   return true;
 }
 
-/* Carry s->x over h [s] in internal steps, the first no longer than limit [s], and leave the end in s->next; if asked, carry
-   s->dx along with inputs that change by s->du, and leave the end of that in s->d_next. */
+/* Carry s->x over h [s] in internal steps, the first no longer than limit [s], and leave the end in s->next. With the
+   derivative, carry s->dx along for inputs that change by s->du, and leave the end of that in s->d_next. */
 static bool integrate(Stepper *s, double h, double limit, bool with_derivative) {
   const double *values = s->state.values;
   double remaining = 1.0, part;
@@ -231,8 +242,19 @@ static bool stepper_step(Stepper *s, double h) {
   return true;
 }
 
-/* Change of all results (s->d_next + N_STATES) with the inputs (s->du) over the last step, taken again from its beginning
-   with the inputs as they stand; before the first step, change of the initial results. Leaves the state alone. */
+/* Let an input change at the given rate in the derivative that is taken next, beside those that change already. */
+static bool stepper_seed(Stepper *s, size_t index, double rate) {
+  if (index < FIRST_INPUT || index >= FIRST_RESULT) {
+    return refuse(s, "model '%s' has derivatives by its inputs only, and '%s' is no input", MODEL_NAME,
+                  VARIABLES[index].name);
+  }
+  s->du[index - FIRST_INPUT] += rate;
+  return true;
+}
+
+/* Change of all results (s->d_next + N_STATES) with the inputs (s->du) over the last step, taken again from its
+   beginning with the inputs as they stand; before the first step, change of the initial results. Leaves the state
+   alone. */
 static bool stepper_derivative(Stepper *s) {
   if (s->state.mode == INSTANTIATED) return wrong_call(s, "taking a derivative");
   if (!in_range(s, 0, FIRST_RESULT)) return false;
@@ -250,44 +272,8 @@ static bool stepper_derivative(Stepper *s) {
   return integrate(s, s->state.last_step, s->state.limit_before, true);
 }
 
-/* What stepper_derivative found for one variable. */
+/* The derivative of one variable, after stepper_derivative. */
 static double derivative_of(const Stepper *s, size_t index) {
   if (index >= FIRST_RESULT) return s->d_next[N_STATES + index - FIRST_RESULT];
   return index >= FIRST_INPUT ? s->du[index - FIRST_INPUT] : 0.0;
-}
-
-/* A serialized state is the magic, the model's digest, a checksum, and the state. */
-#define STATE_HEAD (sizeof STATE_MAGIC + 4)
-#define STATE_SIZE (STATE_HEAD + sizeof(State))
-static const uint8_t STATE_MAGIC[24] = {'G', 'O', 'S', 'S', 'A', 'M', 'E', 'R', MODEL_DIGEST};
-
-static uint32_t crc32(const uint8_t *bytes, size_t size) {
-  uint32_t crc = ~0u;
-  for (size_t i = 0; i < size; i++) {
-    crc ^= bytes[i];
-    for (int bit = 0; bit < 8; bit++) crc = crc >> 1 ^ (0xEDB88320u & -(crc & 1));
-  }
-  return ~crc;
-}
-
-static void state_write(const State *state, uint8_t *bytes) {
-  uint32_t crc;
-  memcpy(bytes, STATE_MAGIC, sizeof STATE_MAGIC);
-  memcpy(bytes + STATE_HEAD, state, sizeof *state);
-  crc = crc32(bytes + STATE_HEAD, sizeof *state);
-  memcpy(bytes + sizeof STATE_MAGIC, &crc, 4);
-}
-
-static bool state_read(Stepper *s, State *state, const uint8_t *bytes, size_t size) {
-  uint32_t crc;
-  if (size != STATE_SIZE || memcmp(bytes, STATE_MAGIC, sizeof STATE_MAGIC) != 0) {
-    return refuse(s, "this is no saved state of model '%s', which is %zu bytes and begins with its digest", MODEL_NAME, STATE_SIZE);
-  }
-  memcpy(&crc, bytes + sizeof STATE_MAGIC, 4);
-  if (crc != crc32(bytes + STATE_HEAD, sizeof *state)) {
-    return refuse(s, "this saved state of model '%s' is damaged: its checksum does not fit", MODEL_NAME);
-  }
-  memcpy(state, bytes + STATE_HEAD, sizeof *state);
-  if (state->mode < INSTANTIATED || state->mode > TERMINATED) return refuse(s, "this saved state of model '%s' is forged", MODEL_NAME);
-  return true;
 }

@@ -19,10 +19,11 @@ import casadi as ca
 import numpy as np
 
 from ..errors import ParameterError
+from ..modes import phi_1
 from ..sensor.artifact import SensorArtifact
 from ..sensor.hysteresis import widths
 from ..sensor.model import ADVICE, SCALE_VARIABLES, normalised, resistance, resting_state, saturated, with_scales
-from ..sensor.relaxation import fall, phi_1, rise
+from ..sensor.relaxation import excitation
 from ..sensor.state import SensorLaw, SensorState
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter
@@ -111,9 +112,9 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
 
     Notes
     -----
-    Chapter 5 of [1]_: the decayed modes and the static output are subtracted, the sign of the remainder shows whether
-    strain rises or falls, and the surface of Eqs. (5.3), (5.4) is inverted; here the surface is never tabulated, and the
-    operators switched within the step count with their exact step response. The recovered strain then advances the
+    Chapter 5 of [1]_: the decayed modes, Eq. (5.7), and the static output are subtracted, the sign of the remainder
+    shows whether strain rises or falls, and the surface of Eqs. (5.3) and (5.4) is inverted; here it is never tabulated,
+    and the operators switched within the step count with their exact step response. The recovered strain then advances the
     compensator's own memory through ``SensorLaw.advance``, the function that the sensor runs.
 
     While a resistance is out of reach, memory stands still and only the modes decay, so a spike leaves no trace. The
@@ -121,8 +122,8 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
 
     References
     ----------
-    .. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer
-       Nanocomposite Sensors", dissertation, Virginia Tech, 2010, chapter 5.
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapter 5.
     """
     if not artifact.exactly_invertible:
         msg = (
@@ -190,8 +191,8 @@ def invert(law: SensorLaw, state: SensorState, target: ca.MX, h: ca.MX) -> tuple
     target = ca.fabs(target)
     first = second = 0.0
     if law.bank.size:
-        rising = [ca.sum1(part) for part in rise(law.bank, state.s, h)]
-        falling = [-ca.sum1(part) for part in fall(law.bank, state.s, h)] if law.bank.falls else [0.0, 0.0]
+        rising = [ca.sum1(part) for part in excitation(law.bank, state.s, h, "rising")]
+        falling = [-ca.sum1(part) for part in excitation(law.bank, state.s, h, "falling")]
         first, second = (ca.if_else(up, a, b) for a, b in zip(rising, falling, strict=True))
 
     def relaxation(s: ca.MX) -> ca.MX:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..artifacts import read_arrays, read_artifact, write_artifact
 from ..errors import ArtifactError
 from .packets import BLOCK
@@ -46,12 +46,12 @@ class DetectorArtifact:
     start_time: float
     sampling_step: float
     samples: int
-    peaks: NDArray[np.float64]
-    baseline: NDArray[np.float64]
-    references: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    bias: NDArray[np.float64]
-    rules: NDArray[np.float64]
+    peaks: Vector
+    baseline: Vector
+    references: Vector
+    weights: Vector
+    bias: Vector
+    rules: Vector
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

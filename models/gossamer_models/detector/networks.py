@@ -10,14 +10,13 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
+from ..arrays import Vector
 from ..errors import DataError
 from .artifact import ZONES
 from .neurofuzzy import triangular_memberships
-
-Array = NDArray[np.float64]
 
 PEAKS = (0.0, 0.2, 0.4)
 SCALES = np.logspace(-3.0, 1.0, 13)
@@ -40,13 +39,13 @@ class Networks(NamedTuple):
         Root mean square error of the memberships [1] of each case from networks that are trained on all others.
     """
 
-    weights: Array
+    weights: Vector
     bias: float
-    rules: Array
+    rules: Vector
     leave_one_out: float
 
 
-def train_networks(I: Array, damages: Array, peaks: ArrayLike = PEAKS) -> Networks:
+def train_networks(I: Vector, damages: Vector, peaks: ArrayLike = PEAKS) -> Networks:
     """Train the sixteen networks of one window; the training cases are the references.
 
     Parameters
@@ -67,10 +66,10 @@ def train_networks(I: Array, damages: Array, peaks: ArrayLike = PEAKS) -> Networ
     -----
     W1_ij = scale / (r_j^2 d_i): r_j is how far index j strays from linear between neighbouring cases of the same zone, so
     that rough indices count less; d_i is the distance of reference i from its two nearest neighbours, so that every
-    reference reaches just its surroundings. The output layer is a ridge regression on the triangular memberships. Scale,
-    bias and ridge minimize the leave-one-out error: a residual over one minus the diagonal of the hat matrix, which one
-    singular value decomposition of S gives for every ridge. The sixteen networks share the similarity layer; each has its
-    own output layer.
+    reference reaches just its surroundings. The output layer, Section 6.3 of the thesis, is a ridge regression on the
+    triangular memberships. Scale, bias and ridge minimize the leave-one-out error: a residual over one minus the diagonal
+    of the hat matrix, which one singular value decomposition of S gives for every ridge. The sixteen networks share the
+    similarity layer; each has its own output layer.
 
     Raises
     ------

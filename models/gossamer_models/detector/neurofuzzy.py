@@ -8,8 +8,8 @@ Correction of the source: similarity falls with distance, so Eq. (6.3) must read
 
 References
 ----------
-.. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
-   Sensors", dissertation, Virginia Tech, 2010, sections 6.1 to 6.3 and 7.6.
+.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors, dissertation, Virginia Tech, 2010, Chapters 6 and 7.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from ..arrays import Vector
 
 Defuzzification = Literal["centroid", "mom", "som", "lom"]
 
@@ -48,7 +50,7 @@ def similarity(I: ca.MX, X: ca.MX, w1: ca.MX, b: float) -> ca.MX:
     return 1.0 / (1.0 + ca.exp(D - b))
 
 
-def triangular_memberships(damage: ArrayLike, peaks: ArrayLike) -> NDArray[np.float64]:
+def triangular_memberships(damage: ArrayLike, peaks: ArrayLike) -> Vector:
     """Return the memberships of damages in triangular fuzzy sets that share their feet with the neighbours' peaks.
 
     Parameters

@@ -10,8 +10,9 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Vector
 from ..membrane import membrane_model
 from ..simulate import simulate
 from ..step_model import StepModel
@@ -20,8 +21,6 @@ from .artifact import ZONES, DetectorArtifact
 from .model import SENSORS, detector_model
 from .networks import PEAKS, train_networks
 from .packets import packet_energies
-
-Array = NDArray[np.float64]
 
 SAMPLING_STEP = 3e-4
 SAMPLES = 844  # two periods of the thesis' pressure: energies of a periodic response do not depend on where it starts
@@ -40,7 +39,7 @@ UNSEEN = (0.32, 0.04, 0.22, 0.13, 0.07, 0.38, 0.27, 0.18, 0.02, 0.33, 0.09, 0.24
 STRAINS = tuple(f"strain[{i}]" for i in range(1, SENSORS + 1))
 
 
-def single_damage_cases(levels: Sequence[float] = LEVELS) -> Array:
+def single_damage_cases(levels: Sequence[float] = LEVELS) -> Vector:
     """List the undamaged membrane and every level in every zone alone.
 
     Returns
@@ -53,12 +52,12 @@ def single_damage_cases(levels: Sequence[float] = LEVELS) -> Array:
     return np.array(cases)
 
 
-def table_7_1_cases() -> Array:
+def table_7_1_cases() -> Vector:
     """Return the damages of the 13 single-damage cases of Table 7.1, shape (13, 16) [1]."""
     return np.array([damage * np.eye(ZONES)[zone - 1] for zone, damage in TABLE_7_1])
 
 
-def unseen_cases() -> Array:
+def unseen_cases() -> Vector:
     """Return damages between the training levels, one zone at a time, every zone once, shape (16, 16) [1]."""
     return np.diag(UNSEEN)
 
@@ -68,7 +67,7 @@ def _membrane() -> StepModel:
     return membrane_model()
 
 
-def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAMPLING_STEP) -> Array:
+def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAMPLING_STEP) -> Vector:
     """Simulate the four strain histories of the default membrane from the start of its load.
 
     Parameters
@@ -92,7 +91,7 @@ def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAM
     return np.array(list(simulate(membrane, np.full(samples, sampling_step), {}, STRAINS).values()))
 
 
-def window_energies(strains: ArrayLike, samples: int) -> Array:
+def window_energies(strains: ArrayLike, samples: int) -> Vector:
     """Return the packet energies of successive windows.
 
     Parameters
@@ -164,11 +163,11 @@ def train_detector(
     )
 
 
-def _case_energies(damage: Array) -> Array:
+def _case_energies(damage: Vector) -> Vector:
     return window_energies(simulate_strains(damage, WINDOWS * SAMPLES), SAMPLES)
 
 
-def estimate_damage(strains: ArrayLike, detector: StepModel) -> Array:
+def estimate_damage(strains: ArrayLike, detector: StepModel) -> Vector:
     """Run the detector over one record of its sampling step and return the damage after the last window.
 
     Parameters

@@ -1,12 +1,9 @@
 """Fractional models of the sensor: memory that fades as a power of time."""
 
 from .artifact import SCHEMA, FadingTerm, FractionalArtifact, FractionalTerm
-from .identify import FractionalFit, identify_fractional
-from .kernels import ModeGrid
+from .fit import FractionalFit, fit_fractional, predict_record
 from .model import fractional_sensor_model, predict
 from .operators import derivative, integral
-from .parameters import Parameter
-from .records import Misfit, UniformRecord, misfit
 from .settings import FractionalSettings
 
 __all__ = [
@@ -16,14 +13,10 @@ __all__ = [
     "FractionalFit",
     "FractionalSettings",
     "FractionalTerm",
-    "Misfit",
-    "ModeGrid",
-    "Parameter",
-    "UniformRecord",
     "derivative",
+    "fit_fractional",
     "fractional_sensor_model",
-    "identify_fractional",
     "integral",
-    "misfit",
     "predict",
+    "predict_record",
 ]

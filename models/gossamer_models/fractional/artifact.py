@@ -2,12 +2,12 @@ r"""Identified numbers of one fractional model and where they come from.
 
 Symbols: ``s`` strain over its full scale [1], :math:`C_0, C_k` coefficients [1], [s**a] or [s**-a], :math:`a_k`
 orders [1], :math:`b_k` phases [1], :math:`C_l` coefficients [1/s], :math:`p_l` rates [1/s], :math:`q_l` exponents
-[1]. All models of Chapter 3 are
+[1]. All models of Chapter 3 of the thesis, Eqs. (3.15), (3.21) and (3.25), are
 
 .. math:: R - R_0 = \Delta R \left[C_0 s + \sum_k C_k\,O^{a_k} s_{b_k}
           + \sum_l C_l \int_0^t e^{-p_l (t-\tau)} s^{q_l}\,d\tau\right], \qquad O = D \text{ or } J,
 
-with :math:`s_b` the strain whose Fourier components are turned by :math:`\pi b/2`.
+with :math:`s_b` the strain whose Fourier components are turned by :math:`\pi b/2`, Eq. (3.18).
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ import numpy as np
 
 from ..artifacts import read_artifact, write_artifact
 from ..errors import ArtifactError, ParameterError
-from .kernels import ModeGrid, check_order
+from ..modes import PowerLawKernels
+from ..modes.power_law import check_order
 
 SCHEMA = "gossamer.fractional"
 VERSION = 1
@@ -88,7 +89,7 @@ class FractionalArtifact:
     Attributes
     ----------
     model : {"model-1", "sub-model-1", "sub-model-2"}
-        Eq. (3.15), derivatives; Eq. (3.21) and Eq. (3.25), integrals, of Chapter 3.
+        Eq. (3.15), derivatives; Eq. (3.21) and Eq. (3.25), integrals; of the thesis.
     direct : float
         :math:`C_0` [1].
     terms : tuple of FractionalTerm
@@ -102,7 +103,7 @@ class FractionalArtifact:
     rest_resistance : float
         :math:`R_0` [ohm] before the first loading.
     shortest, longest : float
-        Range of times [s] of the memory, see ``ModeGrid``.
+        Range of times [s] of the memory, see ``PowerLawKernels``.
     provenance : dict
         Origin and digest of the data, command, errors reached, assumptions.
     """
@@ -137,12 +138,12 @@ class FractionalArtifact:
         if self.fading and self.model != "model-1":
             msg = f"{self.model} has no fading integrals; only model-1 has. Leave them out."
             raise ParameterError(msg)
-        ModeGrid(self.shortest, self.longest)
+        _ = self.kernels  # refuses a memory that is none
 
     @property
-    def grid(self) -> ModeGrid:
-        """Rates of the memory."""
-        return ModeGrid(self.shortest, self.longest)
+    def kernels(self) -> PowerLawKernels:
+        """Kernels and rates of the memory."""
+        return PowerLawKernels(self.shortest, self.longest)
 
     def write(self, path: Path) -> None:
         """Write the artifact as JSON."""

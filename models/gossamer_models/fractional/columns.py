@@ -1,26 +1,24 @@
 r"""What one record contributes to a fit: the terms of a fractional model as columns, and their derivatives.
 
-Symbols: :math:`\theta` = (orders :math:`a_k`, rates :math:`p_l`, exponents :math:`q_l`); ``Phi`` columns of unit
-coefficient in the order strain, terms on the strain, terms on its quadrature (models with phases), fading integrals
-(model-1), one (where the resistance at rest is fitted).
+Symbols: :math:`\theta` = (orders :math:`a_k`, rates :math:`p_l`, exponents :math:`q_l`); ``s`` strain over full
+scale [1]; ``Phi`` columns of unit coefficient in the order strain, terms on the strain, terms on its quadrature (models with
+phases), fading integrals (model-1), one (where the resistance at rest is fitted).
 """
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from ..sensor.relaxation import phi_1, phi_2
+from ..arrays import Matrix, Rows, Vector
+from ..fitting.separable import Derivative
+from ..modes import PowerLawKernels, phi_1, phi_2
 from .artifact import ModelName
-from .kernels import ModeGrid
-from .operators import grid_of, modes, quadrature, rise_modes, started
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from .operators import covering, integral_modes, quadrature, slope_modes, started
+from .settings import FractionalSettings
 
 
-class Columns:
+class RecordColumns:
     """Terms of one model on one record.
 
     Parameters
@@ -29,90 +27,65 @@ class Columns:
         Strain over full scale [1].
     h : float
         Sampling step [s].
-    kept : slice
+    rows : ndarray of bool, shape (m,)
         Samples to return.
-    model : {"model-1", "sub-model-1", "sub-model-2"}
-        What the terms are.
-    n_terms, n_fading : int
-        Number of fractional and of fading terms.
-    grid : ModeGrid
-        Rates of the memory.
-    offset : bool
-        Whether a constant is among the terms.
+    settings : FractionalSettings
+        Model, numbers of terms and times of the memory.
+    rest : bool
+        Whether a constant is among the columns.
     """
 
-    def __init__(
-        self,
-        s: Vector,
-        h: float,
-        kept: slice,
-        model: ModelName,
-        n_terms: int,
-        n_fading: int,
-        grid: ModeGrid,
-        *,
-        offset: bool = False,
-    ) -> None:
-        grid_of(s, h, grid)
-        self._offset = offset
-        self.n_terms = n_terms
-        self.n_fading = n_fading if model == "model-1" else 0
-        self._s, self._kept, self._model = s[kept], kept, model
+    def __init__(self, s: Vector, h: float, rows: Rows, settings: FractionalSettings, *, rest: bool) -> None:
+        model, kernels = settings.model, PowerLawKernels(settings.shortest, settings.longest)
+        covering(s, h, kernels)
+        self._s, self._rows, self._rest = s[rows], rows, rest
+        self._n_terms, self._n_fading = settings.terms, settings.n_fading
         parts = (s,) if model == "sub-model-1" else (s, quadrature(s))
-        self._memories = [_memory(part, h, model, grid.rates)[kept] for part in parts]
+        self._memories = [_memory(part, h, model, kernels.rates)[rows] for part in parts]
         a = ca.SX.sym("a")
-        g = grid.weights(1.0 - a if model == "model-1" else a)
+        g = kernels.weights(1.0 - a if model == "model-1" else a)
         self._weights = ca.Function("weights", [a], [g, ca.jacobian(g, a)])
         self._fading = _fading(s, h)
 
     @property
-    def n_columns(self) -> int:
-        """Number of coefficients."""
-        return self.first_fading + self.n_fading + self._offset
-
-    @property
     def first_fading(self) -> int:
         """Place of the first fading integral."""
-        return 1 + len(self._memories) * self.n_terms
+        return 1 + len(self._memories) * self._n_terms
 
-    def evaluate(self, theta: Vector) -> tuple[Matrix, list[Matrix]]:
-        r"""Return the columns and their derivatives.
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return self.first_fading + self._n_fading + self._rest
 
-        Parameters
-        ----------
-        theta : ndarray, shape (N + 2 L,)
-            Orders [1], rates [1/s] and exponents [1].
-
-        Returns
-        -------
-        Phi : ndarray, shape (m, n_columns)
-            Columns.
-        slopes : list of ndarray, shape (m, n_columns)
-            Derivative by each element of ``theta``.
-        """
-        N, L = self.n_terms, self.n_fading
-        Phi = np.zeros((self._s.size, self.n_columns))
+    def evaluate(self, theta: Vector) -> tuple[Matrix, list[Derivative]]:
+        r"""Return the columns, shape (m, n), and their derivatives by each element of :math:`\theta`, shape (N + 2 L,)."""
+        N, L = self._n_terms, self._n_fading
+        Phi = np.zeros((self._s.size, self.count))
         Phi[:, 0] = self._s
-        slopes = [np.zeros_like(Phi) for _ in theta]
+        by_order: list[Derivative] = []
+        by_rate: list[Derivative] = []
+        by_exponent: list[Derivative] = []
         for k, a in enumerate(theta[:N]):
             g, dg = (np.array(each).ravel() for each in self._weights(a))
-            for i, memory in enumerate(self._memories):
-                column = 1 + i * N + k
-                Phi[:, column], slopes[k][:, column] = memory @ g, memory @ dg
+            columns = np.arange(1 + k, self.first_fading, N)
+            Phi[:, columns] = np.column_stack([memory @ g for memory in self._memories])
+            by_order.append((columns, np.column_stack([memory @ dg for memory in self._memories])))
         for k, (p, q) in enumerate(zip(theta[N : N + L], theta[N + L :], strict=True)):
-            column = self.first_fading + k
-            value, by_rate, by_exponent = (np.array(each).ravel()[self._kept] for each in self._fading(p, q))
-            Phi[:, column], slopes[N + k][:, column], slopes[N + L + k][:, column] = value, by_rate, by_exponent
-        if self._offset:
+            column = np.array([self.first_fading + k])
+            value, dp, dq = (np.array(each).reshape(-1, 1)[self._rows] for each in self._fading(p, q))
+            Phi[:, column] = value
+            by_rate.append((column, dp))
+            by_exponent.append((column, dq))
+        if self._rest:
             Phi[:, -1] = 1.0
-        return Phi, slopes
+        return Phi, [*by_order, *by_rate, *by_exponent]
 
 
 def _memory(v: Vector, h: float, model: ModelName, rates: Vector) -> Matrix:
     """Return the modes of a record and, last, what the mass of the kernel weighs, shape (m, n + 1)."""
     if model != "model-1":
-        return np.column_stack([modes(v, h, rates), started(v)])
-    memory = np.column_stack([rise_modes(v, h, rates), np.diff(v, prepend=v[:1]) / h])
+        return np.column_stack([integral_modes(v, h, rates), started(v)])
+    memory = np.column_stack([slope_modes(v, h, rates), np.diff(v, prepend=v[:1]) / h])
     memory[0] = 0.0  # as in ``model.predict``
     return memory
 
@@ -120,11 +93,10 @@ def _memory(v: Vector, h: float, model: ModelName, rates: Vector) -> Matrix:
 def _fading(s: Vector, h: float) -> ca.Function:
     r"""Return :math:`(p, q) \to \int_0^t e^{-p(t-\tau)} s^q\,d\tau` [s] at all samples, and its derivatives."""
     z, p, q, ends, stretched = (ca.SX.sym(name, n) for name, n in (("z", 1), ("p", 1), ("q", 1), ("e", 2), ("on", 2)))
-    v = stretched * ca.exp(
-        q * ends
-    )  # s**q from the logarithms of s at both ends of a sample; zero where s is not positive
+    # s**q from the logarithms of s at both ends of a sample; zero where s is not positive
+    power = stretched * ca.exp(q * ends)
     late = phi_2(p * h)
-    sample = ca.exp(-p * h) * z + h * ((phi_1(p * h) - late) * v[0] + late * v[1])
+    sample = ca.exp(-p * h) * z + h * ((phi_1(p * h) - late) * power[0] + late * power[1])
     state = ca.SX.sym("state", 3)  # z and its derivatives by p and q
     chain = ca.jacobian(sample, z)
     following = ca.vertcat(sample, chain * state[1] + ca.jacobian(sample, p), chain * state[2] + ca.jacobian(sample, q))

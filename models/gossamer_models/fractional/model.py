@@ -1,16 +1,19 @@
 r"""Fractional models: forward on a whole record, and sub-model-1 as a ``StepModel``.
 
-Symbols: ``s`` strain over full scale [1], ``z[q]`` modes [s], ``w[q]`` their weights [1/s], ``D`` direct part [1],
-``h`` step [s]; ``R0``, ``dR`` scales [ohm]. Sub-model-1, Eq. (3.21) of [1]_, is
+Symbols: ``s`` strain over full scale [1], ``z[q]`` modes [s], ``w[q]`` their weights [1/s], ``mass`` of their kernels [1]
+(``modes/power_law.py``), ``h`` step [s], ``p`` parameters by name; ``R`` resistance, ``R0`` at rest, ``dR`` change that an
+output of one stands for [ohm]. Sub-model-1, Eq. (3.21) of [1]_, is
 
-.. math:: R = R_0 + \Delta R\,(C_0 s + \sum_k C_k J^{a_k} s) = R_0 + \Delta R\,(D s + \sum_q w_q z_q),
+.. math:: R = R_0 + \Delta R\,(C_0 s + \sum_k C_k J^{a_k} s)
+            = R_0 + \Delta R\,\bigl((C_0 + \mathrm{mass})\,s + \sum_q w_q z_q\bigr),
           \qquad \dot z_q = -\lambda_q z_q + s.
 
 All orders share the modes, so a step costs the same for any number of terms and at any time of a record.
 
 References
 ----------
-.. [1] M. R. Sunny, dissertation, Virginia Tech, chapter 3.
+.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors, dissertation, Virginia Tech, 2010, Chapter 3.
 """
 
 from __future__ import annotations
@@ -20,22 +23,19 @@ from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..errors import ParameterError
+from ..modes import phi_1, phi_2
 from ..sensor.model import RESISTANCE, SCALE_VARIABLES, STRAIN, saturated
-from ..sensor.relaxation import phi_1, phi_2
 from ..step_model import StepModel
 from ..variables import Variable
 from .artifact import FadingTerm, FractionalArtifact
-from .kernels import at_order
-from .operators import grid_of, quadrature, rise_modes, started, weighed_modes
-
-Vector = NDArray[np.float64]
+from .operators import covering, integral_modes, quadrature, slope_modes, started, weighed
 
 
 def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:
-    """Return the resistance [ohm], shape (m,), of a whole record.
+    """Return the resistance [ohm], shape (m,), of a whole record: Eq. (3.15), (3.21) or (3.25) of [1]_.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:
     DataError
         The record is not finite, or outside the range of times of the artifact.
     """
-    grid_of(strain, h, artifact.grid)
+    covering(strain, h, artifact.kernels)
     s = strain / artifact.full_scale_strain
     output = artifact.direct * s
     if any(term.phase for term in artifact.terms):
@@ -66,26 +66,25 @@ def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:
 def _remembered(artifact: FractionalArtifact, v: Vector, h: float, part: str) -> Vector:
     """Return the sum of all fractional terms on the record or on its quadrature [1], shape (m,)."""
     w, mass = summed_weights(artifact, part)
-    rates = artifact.grid.rates
+    rates = artifact.kernels.rates
     if artifact.model != "model-1":
-        return weighed_modes(v, h, rates, w) + mass * started(v)
+        return weighed(integral_modes, v, h, rates, w) + mass * started(v)
     slope = np.diff(v, prepend=v[:1]) / h
-    found = rise_modes(v, h, rates) @ w + mass * slope
-    found[0] = (
-        0.0  # the derivative of a jump at t = 0 is infinite there, Eq. (3.11); the sample at t = 0 is left without
-    )
-    return np.asarray(found)
+    output = weighed(slope_modes, v, h, rates, w) + mass * slope
+    output[0] = 0.0  # the derivative of a jump at t = 0 is infinite there, Eq. (3.11), and left out
+    return output
 
 
 def summed_weights(artifact: FractionalArtifact, part: str = "cosine") -> tuple[Vector, float]:
     r"""Return weights of the modes, shape (n,), and mass of all fractional terms, on the record or on its quadrature.
 
     The kernels of :math:`D^a` and :math:`J^{1-a}` are the same. A term weighs the record with :math:`\cos(\pi b/2)`
-    and its quadrature with :math:`-\sin(\pi b/2)`.
+    and its quadrature with :math:`-\sin(\pi b/2)`, which is the turn of Eqs. (3.16) and (3.18) of [1]_; Eq. (3.17) prints
+    sine and cosine exchanged.
     """
-    w, mass = np.zeros(artifact.grid.rates.size), 0.0
+    w, mass = np.zeros(artifact.kernels.rates.size), 0.0
     for term in artifact.terms:
-        g, m = at_order(artifact.grid, 1.0 - term.order if artifact.model == "model-1" else term.order)
+        g, m = artifact.kernels.at_order(1.0 - term.order if artifact.model == "model-1" else term.order)
         angle = 0.5 * np.pi * term.phase
         C = term.coefficient * (np.cos(angle) if part == "cosine" else -np.sin(angle))
         w, mass = w + C * g, mass + C * m
@@ -93,13 +92,13 @@ def summed_weights(artifact: FractionalArtifact, part: str = "cosine") -> tuple[
 
 
 def faded(s: Vector, h: float, term: FadingTerm) -> Vector:
-    r"""Return :math:`\int_0^t e^{-p(t-\tau)} s^q\,d\tau` [s], shape (m,), with the power linear between samples.
+    r"""Return :math:`\int_0^t e^{-p_l(t-\tau)} s^{q_l}\,d\tau` [s], shape (m,), with the power linear between samples.
 
-    The thesis takes the trapezoidal rule for the whole integrand, Eq. (3.20), which fails where p h is not small; with
-    :math:`s^{q}` as in Eq. (3.15). Negative strain counts as none.
+    The thesis takes the trapezoidal rule for the whole integrand, Eq. (3.20), which fails where :math:`p_l h` is not small;
+    with :math:`s^{q_l}` as in Eq. (3.15). Negative strain counts as none.
     """
     power = np.where(s > 0.0, np.maximum(s, 1e-300) ** term.exponent, 0.0)
-    return weighed_modes(power, h, np.array([term.rate]), np.ones(1))
+    return np.asarray(integral_modes(power, h, np.array([term.rate]))[:, 0])
 
 
 def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
@@ -135,7 +134,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
         )
         raise ParameterError(msg)
     weights, mass = summed_weights(artifact)
-    rates, w = ca.DM(artifact.grid.rates), ca.DM(weights)
+    rates, w = ca.DM(artifact.kernels.rates), ca.DM(weights)
     n = rates.numel()
 
     def init(_: SimpleNamespace, p: SimpleNamespace) -> tuple[ca.MX, dict[str, ca.MX]]:
@@ -175,9 +174,8 @@ def _scale_variables(artifact: FractionalArtifact) -> tuple[Variable, ...]:
     """Return the sensor's parameters, same names and order, with the artifact's values and what they mean here."""
     rest, change, full_scale, rest_strain = SCALE_VARIABLES
     return (
-        replace(
-            rest, start=artifact.rest_resistance, minimum=min(0.0, artifact.rest_resistance)
-        ),  # no resistance but a signal
+        # a signal that is no resistance may rest below zero
+        replace(rest, start=artifact.rest_resistance, minimum=min(0.0, artifact.rest_resistance)),
         replace(
             change,
             start=artifact.resistance_change,

@@ -1,7 +1,7 @@
 r"""Fractional integral and derivative of a sampled record, in time that grows with its length only.
 
 Symbols: :math:`u_m` samples, ``h`` sampling step [s], :math:`a` order [1], :math:`z_q` modes of a bank with rates
-:math:`\lambda_q` and weights :math:`g_q` (see ``kernels.py``), :math:`x = \lambda h`.
+:math:`\lambda_q` and weights :math:`g_q` (see ``modes/power_law.py``).
 
 The operators are those of Riemann and Liouville, Eqs. (3.1) and (3.2) of [1]_. They differ from Caputo's in one term:
 the derivative of a record that does not start at zero begins with :math:`u_0 t^{-a}/\Gamma(1-a)`, which is infinite
@@ -9,27 +9,26 @@ at t = 0.
 
 References
 ----------
-.. [1] M. R. Sunny, dissertation, Virginia Tech, chapter 3.
+.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors, dissertation, Virginia Tech, 2010, Chapter 3.
 """
 
 from __future__ import annotations
 
-import casadi as ca
+from collections.abc import Callable
+
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import hilbert, lfilter
+from scipy.signal import hilbert
 from scipy.special import gamma
 
+from ..arrays import Matrix, Vector
 from ..errors import DataError
-from ..sensor.relaxation import phi_1, phi_2
-from .kernels import ModeGrid, at_order, check_order
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from ..modes import PowerLawKernels, responses
+from ..modes.power_law import check_order
 
 
-def integral(u: Vector, h: float, order: float, grid: ModeGrid | None = None) -> Vector:
-    r"""Return :math:`J^a u` [unit of u times s**order], Eq. (3.2), shape (m,).
+def integral(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:
+    r"""Return :math:`J^a u` [unit of u times s**order], Eq. (3.2) of [1]_, shape (m,).
 
     Parameters
     ----------
@@ -39,39 +38,38 @@ def integral(u: Vector, h: float, order: float, grid: ModeGrid | None = None) ->
         Sampling step [s].
     order : float
         :math:`a` [1], 0 < a < 1.
-    grid : ModeGrid or None
-        Rates; None for those that the record needs.
+    kernels : PowerLawKernels or None
+        Their rates; None for those that the record needs.
 
     Raises
     ------
     ParameterError
         The order is outside 0..1.
     DataError
-        The record is not one column of finite numbers, or ``grid`` does not cover it.
+        The record is not one column of finite numbers, or ``kernels`` do not cover it.
     """
-    grid = grid_of(u, h, grid)
-    g, mass = at_order(grid, order)
-    return weighed_modes(u, h, grid.rates, g) + mass * started(u)
+    kernels = covering(u, h, kernels)
+    g, mass = kernels.at_order(order)
+    return weighed(integral_modes, u, h, kernels.rates, g) + mass * started(u)
 
 
-def derivative(u: Vector, h: float, order: float, grid: ModeGrid | None = None) -> Vector:
-    r"""Return :math:`D^a u` [unit of u times s**-order], Eq. (3.1), shape (m,); arguments as of ``integral``.
+def derivative(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:
+    r"""Return :math:`D^a u` [unit of u times s**-order], Eq. (3.1) of [1]_, shape (m,); arguments as in ``integral``.
 
     Notes
     -----
     :math:`D^a u = J^{1-a} \dot u + u_0 t^{-a}/\Gamma(1-a)`, with :math:`\dot u` constant over a sample. The value at
     t = 0 is zero if the record starts at zero, else infinite.
     """
-    grid = grid_of(u, h, grid)
+    kernels = covering(u, h, kernels)
     check_order(order)
-    g, mass = at_order(grid, 1.0 - order)
+    g, mass = kernels.at_order(1.0 - order)
     slope = np.diff(u, prepend=u[:1]) / h
-    found = sum(g[q] * _rise_mode(u, h, rate, 0.0) for q, rate in enumerate(grid.rates)) + mass * slope
-    return np.asarray(found + initial_term(u, h, order))
+    return weighed(slope_modes, u - u[0], h, kernels.rates, g) + mass * slope + initial_term(u, h, order)
 
 
 def initial_term(u: Vector, h: float, order: float) -> Vector:
-    r"""Return :math:`u_0 t^{-a}/\Gamma(1-a)`, shape (m,), Eq. (3.11): what the derivative keeps of the first sample."""
+    r"""Return :math:`u_0 t^{-a}/\Gamma(1-a)`, shape (m,): what the derivative keeps of the first sample, Eq. (3.11)."""
     if u[0] == 0.0:
         return np.zeros(u.size)
     t = h * np.arange(1, u.size)
@@ -83,27 +81,29 @@ def quadrature(u: Vector) -> Vector:
 
     Notes
     -----
-    The Hilbert transform. It needs the whole record and takes it as one period: not causal, offline only.
+    The Hilbert transform: :math:`\epsilon_{Ph}` of Eq. (3.18) of [1]_ for b = -1. It needs the whole record and takes it as
+    one period: not causal, offline only.
     """
     return np.asarray(np.imag(hilbert(u)))
 
 
-def modes(u: Vector, h: float, rates: Vector) -> Matrix:
+def integral_modes(u: Vector, h: float, rates: Vector) -> Matrix:
     r"""Return the modes :math:`\int_0^t e^{-\lambda_q (t-\tau)} u\,d\tau` [unit of u times s] of a record, shape (m, n)."""
-    return np.column_stack([_mode(u, h, rate) for rate in rates])
+    return responses(h, h, u, rates, 1)
 
 
-def rise_modes(u: Vector, h: float, rates: Vector) -> Matrix:
+def slope_modes(u: Vector, h: float, rates: Vector) -> Matrix:
     r"""Return the modes of the slope, of a record that jumps from zero to its first sample at t = 0, shape (m, n).
 
     :math:`z_q(t) = u_0 e^{-\lambda_q t} + \int_0^t e^{-\lambda_q (t - \tau)} \dot u\,d\tau` [unit of u].
     """
-    return np.column_stack([_rise_mode(u, h, rate, u[0]) for rate in rates])
+    jump = u[0] * np.exp(-h * np.outer(np.arange(u.size), rates)) if u[0] else 0.0
+    return responses(h, np.diff(u), u, rates) + jump
 
 
-def weighed_modes(u: Vector, h: float, rates: Vector, weights: Vector) -> Vector:
-    """Return the weighted sum of ``modes``, shape (m,), without keeping them."""
-    return np.asarray(sum((g * _mode(u, h, rate) for g, rate in zip(weights, rates, strict=True)), np.zeros(u.size)))
+def weighed(modes: Callable[[Vector, float, Vector], Matrix], u: Vector, h: float, rates: Vector, w: Vector) -> Vector:
+    """Return the sum of modes with weights ``w``, shape (m,); one mode is kept at a time."""
+    return np.asarray(sum((w[q] * modes(u, h, rates[[q]])[:, 0] for q in range(rates.size)), np.zeros(u.size)))
 
 
 def started(u: Vector) -> Vector:
@@ -111,32 +111,18 @@ def started(u: Vector) -> Vector:
     return np.concatenate([[0.0], u[1:]])
 
 
-def grid_of(u: Vector, h: float, grid: ModeGrid | None) -> ModeGrid:
-    """Return rates that cover a record; check both."""
+def covering(u: Vector, h: float, kernels: PowerLawKernels | None) -> PowerLawKernels:
+    """Return kernels that cover a record; check both."""
     if u.ndim != 1 or u.size < 2 or not (np.isfinite(u).all() and 0.0 < h < np.inf):
         msg = f"need a record of two or more finite samples and a positive step [s], not shape {u.shape} every {h!r} s"
         raise DataError(msg)
     lasts = h * (u.size - 1)
-    if grid is None:
-        return ModeGrid(h, max(lasts, 2.0 * h))
-    if h < 0.999 * grid.shortest or lasts > 1.001 * grid.longest:
+    if kernels is None:
+        return PowerLawKernels(h, max(lasts, 2.0 * h))
+    if h < 0.999 * kernels.shortest or lasts > 1.001 * kernels.longest:
         msg = (
-            f"a record of {lasts:g} s in steps of {h:g} s is outside the memory of {grid.shortest:g} s to "
-            f"{grid.longest:g} s. Widen its range of times."
+            f"a record of {lasts:g} s in steps of {h:g} s is outside the memory of {kernels.shortest:g} s to "
+            f"{kernels.longest:g} s. Widen its range of times."
         )
         raise DataError(msg)
-    return grid
-
-
-def _mode(u: Vector, h: float, rate: float) -> Vector:
-    x = ca.DM(rate * h)
-    late = h * float(phi_2(x))
-    early = h * float(phi_1(x)) - late
-    found, _ = lfilter([late, early], [1.0, -np.exp(-rate * h)], u, zi=[-late * u[0]])
-    return np.asarray(found)
-
-
-def _rise_mode(u: Vector, h: float, rate: float, start: float) -> Vector:
-    rises = np.diff(u, prepend=u[:1])
-    rises[0] = start / float(phi_1(ca.DM(rate * h)))
-    return np.asarray(lfilter([float(phi_1(ca.DM(rate * h)))], [1.0, -np.exp(-rate * h)], rises))
+    return kernels

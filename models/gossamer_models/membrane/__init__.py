@@ -1,6 +1,6 @@
 """Prestressed square membrane: explicit production step, and statics and implicit steps to verify it."""
 
-from .equations import MembraneEquations
+from .assembly import MembraneEquations
 from .implicit import MembraneHistory, integrate_implicit
 from .mesh import SquareMesh, square_mesh
 from .model import membrane_model

@@ -1,13 +1,14 @@
 r"""The bilinear membrane element: the one place where its forces are written.
 
-Symbols: ``X`` reference and ``x`` current node positions, ``s``, ``t`` parent coordinates [1], ``H`` the four bilinear modes
-1, s, t, st at the nodes, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` Green-Lagrange
-strain, ``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu`` Poisson's ratio [1].
-Lengths are in any one unit in which the element is of order one; forces are per thickness. Explicit steps, statics, implicit
-steps and frequencies all evaluate these expressions or their ``ca.jacobian``.
+Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1], ``H`` the four bilinear modes 1, s, t, st and
+``dH`` their parent derivatives, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the
+Green-Lagrange strain, ``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu``
+Poisson's ratio [1], ``D`` = E/(1 - nu^2). Lengths are in any one unit; forces are per thickness. Explicit steps, statics,
+implicit steps and frequencies all evaluate these expressions or their ``ca.jacobian``.
 
-Every quantity is a column with an entry per element, and a vector is a list of three columns. So the same lines serve one
-element (SX) and, at a fraction of the cost in CasADi's virtual machine, all elements of a mesh at once (MX).
+Matrices are NumPy arrays whose entries are CasADi columns with a row per element. So the same lines serve one element (SX)
+and, at a fraction of the cost in CasADi's virtual machine, all elements of a mesh at once (MX). CasADi leaves out
+multiplications by one and zero and additions of zero.
 """
 
 from __future__ import annotations
@@ -19,15 +20,20 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-GAUSS = 1.0 / np.sqrt(3.0)
-
-_MODES = np.column_stack([CORNERS, CORNERS.prod(axis=1)])  # modes s, t, st at the nodes; forces have the fourth one too
+from ..arrays import Vector
 
 Column: TypeAlias = ca.MX  # or ca.SX
-Vector: TypeAlias = list[Column]
+Matrix: TypeAlias = NDArray[np.object_]  # of columns
 
-# keeps the derivative of the larger principal stretch finite where both are equal; 1e-12 relative to a stretch
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+MODES = np.column_stack([np.ones(4), CORNERS, CORNERS.prod(axis=1)])  # 1, s, t, st at the nodes
+
+# at the Gauss points, modes and their derivatives are signs times these
+_GAUSS = 1.0 / np.sqrt(3.0)
+_VALUE = np.array([1.0, _GAUSS, _GAUSS, _GAUSS**2])
+_SLOPE = np.array([1.0, 1.0, 1.0, _GAUSS])
+
+# keeps the derivative of the larger principal strain finite where both are equal; 1e-12 relative to a stretch
 _TINY = 1e-24
 
 
@@ -37,34 +43,41 @@ class GaussPoint:
 
     Attributes
     ----------
-    s, t : float
-        Signs [1] of its parent coordinates, which are this times ``GAUSS``.
+    H : ndarray, shape (4,)
+        Signs of the modes [1].
+    dH : ndarray, shape (4, 2)
+        Signs of their parent derivatives [1].
     J_inverse : ndarray, shape (2, 2)
-        Derivative of parent by reference coordinates [1/length].
+        Derivative of a quarter of the parent coordinates by reference coordinates [1/length].
     dA : float
-        Reference area [length^2] it stands for: the determinant of ``J``, as the weights of the 2 x 2 rule are 1.
+        Reference area [length^2] that it stands for: the determinant of J, since the weights of the 2 x 2 rule are 1.
     """
 
-    s: float
-    t: float
-    J_inverse: NDArray[np.float64]
+    H: Vector
+    dH: Vector
+    J_inverse: Vector
     dA: float
 
 
-def shape_functions(s: float, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Evaluate the bilinear shape functions and their parent gradients, shapes (4,) and (4, 2)."""
-    a, b = 1.0 + CORNERS[:, 0] * s, 1.0 + CORNERS[:, 1] * t
-    return a * b / 4.0, np.column_stack([CORNERS[:, 0] * b, CORNERS[:, 1] * a]) / 4.0
+def modes(s: float, t: float) -> tuple[Vector, Vector]:
+    """Evaluate the modes 1, s, t, st and their parent derivatives, shapes (4,) and (4, 2)."""
+    return np.array([1.0, s, t, s * t]), np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [t, s]])
 
 
-def gauss_points(X: NDArray[np.float64]) -> list[GaussPoint]:
+def gauss_points(X: Vector) -> list[GaussPoint]:
     """Describe the 2 x 2 Gauss points of an element with reference node positions ``X``, shape (4, 2) [length]."""
     points = []
     for s, t in CORNERS:
-        J = X.T @ shape_functions(s * GAUSS, t * GAUSS)[1]
-        J = np.round(J, 14)  # zeros and ones in place of round-off: CasADi leaves out multiplications by them
-        points.append(GaussPoint(float(s), float(t), np.asarray(np.linalg.inv(J)), float(np.linalg.det(J))))
+        H, dH = modes(s, t)
+        J = np.round(X.T @ MODES * _SLOPE @ dH, 14)  # four times J, and zeros and ones in place of round-off
+        points.append(GaussPoint(H, dH, np.asarray(np.linalg.inv(J)), float(np.linalg.det(J)) / 16.0))
     return points
+
+
+def element_mass(points: list[GaussPoint]) -> Vector:
+    """Integrate the consistent mass matrix per density and thickness [length^2], shape (12, 12)."""
+    N = np.array([point.H for point in points]) * _VALUE @ MODES.T / 4.0
+    return np.kron(N.T @ np.diag([point.dA for point in points]) @ N, np.eye(3))
 
 
 def element_force(
@@ -92,17 +105,14 @@ def element_force(
 
     Notes
     -----
-    With :math:`F = \sum_a x_a \otimes \nabla N_a`, :math:`e = (F^T F - 1)/2` and St Venant-Kirchhoff's law in plane stress,
-    :math:`S = E/(1-\nu^2)\,[(1-\nu)\,e + \nu\,\mathrm{tr}(e)\,1]`, the force on node :math:`a` is
+    With :math:`F = \sum_I x_I \otimes \nabla N_I`, :math:`e = F^T F - 1` and St Venant-Kirchhoff's law in plane stress,
+    :math:`S = \tfrac12 D\,[(1-\nu)\,e + \nu\,\mathrm{tr}(e)\,1]`, the force on node :math:`I` is
 
-    .. math:: f_a = \int N_a\,p\; x_{,s} \times x_{,t}\,\mathrm{d}s\,\mathrm{d}t - \int F S\,\nabla N_a\,\mathrm{d}A,
+    .. math:: f_I = \int N_I\,p\; x_{,s} \times x_{,t}\,\mathrm{d}s\,\mathrm{d}t - \int F S\,\nabla N_I\,\mathrm{d}A,
 
     the total Lagrangian form of [1]_ with the consistent follower load of [2]_, both by the 2 x 2 Gauss rule (exact for the
     load of a plane element). Positions and forces are split into the four modes 1, s, t, st, since
-    :math:`N_a = \tfrac14 (1 + s_a s)(1 + t_a t)`; this halves the operations. Compression is carried: no wrinkling.
-
-    A longitudinal wave along the principal stretch :math:`\lambda` has :math:`\rho_0 c_0^2 = \lambda^2 E/(1-\nu^2) + S`,
-    :math:`c_0` in reference lengths; a transverse one has :math:`S` alone.
+    :math:`N_I = \tfrac14 (1 + s_I s)(1 + t_I t)`; this halves the operations. Compression is carried: no wrinkling.
 
     References
     ----------
@@ -111,98 +121,44 @@ def element_force(
     .. [2] K. Schweizerhof, E. Ramm, Computers & Structures 18(6), 1099-1114, 1984, doi:10.1016/0045-7949(84)90154-8.
     """
     nu, D = poisson_ratio, modulus / (1.0 - poisson_ratio**2)
-    a = _position_modes(x)
-    zero = [0.0, 0.0, 0.0]
-    load, load_s, load_t, load_st, Q_1, Q_2, Q_12 = (zero for _ in range(7))
-    wave = -1.0
+    columns = ca.horzsplit(x)
+    a = _matrix([columns[i::3] for i in range(3)]) @ MODES * _SLOPE  # four times the modes of the position
+    load, stress, wave = np.zeros((3, 4)), np.zeros((3, 4)), 0.0
     for point in points:
-        s, t = point.s, point.t
-        x_s, x_t, F1, F2 = _tangents(a, point)
-        c11, c22, c12 = _twice_strain(F1, F2)
-        S11, S22, S12 = _stress(c11, c22, c12, point.dA * D, nu)
-        P1, P2 = _combine(S11, F1, S12, F2), _combine(S12, F1, S22, F2)
-        J = point.J_inverse / 4.0
-        Q1, Q2 = _combine(J[0, 0], P1, J[0, 1], P2), _combine(J[1, 0], P1, J[1, 1], P2)
-        Q_1, Q_2, Q_12 = _add(Q_1, Q1), _add(Q_2, Q2), _add(Q_12, _combine(t, Q1, s, Q2))
-        n = _cross(x_s, x_t)
-        load, load_s = _add(load, n), _combine(1.0, load_s, s, n)
-        load_t, load_st = _combine(1.0, load_t, t, n), _combine(1.0, load_st, s * t, n)
-        wave = ca.fmax(wave, _wave_number(c11, c22, c12, nu))
+        tangents = a @ point.dH  # four times x_,s and x_,t
+        F = tangents @ point.J_inverse
+        e = F.T @ F - np.eye(2)
+        S = _stress(e, point.dA * D, nu)
+        load = load + np.outer(np.cross(tangents[:, 0], tangents[:, 1]), point.H)
+        stress = stress + F @ S @ (point.dH @ point.J_inverse).T
+        wave = ca.fmax(wave, _wave_modulus(e, D, nu))
     p = pressure_over_thickness / 64.0
-    f_s, f_t = _combine(p * GAUSS, load_s, -1.0, Q_1), _combine(p * GAUSS, load_t, -1.0, Q_2)
-    f_st = _combine(p * GAUSS**2, load_st, -GAUSS, Q_12)
-    f = []
-    for s, t, st in _MODES:
-        f += _add(_combine(p, load, s, f_s), _combine(t, f_t, st, f_st))
-    return ca.horzcat(*f), D * (1.0 + wave)
+    f = (load * _matrix([[p * value for value in _VALUE]]) - stress * _SLOPE) @ MODES.T
+    return ca.horzcat(*f.T.flat), wave
 
 
-def element_energy(x: Column, points: list[GaussPoint], modulus: Column, poisson_ratio: Column) -> Column:
-    """Write the strain energy per thickness [Pa length^2] of each element; its gradient is the internal force.
+def _matrix(rows: list[list[Column]]) -> Matrix:
+    """Make a matrix of columns; NumPy by itself would look into them."""
+    matrix = np.empty((len(rows), len(rows[0])), dtype=object)
+    for place in np.ndindex(matrix.shape):
+        matrix[place] = rows[place[0]][place[1]]
+    return matrix
 
-    Parameters are those of ``element_force``.
+
+def _stress(e: Matrix, D: Column, nu: Column) -> Matrix:
+    """Return the second Piola-Kirchhoff stress [Pa], St Venant-Kirchhoff's law in plane stress."""
+    shear = D / 2.0 * (1.0 - nu) * e[0, 1]
+    return _matrix([[D / 2.0 * (e[0, 0] + nu * e[1, 1]), shear], [shear, D / 2.0 * (e[1, 1] + nu * e[0, 0])]])
+
+
+def _wave_modulus(e: Matrix, D: Column, nu: Column) -> Column:
+    r"""Return :math:`\rho_0 c_0^2` [Pa] of the longitudinal wave along the larger principal stretch.
+
+    Notes
+    -----
+    Along the principal stretch :math:`\lambda` it is :math:`\lambda^2 D + S`, :math:`c_0` in reference lengths; a transverse
+    wave has :math:`S` alone. The principal values of e are half of trace plus and minus spread.
     """
-    nu, D = poisson_ratio, modulus / (1.0 - poisson_ratio**2)
-    a = _position_modes(x)
-    energy = 0.0
-    for point in points:
-        _, _, F1, F2 = _tangents(a, point)
-        c11, c22, c12 = _twice_strain(F1, F2)
-        S11, S22, S12 = _stress(c11, c22, c12, D, nu)
-        energy += point.dA * (S11 * c11 + S22 * c22 + 2.0 * S12 * c12) / 4.0
-    return energy
-
-
-def _position_modes(x: Column) -> list[Vector]:
-    """Return four times the modes s, t, st of the position."""
-    nodes = ca.horzsplit(x)
-    modes = []
-    for signs in _MODES.T:
-        first, second = (
-            _combine(signs[0], nodes[0:3], signs[1], nodes[3:6]),
-            _combine(signs[2], nodes[6:9], signs[3], nodes[9:12]),
-        )
-        modes.append(_add(first, second))
-    return modes
-
-
-def _tangents(a: list[Vector], point: GaussPoint) -> tuple[Vector, Vector, Vector, Vector]:
-    """Return 4 x_,s and 4 x_,t, then the columns of F, from four times the modes of the position."""
-    x_s, x_t = _combine(1.0, a[0], point.t * GAUSS, a[2]), _combine(1.0, a[1], point.s * GAUSS, a[2])
-    J = point.J_inverse / 4.0
-    return x_s, x_t, _combine(J[0, 0], x_s, J[1, 0], x_t), _combine(J[0, 1], x_s, J[1, 1], x_t)
-
-
-def _twice_strain(F1: Vector, F2: Vector) -> tuple[Column, Column, Column]:
-    """Components 11, 22, 12 of 2 e = F^T F - 1."""
-    return _dot(F1, F1) - 1.0, _dot(F2, F2) - 1.0, _dot(F1, F2)
-
-
-def _stress(c11: Column, c22: Column, c12: Column, D: Column, nu: Column) -> tuple[Column, Column, Column]:
-    """Components 11, 22, 12 of the second Piola-Kirchhoff stress [Pa] from twice the strain."""
-    half = D / 2.0
-    return half * (c11 + nu * c22), half * (c22 + nu * c11), half * (1.0 - nu) * c12
-
-
-def _wave_number(c11: Column, c22: Column, c12: Column, nu: Column) -> Column:
-    """Evaluate rho c^2 / D - 1 of the longitudinal wave along the larger principal stretch, from twice the strain."""
-    total = c11 + c22
-    spread = ca.sqrt((c11 - c22) ** 2 + 4.0 * c12**2 + _TINY)
-    return (3.0 + nu) / 4.0 * total + (3.0 - nu) / 4.0 * spread
-
-
-def _combine(a: Column | float, u: Vector, b: Column | float, v: Vector) -> Vector:
-    """Return a u + b v; CasADi leaves out factors of zero and one."""
-    return [a * u_i + b * v_i for u_i, v_i in zip(u, v, strict=True)]
-
-
-def _add(u: Vector, v: Vector) -> Vector:
-    return _combine(1.0, u, 1.0, v)
-
-
-def _dot(u: Vector, v: Vector) -> Column:
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-def _cross(u: Vector, v: Vector) -> Vector:
-    return [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+    trace = e[0, 0] + e[1, 1]
+    spread = ca.sqrt((e[0, 0] - e[1, 1]) ** 2 + 4.0 * e[0, 1] ** 2 + _TINY)
+    return D * (1.0 + (3.0 + nu) / 4.0 * trace + (3.0 - nu) / 4.0 * spread)

@@ -1,7 +1,8 @@
 """A square of four-node elements, in units of its side.
 
-Symbols: ``n`` elements per side, ``s`` node coordinates in the unit square [1], ``m`` nodes that can move (the interior).
-Nodes and elements are numbered row by row from the corner at the origin, x fastest, as are the damage zones.
+Symbols: ``n`` elements per side, ``i``, ``j`` nodes or elements along x and y, ``s``, ``t`` parent coordinates in an element
+[1]. Nodes and elements are numbered row by row from the corner at the origin, x fastest, as are the damage zones of
+Section 7.1 of the thesis.
 """
 
 from __future__ import annotations
@@ -11,9 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gossamer_models.errors import ParameterError
+from ..arrays import Vector
+from ..errors import ParameterError
 
 ZONES_PER_SIDE = 4
+N_ZONES = ZONES_PER_SIDE**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,7 @@ class SquareMesh:
     """
 
     elements_per_side: int
-    nodes: NDArray[np.float64]
+    nodes: Vector
     elements: NDArray[np.int64]
     zone: NDArray[np.int64]
     interior: NDArray[np.int64]
@@ -70,6 +73,11 @@ class SquareMesh:
         n = self.elements_per_side
         i, j = (min(int(c * n), n - 1) for c in point)
         return i + n * j, (2.0 * (point[0] * n - i) - 1.0, 2.0 * (point[1] * n - j) - 1.0)
+
+
+def dofs(nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the places of x, y, z of some nodes in a vector that runs node by node, shape (3 nodes,)."""
+    return (3 * nodes.reshape(-1, 1) + np.arange(3)).reshape(-1)
 
 
 def square_mesh(elements_per_side: int) -> SquareMesh:

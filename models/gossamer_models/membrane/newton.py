@@ -8,21 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
-from numpy.typing import NDArray
 
-from gossamer_models.errors import ConvergenceError
-
-Vector = NDArray[np.float64]
-
-
-def sparse(matrix: ca.DM) -> scipy.sparse.csc_matrix:
-    """Convert a sparse CasADi matrix to SciPy with its pattern."""
-    column_starts, rows = matrix.sparsity().get_ccs()
-    return scipy.sparse.csc_matrix((np.array(matrix.nonzeros()), rows, column_starts), shape=matrix.shape)
+from ..arrays import Vector
+from ..errors import ConvergenceError
 
 
 def solve_newton(

@@ -9,12 +9,13 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import ArrayLike
 
-from .equations import N_ZONES, MembraneEquations
-from .newton import Vector, solve_newton, sparse
+from ..arrays import Vector
+from .assembly import MembraneEquations
+from .newton import solve_newton
 from .params import MembraneParams
 
 # correction [side lengths] at which Newton's method ends; the error left is about its square
-_TOLERANCE = 1e-9
+TOLERANCE = 1e-9
 
 
 def static_deflection(
@@ -50,15 +51,15 @@ def static_deflection(
     ConvergenceError
         Newton's method failed.
     """
-    p, d = params.vector(), np.broadcast_to(np.asarray(damage, dtype=np.float64), (N_ZONES,))
+    p = params.vector()
 
     def system(q: Vector, load: float) -> tuple[Vector, scipy.sparse.csc_matrix]:
-        f, _ = equations.force(q, d, load, p)
-        return np.asarray(f).ravel(), -sparse(equations.tangent(q, d, load, p))
+        f, _ = equations.force(q, damage, load, p)
+        return np.asarray(f).ravel(), -equations.tangent(q, damage, load, p).sparse()
 
     q = np.zeros(equations.n_q)
     loads = [0.0] if pressure == 0.0 else [pressure * (k / load_steps) ** 3 for k in range(load_steps + 1)]
     for load in loads:
         what = f"membrane equilibrium at {load:g} Pa"
-        q = solve_newton(system, (load,), q, _TOLERANCE * params.side_length, what)
+        q = solve_newton(system, (load,), q, TOLERANCE * params.side_length, what)
     return q

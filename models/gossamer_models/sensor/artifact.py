@@ -2,7 +2,8 @@ r"""Identified numbers of one sensor: density tables, relaxation terms and where
 
 Symbols: ``N`` number of lines and of bins along a line, ``mu[i, k]`` weight [1] of up-switching on line
 :math:`\alpha - \beta = i/N` for :math:`k/N < \alpha < (k+1)/N`, ``nu = eta*mu`` weight [1] of down-switching, and per
-relaxation term the :math:`a, b, c, d` of Eq. (4.12) and the exponentials that stand for :math:`e^{-b t^c}`.
+relaxation term the :math:`a, b, c, d` of Eq. (4.12) and Section 4.2 of the thesis and the exponentials that
+stand for :math:`e^{-b t^c}`.
 Strain is normalised by its full scale, output by the rise of a virgin sensor to full scale.
 """
 
@@ -14,15 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..artifacts import read_artifact, write_artifact
 from ..errors import ArtifactError, ParameterError
+from .drives import Drive
 
 SCHEMA = "gossamer.sensor"
 VERSION = 1
 EXTENDED_VERSION = 2  # with terms that falling strain drives, negative amplitudes, gains or a direct inverse
-DRIVES = ("rising", "falling")
 MIN_SPRING_WEIGHT = 1e-3  # of mu and nu on line 0: the slope that the inverse divides by is never smaller
 DEFAULT_PATH = Path(__file__).with_name("nylon_silver.json")
 
@@ -38,8 +39,7 @@ class RelaxationTerm:
     amplitude : float
         :math:`a` [1], not negative.
     power : int
-        :math:`d` [1], 0 or 1: then the drive of a mode is a polynomial in time for strain linear over a step, and the
-        step is exact.
+        :math:`d` [1], 0 or 1, see ``Drive``.
     rate : float
         :math:`b` [s**-c], positive.
     exponent : float
@@ -73,14 +73,9 @@ class RelaxationTerm:
         if not np.isfinite(numbers).all():
             msg = "a relaxation term holds a number that is not finite. Identify it again."
             raise ParameterError(msg)
-        if self.drive not in DRIVES:
-            msg = f"a relaxation term is driven by {self.drive!r} strain; it is one of {', '.join(DRIVES)}"
-            raise ParameterError(msg)
+        _ = self.excitation  # refuses what is none
         if self.amplitude < 0.0 and not self.signed:
             msg = f"a relaxation amplitude is {self.amplitude:g}, it must not be negative: the inverse needs a rising output"
-            raise ParameterError(msg)
-        if self.power not in (0, 1):
-            msg = f"a relaxation power is {self.power!r}; 0 and 1 are supported. Identify it with one of them."
             raise ParameterError(msg)
         if not (self.rate > 0.0 and 0.0 < self.exponent <= 1.0):
             msg = f"relaxation exp(-b t**c) needs b > 0 and 0 < c <= 1, not b = {self.rate:g}, c = {self.exponent:g}"
@@ -91,6 +86,11 @@ class RelaxationTerm:
         if min(self.decay_rates) <= 0.0 or min(self.weights) < 0.0:
             msg = "decay rates must be positive and their weights not negative. Fit the exponentials again."
             raise ParameterError(msg)
+
+    @property
+    def excitation(self) -> Drive:
+        """What excites the term."""
+        return Drive(self.drive, self.power, self.gain)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,7 +190,7 @@ class SensorArtifact:
         """Number of lines and of bins along a line."""
         return len(self.mu)
 
-    def tables(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def tables(self) -> tuple[Vector, Vector]:
         """Return ``mu`` and ``nu`` as arrays of shape (N, N)."""
         return np.array(self.mu), np.array(self.nu)
 
@@ -222,13 +222,7 @@ class SensorArtifact:
         ArtifactError
             The file is missing, truncated, of another schema or version, or its content is not a usable sensor.
         """
-        try:
-            card = read_artifact(path, SCHEMA, VERSION)
-        except ArtifactError as error:
-            try:
-                card = read_artifact(path, SCHEMA, EXTENDED_VERSION)
-            except ArtifactError:
-                raise error from None
+        card = read_artifact(path, SCHEMA, VERSION, EXTENDED_VERSION)
         try:
             beside = card.get("inverse")
             inverse = None

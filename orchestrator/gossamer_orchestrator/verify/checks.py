@@ -1,43 +1,8 @@
-"""All checks; run as a program, in a process that the FMU may kill.
+"""All checks, in the order of the report.
 
-::
-
-    python -m gossamer_orchestrator.verify.checks FMU FOLDER SECONDS CHECK ...
-
-writes a line of JSON per check, verdict and sentence, to ``FOLDER/report``; ``FOLDER/fmu`` holds the unpacked FMU.
+To add a check, write its function, decorated with ``check``, in the file of its theme.
 """
 
-from __future__ import annotations
+from . import archive_checks, behaviour_checks
 
-import faulthandler
-import json
-import os
-import sys
-from pathlib import Path
-
-from . import FAILED, behaviour, files
-from .registry import Context
-from .subject import messages
-
-CHECKS = files.check | behaviour.check
-
-
-def main(path: str, scratch: str, limit: str, *names: str) -> None:
-    """Run checks by name; stop after a gate that failed."""
-    context = Context(Path(path), Path(scratch, "fmu"))
-    # The watchdog needs nothing from Python, so it also ends a hanging C function. It leaves a trace in "late".
-    with Path(scratch, "report").open("a", encoding="utf-8") as report, Path(scratch, "late").open("w") as late:
-        for name in names:
-            faulthandler.dump_traceback_later(float(limit), exit=True, file=late)
-            verdict, why = CHECKS[name](context)
-            faulthandler.cancel_dump_traceback_later()
-            report.write(json.dumps([verdict, why]) + "\n")
-            report.flush()
-            messages.clear()
-            if (verdict == FAILED and CHECKS[name].gate) or context.subject.fatal:
-                break
-    os._exit(0)  # an FMU's library may crash at the end of a process, which is none of the checks
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+CHECKS = archive_checks.check | behaviour_checks.check

@@ -1,4 +1,4 @@
-"""What a check is."""
+"""What a check is, and how one is registered."""
 
 from __future__ import annotations
 
@@ -8,23 +8,25 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from . import FAILED, NOT_APPLICABLE
-from .subject import OK, Subject, messages
+from ..fmi.slave import Log
+from .findings import FAILED, NOT_APPLICABLE
+from .subject import Subject
 
 Outcome = tuple[str, str]  # verdict and sentence
 
 
 class Context:
-    """What a check may look at."""
+    """What a check may inspect."""
 
     def __init__(self, path: Path, folder: Path) -> None:
         self.path = path
         self.folder = folder
+        self.log = Log()
 
     @cached_property
     def subject(self) -> Subject:
         """The FMU; raises what FMPy raises if its model description cannot be read."""
-        return Subject(self.folder)
+        return Subject(self.folder, self.log)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,11 +50,11 @@ class Check:
         """Check."""
         missing = [name for name in self.needs if not getattr(context.subject.can, name)]
         if missing:
-            return NOT_APPLICABLE, f"It does not say {', '.join(missing)}."
+            return NOT_APPLICABLE, f"It does not declare {', '.join(missing)}."
         try:
             return self.function(context if self.files else context.subject)
-        except Exception as error:  # FMPy, lxml and xmlschema raise what they like
-            return FAILED, f"{' '.join(str(error).split()) or type(error).__name__}.{said()}"
+        except Exception as error:  # FMPy, lxml and xmlschema raise exceptions of any class
+            return FAILED, f"{' '.join(str(error).split()) or type(error).__name__}.{context.log.tail()}"
 
 
 class Checks(dict[str, Check]):
@@ -73,9 +75,3 @@ class Checks(dict[str, Check]):
 def listed(items: list[str], most: int = 4) -> str:
     """Join words, the first few of them."""
     return ", ".join(items[:most]) + (f" and {len(items) - most} more" if len(items) > most else "")
-
-
-def said() -> str:
-    """Return what the FMU logged last, as the end of a sentence."""
-    texts = [" ".join(text.split()) for level, text in messages if level != OK]
-    return f" It said: {texts[-1]}" if texts else ""

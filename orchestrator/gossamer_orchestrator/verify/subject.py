@@ -1,10 +1,9 @@
-"""The FMU under test: one face for FMI 2.0 and 3.0, on FMPy's classes."""
+"""The FMU under test, with the same methods for FMI 2.0 and 3.0."""
 
 from __future__ import annotations
 
 import ctypes
 import math
-from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,26 +12,13 @@ from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
-from fmpy import fmi2, fmi3
 from fmpy.fmi1 import FMICallException
-from fmpy.logging import addLoggerProxy
 
-OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+from ..fmi.file import library_path
+from ..fmi.slave import FATAL, OK, Log, start_slave
+
 REALS = ("Real", "Float64", "Float32")
 STEPS = 100
-
-messages: deque[tuple[int, str]] = deque(maxlen=1000)  # status and text of what the FMU logged, all instances together
-
-
-def _log2(_environment: int, _name: bytes, status: int, _category: bytes, text: bytes) -> None:
-    messages.append((status, (text or b"").decode("utf-8", "replace")))
-
-
-def _log3(_environment: int, status: int, _category: bytes, text: bytes) -> None:
-    messages.append((status, (text or b"").decode("utf-8", "replace")))
-
-
-_LOGGER2 = fmi2.fmi2CallbackLoggerTYPE(_log2)
 
 
 class Subject:
@@ -40,6 +26,8 @@ class Subject:
 
     Attributes
     ----------
+    log : Log
+        What all its instances log.
     description : fmpy.model_description.ModelDescription
         As read by FMPy, not validated.
     version : int
@@ -54,22 +42,17 @@ class Subject:
         Its capabilities; ``differentiates`` is one that FMPy does not read.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, log: Log) -> None:
         self.folder = folder
+        self.log = log
         self.description: Any = fmpy.read_model_description(str(folder), validate=False)
         self.version = int(self.description.fmiVersion[0])
         self.variables = self.description.modelVariables
         self.inputs = [v for v in self.variables if v.causality == "input" and v.type in REALS]
         self.outputs = [v for v in self.variables if v.causality == "output"]
         experiment = self.description.defaultExperiment
-        start, stop, size = (
-            float(text) if text is not None else math.nan
-            for text in (
-                getattr(experiment, "startTime", None),
-                getattr(experiment, "stopTime", None),
-                getattr(experiment, "stepSize", None),
-            )
-        )
+        texts = (getattr(experiment, key, None) for key in ("startTime", "stopTime", "stepSize"))
+        start, stop, size = (math.nan if text is None else float(text) for text in texts)
         self.start = 0.0 if math.isnan(start) else start
         span = 1.0 if math.isnan(stop) else stop - self.start
         self.size = span / STEPS if math.isnan(size) else size
@@ -80,21 +63,14 @@ class Subject:
         self.differentiates = any(capabilities.get(name) in ("true", "1") for name in names if capabilities is not None)
 
     @property
-    def is_python(self) -> bool:
-        """True if pythonfmu made it, whose log texts are no printf formats."""
-        return (self.folder / "resources/slavemodule.txt").exists()
-
-    @property
     def library(self) -> Path:
         """The binary for this machine."""
-        place = fmpy.platform if self.version == 2 else fmpy.platform_tuple
-        name: str = self.can.modelIdentifier + fmpy.sharedLibraryExtension
-        return self.folder.joinpath("binaries", place, name)
+        return library_path(self.folder, self.description)
 
     @contextmanager
-    def instance(self, *, initialize: bool = True, token: str | None = None) -> Iterator[Instance]:
-        """Start an instance, and free it unless it said that it must not be called any more."""
-        one = Instance(self, token or self.description.guid)
+    def instance(self, *, initialize: bool = True, token: str | None = None) -> Iterator[Trial]:
+        """Start an instance, and free it unless it must not be called any more."""
+        one = Trial(self, token)
         try:
             if initialize:
                 one.initialize()
@@ -107,35 +83,12 @@ class Subject:
                 one.slave.freeInstance()
 
 
-class Instance:
-    """One instance of the FMU; a status worse than a warning is an ``FMICallException``."""
+class Trial:
+    """An instance of the FMU under test; a status worse than a warning is an ``FMICallException``."""
 
-    def __init__(self, subject: Subject, token: str) -> None:
+    def __init__(self, subject: Subject, token: str | None) -> None:
         self.subject = subject
-        kind = fmi2.FMU2Slave if subject.version == 2 else fmi3.FMU3Slave
-        self.slave: Any = kind(
-            guid=token,
-            unzipDirectory=str(subject.folder),
-            modelIdentifier=subject.can.modelIdentifier,
-            instanceName="verified",
-        )
-        try:
-            if subject.version == 3:
-                self.slave.instantiate(loggingOn=True, logMessage=_log3)
-            else:
-                self.slave.instantiate(loggingOn=True, callbacks=self._callbacks())
-        except Exception:
-            self.slave.freeLibrary()
-            raise
-
-    def _callbacks(self) -> Any:  # noqa: ANN401
-        callbacks = fmi2.fmi2CallbackFunctions()
-        callbacks.logger = _LOGGER2
-        callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
-        callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
-        if not self.subject.is_python:
-            addLoggerProxy(ctypes.byref(callbacks))
-        return callbacks
+        self.slave = start_slave(subject.description, subject.folder, "verified", subject.log, token=token)
 
     def initialize(self) -> None:
         """Go through the initialization with default start values."""
@@ -164,12 +117,17 @@ class Instance:
         """Read several variables."""
         return [value for variable in variables for value in self.get(variable)]
 
+    def not_finite(self) -> list[str]:
+        """Return the names of the Real outputs that are not finite."""
+        reals = [variable for variable in self.subject.outputs if variable.type in REALS]
+        return [variable.name for variable in reals if not np.all(np.isfinite(self.get(variable)))]
+
     def step(self, k: int) -> None:
         """Do the k-th step."""
         subject = self.subject
         self.slave.doStep(subject.start + k * subject.size, subject.size, False)
 
-    def drive(self, begin: int, end: int, phase: float = 0.0) -> list[str]:
+    def excite(self, begin: int, end: int, phase: float = 0.0) -> list[str]:
         """Do steps with inputs that swing by 1 % about their start values; return the outputs after each, to the bit."""
         trajectory = []
         for k in range(begin, end):

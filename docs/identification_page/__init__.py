@@ -1,1 +1,0 @@
-"""The page docs/identification.md: ``compute`` fits once, each chapter turns fits into text and pictures."""

@@ -1,0 +1,121 @@
+"""Write a step model as C.
+
+The sources of an FMU are one translation unit::
+
+    fmi2.c or fmi3.c    the FMI functions
+    stepper.h           initialize, step, derivatives; the same for every model
+    state.h             saved states; the same for every model
+    model.h             the table of variables and sizes, written here
+    functions.h         init, step and their derivatives, written by CasADi
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import casadi as ca
+from gossamer_models import StepModel
+
+from .arrays import arrays_of
+from .description import FmiVersion
+
+
+def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
+    """Return the C sources by file name; ``fmi2.c`` or ``fmi3.c`` is the one to compile.
+
+    Parameters
+    ----------
+    model : StepModel
+        Best made with ``compiled=True`` where it has that choice.
+    guid : str
+        Identifier that the host must give.
+    fmi : {2, 3}
+        Version of the standard.
+    """
+    here = Path(__file__).parent / "native"
+    files = {name: (here / name).read_bytes() for name in (f"fmi{fmi}.c", "stepper.h", "state.h")}
+    functions = [model.init, model.step, derivative(model), initial_derivative(model)]
+    files["model.h"] = _model_header(model, guid, functions).encode()
+    generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 1})
+    for function in functions:
+        generator.add(function)
+    files["functions.h"] = generator.dump().encode()
+    return files
+
+
+def with_guid(files: dict[str, bytes], guid: str) -> dict[str, bytes]:
+    """Return ``sources`` written without a guid with that guid; what CasADi wrote is not written again."""
+    header = files["model.h"].replace(_guid_line("").encode(), _guid_line(guid).encode(), 1)
+    return files | {"model.h": header}
+
+
+def derivative(model: StepModel) -> ca.Function:
+    """Return ``derivative(x, u, p, h, dx, du) -> (dx_next, dy)``: how a step changes with its state and inputs."""
+    arguments = [ca.MX.sym(name, model.step.nnz_in(i)) for i, name in enumerate("xuph")]
+    x, u = arguments[:2]
+    dx, du = ca.MX.sym("dx", x.numel()), ca.MX.sym("du", u.numel())
+    result = ca.vertcat(*model.step.call(arguments, True, False))  # inlined: else parameters are differentiated too
+    change = ca.jtimes(result, ca.vertcat(x, u), ca.vertcat(dx, du))
+    return ca.Function("derivative", [*arguments, dx, du], ca.vertsplit(change, [0, x.numel(), change.numel()]))
+
+
+def initial_derivative(model: StepModel) -> ca.Function:
+    """Return ``initial_derivative(u, p, du) -> dy``: how the results of the initialization change with the inputs."""
+    arguments = [ca.MX.sym(name, model.init.nnz_in(i)) for i, name in enumerate("up")]
+    du = ca.MX.sym("du", arguments[0].numel())
+    _, y = model.init.call(arguments, True, False)
+    return ca.Function("initial_derivative", [*arguments, du], [ca.jtimes(y, arguments[0], du)])
+
+
+def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> str:
+    """Write the table of variables and all sizes as C."""
+    parameters, inputs, results = model.slices()
+    digest = ", ".join(f"0x{byte:02x}" for byte in bytes.fromhex(model.digest)[:16])
+    sizes = {
+        "N_VARIABLES": len(model.variables),
+        "N_PARAMETERS": parameters.stop,
+        "N_INPUTS": inputs.stop - inputs.start,
+        "N_RESULTS": results.stop - results.start,
+        "N_STATES": model.n_states,
+        "SIZE_ARG": max(f.sz_arg() for f in functions),
+        "SIZE_RES": max(f.sz_res() for f in functions),
+        "SIZE_IW": max(1, *(f.sz_iw() for f in functions)),
+        "SIZE_W": max(1, *(f.sz_w() for f in functions)),
+        "STEP_LIMIT": -1 if model.step_limit is None else model.names.index(model.step_limit),
+    }
+    lines = [
+        f"/* Model {model.name}: {model.description}. */",
+        f"#define MODEL_NAME {_c_text(model.name)}",
+        _guid_line(guid),
+        f"#define MODEL_ADVICE {_c_text(model.advice)}",
+        f"#define MODEL_DIGEST {digest}",
+        "#define CASADI_CODEGEN_PREFIX",
+        f"#define CODEGEN_PREFIX {model.name}_",
+        *(f"#define {name} {value}" for name, value in sizes.items()),
+        "",
+        "/* name, unit, start, minimum, maximum */",
+        "static const Variable VARIABLES[N_VARIABLES] = {",
+        *(
+            f" {{{_c_text(v.name)}, {_c_text(v.unit)}, {v.start or 0.0!r}, "
+            f"{'-DBL_MAX' if v.minimum is None else repr(float(v.minimum))}, "
+            f"{'DBL_MAX' if v.maximum is None else repr(float(v.maximum))}}},"
+            for v in model.variables
+        ),
+        "};",
+        "",
+        "/* arrays of FMI 3.0: first variable and size */",
+        f"#define N_ARRAYS {len(arrays_of(model))}",
+        "static const Array ARRAYS[N_ARRAYS] = {",
+        *(f" {{{array.first}, {array.size}}}," for array in arrays_of(model)),
+        "};",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _guid_line(guid: str) -> str:
+    return f"#define MODEL_GUID {_c_text(guid)}"
+
+
+def _c_text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)  # quotes and escapes as C does

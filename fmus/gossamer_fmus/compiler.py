@@ -1,0 +1,166 @@
+"""Compile the C of an FMU for any platform with zig.
+
+One compiler for all platforms keeps the numbers the same: IEEE arithmetic in the order of the expressions, no contraction
+to fused multiply-adds, no reordering. Only ``sin`` and its like come from each platform's C library. The headers of the FMI
+standard come from whoever compiles, as the standard wants; here from FMPy.
+"""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from gossamer_models import ParameterError
+
+from .catalogue import package_folder
+from .description import FmiVersion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Platform:
+    """Where a binary runs.
+
+    Attributes
+    ----------
+    suffix : str
+        Of a shared library.
+    targets : dict
+        zig's target by folder below ``binaries/`` in FMI 3.0, one per processor.
+    in_fmi_2 : bool
+        Whether FMI 2.0 has the platform; it joins all processors in one folder.
+    """
+
+    suffix: str
+    targets: dict[str, str]
+    in_fmi_2: bool = True
+
+
+# By folder below binaries/ in FMI 2.0.
+PLATFORMS = {
+    "linux64": Platform(suffix=".so", targets={"x86_64-linux": "x86_64-linux-gnu.2.17"}),
+    "win64": Platform(suffix=".dll", targets={"x86_64-windows": "x86_64-windows-gnu"}),
+    "darwin64": Platform(
+        suffix=".dylib",
+        targets={"x86_64-darwin": "x86_64-macos.11.0", "aarch64-darwin": "aarch64-macos.11.0"},
+    ),
+    "aarch64-linux": Platform(suffix=".so", targets={"aarch64-linux": "aarch64-linux-gnu.2.17"}, in_fmi_2=False),
+}
+_PROCESSORS = {"amd64": "x86_64", "arm64": "aarch64"}  # other names of the same
+FLAGS = (
+    "-std=c11",
+    "-O2",
+    "-fPIC",
+    "-fvisibility=hidden",
+    "-ffp-contract=off",
+    "-fno-math-errno",  # inline square roots; nobody reads errno
+)
+
+
+def choose_platforms(names: Iterable[str], fmi: FmiVersion) -> list[str]:
+    """Return the platforms that a user means: those named, all of them, or by default the one this program runs on.
+
+    Raises
+    ------
+    ParameterError
+        A platform is unknown, or has no place in this version of the standard.
+    """
+    names = list(names) or [_this_platform()]
+    possible = [name for name, each in PLATFORMS.items() if fmi == 3 or each.in_fmi_2]
+    for name in names:
+        if name != "all" and name not in possible:
+            msg = f"FMUs of FMI {fmi}.0 cannot be built for {name!r}; there are {', '.join(possible)} and all."
+            if name in PLATFORMS:
+                msg = f"FMUs can be built for {name!r} only with --fmi 3."
+            raise ParameterError(msg)
+    return possible if "all" in names else names
+
+
+def fmi_headers() -> Path:
+    """Return the folder of the FMI standard's headers."""
+    return package_folder("fmpy") / "c-code"
+
+
+def compile_library(files: dict[str, bytes], name: str, fmi: FmiVersion, platform: str) -> dict[str, bytes]:
+    """Compile C sources for one platform.
+
+    Parameters
+    ----------
+    files : dict
+        As from ``c_code.sources``.
+    name : str
+        Of the library, without ending.
+    fmi : {2, 3}
+        Version of the standard.
+    platform : str
+        A key of ``PLATFORMS``; see ``choose_platforms``.
+
+    Returns
+    -------
+    dict
+        Libraries by path in the FMU; the same sources and compiler give the same bytes.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        The compiler is not installed.
+    """
+    if find_spec("ziglang") is None:
+        msg = "native FMUs need the compiler ziglang. Install it with make, or: pip install -e '.[native]'"
+        raise ModuleNotFoundError(msg)
+    file = f"{name}{PLATFORMS[platform].suffix}"
+    targets = PLATFORMS[platform].targets
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        for source, content in files.items():
+            (folder / source).write_bytes(content)
+        libraries = {place: _compile(folder, f"fmi{fmi}.c", file, target) for place, target in targets.items()}
+    if fmi == 2:
+        libraries = {platform: universal(list(libraries.values()))}
+    return {f"binaries/{place}/{file}": content for place, content in libraries.items()}
+
+
+def universal(libraries: list[bytes]) -> bytes:
+    """Join Mach-O libraries for several processors into one file; a single one stays as it is.
+
+    Notes
+    -----
+    Apple's ``fat_header`` (mach-o/fat.h): big-endian magic and count, then processor type and subtype, offset, size and
+    alignment of each library; the types are the second and third word of a Mach-O file.
+    """
+    if len(libraries) == 1:
+        return libraries[0]
+    alignment = 14
+    page = 1 << alignment
+    head = struct.pack(">II", 0xCAFEBABE, len(libraries))
+    body = b""
+    for library in libraries:
+        processor, subtype = struct.unpack_from("<II", library, 4)
+        head += struct.pack(">5I", processor, subtype, page + len(body), len(library), alignment)
+        body += library + bytes(-len(library) % page)
+    return head.ljust(page, b"\0") + body
+
+
+def _compile(folder: Path, source: str, library: str, target: str) -> bytes:
+    compiler = [sys.executable, "-m", "ziglang", "cc", "-target", target]
+    command = [*compiler, *FLAGS, "-I", str(fmi_headers()), "-g0", "-s", "-shared", "-o", library, source]
+    if "windows" not in target:
+        command.append("-lm")
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        msg = f"the compiler failed for {target}:\n{done.stderr[-2000:]}"
+        raise RuntimeError(msg)
+    return (folder / library).read_bytes()
+
+
+def _this_platform() -> str:
+    import platform
+
+    machine = platform.machine().lower()
+    folder = f"{_PROCESSORS.get(machine, machine)}-{platform.system().lower()}"
+    return next((name for name, each in PLATFORMS.items() if folder in each.targets), folder)

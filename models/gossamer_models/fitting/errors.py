@@ -1,0 +1,172 @@
+"""How far a model is from a measurement, and how well its parameters are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Matrix, Rows, Vector
+from .records import Record
+
+ALIKE = 0.98  # correlation from which two parameters cannot be told apart
+LEAST_SINGULAR = 1e-12  # of a Jacobian with columns of unit length: below, the data say nothing of a direction
+UNSTRAINED, RESTED = 0.01, 0.01  # of full scale, and of the range of resistance that counts as another rest
+
+
+def e1(measured: Vector, predicted: Vector, *, rest: float) -> float:
+    r"""Return the thesis' error, :math:`100 \sum|R - R'| / \sum|R - R_0|` [%].
+
+    Parameters
+    ----------
+    measured, predicted : ndarray, shape (m,)
+        Outputs :math:`R` and :math:`R'` of one stretch.
+    rest : float
+        Output :math:`R_0` of the unstrained sensor at rest; zero where outputs are changes from there.
+
+    Returns
+    -------
+    float
+        Not a number if the stretch is empty or never leaves :math:`R_0`.
+
+    Notes
+    -----
+    Section 3.3 of [1]_, which prints a root above the line; read without. The thesis measures changes of resistance:
+    relative to the resistance itself, a large constant would make every model look good.
+
+    References
+    ----------
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapter 3.
+    """
+    size = float(np.abs(measured - rest).sum())
+    return 100.0 * float(np.abs(predicted - measured).sum()) / size if size > 0.0 else float("nan")
+
+
+def nrmse(measured: Vector, predicted: Vector, size: float | None = None) -> float:
+    """Return the root mean square error [% of ``size``, or of the range of what was measured]; not a number if empty."""
+    if not measured.size:
+        return float("nan")
+    size = float(np.ptp(measured)) if size is None else size
+    return 100.0 * float(np.sqrt(np.mean((predicted - measured) ** 2))) / size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Errors:
+    """Errors of a model on one stretch of a record.
+
+    Attributes
+    ----------
+    record, stretch : str
+        Which record, and which part of it.
+    samples : int
+        Number of samples.
+    e1 : float
+        Error of the change of resistance from rest [%], see ``e1``.
+    nrmse : float
+        Root mean square error over the range of the record [%].
+    strain_nrmse : float or None
+        The same of the strain that the exact or direct inverse recovers; None for a model without compensator.
+    """
+
+    record: str
+    stretch: str
+    samples: int
+    e1: float
+    nrmse: float
+    strain_nrmse: float | None = None
+
+
+def stretch_errors(
+    records: tuple[Record, ...], predicted: tuple[Vector, ...], train: tuple[Rows, ...], rest_resistance: float
+) -> tuple[Errors, ...]:
+    """Return the errors of a prediction on the fitted samples of every record and on its other ones, where there are any."""
+    return tuple(
+        Errors(
+            record=record.name,
+            stretch=stretch,
+            samples=int(rows.sum()),
+            e1=e1(record.resistance[rows], output[rows], rest=rest_resistance),
+            nrmse=nrmse(record.resistance[rows], output[rows], float(np.ptp(record.resistance))),
+        )
+        for record, output, fitted in zip(records, predicted, train, strict=True)
+        for stretch, rows in (("train", fitted), ("test", ~fitted))
+        if rows.any()
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One fitted number.
+
+    Attributes
+    ----------
+    name : str
+        For instance ``b_mu[2]`` or ``C_1``.
+    value, deviation : float
+        Estimate and its standard deviation.
+    determined : bool
+        Whether the data decide it, rather than preferences or a bound.
+    """
+
+    name: str
+    value: float
+    deviation: float
+    determined: bool
+
+
+def covariance(data: Matrix, preferred: Matrix, variance: float) -> tuple[Matrix, Matrix]:
+    r"""Return how well the parameters of a least squares problem are determined.
+
+    Parameters
+    ----------
+    data, preferred : ndarray, shapes (m, n) and (k, n)
+        Jacobians J of the residuals and P of what is preferred to be small.
+    variance : float
+        :math:`\sigma^2` of the residuals.
+
+    Returns
+    -------
+    covariance : ndarray, shape (n, n)
+        :math:`C = \sigma^2 (J^T J + P^T P)^{-1}`; infinite on the diagonal for a parameter that nothing depends on.
+    resolution : ndarray, shape (n, n)
+        :math:`C J^T J / \sigma^2`: the identity where the data alone decide, zero where the preferences do.
+
+    Notes
+    -----
+    Linearised, with white residuals of one variance. Residuals of a model that is not exact are correlated, so deviations
+    are too small; parameters that the data cannot separate are recognised all the same.
+    """
+    J = np.vstack([data, preferred])
+    size = np.linalg.norm(J, axis=0)
+    acting = size > 0.0
+    _, singular, V = np.linalg.svd(J[:, acting] / size[acting], full_matrices=False)
+    half = V.T / np.maximum(singular, LEAST_SINGULAR) / size[acting, None]
+    C, resolution = np.diag(np.where(acting, 0.0, np.inf)), np.zeros((size.size, size.size))
+    inverse = half @ half.T
+    C[np.ix_(acting, acting)] = variance * inverse
+    resolution[np.ix_(acting, acting)] = inverse @ data[:, acting].T @ data[:, acting]
+    return C, resolution
+
+
+def alike(names: tuple[str, ...], covariance: Matrix, advice: str) -> str:
+    """Name the two parameters of the highest correlation and what to do if they cannot be told apart; empty otherwise."""
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    with np.errstate(invalid="ignore"):  # no data at all: infinite deviations
+        correlation = np.nan_to_num(np.triu(np.abs(covariance / np.outer(deviations, deviations)), 1))
+    i, k = np.unravel_index(int(np.argmax(correlation)), correlation.shape)
+    if not correlation[i, k] > ALIKE:
+        return ""
+    return f"{names[i]} and {names[k]} cannot be told apart: their correlation is {correlation[i, k]:.3f}. {advice}"
+
+
+def rest_doubt(record: Record, rest_resistance: float, full_scale: float, advice: str) -> str:
+    """Return a sentence where a record begins unstrained, but not with the resistance at rest; empty otherwise."""
+    first = float(record.resistance[0])
+    off = abs(first - rest_resistance) > RESTED * float(np.ptp(record.resistance))
+    if record.strain[0] > UNSTRAINED * full_scale or not off:
+        return ""
+    return (
+        f"{record.name} begins unstrained with an output of {first:.6g}, where {rest_resistance:.6g} is taken for that at "
+        f"rest. {advice}"
+    )

@@ -1,0 +1,49 @@
+"""Fields of a settings class that a user may choose; the command ``gossamer identify`` gets its options from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import field
+from typing import Any
+
+Reader = Callable[[str], Any]
+
+
+def option(
+    default: Any,  # noqa: ANN401
+    text: str,
+    *,
+    models: tuple[str, ...] = (),
+    read: Reader | None = None,
+    metavar: str | None = None,
+    least: int | None = None,
+) -> Any:  # noqa: ANN401
+    """Declare a field that is an option of the command.
+
+    Parameters
+    ----------
+    default : object
+        Value of the field if nothing is chosen.
+    text : str
+        Help of the option.
+    models : tuple of str
+        Models that have it; all of the settings class if empty.
+    read : callable or None
+        Turns the text of the option into its value; None for a number, a text or a switch as the field's type says.
+    metavar : str or None
+        What the help shows in place of the value.
+    least : int or None
+        Smallest value.
+    """
+    metadata = {"help": text, "models": models, "read": read, "metavar": metavar, "least": least}
+    return field(default=default, metadata=metadata)
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Read a list of numbers: ``3,100``; raise ``ValueError`` for anything else."""
+    return tuple(float(part) for part in text.split(","))
+
+
+def number_or_auto(text: str) -> float | str:
+    """Read a number or the word ``auto``; raise ``ValueError`` for anything else."""
+    return text if text == "auto" else float(text)

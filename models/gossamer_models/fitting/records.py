@@ -1,0 +1,140 @@
+"""One measurement of a sensor, the samples of it that are fitted, and its form in equal steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Rows, Vector
+from ..errors import DataError
+
+MOST_RESAMPLED = 4  # times as many samples as before
+LARGEST_STRAIN = 5.0  # no sensor reads more; without a stated unit, more is per cent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """One measurement.
+
+    Attributes
+    ----------
+    name : str
+        For messages and tables.
+    time, strain, resistance : ndarray, shape (m,)
+        Time [s], increasing; strain [1]; resistance [ohm] or a signal linear in it.
+    lines : ndarray of int, shape (m,)
+        Line of the file that each sample stands in.
+    weight : float
+        Weight of its squared errors in a fit with others [1].
+    repairs : tuple of str
+        What was repaired, one sentence each.
+    """
+
+    name: str
+    time: Vector
+    strain: Vector
+    resistance: Vector
+    lines: NDArray[np.int_]
+    weight: float = 1.0
+    repairs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        table = [self.time, self.strain, self.resistance]
+        problem = None
+        if len({column.shape for column in table}) > 1 or self.time.ndim != 1:
+            problem = f"its columns have shapes {', '.join(str(column.shape) for column in table)}: need equal columns"
+        elif not np.isfinite(table).all():
+            problem = f"row {int(np.argmin(np.isfinite(table).all(axis=0)))} holds a value that is not finite"
+        elif not self.weight > 0.0:
+            problem = f"its weight is {self.weight:g}; leave a record out instead"
+        if problem is not None:
+            msg = f"cannot use record {self.name!r}: {problem}."
+            raise DataError(msg)
+
+
+def training_rows(record: Record, train: str) -> Rows:
+    """Return which samples to fit.
+
+    Parameters
+    ----------
+    record : Record
+        Times from zero.
+    train : str
+        ``A:B`` for times from A to B [s], either of which may be missing, or ``P%`` for the leading part of the samples.
+
+    Raises
+    ------
+    DataError
+        The text is neither, or no sample lies there.
+    """
+    try:
+        if train.endswith("%"):
+            share = 0.01 * float(train[:-1])
+            if not 0.0 < share <= 1.0:
+                raise ValueError
+            rows = np.arange(record.time.size) < round(share * record.time.size)
+        else:
+            low, high = (float(part) if part.strip() else None for part in train.split(":"))
+            rows = np.ones(record.time.size, dtype=bool)
+            rows &= record.time >= (0.0 if low is None else low)
+            rows &= record.time <= (np.inf if high is None else high)
+    except ValueError:
+        msg = f"cannot read {train!r} as a training stretch. Write 0:200 for seconds or 50% for a leading part, up to 100%."
+        raise DataError(msg) from None
+    if not rows.any():
+        msg = f"{record.name} runs from 0 to {record.time[-1]:g} s: no sample lies in {train!r}. Name another stretch."
+        raise DataError(msg)
+    return rows
+
+
+def check_rest(rest_resistance: float | None) -> None:
+    """Refuse a resistance at rest that is no finite number; None stands for one to fit."""
+    if rest_resistance is not None and not np.isfinite(rest_resistance):
+        msg = f"the resistance at rest is {rest_resistance:g}; give a finite number, or none to fit it"
+        raise DataError(msg)
+
+
+def strain_range(records: Sequence[Record], full_scale: float | None) -> float:
+    """Return the full scale [1], the largest strain if none is given; refuse strain outside it."""
+    if not records:
+        msg = "there is no record to fit. Give at least one."
+        raise DataError(msg)
+    if full_scale is None:
+        return max(float(r.strain.max()) for r in records)
+    if not 0.0 < full_scale <= LARGEST_STRAIN:
+        msg = (
+            f"the full scale is {full_scale:g}; give the strain at the end of the range as a ratio [1], 0.2 for 20 %, or "
+            "none"
+        )
+        raise DataError(msg)
+    for r in records:
+        beyond = np.flatnonzero((r.strain > full_scale) | (r.strain < 0.0))
+        if beyond.size:
+            k = int(beyond[0])
+            msg = (
+                f"{r.name}, line {r.lines[k]}: strain {r.strain[k]:g} is outside 0 to full scale {full_scale:g}. Raise the "
+                "full scale or leave the samples out."
+            )
+            raise DataError(msg)
+    return full_scale
+
+
+def in_equal_steps(record: Record, train: Rows) -> tuple[Record, Rows]:
+    """Return a record and its training samples, resampled in equal steps by linear interpolation.
+
+    Notes
+    -----
+    The step is the median one, unless a few long ones (a hold that was not sampled) would multiply the samples by more than
+    ``MOST_RESAMPLED``. Training samples are those between the first and the last one of the record.
+    """
+    time, steps = record.time, np.diff(record.time)
+    count = round(min((time[-1] - time[0]) / np.median(steps), MOST_RESAMPLED * steps.size))
+    even = np.linspace(time[0], time[-1], count + 1)
+    strain, resistance = (np.interp(even, time, values) for values in (record.strain, record.resistance))
+    lines = np.rint(np.interp(even, time, record.lines)).astype(int)
+    reach = 1e-6 * (even[1] - even[0])
+    rows = (even >= time[train][0] - reach) & (even <= time[train][-1] + reach)
+    return replace(record, time=even, strain=strain, resistance=resistance, lines=lines), rows

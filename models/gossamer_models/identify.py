@@ -1,0 +1,217 @@
+"""From CSV files to an artifact: what the command ``gossamer identify`` calls, and the options that it has."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import Field, dataclass, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import ParameterError
+from .fitting.errors import Errors, nrmse
+from .fitting.plots import RECORD_PICTURES
+from .fitting.reading import Columns, read_records
+from .fitting.records import training_rows
+from .fractional import FractionalFit, FractionalSettings, fit_fractional
+from .fractional.artifact import MODELS as FRACTIONAL
+from .fractional.doubts import doubts as fractional_doubts
+from .replay import recover_strain
+from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
+from .sensor.fit.doubts import doubts as preisach_doubts
+from .sensor.fit.settings import MODELS as PREISACH
+from .sensor.plots import SENSOR_PICTURES
+
+Fit = PreisachFit | FractionalFit
+Settings = PreisachSettings | FractionalSettings
+
+SETTINGS: dict[type[Settings], dict[str, Callable[..., Settings]]] = {
+    PreisachSettings: {name: partial(PreisachSettings.of, name) for name in PREISACH},
+    FractionalSettings: {f"fractional-{name}": partial(FractionalSettings, model=name) for name in FRACTIONAL},
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identified:
+    """What came of an identification.
+
+    Attributes
+    ----------
+    fit : PreisachFit or FractionalFit
+        The fit.
+    errors : tuple of Errors
+        Training and test stretch of every record.
+    remarks : tuple of str
+        What was repaired, and what the data do not determine.
+    """
+
+    fit: Fit
+    errors: tuple[Errors, ...]
+    remarks: tuple[str, ...] = ()
+
+
+def options(settings: type) -> list[Field[Any]]:
+    """Return the fields of a settings class that a user may choose, see ``fitting.options.option``."""
+    return [each for each in fields(settings) if "help" in each.metadata]
+
+
+def models_with(name: str) -> tuple[str, ...]:
+    """Return the models that have an option."""
+    return tuple(
+        model
+        for settings, models in SETTINGS.items()
+        for each in options(settings)
+        for model in models
+        if each.name == name and model in (each.metadata["models"] or models)
+    )
+
+
+def settings_for(model: str, **chosen: Any) -> Settings:  # noqa: ANN401
+    """Return how to fit a model.
+
+    Parameters
+    ----------
+    model : str
+        preisach, preisach-hats, fractional-model-1, fractional-sub-model-1 or fractional-sub-model-2.
+    **chosen
+        Its options, see ``PreisachSettings`` and ``FractionalSettings``; those that are None take the model's defaults.
+
+    Raises
+    ------
+    ParameterError
+        There is no such model, it has no such option, or the options do not fit together.
+    """
+    known = {name: make for models in SETTINGS.values() for name, make in models.items()}
+    if model not in known:
+        msg = f"there is no {model!r}; it is one of {', '.join(known)}"
+        raise ParameterError(msg)
+    given = {name: value for name, value in chosen.items() if value is not None}
+    for name in given:
+        others = models_with(name)
+        if model not in others:
+            words = name.replace("_", " ")
+            advice = f", or choose --model {' or '.join(others)}" if others else ""
+            msg = f"{model} has no {words}. Leave --{name.replace('_', '-')} out{advice}."
+            raise ParameterError(msg)
+    return known[model](**given)
+
+
+def identify_files(
+    paths: Sequence[Path],
+    *,
+    columns: Columns | None = None,
+    weights: Sequence[float] | None = None,
+    train: str = "50%",
+    settings: Settings | None = None,
+    full_scale: float | None = None,
+    rest_resistance: float | None = None,
+    command: str = "",
+    origin: str = "not stated",
+    progress: Callable[[str], None] = lambda _: None,
+) -> Identified:
+    """Fit a sensor to the records in some files.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        CSV files, one record each.
+    columns : Columns or None
+        Which columns, in which units.
+    weights : sequence of float or None
+        Of the squared errors of each record [1]; None for 1.
+    train : str
+        Training stretch of every record, see ``training_rows``.
+    settings : PreisachSettings, FractionalSettings or None
+        Which model and how to fit it, see ``settings_for``; None for the thesis' Preisach model.
+    full_scale : float or None
+        Strain [1] at the end of the range.
+    rest_resistance : float or None
+        Resistance [ohm] of the unstrained sensor at rest, where it is known.
+    command, origin : str
+        For the provenance of the artifact.
+    progress : callable
+        Called with a sentence now and then.
+
+    Returns
+    -------
+    Identified
+        Fit and errors; the artifact carries its provenance.
+    """
+    settings = settings or PreisachSettings()
+    records = read_records(paths, columns, weights)
+    rows = tuple(training_rows(record, train) for record in records)
+    given: dict[str, Any] = {"full_scale": full_scale, "rest_resistance": rest_resistance}
+    fit: Fit
+    if isinstance(settings, FractionalSettings):
+        fit = fit_fractional(records, rows, settings, progress=progress, **given)
+        doubted = fractional_doubts(fit)
+        stated = {"settings": repr(settings)}
+    else:
+
+        def watch(start: str, iteration: int, error: float) -> None:
+            progress(f"{start}, step {iteration}: error {error:.3f} % of range")
+
+        fit = fit_preisach(records, rows, settings, watch=watch, **given)
+        doubted = preisach_doubts(fit)
+        if settings.ridge == "auto":
+            chosen = f"The ridge {fit.settings.ridge:g} predicts the later parts of the training stretch best."
+            doubted = (chosen, *doubted)
+        stated = {
+            "settings": repr(fit.settings),  # with the ridge chosen
+            "full_scale_strain": repr(fit.full_scale),
+            "offset": repr(fit.rest_resistance),
+            "scale": repr(fit.resistance_change),
+        }
+    errors = fit.errors
+    if isinstance(fit, PreisachFit):
+        progress("recovering the strain")
+        errors = _with_strain_errors(fit)
+    provenance = {
+        "data": ", ".join(record.name for record in records),
+        "origin": origin,
+        "sha256": ", ".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in paths),
+        "command": command,
+        "train": train,
+        **stated,
+        **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in errors},
+        "doubts": " ".join(doubted),
+        **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
+    }
+    repairs = tuple(f"{record.name}: {text}." for record in records for text in record.repairs)
+    artifact: Any = replace(fit.artifact, provenance=provenance)
+    fit = replace(fit, artifact=artifact)
+    return Identified(fit=fit, errors=errors, remarks=(*repairs, *doubted))
+
+
+def save_pictures(result: Identified, folder: Path) -> list[Path]:
+    """Write all pictures that an identified model has as PNG files; return their paths."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    folder.mkdir(parents=True, exist_ok=True)
+    pictures: dict[str, Any] = {
+        f"{Path(record.name).stem}_{name}": plot(record, predicted, train)
+        for record, predicted, train in zip(result.fit.records, result.fit.predicted, result.fit.train, strict=True)
+        for name, plot in RECORD_PICTURES.items()
+    }
+    if isinstance(result.fit, PreisachFit):
+        pictures |= {name: plot(result.fit.artifact) for name, plot in SENSOR_PICTURES.items()}
+    for name, ax in pictures.items():
+        ax.figure.savefig(folder / f"{name}.png", dpi=130)
+        plt.close(ax.figure)
+    return [folder / f"{name}.png" for name in pictures]
+
+
+def _with_strain_errors(fit: PreisachFit) -> tuple[Errors, ...]:
+    """Return the errors of a fit with those of the strain that the compensator recovers from the measured resistance."""
+    of_strain: dict[tuple[str, str], float] = {}
+    for record, rows in zip(fit.records, fit.train, strict=True):
+        recovered, size = recover_strain(fit, record), float(np.ptp(record.strain))
+        for stretch, part in (("train", rows), ("test", ~rows)):
+            of_strain[record.name, stretch] = nrmse(record.strain[part], recovered[part], size)
+    return tuple(replace(each, strain_nrmse=of_strain[each.record, each.stretch]) for each in fit.errors)

@@ -1,0 +1,85 @@
+"""What a fit of the modified Preisach model leaves open: how well the data determine it, and what was assumed."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from ...arrays import Matrix, Rows
+from ...fitting.errors import Parameter, alike, covariance, rest_doubt
+from ...fitting.records import Record
+from .preisach import PreisachFit
+
+DETERMINED = 0.5  # share of a parameter's information that must come from the data
+HOLD_RATE = 0.02  # of the fastest strain rate: slower is a hold
+LEAST_HOLD = 0.05  # of the training stretch
+REST_ADVICE = "Check it and its unit, or fit what was still relaxing."
+
+
+def determination(fit: PreisachFit) -> tuple[Matrix, Matrix]:
+    """Return covariance and resolution of the parameters, shape (n, n), zero for those at a bound; see ``covariance``."""
+    n = fit.x.size
+    lower, upper = fit.solver.problem.lower, fit.solver.problem.upper
+    slack = 1e-7 * np.maximum(1.0, np.abs(fit.x))
+    free = (fit.x > lower + slack) & (fit.x < upper - slack)
+    data, preferred = (part[:, free] for part in fit.solver.slopes(fit.x))
+    count = sum(int(rows.sum()) for rows in fit.train)
+    variance = 2.0 * fit.solutions[0].cost / max(count - int(free.sum()), 1)
+    C, R = np.zeros((n, n)), np.zeros((n, n))
+    C[np.ix_(free, free)], R[np.ix_(free, free)] = covariance(data, preferred, variance)
+    return C, R
+
+
+def parameters(fit: PreisachFit) -> tuple[Parameter, ...]:
+    """Return the fitted parameters; those with a fixed value count as determined."""
+    C, R = determination(fit)
+    deviations = np.sqrt(np.maximum(np.diag(C), 0.0))
+    fitted = fit.solver.problem.lower < fit.solver.problem.upper
+    determined = ~fitted | (np.diag(R) >= DETERMINED)
+    return tuple(
+        Parameter(name=name, value=float(value), deviation=float(deviation), determined=bool(known))
+        for name, value, deviation, known in zip(fit.names, fit.x, deviations, determined, strict=True)
+    )
+
+
+def doubts(fit: PreisachFit) -> tuple[str, ...]:
+    """Return what the data cannot decide, one sentence each."""
+    sentences = []
+    if not fit.solutions[0].converged:
+        sentences.append(
+            f"The fit was still improving after {fit.solutions[0].iterations} steps. Take more starts, or fewer modes or "
+            "relaxations."
+        )
+    if fit.settings.earlier:
+        sentences.append(
+            "The errors take what was relaxing before a record began as known. FMUs start at rest and do not know it."
+        )
+    else:
+        sentences += [rest_doubt(r, fit.rest_resistance, fit.full_scale, REST_ADVICE) for r in fit.records]
+    held = [_held(record, rows) for record, rows in zip(fit.records, fit.train, strict=True) if rows.any()]
+    if fit.settings.relaxations and max(held) < LEAST_HOLD:
+        sentences.append(
+            f"The strain is at rest for {100.0 * max(held):.1f} % of the training stretch: without holds, eta and slow "
+            "relaxation cannot be told apart. Add a hold to the record, or read eta as an assumption."
+        )
+    weak = Counter(p.name.split("[")[0] for p in parameters(fit) if not p.determined)
+    sizes = {b.name: b.size for b in fit.blocks}
+    if weak:
+        which = ", ".join(f"{count} of {sizes[name]} {name}" for name, count in weak.items())
+        sentences.append(
+            f"{which} are set by regularisation or a bound, not by the data. Fewer modes or relaxations would do."
+        )
+    sentences.append(alike(fit.names, determination(fit)[0], "Fix one."))
+    return tuple(filter(None, sentences))
+
+
+def _held(record: Record, rows: Rows) -> float:
+    """Return the part of the training time in which strain stands still."""
+    steps = np.diff(record.time)
+    rates = np.abs(np.diff(record.strain)) / steps
+    inside = rows[1:]
+    if not inside.any():
+        return 0.0
+    still = rates[inside] < HOLD_RATE * rates.max()
+    return float(steps[inside][still].sum() / steps[inside].sum())

@@ -1,0 +1,115 @@
+r"""The modified Preisach model as a CasADi function of its parameters.
+
+Symbols: ``x`` parameters of ``parameters.py``; ``mu``, ``eta`` densities on the cells, ``nu = eta*mu``; per kernel
+:math:`\tau, c` and the amplitudes :math:`g, k` of :math:`A(\zeta) = g + k\zeta`; ``f`` coefficients, ``basis @ f`` the
+weights of the columns of ``regression.py``; ``p`` the parameters by the names of their blocks. The densities are those of
+Eqs. (4.14) and (4.15) of the thesis. All are matrix expressions, so the function has a few dozen instructions and its
+derivatives take milliseconds to build.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy import sparse
+
+from ...arrays import Vector
+from .densities import bin_places, elastic_field, hat_functions, modal_field, reversible_beyond
+from .parameters import Block, parameter_blocks
+from .regression import Regression
+from .settings import PreisachSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreisachModel:
+    """The model of a fit.
+
+    Attributes
+    ----------
+    function : casadi.Function
+        ``x -> (f, constraints, soft)``, shapes (n,) -> (K,), (G,), (S,): coefficients, what must not be negative, and what
+        is preferred to be small.
+    basis : scipy.sparse.csr_array, shape (columns, K)
+        Weights of cells and modes for every coefficient.
+    blocks : tuple of Block
+        The parameters in order.
+    """
+
+    function: ca.Function
+    basis: sparse.csr_array
+    blocks: tuple[Block, ...]
+
+    def weights(self, x: Vector) -> Vector:
+        """Return the weights of cells and modes in the order of the columns."""
+        return np.asarray(self.basis @ self.function(x)[0].full()[:, 0], dtype=float)
+
+
+def preisach_model(
+    settings: PreisachSettings, regression: Regression, rest_resistance: float | None = None
+) -> PreisachModel:
+    """Build the model of some records; the resistance at rest [ohm] is fitted where it is None."""
+    blocks = parameter_blocks(settings, regression, rest_resistance)
+    x = ca.MX.sym("x", sum(b.size for b in blocks))
+    p = by_block(blocks, x)
+
+    functions, amplitudes, eta = _density(settings, p, regression.seen)
+    mu, nu = (ca.mtimes(_constant(functions), a) for a in (amplitudes, eta * amplitudes))
+    line = np.triu_indices(settings.n_lines)[0]
+    floor = np.where(line == 0, settings.least_slope, settings.least_weight)
+    floor[np.diff(functions.tocsr().indptr) == 0] = 0.0
+    parts = []
+    if settings.relaxations:
+        kernels = regression.kernels.weights(p["log_tau"], p["c"])
+        parts += [ca.mtimes(kernels, p[drive.symbol]) for drive in settings.drives]
+    if settings.earlier:
+        parts += [p[f"v{r + 1}"] for r in regression.fitted]
+    others = ca.vertcat(*parts, p["y0"])
+    constraints = [mu - ca.DM(floor)]
+    if settings.density == "modal":
+        constraints += [eta - settings.eta[0], settings.eta[1] - eta]
+    if settings.relaxations and settings.invertible:
+        constraints += _steep_enough(settings, p, nu)
+    soft = [b.stiffness * (p[b.name] - b.start) for b in blocks if b.stiffness > 0.0]
+    if settings.density == "modal":
+        soft += [settings.smoothness * p["b_mu"] * (p["m_mu"] ** 2 + p["n_mu"] ** 2)]
+        if settings.elastic:
+            soft += [settings.smoothness * p["b_elastic"] * ca.DM(np.arange(settings.modes) ** 2.0)]
+    f = ca.vertcat(amplitudes, eta * amplitudes, others)
+    function = ca.Function("model", [x], [f, ca.vertcat(*constraints), np.sqrt(regression.samples) * ca.vertcat(*soft)])
+    basis = sparse.block_diag([functions, functions, sparse.eye_array(others.numel())], format="csr")
+    return PreisachModel(function=function, basis=basis, blocks=blocks)
+
+
+def by_block(blocks: tuple[Block, ...], x: ca.MX | ca.DM) -> dict[str, ca.MX | ca.DM]:
+    """Split parameters, shape (n,), by the names of their blocks."""
+    ends = np.cumsum([0, *(b.size for b in blocks)]).tolist()
+    return dict(zip((b.name for b in blocks), ca.vertsplit(x, ends), strict=True))
+
+
+def _density(settings: PreisachSettings, p: dict[str, ca.MX], seen: float) -> tuple[sparse.sparray, ca.MX, ca.MX]:
+    """Return functions on the cells, their amplitudes for mu, and eta: of each of them, or one for all."""
+    N, places = settings.n_lines, bin_places(settings.n_lines, seen)
+    if settings.density == "modal":
+        mu, eta = (modal_field(p[f"b_{name}"], p[f"m_{name}"], p[f"n_{name}"], places) for name in ("mu", "eta"))
+        if settings.elastic:
+            mu += ca.vertcat(N * elastic_field(p["b_elastic"], places), ca.DM(mu.numel() - N, 1))
+        return reversible_beyond(N, seen), mu, eta
+    functions = sparse.csr_array(np.hstack(hat_functions(N, settings.knots)))
+    return functions, ca.vertcat(p["b_mu"], p["b_elastic"]), p["eta"]
+
+
+def _steep_enough(settings: PreisachSettings, p: dict[str, ca.MX], nu: ca.MX) -> list[ca.MX]:
+    """Return by how much the elastic line falls faster than relaxation can rise, in a step of any size."""
+    falling = [drive for drive in settings.drives if drive.strain == "falling"]
+    if not falling:
+        return []
+    N = settings.n_lines
+    highest = ca.DM((np.arange(N) + 1.0) / N)
+    jump = sum(ca.sum1(p[drive.symbol]) * highest**drive.power for drive in falling)
+    return [nu[:N] - settings.least_slope - jump]
+
+
+def _constant(matrix: sparse.sparray) -> ca.DM:
+    return ca.DM(sparse.csc_matrix(matrix))

@@ -1,0 +1,169 @@
+r"""Fit the modified Preisach model to records.
+
+Symbols: ``y`` resistance over its range [1], ``mu``, ``eta`` densities, ``nu = eta*mu``; per kernel :math:`\tau, c` and the
+amplitudes :math:`g, k` of :math:`A(\zeta) = g + k\zeta`; :math:`y_0` at rest; :math:`v` what still relaxed when a record
+began.
+
+The resistance, ``Stretch.response``, is linear in the amplitudes of mu, in g, k, v and y_0; wave numbers, eta, :math:`\tau`
+and c are found by the constrained Gauss-Newton method of ``fitting/constrained.py``. The error is that of Eq. (4.18) of the
+thesis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from ...arrays import Rows, Vector
+from ...fitting.constrained import GaussNewton, Solution
+from ...fitting.errors import Errors, stretch_errors
+from ...fitting.records import Record, check_rest, strain_range
+from ..artifact import DirectInverse, Scales, SensorArtifact
+from .inverse import inverse_settings, turn
+from .model import preisach_model
+from .normalise import normalised_output, normalised_sensor
+from .parameters import Block
+from .regression import Stretch, prepare
+from .ridge import choose_ridge
+from .settings import PreisachSettings
+from .solve import Watch, solve
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreisachFit:
+    """Result of a fit.
+
+    Attributes
+    ----------
+    artifact : SensorArtifact
+        Normalised sensor, ready to build from.
+    settings : PreisachSettings
+        How it was fitted.
+    full_scale : float
+        Strain [1] of the end of the range.
+    rest_resistance, resistance_change : float
+        Resistance of a record [ohm] = rest_resistance + resistance_change * normalised output.
+    x : ndarray, shape (n,)
+        Parameters.
+    records : tuple of Record
+        What was fitted.
+    predicted : tuple of ndarray
+        Resistance [ohm] that the artifact gives for every record, with what was relaxing before it began.
+    train : tuple of ndarray of bool
+        Samples of every record that were fitted.
+    solutions : tuple of Solution
+        One per start; the first is the best.
+    solver : GaussNewton
+        For derivatives at the solution.
+    blocks : tuple of Block
+        Parameters by group.
+    """
+
+    artifact: SensorArtifact
+    settings: PreisachSettings
+    full_scale: float
+    rest_resistance: float
+    resistance_change: float
+    x: Vector
+    records: tuple[Record, ...]
+    predicted: tuple[Vector, ...]
+    train: tuple[Rows, ...]
+    solutions: tuple[Solution, ...]
+    solver: GaussNewton
+    blocks: tuple[Block, ...] = field(repr=False)
+
+    @property
+    def errors(self) -> tuple[Errors, ...]:
+        """Errors on the training and the test stretch of every record."""
+        return stretch_errors(self.records, self.predicted, self.train, self.rest_resistance)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, length n."""
+        return tuple(f"{b.name}[{i + 1}]" for b in self.blocks for i in range(b.size))
+
+
+def fit_preisach(
+    records: tuple[Record, ...],
+    train: tuple[Rows, ...],
+    settings: PreisachSettings | None = None,
+    *,
+    full_scale: float | None = None,
+    rest_resistance: float | None = None,
+    watch: Watch | None = None,
+) -> PreisachFit:
+    """Fit one sensor to one or several records.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        All start at rest but for what ``settings.earlier`` allows.
+    train : tuple of ndarray of bool
+        Samples of each record to fit.
+    settings : PreisachSettings or None
+        None for the thesis' model.
+    full_scale : float or None
+        Strain [1] at the end of the range; None for the largest in the records.
+    rest_resistance : float or None
+        Resistance [ohm] of the unstrained sensor at rest, where it is known; None to fit it.
+    watch : callable, optional
+        Called with the name of the start, the iteration and the root mean square error [% of range].
+
+    Returns
+    -------
+    PreisachFit
+        Sensor, parameters and predictions.
+
+    Raises
+    ------
+    DataError
+        The records cannot be fitted: too short, constant, or beyond full scale.
+    """
+    settings = settings or PreisachSettings()
+    check_rest(rest_resistance)
+    full_scale = strain_range(records, full_scale)
+    if settings.ridge == "auto":
+        settings = choose_ridge(
+            records, train, settings, full_scale=full_scale, rest_resistance=rest_resistance, watch=watch
+        )
+    regression = prepare(records, train, settings, full_scale)
+    model = preisach_model(settings, regression, rest_resistance)
+    solver, solutions = solve(model, regression, settings, watch)
+    x, unit = solutions[0].x, regression.unit
+    artifact, y0, rise = normalised_sensor(settings, model, x, regression)
+    if settings.direct_inverse or not settings.invertible:
+        artifact = replace(artifact, inverse=_direct_inverse(regression.stretches, y0, rise, settings))
+    if y0 > 0.0:  # a resistance, not a signal
+        scales = Scales(
+            rest_resistance=y0 * unit, full_scale_resistance_change=rise * unit, full_scale_strain=full_scale
+        )
+        artifact = replace(artifact, scales=scales)
+    earlier = regression.stretches[0].split(model.weights(x)).v
+    return PreisachFit(
+        artifact=artifact,
+        settings=settings,
+        full_scale=full_scale,
+        rest_resistance=y0 * unit,
+        resistance_change=rise * unit,
+        x=x,
+        records=records,
+        predicted=tuple(
+            unit * (y0 + rise * normalised_output(artifact, s) + s.V @ earlier) for s in regression.stretches
+        ),
+        train=train,
+        solutions=solutions,
+        solver=solver,
+        blocks=model.blocks,
+    )
+
+
+def _direct_inverse(stretches: tuple[Stretch, ...], y0: float, rise: float, forward: PreisachSettings) -> DirectInverse:
+    """Fit the operators from resistance to strain, on the training stretches."""
+    turned = turn(stretches, y0, rise)
+    fit = fit_preisach(turned.records, turned.train, inverse_settings(turned, forward), full_scale=1.0)
+    return DirectInverse(
+        law=replace(fit.artifact, scales=None),
+        lowest=turned.lowest,
+        highest=turned.highest,
+        offset=fit.rest_resistance,
+        scale=fit.resistance_change,
+    )

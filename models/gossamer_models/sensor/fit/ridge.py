@@ -1,0 +1,85 @@
+"""Choose how small densities and amplitudes are preferred to be: by predicting the training stretch's later parts.
+
+Test stretches are not looked at. Every training stretch is cut into ``PARTS``; from the first half on, each part is
+predicted by a fit to all parts before it, as the test stretch will be by a fit to the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ...arrays import Rows
+from ...errors import DataError
+from ...fitting.records import Record
+from .model import preisach_model
+from .regression import moves, prepare
+from .settings import PreisachSettings
+from .solve import Watch, solve
+
+RIDGES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+PARTS = 4
+
+
+def choose_ridge(
+    records: tuple[Record, ...],
+    train: tuple[Rows, ...],
+    settings: PreisachSettings,
+    *,
+    full_scale: float,
+    rest_resistance: float | None = None,
+    watch: Watch | None = None,
+) -> PreisachSettings:
+    """Return settings with the ridge that predicts best, the same for densities and relaxation.
+
+    Parameters
+    ----------
+    records, train, settings, full_scale, rest_resistance, watch
+        See ``fit_preisach``; only training samples are used. Every trial fit has one start.
+
+    Returns
+    -------
+    PreisachSettings
+        ``ridge`` is one of ``RIDGES``; nothing else is changed.
+
+    Raises
+    ------
+    DataError
+        A training stretch is too short to be cut, or its first half never moves.
+    """
+    regression = prepare(records, train, settings, full_scale)
+    errors = []
+    for number, ridge in enumerate(RIDGES):
+        trial = replace(settings, starts=1, ridge=ridge)
+        squares: list[float] = []
+        for fitted, held in _forward(train):
+            parts = tuple(replace(s, train=rows) for s, rows in zip(regression.stretches, fitted, strict=True))
+            if not any(moves(s.strain[s.train]) for s in parts):
+                msg = "the strain rests in the first half of the training stretch, so no ridge can be chosen. Give one."
+                raise DataError(msg)
+            part = replace(regression, stretches=parts)
+            model = preisach_model(trial, part, rest_resistance)
+            weights = model.weights(solve(model, part, trial)[1][0].x)
+            for s, rows in zip(parts, held, strict=True):
+                squares += ((s.columns[rows] @ weights - s.y[rows]) ** 2).tolist()
+        errors.append(float(np.mean(squares)))
+        if watch is not None:
+            watch(f"ridge {ridge:g}, predicted within the training stretch", number + 1, 100.0 * np.sqrt(errors[-1]))
+    return replace(settings, ridge=RIDGES[int(np.argmin(errors))])
+
+
+def _forward(train: tuple[Rows, ...]) -> Iterator[tuple[tuple[Rows, ...], tuple[Rows, ...]]]:
+    """Cut the training samples of every record in time order; return what to fit and what to predict."""
+    for k in range(PARTS // 2, PARTS):
+        pairs = [_cut(rows, k) for rows in train]
+        yield tuple(fit for fit, _ in pairs), tuple(held for _, held in pairs)
+
+
+def _cut(rows: Rows, k: int) -> tuple[Rows, Rows]:
+    ends = np.array_split(np.flatnonzero(rows), PARTS)
+    fitted, held = np.zeros_like(rows), np.zeros_like(rows)
+    fitted[np.concatenate(ends[:k])] = True
+    held[ends[k]] = True
+    return fitted, held

@@ -1,0 +1,179 @@
+"""How to fit the modified Preisach model: everything that may be chosen, checked when it is chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Any, ClassVar, Literal
+
+from ...errors import ParameterError
+from ...fitting.options import number_or_auto, numbers, option
+from ..drives import EXTENSIONS, Drive
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "preisach": {},
+    "preisach-hats": {"density": "hats", "density_ridge": 3e-3},
+}
+MODELS = tuple(PRESETS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreisachSettings:
+    r"""How to fit.
+
+    Attributes
+    ----------
+    modes, relaxations : int
+        M modal functions each for mu and eta, and P kernels.
+    knots : int
+        Knots of the hat functions along each axis.
+    tau : tuple of float or None
+        Times [s] of the kernels; None to fit them.
+    exponents : tuple of float or None
+        Exponents c [1] of the kernels, in (0, 1]; None to fit them.
+    extension : str
+        Key of ``EXTENSIONS``: what excites the relaxation besides the thesis' rising strain.
+    ridge : float, "auto" or None
+        Value for both ``density_ridge`` and ``relaxation_ridge``; "auto" chooses it by predicting the later parts of the
+        training stretch; None leaves them as they are.
+    earlier : bool
+        Whether relaxation from before a record may still be under way when it begins; the sensor that is built knows nothing
+        of it.
+    direct_inverse : bool
+        Whether to fit the way from resistance to strain too, which then replaces the exact inverse.
+    least_slope, least_weight : float
+        Lower bounds of mu on the elastic line and on all others, in units of the output's range. Noise on the resistance is
+        amplified by no more than the inverse of the first.
+    starts, seed : int
+        How many starts, and the seed of all but the first.
+    density : {"modal", "hats"}
+        Modal functions of Eqs. (4.16) and (4.17) of the thesis, or hat functions on a coarse grid of the triangle with an
+        elastic line :math:`\alpha = \beta` of their own and one eta.
+    n_lines : int
+        Lines and bins along a line of the finished tables.
+    elastic : bool
+        Whether an elastic line with modes of its own is added to the modal density: operators of no width, which a smooth
+        density cannot hold. The thesis' equations have none.
+    signed : bool
+        Whether amplitudes of relaxation may be negative.
+    invertible : bool
+        Whether the output must fall with falling strain in a step of any size, so that the exact inverse exists.
+    eta : tuple of float
+        Least and largest eta [1].
+    fit_kernels : bool
+        False fixes all kernels: exponentials with times evenly spaced in the logarithm from a sample to the record.
+    smoothness, density_ridge, eta_stiffness, kernel_stiffness, relaxation_ridge : float
+        Pulls towards a flat and a small density mu, eta = 1, the first kernels and small relaxation, relative to noise of
+        the size of the output's range. The density of the elastic line is free, so hysteresis and drift appear only if the
+        data require them.
+    most_iterations : int
+        Most iterations per start.
+    """
+
+    FAMILY: ClassVar[str] = "Preisach"
+
+    modes: int = option(7, "Modal functions of mu and of eta.", models=("preisach",), least=1)
+    knots: int = option(9, "Knots of the hat functions along each axis.", models=("preisach-hats",))
+    relaxations: int = option(7, "Relaxation kernels.", least=0)
+    tau: tuple[float, ...] | None = option(
+        None, "Times of the kernels [s], one per relaxation: 3,100. Fitted if not given.", read=numbers, metavar="LIST"
+    )
+    exponents: tuple[float, ...] | None = option(
+        None, "Exponents of the kernels in (0, 1]: 0.5,0.5. Fitted if not given.", read=numbers, metavar="LIST"
+    )
+    extension: str = option(
+        "none",
+        "Added to the thesis' relaxation: "
+        + ", ".join(f"{name} ({each.text})" for name, each in EXTENSIONS.items() if name != "none")
+        + ". Nothing if not given.",
+        metavar="NAME",
+    )
+    ridge: float | Literal["auto"] | None = option(
+        None,
+        "How strongly small densities and relaxation are preferred: a number, or auto to choose it by predicting the later "
+        "parts of the training stretch.",
+        read=number_or_auto,
+        metavar="NUMBER",
+    )
+    earlier: bool = option(False, "The sensor was not at rest when its record began; fit what was still relaxing.")
+    direct_inverse: bool = option(False, "Fit the way from resistance to strain too, for the compensator.")
+    least_slope: float = option(
+        0.02, "Least slope, in the output's range per full scale: limits how much the compensator amplifies noise."
+    )
+    starts: int = option(2, "How many starts.", least=1)
+    seed: int = option(0, "Seed of the starts.", least=0)
+
+    density: Literal["modal", "hats"] = "modal"
+    n_lines: int = 32
+    elastic: bool = True
+    signed: bool = False
+    invertible: bool = True
+    eta: tuple[float, float] = (0.5, 1.2)
+    fit_kernels: bool = True
+    least_weight: float = 1e-4
+    smoothness: float = 3e-2
+    density_ridge: float = 0.1
+    eta_stiffness: float = 1.0
+    kernel_stiffness: float = 1e-3
+    relaxation_ridge: float = 1e-3
+    most_iterations: int = 60
+
+    @classmethod
+    def of(cls, model: str, **chosen: Any) -> PreisachSettings:  # noqa: ANN401
+        """Return the settings of a model and, where one is chosen, of an extension; ``chosen`` fields go before both."""
+        extension = chosen.get("extension", "none")
+        _known(extension, tuple(EXTENSIONS))
+        return cls(**{**PRESETS[_known(model, MODELS)], **EXTENSIONS[extension].settings, **chosen})
+
+    @property
+    def drives(self) -> tuple[Drive, ...]:
+        """What excites the relaxation."""
+        return EXTENSIONS[self.extension].drives
+
+    def __post_init__(self) -> None:
+        if isinstance(self.ridge, float):
+            for name in ("density_ridge", "relaxation_ridge"):
+                object.__setattr__(self, name, self.ridge)
+        if self.modes < 1 or self.relaxations < 0 or self.starts < 1 or self.n_lines < 4:
+            msg = (
+                f"cannot fit {self.modes} modes, {self.relaxations} relaxations, {self.n_lines} lines from {self.starts} "
+                "starts: take at least 1 mode, 0 relaxations, 4 lines and 1 start"
+            )
+            raise ParameterError(msg)
+        if not all(0.0 <= ridge < inf for ridge in (self.density_ridge, self.relaxation_ridge)):
+            both = f"{self.density_ridge:g}, {self.relaxation_ridge:g} for relaxation"
+            msg = f"the ridge is {both}: take a finite one of 0 or more"
+            raise ParameterError(msg)
+        if self.seed < 0:
+            msg = f"the seed is {self.seed}: it must not be negative"
+            raise ParameterError(msg)
+        if self.extension != "none" and self.relaxations < 1:
+            msg = f"the extension {self.extension} adds to the relaxation, of which there is none. Take one or more."
+            raise ParameterError(msg)
+        if not self.fit_kernels and (self.tau is not None or self.exponents is not None):
+            msg = (
+                f"the extension {self.extension} has fixed kernels of its own. Leave tau and exponents out, or choose "
+                "another one."
+            )
+            raise ParameterError(msg)
+        for name in ("tau", "exponents"):
+            values = getattr(self, name)
+            if values is not None and len(values) != self.relaxations:
+                msg = f"need one of {name} per relaxation: {len(values)} != {self.relaxations}"
+                raise ParameterError(msg)
+        if not all(0.0 < t < inf for t in self.tau or ()) or not all(0.0 < c <= 1.0 for c in self.exponents or ()):
+            msg = f"kernels need times above 0 s and exponents in (0, 1], not {self.tau} and {self.exponents}"
+            raise ParameterError(msg)
+        if not 0.0 < self.least_slope < 1.0:
+            msg = f"the least slope is {self.least_slope:g} of the output's range: take one between 0 and 1"
+            raise ParameterError(msg)
+        if self.density == "hats" and not 2 <= self.knots < self.n_lines:
+            msg = f"cannot lay {self.knots} knots over {self.n_lines} lines: take 2 or more and fewer than lines"
+            raise ParameterError(msg)
+
+
+def _known(name: str, known: tuple[str, ...]) -> str:
+    if name not in known:
+        msg = f"there is no {name!r}; it is one of {', '.join(known)}"
+        raise ParameterError(msg)
+    return name

@@ -1,0 +1,92 @@
+"""Pictures of a sensor: densities over the Preisach plane and Everett surfaces.
+
+A picture that is added to ``SENSOR_PICTURES`` is drawn by ``gossamer identify``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..arrays import Matrix
+from ..fitting.plots import FITTED, PREDICTED, axes_for
+from .artifact import SensorArtifact
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+ETA_SCALE = (0.9, 1.1)  # [1]
+TITLES = {"mu": "mu (the elastic line may exceed the scale)", "eta": "eta, the part of mu that a switch down takes"}
+
+
+def plot_plane(artifact: SensorArtifact, name: str, *, ax: Axes | None = None) -> Axes:
+    """Draw ``mu`` or ``eta`` over the Preisach plane; the cell of line i and bin k stands in row k, column k - i."""
+    ax = axes_for(ax)
+    mu, nu = artifact.tables()
+    N = artifact.n_lines
+    plane = np.full((N, N), np.nan)
+    line, k = np.triu_indices(N)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = mu if name == "mu" else np.where(mu > 0.0, nu / mu, np.nan)
+    plane[k, k - line] = values[line, k]
+    off_line = plane[np.tril_indices(N, -1)]
+    top = float(np.nanmax(off_line)) if np.isfinite(off_line).any() else 1.0
+    low = None
+    if name == "eta":  # no colours for differences that mean nothing
+        low, top = min(ETA_SCALE[0], float(np.nanmin(plane))), max(ETA_SCALE[1], top)
+    image = ax.imshow(plane, origin="lower", extent=(0, 1, 0, 1), vmin=low, vmax=top, cmap="viridis")
+    ax.figure.colorbar(image, ax=ax, label=r"$\mu$ [1]" if name == "mu" else r"$\eta$ [1]")
+    ax.set(xlabel=r"$\beta$ [1]", ylabel=r"$\alpha$ [1]", title=TITLES[name])
+    return ax
+
+
+def everett(artifact: SensorArtifact) -> tuple[Matrix, Matrix]:
+    """Return the Everett surfaces of the static operators on the lattice.
+
+    Returns
+    -------
+    up, down : ndarray, shape (N + 1, N + 1)
+        Element [a, b]: rise of the output [1] when strain rises from b/N, at rest or after falling from full scale, to a/N
+        >= b/N, and its fall on the way back from a/N to b/N, Eqs. (5.3) and (5.4) of the thesis without
+        relaxation; not a number for
+        a < b.
+    """
+    N = artifact.n_lines
+    surfaces = np.full((2, N + 1, N + 1), np.nan)
+    line, k = np.triu_indices(N)
+    for surface, table in zip(surfaces, artifact.tables(), strict=True):
+        square = np.zeros((N, N))
+        square[k, k - line] = table[line, k] / N
+        for b in range(N + 1):
+            grown = square[:, b:].sum(axis=1)
+            surface[b:, b] = np.concatenate([[0.0], np.cumsum(grown[b:])])
+    return surfaces[0], surfaces[1]
+
+
+def plot_everett(artifact: SensorArtifact, *, ax: Any = None) -> Any:  # noqa: ANN401
+    """Draw the Everett surfaces for rising and falling strain."""
+    import matplotlib.pyplot as plt
+
+    ax = plt.figure(figsize=(7, 5.5), layout="constrained").add_subplot(projection="3d") if ax is None else ax
+    up, down = everett(artifact)
+    axis = np.linspace(0.0, 1.0, artifact.n_lines + 1)
+    low, high = np.meshgrid(axis, axis)
+    ax.plot_wireframe(high, low, up, color=FITTED, lw=0.6, label="rising")
+    ax.plot_wireframe(low, high, -down, color=PREDICTED, lw=0.6, label="falling")
+    ax.set(
+        xlabel="new strain [1]", ylabel="extreme before [1]", zlabel="change of output [1]", title="Everett surfaces"
+    )
+    ax.view_init(elev=30.0, azim=110.0)  # the surfaces are close to a plane, which is edge-on from the front
+    ax.legend()
+    return ax
+
+
+SENSOR_PICTURES: dict[str, Callable[[SensorArtifact], Axes]] = {
+    "mu": partial(plot_plane, name="mu"),
+    "eta": partial(plot_plane, name="eta"),
+    "everett": plot_everett,
+}

@@ -1,0 +1,96 @@
+"""``gossamer build``: from models to FMUs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from ..errors import FmuError
+from ..names import suggest
+from .common import FMUS, model_errors, print_kinds
+
+
+def build(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="FMUs to build: sensor, compensator, membrane, detector. All of them by default."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")] = FMUS,
+    artifact: Annotated[
+        Path | None,
+        typer.Option(help="Identified sensor (for sensor and compensator) or trained detector.", metavar="FILE"),
+    ] = None,
+    elements_per_side: Annotated[
+        int | None,
+        typer.Option(help="Elements along a side of the membrane, a multiple of 4; 8 by default.", metavar="N"),
+    ] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help="Method of the compensator: inverse is exact for resistance without noise; estimator tolerates noise, "
+            "delays the strain and reports its uncertainty.",
+            metavar="NAME",
+        ),
+    ] = None,
+    native: Annotated[
+        bool, typer.Option("--native", help="Compile C code, so that the FMU runs without Python.")
+    ] = False,
+    platform: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="With --native: linux64, win64, darwin64, aarch64-linux (FMI 3 only) or all; may be repeated; "
+            "this machine's platform by default.",
+            metavar="NAME",
+        ),
+    ] = None,
+    fmi: Annotated[
+        int, typer.Option(help="With --native: version of the standard, 2 or 3.", min=2, max=3, metavar="N")
+    ] = 2,
+) -> None:
+    """Build the FMUs.
+
+    Prints the path of every FMU. Native FMUs need the compiler that make installs, or pip install -e '.[native]'.
+
+    For example:
+
+        gossamer build
+
+        gossamer build --native --platform all
+
+        gossamer build --native --fmi 3 --out out/fmus3
+
+        gossamer build membrane --elements-per-side 16
+
+        gossamer build compensator --method estimator
+
+        gossamer build detector --artifact out/detector/single_damage.json --out somewhere
+    """
+    options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
+    choices = {"artifact": artifact, "elements_per_side": elements_per_side, "method": method}
+    paths = build_fmus(out, names, **choices, **options).values()
+    for path in paths:
+        typer.echo(path)
+    print_kinds(f"FMI {fmi}.0", paths)
+
+
+def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> dict[str, Path]:  # noqa: ANN401
+    """Build FMUs into a folder, all of them if none is named; a build is reproducible, so it may be repeated."""
+    from gossamer_fmus import NAMES, build_all
+
+    for name in names or ():
+        if name not in NAMES:
+            msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
+            raise FmuError(msg)
+    console = Console(stderr=True)
+    with model_errors(), console.status("building FMUs") as status:
+
+        def progress(text: str) -> None:
+            if console.is_terminal:
+                status.update(f"compiling {text}; a first time for a platform takes minutes")
+            else:
+                typer.echo(f"compiling {text}", err=True)
+
+        return build_all(folder, names or NAMES, progress=progress, **options)

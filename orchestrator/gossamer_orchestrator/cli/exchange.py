@@ -1,0 +1,74 @@
+"""``gossamer export-ssp`` and ``gossamer container``: a scenario for other tools."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..errors import OrchestratorError
+from ..scenario.shipped import find_scenario
+from .common import FMUS, FmuFolder, print_kinds
+
+if TYPE_CHECKING:
+    from ..scenario.schema import Scenario
+
+
+def export(
+    scenario: Annotated[str, typer.Argument(help="A scenario file, or the name of one that is shipped.")],
+    out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.ssp by default.", metavar="FILE")] = None,
+    fmus: FmuFolder = FMUS,
+) -> None:
+    """Write a scenario and its FMUs as one .ssp for other tools.
+
+    System Structure and Parameterization is the standard in which co-simulation tools exchange connected FMUs. Prints the
+    path. Events, noise and dropout are refused, because SSP cannot express them.
+
+    For example:
+
+        gossamer build --native && gossamer export-ssp damaged
+
+        gossamer export-ssp my_scenario.toml --out mine.ssp
+    """
+    from ..exchange.ssp.writer import export_ssp
+
+    _write(export_ssp, scenario, fmus, out, ".ssp")
+
+
+def container(
+    scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
+    out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.fmu by default.", metavar="FILE")] = None,
+    fmus: FmuFolder = FMUS,
+    fmi: Annotated[int, typer.Option(help="FMI version of the container, 2 or 3.", min=2, max=3)] = 2,
+) -> None:
+    """Merge a scenario and its FMUs into one FMU.
+
+    Its inputs are those that the scenario gives a value. Its outputs are those that no component receives and those that are
+    recorded. All are named component.variable. Prints the path. Events, gain, bias, noise and dropout are refused.
+
+    For example:
+
+        gossamer build --native && gossamer container damaged
+
+        gossamer container damaged --fmi 3 --out monitoring.fmu
+    """
+    from ..exchange.container import build_container
+
+    _write(partial(build_container, fmi=fmi), scenario, fmus, out, ".fmu")
+
+
+def _write(write: Callable[[Scenario, Path, Path], Path], text: str, fmus: Path, out: Path | None, ending: str) -> None:
+    """Write a scenario, which is not overwritten, as another kind of file; print its path and what it holds."""
+    from ..exchange.open import open_scenario
+
+    path = find_scenario(text)
+    target = Path("out") / f"{path.stem}{ending}" if out is None else out
+    if target.resolve() == path.resolve():
+        msg = f"{target} is the scenario itself. Name another file with --out."
+        raise OrchestratorError(msg)
+    with open_scenario(path) as opened:
+        typer.echo(write(opened, fmus, target))
+        print_kinds("packed", (opened.fmu_path(component, fmus) for component in opened.components))

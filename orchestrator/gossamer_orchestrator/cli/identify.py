@@ -1,0 +1,182 @@
+"""``gossamer identify``: from measured strain and resistance to a sensor.
+
+The options of columns and of models are fields of classes in ``gossamer_models``: see ``fitting/options.py`` there. They are
+looked up when this command runs or explains itself, so that other commands need not import the models.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_type_hints
+
+import typer
+from typer.core import TyperCommand
+
+from ..errors import OrchestratorError
+from .common import model_errors, wide
+
+
+class CommandWithFields(TyperCommand):
+    """A command that has, besides its own options, those of ``field_options``; their values are in ``ctx.obj`` by name."""
+
+    def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401
+        """Return all options."""
+        return [*super().get_params(ctx), *field_options()]
+
+    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
+        """Call the command."""
+        ctx.obj = {each.name: ctx.params.pop(each.name) for each in field_options()}
+        return super().invoke(ctx)
+
+
+@cache
+def field_options() -> list[Any]:
+    """Return the options of columns and of models, as typer makes them."""
+    from gossamer_models.fitting import Columns
+    from gossamer_models.identify import SETTINGS, options
+
+    owners: dict[type, str] = {Columns: "Columns of the records"}
+    owners |= {owner: f"Options of the {owner.FAMILY} models" for owner in SETTINGS}
+    declared: dict[str, inspect.Parameter] = {}
+    for owner, panel in owners.items():
+        for field in options(owner):
+            having = [each for each in SETTINGS if field.name in {other.name for other in options(each)}]
+            defaults = {each.FAMILY: getattr(each, field.name) for each in having}
+            declared[field.name] = _parameter(owner, field, defaults, panel if len(having) < 2 else None)
+    command = typer.Typer(add_completion=False)
+
+    @command.command()
+    def only_options() -> None:
+        """Stand for the signature below."""
+
+    only_options.__signature__ = inspect.Signature(list(declared.values()))  # type: ignore[attr-defined]
+    return list(typer.main.get_command(command).params)
+
+
+def _parameter(owner: type, field: Any, defaults: dict[str, Any], panel: str | None) -> inspect.Parameter:  # noqa: ANN401
+    """Return the parameter of a function that typer makes an option of."""
+    about, hint = field.metadata, get_type_hints(owner)[field.name]
+    kind = next((each for each in get_args(hint) if each is not type(None)), hint)
+    text = about["help"]
+    if about["models"]:
+        text = f"Of {' and '.join(about['models'])}: {text[0].lower()}{text[1:]}"
+    if defaults and not isinstance(field.default, bool | str | None):
+        several = len(set(defaults.values())) > 1
+        values = [
+            f"{value:g} for the {family} models" if several else f"{value:g}" for family, value in defaults.items()
+        ]
+        text += f" {' and '.join(values if several else values[:1])} if not given."
+    how = typer.Option(
+        f"--{field.name.replace('_', '-')}",
+        help=text,
+        metavar=about["metavar"],
+        min=about["least"],
+        rich_help_panel=panel,
+    )
+    value: Any = bool if kind is bool else (str if about["read"] else kind) | None
+    default = False if kind is bool else None
+    return inspect.Parameter(
+        field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[value, how]
+    )
+
+
+def identify(
+    ctx: typer.Context,
+    files: Annotated[list[Path], typer.Argument(help="CSV files with a header line; each is a record of one sensor.")],
+    out: Annotated[Path, typer.Option(help="File to write; pictures go beside it.", metavar="FILE")] = Path(
+        "out/identified/sensor.json"
+    ),
+    model: Annotated[str, typer.Option(help="One of those above.", metavar="NAME")] = "preisach",
+    train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
+    full_scale: Annotated[
+        float | None, typer.Option(help="Strain [1] at the end of the range; the largest if not given.")
+    ] = None,
+    rest_resistance: Annotated[
+        float | None, typer.Option(help="Resistance at rest [ohm] where it is known; fitted if not given.")
+    ] = None,
+    weights: Annotated[
+        str | None,
+        typer.Option(help="Of each record's squared errors: 1,0.5 for two files; 1 if not given.", metavar="LIST"),
+    ] = None,
+    origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
+    pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
+) -> None:
+    """Identify a sensor from measured strain and resistance.
+
+    Prints the paths of the artifact and of the pictures; errors on training and test stretches as a table.
+
+    Models:
+
+    - preisach: modified Preisach with modal densities. Sensor and compensator.
+
+    - preisach-hats: the same with hat functions, which follow rich records more closely. Sensor and compensator.
+
+    - fractional-sub-model-1: fractional integrals, Eq. (3.21) of the thesis. Sensor.
+
+    - fractional-model-1, fractional-sub-model-2: with phases, Eqs. (3.15) and (3.25). Offline only, no FMUs.
+
+    For example:
+
+        gossamer identify measurements.csv --modes 7 --relaxations 7 --train 0:200 --out sensor.json
+
+        gossamer build sensor compensator --artifact sensor.json
+
+        gossamer identify measurements.csv --model fractional-sub-model-1 --terms 3 --out sensor.json
+    """
+    import shlex
+
+    from gossamer_models.fitting import Columns
+    from gossamer_models.fitting.options import numbers
+    from gossamer_models.identify import SETTINGS, identify_files, options, save_pictures, settings_for
+    from rich.table import Table
+
+    console = wide(stderr=True)
+    readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
+    chosen = {
+        name: _read(name, value, readers.get(name))
+        for name, value in ctx.obj.items()
+        if value is not None and value is not False
+    }
+    columns = {each.name: chosen.pop(each.name) for each in options(Columns) if each.name in chosen}
+    names = {str(path): path.name for path in (*files, out)} | {f"--out={out}": f"--out={out.name}"}
+    command = shlex.join(["gossamer", *(names.get(argument, argument) for argument in sys.argv[1:])])
+    with model_errors(), console.status("reading the records") as status:
+        result = identify_files(
+            files,
+            columns=Columns(**columns),
+            weights=None if weights is None else _read("weights", weights, numbers),
+            train=train,
+            settings=settings_for(model, **chosen),
+            full_scale=full_scale,
+            rest_resistance=rest_resistance,
+            command=command,
+            origin=origin,
+            progress=status.update,
+        )
+        out.parent.mkdir(parents=True, exist_ok=True)
+        result.fit.artifact.write(out)
+        drawn = save_pictures(result, out.with_suffix("")) if pictures else []
+    known = "given" if rest_resistance is not None else "fitted"
+    caption = f"E1: sum of errors over sum of changes from the {known} {result.fit.rest_resistance:.6g} ohm at rest"
+    headings = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
+    table = Table(*headings, caption=caption)
+    for e in result.errors:
+        recovered = "-" if e.strain_nrmse is None else f"{e.strain_nrmse:.3f}"
+        table.add_row(e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}", recovered)
+    console.print(table)
+    for sentence in result.remarks:
+        console.print(sentence, style="yellow")
+    for path in (out, *drawn):
+        typer.echo(path)
+
+
+def _read(name: str, value: Any, reader: Any) -> Any:  # noqa: ANN401
+    """Return the value of an option, from its text where the option has a reader."""
+    try:
+        return reader(value) if reader else value
+    except ValueError:
+        msg = f"cannot read --{name.replace('_', '-')} {value!r} as numbers. Write them with commas: 3,100."
+        raise OrchestratorError(msg) from None

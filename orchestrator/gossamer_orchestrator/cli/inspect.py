@@ -1,0 +1,81 @@
+"""``gossamer info`` and ``gossamer verify``: look into an FMU."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from .common import wide
+
+
+def info(
+    fmu: Annotated[Path, typer.Argument(help="An FMU file.")],
+    locals_: Annotated[bool, typer.Option("--locals", help="List local variables too.")] = False,
+) -> None:
+    """Show an FMU's parameters, inputs and outputs.
+
+    For example:
+
+        gossamer info out/fmus/sensor.fmu
+    """
+    from rich.markup import escape
+    from rich.table import Table
+
+    from ..fmi.file import FmuFile
+
+    file = FmuFile(fmu)
+    table = Table(title=f"{file.name}: {file.description.description or file.description.modelName}", expand=False)
+    for heading in ("variable", "causality", "unit", "start", "min", "max", "description"):
+        table.add_column(heading, overflow="fold", no_wrap=heading in ("variable", "causality"))
+    for causality in ("parameter", "input", "output", *(("local",) if locals_ else ())):
+        for name in file.names(causality):
+            v = file.variables[name]
+            cells = (name, causality, file.unit(name), v.start, v.min, v.max, v.description)
+            table.add_row(*(escape(str(cell)) if cell is not None else "" for cell in cells))
+        table.add_section()
+    wide().print(table)
+
+
+def verify(
+    fmus: Annotated[list[Path], typer.Argument(help="FMU files of any tool.")],
+    limit: Annotated[float, typer.Option(help="Time that one check may take [s].")] = 30.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON in place of tables.")] = False,
+) -> None:
+    """Check FMUs against FMI and against their declared capabilities.
+
+    Checks archive, model description, binary and behaviour of FMUs for co-simulation, FMI 2.0 and 3.0. An FMU runs in a
+    process of its own, which it may crash or hang. Prints a table per FMU; exits 1 if a check failed.
+
+    For example:
+
+        gossamer verify out/fmus/*.fmu
+    """
+    import json
+    from dataclasses import asdict
+
+    from rich.markup import escape
+    from rich.table import Table
+
+    from ..verify import FAILED, verify
+
+    console = wide()
+    colours = {"passed": "green", "failed": "bold red", "remark": "yellow"}
+    reports = {}
+    for path in fmus:
+        with Console(stderr=True).status(f"verifying {escape(str(path))}"):
+            reports[str(path)] = findings = verify(path, limit=limit)
+        table = Table("check", "verdict", "why", title=escape(str(path)), expand=False)
+        for finding in findings:
+            style = colours.get(finding.verdict)
+            table.add_row(
+                finding.check, f"[{style}]{finding.verdict}" if style else finding.verdict, escape(finding.why)
+            )
+        if not as_json:
+            console.print(table)
+    if as_json:
+        typer.echo(json.dumps({path: [asdict(f) for f in findings] for path, findings in reports.items()}, indent=1))
+    if any(finding.verdict == FAILED for findings in reports.values() for finding in findings):
+        raise typer.Exit(1)

@@ -1,0 +1,104 @@
+"""``gossamer run`` and ``gossamer demo``: from a scenario to results, pictures and judgements."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from ..errors import ResultsError
+from ..scenario.shipped import find_scenario
+from .build import build_fmus
+from .common import FMUS, FmuFolder
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+DEMO = ("damaged", "damage_begins")
+
+
+def run(
+    scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results; out/NAME by default.", metavar="FOLDER")
+    ] = None,
+    fmus: FmuFolder = FMUS,
+    step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
+    stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
+    pictures: Annotated[bool, typer.Option(help="Draw pictures of what was recorded.")] = True,
+) -> None:
+    """Run a scenario.
+
+    Writes results.nc, results.csv and pictures, and prints their paths. An interrupted or failed run keeps the results
+    up to then.
+
+    For example:
+
+        gossamer build && gossamer run damaged
+
+        gossamer run my_scenario.toml --out out/mine --no-pictures
+
+        gossamer run other.ssp --step 1e-3 --stop 2
+    """
+    path = find_scenario(scenario)
+    _run(path, fmus, Path("out") / path.stem if out is None else out, pictures=pictures, step=step, stop=stop)
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for FMUs, results and pictures.", metavar="FOLDER")] = Path("out"),
+) -> None:
+    """Build the FMUs and run both demonstrations.
+
+    A membrane with 40 % damage in zone 1, and one that is damaged half way through the run: four sensors, four
+    compensators and a detector find the damage. Leaves results and pictures in out/damaged and out/damage_begins.
+
+    For example:
+
+        gossamer demo
+    """
+    build_fmus(out / "fmus")
+    for name in DEMO:
+        _run(find_scenario(name), out / "fmus", out / name, pictures=True)
+
+
+def _run(
+    scenario: Path, fmus: Path, out: Path, *, pictures: bool, step: float | None = None, stop: float | None = None
+) -> None:
+    """Run one scenario, write everything, and show the judgements."""
+    from ..results.files import CSV, NETCDF
+    from ..run.progress import ProgressBar
+    from ..run.runner import run_scenario
+
+    try:
+        data = run_scenario(scenario, fmus, out, step=step, stop=stop, observers=[ProgressBar(scenario.stem)])
+    except KeyboardInterrupt:
+        typer.echo(f"Interrupted; results until then are in {out}.", err=True)
+        raise typer.Exit(130) from None
+    typer.echo(out / NETCDF)
+    typer.echo(out / CSV)
+    if pictures:
+        from ..results.plots import save_pictures
+
+        for path in save_pictures(data, out):
+            typer.echo(path)
+    _show(data)
+
+
+def _show(data: xr.Dataset) -> None:
+    """Print the judgements as tables on stderr, if there is a detector."""
+    from ..results.judgements import doubts, windows
+    from ..results.tables import history_table, zone_table
+
+    console = Console(stderr=True)
+    try:
+        ended = windows(data)
+    except ResultsError:
+        return
+    if len(ended) > 1:
+        console.print(history_table(ended))
+    for judgement in [window for window in ended if window.valid][-1:]:
+        console.print(zone_table(judgement))
+    for sentence in doubts(data, ended):
+        console.print(sentence, style="bold yellow", highlight=False)

@@ -1,0 +1,208 @@
+"""Write a scenario and its FMUs as an SSP archive.
+
+Written is the subset that other tools read: one flat system without connectors of its own, every input connected or given
+a value, Reals only, and for each component one parameter set, named ``initialValues``, inside the system structure. What
+SSP has no place for stands in annotations: the step in that of the Open Simulation Platform, whose tools read it; master,
+order and record in one of type ``ANNOTATION``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+from pyssp_standard.common_content_ssc import Annotation, TypeReal
+from pyssp_standard.parameter_types import ParameterType
+from pyssp_standard.ssd import SSD, Component, Connection, Connector, DefaultExperiment, ParameterBinding, System
+from pyssp_standard.ssv import Parameter, SSVElem
+from pyssp_standard.transformation_types import Transformation
+from pyssp_standard.unit import BaseUnit, Unit
+from pyssp_standard.utils import register_namespaces
+
+from ...fmi.archive import check_target, write_archive
+from ...fmi.file import FmuFile
+from ...fmi.units import powers
+from ...scenario import schema
+from ...scenario.plan import ComponentPlan, Plan, make_plan
+from ...scenario.source import Problems
+from .files import ANNOTATION, KEPT, STRUCTURE
+
+_OSP = "com.opensimulationplatform"
+_OSP_NAMESPACE = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+
+
+def export_ssp(scenario: schema.Scenario, fmus: Path, out: Path) -> Path:
+    """Write a scenario and its FMUs as one ``.ssp``.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to write.
+    fmus : Path
+        Folder in which FMUs are looked up by name.
+    out : Path
+        The file to write; the same scenario and FMUs give the same bytes.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ScenarioError
+        The scenario is wrong, or has keys that SSP cannot express; each with its line.
+    """
+    out = Path(out)
+    check_target(out, ".ssp")
+    with closing(make_plan(scenario, Path(fmus))) as plan:
+        _refuse_inexpressible(plan)
+        sources = _sources(plan.files)
+        members = {STRUCTURE: _structure(plan, sources)}
+        members |= {source: file.path.read_bytes() for file, source in sources.items()}
+    write_archive(out, members)
+    return out
+
+
+def _refuse_inexpressible(plan: Plan) -> None:
+    """Report every key that SSP cannot express."""
+    scenario = plan.scenario
+    problems = Problems(scenario.source)
+    for i, _ in enumerate(scenario.events):
+        problems.add(("events", i), "SSP has no events. Remove it, or give its value as an input from the start.")
+    for i, connection in enumerate(scenario.connections):
+        for key in ("noise", "dropout"):
+            if getattr(connection, key) is not None:
+                problems.add(("connections", i, key), f"SSP connections have no {key}. Remove it from this scenario.")
+    for component in plan.components:
+        for name, value in component.start.items():
+            variable = component.fmu.variables[name]
+            if variable.type != "Real" and str(value).lower() != str(variable.start).lower():
+                table = "inputs" if variable.causality == "input" else "parameters"
+                problems.add(
+                    ("components", component.name, table, name),
+                    f"{component.name}.{name} = {value!r} is a {variable.type}, but other tools read only Reals "
+                    f"from an SSP. Leave it at the FMU's start value, {variable.start!r}.",
+                )
+    problems.raise_if_any()
+
+
+def _sources(files: Iterable[FmuFile]) -> dict[FmuFile, str]:
+    """Name the FMUs in the archive; two files of one name get numbers."""
+    sources: dict[FmuFile, str] = {}
+    for file in files:
+        name, number = f"resources/{file.name}.fmu", 2
+        while name in sources.values():
+            name, number = f"resources/{file.name}_{number}.fmu", number + 1
+        sources[file] = name
+    return sources
+
+
+def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
+    """Write the system structure through pyssp-standard."""
+    scenario = plan.scenario
+    register_namespaces()
+    ssd = SSD(STRUCTURE, mode="w")
+    ssd.name, ssd.version = scenario.name, "1.0"
+    ssd.top_level_metadata.generationTool = "Gossamer"
+    ssd.top_level_metadata.generationDateAndTime = ""  # the same scenario gives the same bytes
+    ssd.base_element.description = scenario.title
+    ssd.system = System(name=_identifier(scenario.name))
+    by_name = {c.name: c for c in plan.components}
+    ssd.system.elements = [_component(by_name[name], sources, ssd.units) for name in scenario.components]
+    ssd.system.connections = [_connection(connection) for connection in scenario.connections]
+    rest = scenario.model_dump(include=KEPT, exclude_defaults=True)
+    annotation = Annotation(ANNOTATION)
+    annotation.add_text(json.dumps({"version": 1, **rest}))
+    ssd.system.annotations.add_annotation(annotation)
+    ssd.default_experiment = DefaultExperiment()
+    ssd.default_experiment.start_time, ssd.default_experiment.stop_time = scenario.start, scenario.stop
+    ssd.default_experiment.annotations.add_annotation(_osp_step(scenario.step))
+    ssd.__write__()
+    ssd.root.append(ssd.root.find("ssd:DefaultExperiment", ssd.namespaces))  # after the units, as the schema wants it
+    namespaces = {prefix: ssd.namespaces[prefix] for prefix in ("ssd", "ssc", "ssv")} | {"osp": _OSP_NAMESPACE}
+    # libcosim wants them declared at the top, under these names
+    etree.cleanup_namespaces(ssd.root, top_nsmap=namespaces)
+    return bytes(etree.tostring(ssd.root, pretty_print=True, encoding="utf-8", xml_declaration=True))
+
+
+def _component(plan: ComponentPlan, sources: dict[FmuFile, str], units: Any) -> Any:  # noqa: ANN401
+    """Describe one component: its Real inputs and outputs, the parameters that are set, and their values."""
+    component = Component()
+    component.name, component.source = plan.name, sources[plan.fmu]
+    component.component_type = "application/x-fmu-sharedlibrary"
+    component.implementation = "CoSimulation"
+    shown = [
+        *plan.fmu.names("input", "output", kind="Real"),
+        *(v for v in plan.fmu.names("parameter", kind="Real") if v in plan.start),
+    ]
+    for name in shown:
+        kind = plan.fmu.variables[name].causality
+        unit = _declare_unit(plan.fmu, plan.fmu.unit(name), units)
+        component.connectors.append(Connector(name=name, kind=kind, type_=TypeReal(unit)))
+    start = {name: float(value) for name, value in plan.start.items() if plan.fmu.variables[name].type == "Real"}
+    if start:
+        values = SSVElem(name="initialValues")
+        for name, value in start.items():
+            content = ParameterType("Real", {"value": repr(value)})
+            content.parameter = {"value": repr(value)}  # without the unit that pyssp-standard 0.9 sets to None
+            values.parameters.append(Parameter(name=name, type_name="Real", type_value=content))
+        component.parameter_bindings = [ParameterBinding(ssv=values)]
+    return component
+
+
+def _declare_unit(fmu: FmuFile, unit: str | None, units: Any) -> str | None:  # noqa: ANN401
+    """Define a unit in the system structure; None if it has no definition or means something else there already."""
+    base = fmu.units.get(unit or "")
+    if unit is None or base is None:
+        return None
+    definition = BaseUnit(powers(base))
+    if base.factor != 1.0:
+        definition.factor = base.factor
+    if base.offset:
+        definition.offset = base.offset
+    try:
+        units.add_unit(Unit(unit, definition))
+    except ValueError:
+        return None
+    return unit
+
+
+def _connection(connection: schema.Connection) -> Any:  # noqa: ANN401
+    """Describe one connection."""
+
+    class Transformed(Connection):  # type: ignore[misc]
+        """A connection whose transformation is written; pyssp-standard 0.9 forgets it."""
+
+        def as_element(self) -> etree._Element:
+            element = super().as_element()
+            if connection.gain is not None or connection.bias is not None:
+                factor = 1.0 if connection.gain is None else connection.gain
+                values = {"factor": repr(factor), "offset": repr(connection.bias or 0.0)}
+                element.append(Transformation("LinearTransformation", values).element())
+                element.set("suppressUnitConversion", "true")  # gain and bias convert units too
+            return element
+
+    return Transformed(
+        start_element=connection.sender,
+        start_connector=connection.output,
+        end_element=connection.receiver,
+        end_connector=connection.input,
+    )
+
+
+def _osp_step(step: float) -> Any:  # noqa: ANN401
+    """Write the step as libcosim reads it."""
+    annotation = Annotation(_OSP)
+    algorithm = etree.SubElement(annotation.root, f"{{{_OSP_NAMESPACE}}}Algorithm", nsmap={"osp": _OSP_NAMESPACE})
+    etree.SubElement(algorithm, f"{{{_OSP_NAMESPACE}}}FixedStepAlgorithm", baseStepSize=repr(step))
+    return annotation
+
+
+def _identifier(name: str) -> str:
+    """Make a name that every tool accepts."""
+    return "".join(c if c.isascii() and c.isalnum() else "_" for c in name)

@@ -1,0 +1,171 @@
+"""Unpack archives that are not trusted, and write archives.
+
+What an archive declares is checked first; then its bytes are counted while they are unpacked.
+"""
+
+from __future__ import annotations
+
+import stat
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path, PurePosixPath
+
+from ..errors import FmuError, OrchestratorError
+from ..file_kinds import explain_file
+from ..names import suggest
+
+MAX_FILES = 20_000
+MAX_BYTES = 2 * 1024**3
+_ENCRYPTED = 0x1
+
+
+def check_archive(
+    path: Path,
+    *,
+    kind: str = "FMU",
+    needs: str = "modelDescription.xml",
+    failure: type[OrchestratorError] = FmuError,
+) -> None:
+    """Refuse a file that is not a ZIP archive, leaves its folder when unpacked, is ambiguous, or is absurdly large.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind, needs : str
+        What it should be, and the member that makes it one.
+    failure : type
+        The error to raise.
+
+    Raises
+    ------
+    FmuError
+        Or ``failure``, with the name or number at fault.
+    """
+    if not path.exists():
+        known = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))
+        msg = f"there is no file {path}. {suggest(path.name, known) if known else ''}".rstrip()
+        raise failure(msg)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+    except (OSError, zipfile.BadZipFile):
+        msg = f"{path} is not an {kind}. {explain_file(path)}"
+        raise failure(msg) from None
+    size = sum(member.file_size for member in members)
+    if len(members) > MAX_FILES or size > MAX_BYTES:
+        msg = (
+            f"{path} holds {len(members)} files of {size / 1024**2:.0f} MiB unpacked, more than {MAX_FILES} files or "
+            f"{MAX_BYTES // 1024**2} MiB. It is not unpacked; ask its author for a smaller one."
+        )
+        raise failure(msg)
+    seen: set[PurePosixPath] = set()
+    for member in members:
+        what = _explain_member(member, seen)
+        if what is not None:
+            msg = f"{path}: its member {member.filename!r} {what}. Such an archive is not unpacked; do not trust it."
+            raise failure(msg)
+        seen.add(PurePosixPath(member.filename))
+    if PurePosixPath(needs) not in seen:
+        msg = f"{path} is not an {kind}: it holds no {needs}. {explain_file(path)}"
+        raise failure(msg)
+
+
+def _explain_member(member: zipfile.ZipInfo, seen: set[PurePosixPath]) -> str | None:
+    """Return what is wrong with a member; None if nothing is."""
+    name, place = member.filename, PurePosixPath(member.filename)
+    if stat.S_ISLNK(member.external_attr >> 16):
+        return "is a link"
+    if place.is_absolute() or ".." in place.parts or "\\" in name or ":" in name:
+        return "would be written outside its folder"
+    if member.flag_bits & _ENCRYPTED:
+        return "is encrypted"
+    if place in seen and not member.is_dir():
+        return "is in it twice, so that two programs may read different files"
+    return None
+
+
+def unpack(path: Path, folder: Path, *, failure: type[OrchestratorError] = FmuError) -> None:
+    """Unpack a checked archive, and stop if it grows beyond the limit.
+
+    Raises
+    ------
+    FmuError
+        Or ``failure``: a member is damaged, or larger than declared.
+    """
+    left = MAX_BYTES
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for member in archive.infolist():
+                place = folder / member.filename
+                if member.is_dir():
+                    place.mkdir(parents=True, exist_ok=True)
+                    continue
+                place.parent.mkdir(parents=True, exist_ok=True)
+                with archive.open(member) as source, place.open("wb") as target:
+                    while piece := source.read(1024**2):
+                        left -= len(piece)
+                        if left < 0:
+                            limit = f"{MAX_BYTES // 1024**2} MiB"
+                            msg = f"{path}: more than {limit} are unpacked from it, and it declares less. Do not trust it."
+                            raise failure(msg)
+                        target.write(piece)
+    except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error) as error:
+        if isinstance(error, OrchestratorError):
+            raise
+        msg = f"{path} cannot be unpacked: {error}. Build or copy it again."
+        raise failure(msg) from error
+
+
+def describe_fmu(path: Path) -> str:
+    """Describe what an FMU runs in and on which platforms."""
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+    places = [PurePosixPath(name).parts for name in names]
+    platforms = sorted({parts[1] for parts in places if parts[0] == "binaries" and len(parts) > 2})
+    kind = "runs in Python" if "resources/slavemodule.txt" in names else "native"
+    return f"{kind}, for {', '.join(platforms) or 'no platform'}"
+
+
+def check_target(path: Path, ending: str) -> None:
+    """Refuse to write an archive to a file with another ending, or over a folder.
+
+    Raises
+    ------
+    OrchestratorError
+        It cannot be written there.
+    """
+    if path.suffix != ending:
+        msg = f"cannot write {path}: its name must end in {ending}. Name another file with --out."
+        raise OrchestratorError(msg)
+    if path.is_dir():
+        msg = f"cannot write {path}: it is a folder. Name a file in it with --out."
+        raise OrchestratorError(msg)
+
+
+def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
+    """Write a ZIP archive that depends on nothing but its content, whole or not at all.
+
+    Raises
+    ------
+    OrchestratorError
+        It cannot be written there.
+    """
+    partial = path.with_suffix(".partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with zipfile.ZipFile(partial, "w") as archive:
+                for name, content in members.items():
+                    member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+                    member.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
+                    member.external_attr = 0o644 << 16
+                    member.create_system = 3
+                    archive.writestr(member, content)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        msg = f"cannot write {path}: {error.strerror or error}. Name another place with --out."
+        raise OrchestratorError(msg) from error

@@ -1,0 +1,111 @@
+"""Start instances of an unpacked FMU through FMPy, FMI 2.0 or 3.0, and keep what they log."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from fmpy import fmi2, fmi3
+from fmpy.logging import addLoggerProxy
+
+OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+
+# FMPy's proxy, which expands printf formats, calls the function installed last, whoever logs. So there is one function for
+# all instances of FMI 2.0, and the environment pointer tells their logs apart.
+_logs: dict[int, Log] = {}
+_keys = itertools.count(1)
+
+
+class Log:
+    """The latest messages of one or more instances.
+
+    Attributes
+    ----------
+    messages : deque of (int, str)
+        Status and text of each.
+    """
+
+    def __init__(self) -> None:
+        self.messages: deque[tuple[int, str]] = deque(maxlen=1000)
+        self.key = next(_keys)
+        _logs[self.key] = self
+
+    def add(self, _environment: int, status: int, _category: bytes, message: bytes) -> None:
+        """Append a message; has the signature of FMI 3.0's callback."""
+        self.messages.append((status, (message or b"").decode("utf-8", "replace").replace("%%", "%")))
+
+    def tail(self) -> str:
+        """Return the last two different messages that are no plain OK, as the end of a sentence; empty without any."""
+        texts = dict.fromkeys(" ".join(text.split()) for status, text in self.messages if status != OK)
+        latest = [text for text in texts if text][-2:]
+        return f" Its log ends with: {' | '.join(latest)}" if latest else ""
+
+    def close(self) -> None:
+        """Take no more messages from FMI 2.0."""
+        _logs.pop(self.key, None)
+
+
+def _add2(environment: int, _name: bytes, status: int, category: bytes, message: bytes) -> None:
+    if environment in _logs:
+        _logs[environment].add(environment, status, category, message)
+
+
+_LOGGER = fmi2.fmi2CallbackLoggerTYPE(_add2)
+
+
+def is_python(folder: Path) -> bool:
+    """Tell whether pythonfmu made an unpacked FMU; its log texts are no printf formats."""
+    return (folder / "resources/slavemodule.txt").exists()
+
+
+def start_slave(description: Any, folder: Path, name: str, log: Log, *, token: str | None = None) -> Any:  # noqa: ANN401
+    """Instantiate an unpacked FMU.
+
+    Parameters
+    ----------
+    description : fmpy.model_description.ModelDescription
+        As read by FMPy.
+    folder : Path
+        Where the FMU is unpacked.
+    name : str
+        Name of the instance.
+    log : Log
+        Receives its messages.
+    token : str, optional
+        Guid or instantiation token in place of the FMU's own.
+
+    Returns
+    -------
+    fmpy.fmi2.FMU2Slave or fmpy.fmi3.FMU3Slave
+        The instance. FMPy raises bare exceptions if there is none.
+    """
+    kind = fmi2.FMU2Slave if description.fmiVersion.startswith("2") else fmi3.FMU3Slave
+    slave = kind(
+        guid=token or description.guid,
+        unzipDirectory=str(folder),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName=name,
+    )
+    try:
+        if kind is fmi3.FMU3Slave:
+            slave.instantiate(loggingOn=True, logMessage=log.add)
+        else:
+            slave.instantiate(loggingOn=True, callbacks=_callbacks(log, proxy=not is_python(folder)))
+    except Exception:
+        slave.freeLibrary()  # pythonfmu 0.7.0 may abort the process at its end if it is still loaded
+        raise
+    return slave
+
+
+def _callbacks(log: Log, *, proxy: bool) -> Any:  # noqa: ANN401
+    callbacks = fmi2.fmi2CallbackFunctions()
+    callbacks.logger = _LOGGER
+    callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
+    callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
+    callbacks.componentEnvironment = log.key
+    if proxy:
+        addLoggerProxy(ctypes.byref(callbacks))
+    return callbacks

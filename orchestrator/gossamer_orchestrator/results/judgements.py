@@ -1,0 +1,144 @@
+"""Judgements of the detector, beside the true damage.
+
+A window of the detector ends when its outputs change. It gives a valid judgement if ``valid`` is 1 then. Everything is read
+from recorded results, from a file as well as right after a run.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..errors import ResultsError
+from .roles import find, need
+
+LEAST_SIMILARITY = 0.5  # of a valid judgement, by the interface of the detector
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """Output of the detector at the end of a window.
+
+    Attributes
+    ----------
+    time : float
+        When the window ended [s].
+    true, estimated : numpy.ndarray
+        Damage of every zone [1], at that time.
+    similarity : float
+        Largest similarity with a case the detector was trained on [1]; not a number if it was not recorded.
+    valid : bool
+        False if the detector marks its output as no judgement.
+    """
+
+    time: float
+    true: NDArray[np.float64]
+    estimated: NDArray[np.float64]
+    similarity: float
+    valid: bool = True
+
+    @property
+    def mean_absolute_error(self) -> float:
+        """Mean over the zones of ``|estimated - true|`` [1]."""
+        return float(np.mean(np.abs(self.estimated - self.true)))
+
+    @property
+    def worst_zone(self) -> int:
+        """Zone with the largest error, counted from 1."""
+        return int(np.argmax(np.abs(self.estimated - self.true))) + 1
+
+    @property
+    def largest_error(self) -> float:
+        """Error of the worst zone [1], with its sign."""
+        return float((self.estimated - self.true)[self.worst_zone - 1])
+
+
+def windows(data: xr.Dataset) -> list[Judgement]:
+    """List the judgement at the end of every window, valid or not, in order of time."""
+    detector = find(data, "detector")
+    true, estimated, valid = need(data, f"{find(data, 'membrane')}.damage", f"{detector}.damage", f"{detector}.valid")
+    names = (f"{detector}.{name}" for name in ("damage", "valid", "index", "similarity"))
+    watched = [data[name].to_numpy().reshape(data.sizes["time"], -1) for name in names if name in data.data_vars]
+    rows = np.flatnonzero(np.any(np.diff(np.hstack(watched), axis=0) != 0.0, axis=1)) + 1
+    similarity = data.get(f"{detector}.similarity", math.nan * data["time"])
+    return [
+        Judgement(
+            time=float(data["time"][k]),
+            true=true.to_numpy()[k],
+            estimated=estimated.to_numpy()[k],
+            similarity=float(similarity[k]),
+            valid=float(valid[k]) > 0.5,
+        )
+        for k in rows
+    ]
+
+
+def judgements(data: xr.Dataset) -> list[Judgement]:
+    """List the valid judgements of a run, in order of time."""
+    return [window for window in windows(data) if window.valid]
+
+
+def judge(data: xr.Dataset) -> Judgement:
+    """Return the last valid judgement of a run.
+
+    Raises
+    ------
+    ResultsError
+        Damage was not recorded, or there is no valid judgement.
+    """
+    ended = windows(data)
+    valid = [window for window in ended if window.valid]
+    if not valid:
+        raise ResultsError(_why_none(data, ended))
+    return valid[-1]
+
+
+def _why_none(data: xr.Dataset, ended: list[Judgement]) -> str:
+    """Explain why there is no valid judgement."""
+    if not ended:
+        return (
+            f"No window of the detector ended until t = {float(data['time'][-1]):.9g} s, so there is no judgement. "
+            "Run longer than its 'start_time' and 'window_length' together."
+        )
+    last = ended[-1]
+    many = (
+        f"{len(ended)} windows of the detector ended, the last" if len(ended) > 1 else "A window of the detector ended"
+    )
+    if last.similarity >= LEAST_SIMILARITY:
+        why = f"in spite of a similarity of {last.similarity:.2g}"
+        advice = "Give it the 'start_time', 'window_length' and 'sampling_step' it was trained for."
+    elif last.similarity < LEAST_SIMILARITY:
+        why = f"its similarity with every trained case is below one half: {last.similarity:.2g}"
+        advice = "It was trained on nothing like this."
+    else:
+        why, advice = "its similarity was not recorded", "Record it to see why."
+    return f"{many} at {last.time:.4f} s, but gave no valid judgement; {why}. {advice}"
+
+
+def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
+    """List reasons to doubt the judgement shown: none is valid, a later window is not, or a component was saturated."""
+    valid = [window for window in ended if window.valid]
+    sentences = []
+    if not valid:
+        sentences.append(_why_none(data, ended))
+    elif not ended[-1].valid:
+        last = ended[-1]
+        similarity = "" if math.isnan(last.similarity) else f" (similarity {last.similarity:.2g})"
+        sentences.append(
+            f"The last window, ended at {last.time:.4f} s, was not valid{similarity}; "
+            f"the judgement shown is that at {valid[-1].time:.4f} s."
+        )
+    beyond = [
+        name.removesuffix(".saturated")
+        for name in map(str, data.data_vars)
+        if name.endswith(".saturated") and float(data[name].max()) > 0.5
+    ]
+    if beyond:
+        sentences.append(
+            f"Saturated during the run: {', '.join(beyond)}. Strain and damage that follow from them are lower bounds."
+        )
+    return sentences

@@ -1,0 +1,107 @@
+"""Plots of damage, true and as the detector estimates it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import xarray as xr
+
+from ...errors import ResultsError
+from ..judgements import doubts, judge, windows
+from ..roles import find, need
+from .axes import COLORS, GREY, axes_or_new, side
+from .pages import Page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def plot_damage_map(
+    data: xr.Dataset, which: Literal["true", "estimated"] = "estimated", *, ax: Axes | None = None
+) -> Axes:
+    """Draw damage of the zones at the last valid judgement as numbers: zone 1 at the origin, x to the right.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Results.
+    which : {"true", "estimated"}
+        True damage, or the estimate of the detector.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
+    """
+    judgement, (length, unit) = judge(data), side(data)
+    ax = axes_or_new(ax)
+    percent = 100.0 * (judgement.true if which == "true" else judgement.estimated)
+    n = round(percent.size**0.5)
+    top = max(50.0, 100.0 * float(max(judgement.true.max(), judgement.estimated.max())))
+    extent = (0.0, length, 0.0, length)
+    ax.imshow(percent.reshape(n, n), origin="lower", extent=extent, vmin=0.0, vmax=top, cmap="Blues")
+    size = length / n
+    for zone, value in enumerate(percent):
+        x, y = (zone % n + 0.5) * size, (zone // n + 0.5) * size
+        color = "white" if value > 0.55 * top else "black"
+        ax.text(x, y, f"{value:.1f}", ha="center", va="center", color=color, fontsize=11)
+        ax.text(x - 0.46 * size, y + 0.46 * size, f"{zone + 1}", ha="left", va="top", color=color, fontsize=8)
+    ticks = np.linspace(0.0, length, n + 1)
+    title = f"{which.capitalize()} damage [%] at t = {judgement.time:.4f} s"
+    ax.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]", title=title, xticks=ticks, yticks=ticks)
+    ax.grid(color=GREY, alpha=0.6, lw=0.8)
+    return ax
+
+
+def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
+    """Draw the estimate of every zone over time, true damage dashed; zones that matter in colour, the others grey.
+
+    A dot stands at every judgement, a cross where a window ended without a valid one.
+    """
+    true, estimated = need(data, f"{find(data, 'membrane')}.damage", f"{find(data, 'detector')}.damage")
+    ax, time = axes_or_new(ax), data["time"].to_numpy()
+    t, e = 100.0 * true.to_numpy(), 100.0 * estimated.to_numpy()
+    damaged = list(np.flatnonzero(t.max(axis=0) > 0.0))
+    suspects = [z for z in np.argsort(-e.max(axis=0)) if z not in damaged and e[:, z].max() > 3.0]
+    shown = (damaged + suspects)[: len(COLORS)]
+    rest = [z for z in range(e.shape[1]) if z not in shown]
+    for i, zone in enumerate(rest):
+        ax.step(time, e[:, zone], where="post", color=GREY, lw=0.6, label="other zones" if i == 0 else None)
+    for color, zone in zip(COLORS, shown, strict=False):
+        ax.step(time, e[:, zone], where="post", color=color, lw=1.8, label=f"zone {zone + 1}, estimated")
+        if zone in damaged:
+            ax.step(time, t[:, zone], where="post", color=color, lw=1.2, ls="--", label=f"zone {zone + 1}, true")
+    ended = windows(data)
+    for valid, marker, label in ((True, "o", "judgement"), (False, "x", "not valid")):
+        some = [window for window in ended if window.valid == valid]
+        heights = [100.0 * window.estimated.max() for window in some]
+        if some:
+            ax.plot([w.time for w in some], heights, marker, color="black", ms=5, label=label, zorder=3)
+    for window in ended:
+        ax.axvline(window.time, color=GREY, lw=0.6, ls=":")
+    ax.set(xlabel="time [s]", ylabel="damage [%]", title="Damage over time; a dotted line ends a window")
+    ax.set_xlim(time[0], time[-1] + 0.03 * (time[-1] - time[0]))  # room for the last judgement
+    ax.set_ylim(-1.0, max(10.0, 1.15 * float(max(t.max(), e.max()))))
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=4)
+    return ax
+
+
+def _damage(data: xr.Dataset, figure: Figure) -> None:
+    left, right = figure.subplots(1, 2)
+    plot_damage_map(data, "true", ax=left)
+    plot_damage_map(data, "estimated", ax=right)
+    if not windows(data)[-1].valid:
+        figure.supxlabel(doubts(data, windows(data))[0], fontsize=9)
+
+
+def _history(data: xr.Dataset, figure: Figure) -> None:
+    (true,) = need(data, f"{find(data, 'membrane')}.damage")
+    if len(windows(data)) < 2 and not np.ptp(true.to_numpy(), axis=0).any():
+        msg = "a single window under constant damage has no history."
+        raise ResultsError(msg)
+    plot_damage_history(data, ax=figure.subplots())
+
+
+PAGES = {
+    "damage": Page(draw=_damage, size=(9.0, 4.7), roles=("membrane", "detector")),
+    "damage_history": Page(draw=_history, size=(9.0, 4.6), roles=("membrane", "detector")),
+}

@@ -1,0 +1,58 @@
+"""Draw every page that the results of a run allow, and write it as a picture."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from ...errors import ResultsError
+from . import damage, deflection, sensors
+
+logger = logging.getLogger(__name__)
+
+PAGES = sensors.PAGES | damage.PAGES | deflection.PAGES
+STYLE: dict[Any, Any] = {
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "font.size": 10,
+    "axes.titlesize": 10,
+    "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 150,
+}
+
+
+def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
+    """Draw what the recorded variables allow and write it as PNG, without a display; return the paths.
+
+    If that is nothing, one line of the log says why.
+    """
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    written: list[Path] = []
+    reasons: list[str] = []
+    for name, page in PAGES.items():
+        with mpl.rc_context(STYLE):
+            figure = Figure(figsize=page.size)
+            FigureCanvasAgg(figure)
+            path = folder / f"{name}.png"
+            try:
+                page(data, figure)
+            except ResultsError as error:
+                path.unlink(missing_ok=True)  # of an earlier run
+                reasons.append(str(error))
+                continue
+            figure.suptitle(str(data.attrs.get("title", "")))
+            figure.savefig(path)
+            written.append(path)
+    if not written:
+        logger.warning("no pictures: %s", reasons[0])
+    return written

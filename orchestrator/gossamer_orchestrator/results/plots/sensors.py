@@ -1,0 +1,126 @@
+"""Plots of the sensors and their compensators."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...errors import ResultsError
+from ..judgements import windows
+from ..roles import compensators, find, need, sensors
+from .axes import COLORS, axes_or_new
+from .pages import Page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+
+def plot_sensor_loop(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) -> Axes:
+    """Draw resistance against strain of one sensor, coloured by time: hysteresis and drift.
+
+    Of more than two windows of the detector the first and the last are drawn.
+    """
+    from matplotlib.collections import LineCollection
+
+    component = _pick(sensors(data), sensor, "sensor")
+    strains, resistance = need(data, f"{find(data, 'membrane')}.strain", f"{component}.resistance")
+    ax, time = axes_or_new(ax), data["time"].to_numpy()
+    points = np.column_stack([_element(strains, sensor), resistance.to_numpy()])
+    ends = _window_ends(data)
+    many = len(ends) > 2
+    drawn = (time[1:] <= ends[0]) | ((time[1:] > ends[-2]) & (time[1:] <= ends[-1])) if many else time[1:] >= time[0]
+    lines = LineCollection(list(np.stack([points[:-1], points[1:]], axis=1)[drawn]), cmap="viridis", linewidths=1.0)
+    lines.set_array(time[1:][drawn])
+    ax.add_collection(lines)
+    ax.autoscale_view()
+    title = f"Sensor {sensor}" + (", first and last window" if many else "")
+    ax.set(xlabel="strain [1]", ylabel="resistance [Ω]", title=title)
+    ax.figure.colorbar(lines, ax=ax, label="time [s]")
+    return ax
+
+
+def plot_strain(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) -> Axes:
+    """Draw true and compensated strain at one sensor over time."""
+    true, compensated, span = _true_and_compensated(data, sensor)
+    ax, time = axes_or_new(ax), data["time"]
+    ax.plot(time, true, color="black", lw=1.6, label="true")
+    ax.plot(time, compensated, color=COLORS[1], lw=1.0, ls="--", label="compensated")
+    percent = 100.0 * float(np.sqrt(np.mean((compensated - true) ** 2))) / span
+    shown = "< 1e-9" if percent < 1e-9 else f"{percent:.2g}"
+    ax.set(xlabel="time [s]", ylabel="strain [1]", title=f"Sensor {sensor}: RMS error {shown} % of range")
+    ax.legend(loc="upper right", ncols=2, borderaxespad=0.1)
+    ax.margins(x=0.0)
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high + 0.15 * (high - low))
+    return ax
+
+
+def plot_strain_error(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) -> Axes:
+    """Draw compensated minus true strain at one sensor over time, in percent of the true strain's range."""
+    true, compensated, span = _true_and_compensated(data, sensor)
+    ax, percent = axes_or_new(ax), 100.0 * (compensated - true) / span
+    ax.plot(data["time"], percent, color=COLORS[0], lw=0.8)
+    top = max(1.1 * float(np.abs(percent).max()), 1e-3)  # less is a line at zero
+    ax.set(xlabel="time [s]", ylabel="error [%]", ylim=(-top, top))
+    ax.margins(x=0.0)
+    return ax
+
+
+def _sensors(data: xr.Dataset, figure: Figure) -> None:
+    for number, part in _parts(figure, sensors(data)):
+        plot_sensor_loop(data, number, ax=part.subplots())
+
+
+def _strains(data: xr.Dataset, figure: Figure) -> None:
+    for number, part in _parts(figure, compensators(data)):
+        upper, lower = part.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+        plot_strain(data, number, ax=upper).set(xlabel="")
+        plot_strain_error(data, number, ax=lower)
+
+
+def _parts(figure: Figure, components: dict[int, str]) -> Iterator[tuple[int, SubFigure]]:
+    """Divide a page among components; give their numbers and parts."""
+    columns = min(len(components), 2)
+    parts = figure.subfigures(math.ceil(len(components) / columns), columns, squeeze=False)
+    return zip(components, np.ravel(parts), strict=False)
+
+
+def _element(values: xr.DataArray, number: int) -> NDArray[np.float64]:
+    """Return element ``number`` (from 1) of an array over time."""
+    return values.sel({values.dims[1]: number}).to_numpy()
+
+
+def _pick(components: dict[int, str], number: int, role: str) -> str:
+    """Return the component at a sensor's place."""
+    if number not in components:
+        msg = f"there is no {role} {number}; there are {', '.join(map(str, components)) or 'none'}."
+        raise ResultsError(msg)
+    return components[number]
+
+
+def _window_ends(data: xr.Dataset) -> list[float]:
+    """Return when windows of the detector ended, if there is one."""
+    try:
+        return [window.time for window in windows(data)]
+    except ResultsError:
+        return []
+
+
+def _true_and_compensated(data: xr.Dataset, sensor: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return true and compensated strain and the range of the true one, not zero."""
+    component = _pick(compensators(data), sensor, "compensator")
+    strains, compensated = need(data, f"{find(data, 'membrane')}.strain", f"{component}.strain")
+    true = _element(strains, sensor)
+    return true, compensated.to_numpy(), float(np.ptp(true)) or 1.0
+
+
+PAGES = {
+    "sensors": Page(draw=_sensors, size=(9.0, 7.0), roles=("membrane", "sensor")),
+    "strains": Page(draw=_strains, size=(11.0, 7.5), roles=("membrane", "compensator")),
+}

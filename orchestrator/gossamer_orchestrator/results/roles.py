@@ -1,0 +1,69 @@
+"""Find the membrane, its sensors, their compensators and the detector among the components of a run.
+
+A component has the role that its FMU's model name states. In results without model names, such as a CSV file, the name of
+the component counts.
+"""
+
+from __future__ import annotations
+
+import json
+
+import xarray as xr
+
+from ..errors import ResultsError
+from ..names import split_endpoint, split_indices
+
+
+def find_all(data: xr.Dataset, role: str) -> list[str]:
+    """List the components with a role, "membrane", "sensor", "compensator" or "detector", in the order of the scenario."""
+    fmus = json.loads(data.attrs.get("fmus", "{}"))
+    components = dict.fromkeys([*fmus, *(split_endpoint(str(name))[0] for name in data.data_vars)])
+    return [name for name in components if fmus.get(name, {}).get("model", name.rstrip("0123456789")) == role]
+
+
+def find(data: xr.Dataset, role: str) -> str:
+    """Return the first component with a role.
+
+    Raises
+    ------
+    ResultsError
+        There is none.
+    """
+    found = find_all(data, role)
+    if not found:
+        msg = f"no component is a {role}. A {role} is an FMU with the model name {role!r}."
+        raise ResultsError(msg)
+    return found[0]
+
+
+def need(data: xr.Dataset, *names: str) -> list[xr.DataArray]:
+    """Return recorded variables; if one is missing, raise ``ResultsError`` with the way to record it."""
+    missing = [name for name in names if name not in data.data_vars]
+    if missing:
+        msg = f"the results lack {', '.join(missing)}. Add it to [record] variables in the scenario and run it again."
+        raise ResultsError(msg)
+    return [data[name] for name in names]
+
+
+def sensors(data: xr.Dataset) -> dict[int, str]:
+    """Return the sensors by the number of the membrane's strain that they read; without connections, in order."""
+    origins, membrane = _origins(data), find(data, "membrane")
+    found = {}
+    for name in find_all(data, "sensor"):
+        base, indices = split_indices(origins.get(f"{name}.strain", ""))
+        if base == f"{membrane}.strain" and indices:
+            found[indices[0]] = name
+    return dict(sorted(found.items())) or dict(enumerate(find_all(data, "sensor"), start=1))
+
+
+def compensators(data: xr.Dataset) -> dict[int, str]:
+    """Return the compensators by the numbers of their sensors; without connections, in order."""
+    origins, numbers = _origins(data), {f"{name}.resistance": number for number, name in sensors(data).items()}
+    ends = {origins.get(f"{name}.resistance", ""): name for name in find_all(data, "compensator")}
+    found = {number: ends[end] for end, number in numbers.items() if end in ends}
+    return found or dict(enumerate(find_all(data, "compensator"), start=1))
+
+
+def _origins(data: xr.Dataset) -> dict[str, str]:
+    """Return the origin of every connected input."""
+    return {target: origin for origin, target in json.loads(data.attrs.get("connections", "[]"))}

@@ -1,0 +1,1 @@
+"""Run a plan: the master, its channels, and what watches a run."""

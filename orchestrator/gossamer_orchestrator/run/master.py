@@ -1,0 +1,245 @@
+"""The master algorithm: step every FMU from one communication point to the next.
+
+Symbols: ``k`` tick (an integer), ``h`` communication step [s], ``y`` values read from an FMU.
+
+Time is ``start + k * h`` and nothing is accumulated. A step that an FMU discards is repeated in 2, 4, .. 64 equal parts
+from the state at its start; within step ``k`` time is ``start + (64 k + j) * (h / 64)``, which is exact at ``j = 0``
+because 64 is a power of two.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Protocol
+
+import numpy as np
+
+from ..errors import SimulationError
+from ..fmi.instance import Instance
+from ..scenario.plan import Plan
+from .member import Member
+
+logger = logging.getLogger(__name__)
+
+MAX_PARTS = 64
+
+
+class Observer(Protocol):
+    """Something that watches a run."""
+
+    def begin(self, simulation: Simulation) -> None:
+        """Prepare; the FMUs are initialized and the run stands at its first communication point."""
+
+    def sample(self, simulation: Simulation) -> None:
+        """Look at ``simulation.tick``, ``time`` and ``values``; called at every communication point."""
+
+    def end(self, simulation: Simulation) -> None:
+        """Finish; also called when the run fails."""
+
+
+class Simulation:
+    """A running plan. Use it as a context manager: it frees the FMUs however the run ends.
+
+    Parameters
+    ----------
+    plan : Plan
+        What to run.
+
+    Attributes
+    ----------
+    tick : int
+        Communication steps done.
+    values : numpy.ndarray
+        Variables read from the FMUs; ``places`` gives their positions. A variable that no component receives is read
+        only at recorded points.
+    places : dict
+        Index in ``values`` by ``(component, variable)``.
+    divided : int
+        Steps that had to be repeated in parts.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.scenario = plan.scenario
+        self.tick = 0
+        self.divided = 0
+        self.members: list[Member] = []
+        self._instances: list[Instance] = []
+        names = [(c.name, v) for c in plan.components for v in (*c.sent, *c.recorded)]
+        self.places = {name: i for i, name in enumerate(names)}
+        self.values = np.zeros(len(names))
+        self._jacobi = plan.scenario.master == "jacobi"
+        self._arrived = self.values.copy() if self._jacobi else self.values
+        self._before = np.zeros(len(names))
+        self._every = plan.scenario.record.every
+        self._ticks = plan.scenario.ticks
+        self._unit = plan.scenario.step / MAX_PARTS
+        self._can_repeat = all(f.can_restore and f.can_vary_step for f in plan.files)
+
+    @property
+    def time(self) -> float:
+        """Present communication point [s]."""
+        return self.scenario.seconds(self.tick)
+
+    def __enter__(self) -> Simulation:
+        try:
+            self._start()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Terminate and free every FMU and remove the unpacked files; may be called twice."""
+        for instance in self._instances:
+            instance.close()
+        self._instances.clear()
+        self.plan.close()
+
+    def run(self, observers: Sequence[Observer] = ()) -> None:
+        """Simulate to the end.
+
+        Raises
+        ------
+        SimulationError
+            An FMU failed, or refused a step even in the smallest parts. Every observer's ``end`` has been called.
+        KeyboardInterrupt
+            Ctrl-C, delivered between two steps: inside an FMU written in Python it would be fatal to the FMU.
+        """
+        with _deferred_interrupt() as interrupted:
+            try:
+                for observer in observers:
+                    observer.begin(self)
+                for observer in observers:
+                    observer.sample(self)
+                while self.tick < self._ticks:
+                    self.step()
+                    for observer in observers:
+                        observer.sample(self)
+                    if interrupted.is_set():
+                        raise KeyboardInterrupt
+            finally:
+                for observer in observers:
+                    observer.end(self)
+
+    def step(self) -> None:
+        """Advance by one communication step.
+
+        Raises
+        ------
+        SimulationError
+            See ``run``.
+        """
+        for name, values in self.plan.events.get(self.tick, ()):
+            self._member(name).instance.set_start(values)
+        if self._can_repeat:
+            for member in self.members:
+                member.instance.save_state()
+            self._before[:] = self.values
+        channels = [channel for member in self.members for _, channel in member.channels]
+        held = [channel.held for channel in channels]
+        parts = 1
+        while (refused := self._try(parts)) is not None:
+            if not self._can_repeat or parts == MAX_PARTS:
+                raise self._refusal(refused, parts)
+            parts *= 2
+            for member in self.members:
+                member.instance.restore_state()
+            for channel, value in zip(channels, held, strict=True):
+                channel.held = value
+            self.values[:] = self._before
+        if parts > 1:
+            self.divided += 1
+            logger.info("step %d (t = %g s) was done in %d parts", self.tick, self.time, parts)
+        self.tick += 1
+
+    def _start(self) -> None:
+        """Instantiate all FMUs and initialize each after those that feed it."""
+        scenario, start = self.scenario, self.scenario.start
+        begin = 0
+        for component in self.plan.components:
+            instance = Instance(component.fmu, component.name, start)
+            self._instances.append(instance)
+            end = begin + len(component.sent) + len(component.recorded)
+            y = self.values[begin:end]
+            self.members.append(Member(component, instance, y, self._arrived, self.places, scenario.ticks))
+            begin = end
+        for name in self.plan.start_order:
+            member = self._member(name)
+            instance = member.instance
+            instance.set_start(self.plan.component(name).start)
+            instance.enter_initialization(scenario.stop)
+            for receiver, values in self.plan.events.get(0, ()):
+                if receiver == name:
+                    instance.set_start(values)
+            member.receive(0)
+            instance.exit_initialization()
+            if member.outputs.size:
+                instance.read(member.outputs)
+            self._arrived[:] = self.values
+
+    def _try(self, parts: int) -> Member | None:
+        """Do the present step in equal parts; return the member that refused one, if any."""
+        tick = self.tick
+        full = (tick + 1) % self._every == 0
+        stride = MAX_PARTS // parts
+        size = ctypes.c_double(self.scenario.step / parts)
+        for part in range(parts):
+            time = ctypes.c_double(self.scenario.start + (tick * MAX_PARTS + part * stride) * self._unit)
+            last = full and part == parts - 1
+            if self._jacobi:
+                self._arrived[:] = self.values
+            for member in self.members:
+                member.receive(tick + 1)
+                if not member.advance(time, size, full=last):
+                    return member
+        return None
+
+    def _refusal(self, member: Member, parts: int) -> SimulationError:
+        """Explain which component refused which step, and what it logged."""
+        if self._can_repeat:
+            how = f"even in {parts} parts of {self.scenario.step / parts:.3g} s"
+            advice = "Correct its inputs or parameters, or start from smaller loads."
+        else:
+            unable = [f.name for f in self.plan.files if not (f.can_restore and f.can_vary_step)]
+            why = f"{', '.join(unable)} cannot restore its state or vary its step"
+            how = f"and the step cannot be repeated in parts, because {why}"
+            advice = "Use a smaller 'step'."
+        msg = (
+            f"component {member.name!r} refused the step of {self.scenario.step:g} s at t = {self.time:.9g} s, {how}."
+            f"{member.instance.log.tail()} {advice}"
+        )
+        return SimulationError(msg, component=member.name, time=self.time)
+
+    def _member(self, name: str) -> Member:
+        return next(member for member in self.members if member.name == name)
+
+
+@contextmanager
+def _deferred_interrupt() -> Iterator[threading.Event]:
+    """Turn Ctrl-C into a flag; a second Ctrl-C acts at once."""
+    interrupted = threading.Event()
+
+    def remember(_signal: int, _frame: FrameType | None) -> None:
+        interrupted.set()
+        signal.signal(signal.SIGINT, previous)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupted
+        return
+    previous = signal.getsignal(signal.SIGINT)
+    signal.signal(signal.SIGINT, remember)
+    try:
+        yield interrupted
+    finally:
+        with suppress(TypeError):
+            signal.signal(signal.SIGINT, previous)

@@ -1,0 +1,89 @@
+"""Run a scenario from its file to results on disk."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import SimulationError
+from ..exchange.open import open_scenario
+from ..results.dataset import make_dataset
+from ..results.files import make_folder, save_results
+from ..scenario.plan import make_plan
+from ..scenario.schema import Scenario
+from .master import Observer, Simulation
+from .recorder import Recorder
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def run_scenario(
+    scenario: Scenario | Path | str,
+    fmus: Path | str,
+    out: Path | str | None = None,
+    *,
+    step: float | None = None,
+    stop: float | None = None,
+    observers: Sequence[Observer] = (),
+) -> xr.Dataset:
+    """Simulate a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario or path
+        What to run: a scenario file or an ``.ssp``.
+    fmus : path
+        Folder in which FMUs are looked up by name.
+    out : path or None
+        Folder for ``results.nc`` and ``results.csv``; None writes nothing.
+    step, stop : float or None
+        Communication step and last time [s] in place of those of the file.
+    observers : sequence of Observer
+        More observers, for instance a ``ProgressBar``.
+
+    Returns
+    -------
+    xarray.Dataset
+        As described in ``results.dataset``; its attribute ``ended`` is ``complete``.
+
+    Raises
+    ------
+    ScenarioError, FmuError, ResultsError
+        The scenario, an FMU or the folder for results cannot be used; nothing was run.
+    SimulationError, KeyboardInterrupt
+        The run ended early. Its results so far are in ``out``, and ``ended`` gives the reason.
+
+    Examples
+    --------
+    >>> data = run_scenario("scenarios/damaged.toml", fmus="out/fmus", out="out/damaged")
+    >>> data["detector.damage"].isel(time=-1)
+    """
+    if not isinstance(scenario, Scenario):
+        with open_scenario(Path(scenario), step=step, stop=stop) as opened:
+            return run_scenario(opened, fmus, out, observers=observers)
+    plan = make_plan(scenario, Path(fmus))
+    recorder = Recorder(plan)
+    if out is not None:
+        make_folder(Path(out))
+    ended, begun, divided = "interrupted", time.perf_counter(), 0
+    try:
+        with Simulation(plan) as simulation:
+            try:
+                simulation.run([recorder, *observers])
+            finally:
+                divided = simulation.divided
+        ended = "complete"
+    except SimulationError as error:
+        ended = str(error)
+        if out is not None and len(recorder.time):
+            error.add_note(f"Results until t = {recorder.time[-1]:.9g} s are in {out}.")
+        raise
+    finally:
+        wall = time.perf_counter() - begun
+        data = make_dataset(plan, recorder.time, recorder.table, ended=ended, wall_time=wall, divided_steps=divided)
+        if out is not None and len(recorder.time):
+            save_results(data, Path(out))
+    return data

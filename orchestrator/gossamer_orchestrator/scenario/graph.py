@@ -1,0 +1,110 @@
+"""The graph of a scenario: algebraic loops, which no order can resolve, and the order in which components step."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping
+from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
+from typing import TypeVar
+
+from ..fmi.file import FmuFile
+from ..names import suggest
+from .schema import Connection, Scenario
+from .source import Problems
+
+Node = TypeVar("Node", bound=Hashable)
+
+
+def find_cycle(edges: Mapping[Node, Iterable[Node]]) -> list[Node]:
+    """Find a cycle of a directed graph.
+
+    Parameters
+    ----------
+    edges : mapping of node to its successors
+        Nodes that only appear as successors need no entry.
+
+    Returns
+    -------
+    list of node
+        The nodes along a cycle, the first one repeated at the end; empty if there is none.
+    """
+    try:
+        TopologicalSorter(edges).prepare()
+    except CycleError as error:
+        cycle: list[Node] = error.args[1]
+        return cycle[::-1]  # the sorter takes successors for predecessors
+    return []
+
+
+def sort_components(names: Iterable[str], edges: Mapping[str, Iterable[str]]) -> list[str]:
+    """Order components so that each stands after those that feed it; ties keep the order of ``names``.
+
+    Within a cycle, which must not be an algebraic loop, the first component of ``names`` goes first.
+    """
+    waiting = list(names)
+    order: list[str] = []
+    while waiting:
+        fed = {target for name in waiting for target in edges.get(name, ()) if target != name}
+        ready = [name for name in waiting if name not in fed] or waiting[:1]
+        order += ready[:1]
+        waiting.remove(ready[0])
+    return order
+
+
+def order_components(
+    scenario: Scenario, files: Mapping[str, FmuFile], connections: Iterable[Connection], problems: Problems
+) -> tuple[list[str], list[str]]:
+    """Return the orders of initialization and of stepping, and report loops and orders that are not possible."""
+    pairs = {(connection.sender, connection.receiver) for connection in connections}
+    feeds = {name: [other for other in files if (name, other) in pairs] for name in files}
+    loop = _find_loop(files, connections)
+    if loop:
+        _report_loop(loop, scenario, problems)
+    if scenario.order is not None:
+        _check_stated_order(scenario.order, scenario, feeds, problems)
+    elif not loop and scenario.master == "gauss-seidel" and (cycle := find_cycle(feeds)):
+        problems.add(
+            ("master",),
+            f"components feed each other in a circle: {' -> '.join(cycle)}. Name them in 'order'; "
+            "the connection from a later to an earlier one delays by one step.",
+        )
+    start_order = sort_components(files, feeds)
+    return start_order, scenario.order or start_order
+
+
+def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) -> list[tuple[str, str]]:
+    """Find a circle of signals in which every value depends on itself at the same instant."""
+    signals: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for c in connections:
+        signals.setdefault((c.sender, c.output), []).append((c.receiver, c.input))
+    for name, fmu in files.items():
+        for output, inputs in fmu.feedthrough().items():
+            for source in inputs:
+                signals.setdefault((name, source), []).append((name, output))
+    return find_cycle(signals)
+
+
+def _report_loop(loop: list[tuple[str, str]], scenario: Scenario, problems: Problems) -> None:
+    """Report an algebraic loop with its path, at the first of its connections."""
+    path = [".".join(node) for node in loop]
+    edges = list(pairwise(path))
+    first = next(i for i, c in enumerate(scenario.connections) if (c.origin, c.target) in edges)
+    problems.add(
+        ("connections", first),
+        f"algebraic loop: {' -> '.join(path)}. Cut one of these connections, or declare in an FMU that its output does not "
+        "depend on that input at the same instant.",
+    )
+
+
+def _check_stated_order(
+    order: list[str], scenario: Scenario, feeds: Mapping[str, list[str]], problems: Problems
+) -> None:
+    if scenario.master == "jacobi":
+        problems.add(("order",), "'order' has no meaning for master = \"jacobi\". Remove it.")
+    for name in order:
+        if name not in feeds:
+            problems.add(("order",), f"'order' names a component {name!r} that is not there. {suggest(name, feeds)}")
+    if sorted(order) != sorted(feeds):
+        missing = [name for name in feeds if name not in order]
+        what = f"; missing: {', '.join(missing)}" if missing else ""
+        problems.add(("order",), f"'order' must name every component once{what}.")

@@ -1,0 +1,150 @@
+"""Read a scenario file and check it, as far as that is possible without its FMUs."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..errors import ScenarioError
+from ..file_kinds import explain_file
+from ..names import suggest
+from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Noise, Recording, Scenario, Table
+from .source import Location, Problems, Source
+
+_VALUE_DEPTH = 5  # components, name, table, key and the type that a value could not be taken for
+
+
+def load_scenario(path: Path, *, step: float | None = None, stop: float | None = None) -> Scenario:
+    """Read and check a scenario file, as far as that is possible without its FMUs.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file.
+    step, stop : float or None
+        Communication step and last time [s] in place of those of the file.
+
+    Raises
+    ------
+    ScenarioError
+        The file cannot be read, is not TOML, or has unknown, missing or meaningless keys; one line per mistake.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        near = suggest(path.name, sorted(p.name for p in path.parent.glob("*.toml")))
+        msg = f"there is no scenario file {path}. {near}"
+        raise ScenarioError(msg) from None
+    except (OSError, UnicodeDecodeError):
+        msg = f"{path} is not a scenario (a TOML file in UTF-8). {explain_file(path)}"
+        raise ScenarioError(msg) from None
+    return parse_scenario(text, name=path.name, folder=path.parent, step=step, stop=stop)
+
+
+def parse_scenario(
+    text: str,
+    *,
+    name: str = "scenario",
+    folder: Path | None = None,
+    step: float | None = None,
+    stop: float | None = None,
+) -> Scenario:
+    """Check the text of a scenario; ``name`` stands in messages, paths of FMUs are relative to ``folder``."""
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.fullmatch(r"(.*) \(at line (\d+), (column \d+)\)", str(error))
+        what, line, column = found.groups() if found else (str(error), len(text.splitlines()), "")
+        msg = f"{name}:{line}: {what}{', ' * bool(column)}{column}. Correct the TOML syntax there."
+        raise ScenarioError(msg) from None
+    except RecursionError:
+        msg = f"{name}: its tables or arrays are nested too deeply. A scenario needs four levels."
+        raise ScenarioError(msg) from None
+    content |= {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
+    return make_scenario(content, source=Source(name, text), folder=folder)
+
+
+def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | None = None) -> Scenario:
+    """Check the content of a scenario, as a TOML file or another format gives it."""
+    problems = Problems(source)
+    try:
+        scenario = Scenario.model_validate(content, context=(source, Path() if folder is None else folder))
+    except ValidationError as error:
+        for item in error.errors():
+            kind, place, message = item["type"], item["loc"], item["msg"]
+            if place[2:3] in (("parameters",), ("inputs",)) and len(place) == _VALUE_DEPTH:
+                kind, place, message = "value", place[:-1], "should be a finite number, true, false or a text"
+            problems.add(place, _explain(kind, place, message, item["input"]))
+        problems.raise_if_any()
+        raise
+    _check_time(scenario, problems)
+    problems.raise_if_any()
+    return scenario
+
+
+def _explain(kind: str, location: Location, message: str, value: Any) -> str:  # noqa: ANN401
+    """Turn one error of pydantic into a sentence."""
+    key, table = str(location[-1]), ".".join(part for part in location[:-1] if isinstance(part, str))
+    known = [field.alias or name for name, field in _owner(location).model_fields.items()]
+    place = f" in {table!r}" if table else ""
+    if kind == "extra_forbidden":
+        return f"unknown key {key!r}{place}. {suggest(key, known)}"
+    if kind == "missing":
+        return f"key {key!r}{place} is missing. Add it."
+    if key == "[key]":
+        return f"{location[-2]!r} cannot be a name. Use letters, digits and underscores, and no digit at the start."
+    if kind == "string_pattern_mismatch" and key in ("from", "to"):
+        return f"{key!r}{place}: write component.variable, not {value!r}."
+    return f"{key!r}{place}: {message[0].lower()}{message[1:]}, not {value!r}."
+
+
+def _owner(location: Location) -> type[Table]:
+    """Return the table in which the key at a location stands."""
+    inner: dict[str | int, type[Table]] = {"noise": Noise, "dropout": Dropout}
+    outer: dict[str | int, type[Table]] = {
+        "components": Component,
+        "connections": Connection,
+        "events": Event,
+        "record": Recording,
+    }
+    if len(location) == 1:
+        return Scenario
+    return inner.get(location[-2]) or outer.get(location[0], Scenario)
+
+
+def _check_time(scenario: Scenario, problems: Problems) -> None:
+    """Require a run that is a whole number of steps, and events within it."""
+    step, start, stop = scenario.step, scenario.start, scenario.stop
+    if stop <= start:
+        problems.add(("stop",), f"'stop' ({stop:g} s) must lie after 'start' ({start:g} s).")
+        return
+    steps = (stop - start) / step
+    if not steps <= MAX_STEPS:
+        many = f"{steps:.3g} steps" if math.isfinite(steps) else "more steps than can be counted"
+        problems.add(
+            ("step",),
+            f"'step' = {step:g} s makes {many} from 'start' = {start:g} s to 'stop' = {stop:g} s; at most {MAX_STEPS:.0e} "
+            "are allowed. Use a longer 'step' or an earlier 'stop'.",
+        )
+        return
+    ticks = scenario.ticks
+    if abs((stop - start) / step - ticks) > 1e-6:
+        nearest = scenario.seconds(max(ticks, 1))
+        problems.add(
+            ("stop",),
+            f"'stop' = {stop:g} s is not a whole number of steps of {step:g} s after 'start'. "
+            f"The nearest is {nearest:.12g}.",
+        )
+    for i, event in enumerate(scenario.events):
+        if not start <= event.time <= stop:
+            problems.add(
+                ("events", i, "time"),
+                f"the event at {event.time:g} s lies outside the run, {start:g} to {stop:g} s. Move it or the run's end.",
+            )

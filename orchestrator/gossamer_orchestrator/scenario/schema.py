@@ -1,0 +1,237 @@
+"""A scenario: which FMUs, with which parameters, how connected, from when to when.
+
+A TOML file such as::
+
+    title = "A gain"
+    step = 1e-3          # communication step [s]
+    stop = 1.0           # [s], a whole number of steps after start
+
+    [components.source]
+    fmu = "source"       # <folder of FMUs>/source.fmu, or a path that ends in .fmu, relative to this file
+    parameters = { amplitude = 2.0 }
+
+    [components.gain]
+    fmu = "gain"
+    inputs = { "offset[*]" = 0.0 }   # every input is connected or given here
+
+    [[connections]]
+    from = "source.y"
+    to = "gain.u"
+    noise = { kind = "normal", amplitude = 0.1, seed = 1 }
+
+    [[events]]
+    time = 0.5
+    component = "gain"
+    set = { "offset[1]" = 1.0 }
+
+    [record]
+    variables = ["gain.*"]
+    every = 10
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr
+
+from ..names import split_endpoint
+from .source import Source
+
+MAX_STEPS = 1e8
+Value = bool | int | float | str
+Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
+Endpoint = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*\..+$")]
+
+
+class Table(BaseModel):
+    """A table of the file; unknown keys, other types and infinite numbers are refused."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, populate_by_name=True)
+
+
+class Noise(Table):
+    """Noise added to a signal, drawn once per communication step.
+
+    Attributes
+    ----------
+    kind : {"uniform", "normal"}
+        Distribution.
+    amplitude : float
+        Half-width (uniform) or standard deviation (normal), in the unit of the signal.
+    seed : int
+        The same seed gives the same noise; two connections with one seed still get different noise.
+    """
+
+    kind: Literal["uniform", "normal"]
+    amplitude: float = Field(ge=0.0)
+    seed: int = Field(default=0, ge=0)
+
+
+class Dropout(Table):
+    """Samples that do not arrive.
+
+    Attributes
+    ----------
+    probability : float
+        Chance that the sample of a communication step is lost, 0..1.
+    seed : int
+        The same seed loses the same samples.
+    hold : bool
+        True: the receiver keeps the last sample that arrived; False: it gets zero.
+    """
+
+    probability: float = Field(ge=0.0, le=1.0)
+    seed: int = Field(default=0, ge=0)
+    hold: bool = True
+
+
+class Component(Table):
+    """One instance of an FMU.
+
+    Attributes
+    ----------
+    fmu : str
+        Name of an FMU in the folder of FMUs, or a path that ends in ``.fmu``.
+    parameters : dict
+        Values by name or pattern; the others keep the FMU's start values.
+    inputs : dict
+        Values of the inputs that no connection feeds, by name or pattern; a name beats a pattern, a later pattern an
+        earlier one.
+    """
+
+    fmu: str
+    parameters: dict[str, Value] = Field(default_factory=dict)
+    inputs: dict[str, Value] = Field(default_factory=dict)
+
+
+class Connection(Table):
+    """A signal: the receiver gets ``gain * value + bias + noise`` unless the sample drops out.
+
+    Attributes
+    ----------
+    origin, target : str
+        ``component.output`` and ``component.input``; written ``from`` and ``to`` in the file.
+    gain, bias : float or None
+        Factor and offset; also what converts between units.
+    noise : Noise or None
+        Added after gain and bias.
+    dropout : Dropout or None
+        Applied last.
+    """
+
+    origin: Endpoint = Field(alias="from")
+    target: Endpoint = Field(alias="to")
+    gain: float | None = None
+    bias: float | None = None
+    noise: Noise | None = None
+    dropout: Dropout | None = None
+
+    @property
+    def sender(self) -> str:
+        """Component that sends."""
+        return split_endpoint(self.origin)[0]
+
+    @property
+    def output(self) -> str:
+        """Name of the sender's output."""
+        return split_endpoint(self.origin)[1]
+
+    @property
+    def receiver(self) -> str:
+        """Component that receives."""
+        return split_endpoint(self.target)[0]
+
+    @property
+    def input(self) -> str:
+        """Name of the receiver's input."""
+        return split_endpoint(self.target)[1]
+
+
+class Event(Table):
+    """Inputs that change at the first communication point not before ``time`` [s]."""
+
+    time: float
+    component: Name
+    set: dict[str, float] = Field(min_length=1)
+
+
+class Recording(Table):
+    """What is recorded.
+
+    Attributes
+    ----------
+    variables : list of str or None
+        Patterns of ``component.variable``; None records every output and every input that no connection feeds.
+    every : int
+        Record each n-th communication point.
+    """
+
+    variables: list[str] | None = None
+    every: int = Field(default=1, ge=1, le=int(MAX_STEPS))
+
+
+class Scenario(Table):
+    """Everything a run depends on, except the FMU files.
+
+    Attributes
+    ----------
+    title : str
+        One line for pictures and tables.
+    step, start, stop : float
+        Communication step and first and last time [s].
+    master : {"gauss-seidel", "jacobi"}
+        Gauss-Seidel steps one component after another and hands new outputs on at once; Jacobi steps all of them with
+        the outputs of the last communication point, so that each connection delays by one step.
+    order : list of str or None
+        Order of the components under Gauss-Seidel; None follows the connections.
+    """
+
+    title: str = ""
+    step: float = Field(gt=0.0)
+    start: float = 0.0
+    stop: float
+    master: Literal["gauss-seidel", "jacobi"] = "gauss-seidel"
+    order: list[Name] | None = None
+    components: dict[Name, Component] = Field(min_length=1)
+    connections: list[Connection] = Field(default_factory=list)
+    events: list[Event] = Field(default_factory=list)
+    record: Recording = Field(default_factory=Recording)
+
+    _source: Source = PrivateAttr(default=Source("scenario", ""))
+    _folder: Path = PrivateAttr(default=Path())
+
+    def model_post_init(self, context: tuple[Source, Path] | None, /) -> None:
+        """Keep where the scenario came from, which is no key of the file."""
+        if context is not None:
+            self._source, self._folder = context
+
+    @property
+    def source(self) -> Source:
+        """The file it came from."""
+        return self._source
+
+    @property
+    def folder(self) -> Path:
+        """Folder to which paths of FMUs are relative."""
+        return self._folder
+
+    @property
+    def name(self) -> str:
+        """File name without its ending."""
+        return Path(self._source.name).stem
+
+    @property
+    def ticks(self) -> int:
+        """Number of communication steps."""
+        return round((self.stop - self.start) / self.step)
+
+    def fmu_path(self, component: str, fmus: Path) -> Path:
+        """Return the FMU file of a component; names are looked up in a folder."""
+        fmu = self.components[component].fmu
+        return (self.folder / fmu if fmu.endswith(".fmu") else fmus / f"{fmu}.fmu").resolve()
+
+    def seconds(self, tick: int) -> float:
+        """Convert a count of steps to time [s]."""
+        return self.start + tick * self.step

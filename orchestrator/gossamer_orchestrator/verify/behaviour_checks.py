@@ -1,0 +1,285 @@
+"""Checks of a running FMU. A check that raises an exception has failed."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..fmi.slave import DISCARD, ERROR, FATAL, OK, WARNING
+from .findings import FAILED, NOT_APPLICABLE, PASSED, REMARK
+from .registry import Checks, Outcome, listed
+from .subject import REALS, STEPS, Subject, Trial, length, swing
+
+check = Checks()
+
+_WORDS = {OK: "accepted", WARNING: "accepted with a warning", DISCARD: "discarded", ERROR: "refused with an error"}
+_STATE = ("canGetAndSetFMUstate",)
+_SECONDS = 0.5  # spent on counting memory
+_LEAK = 16.0  # [byte] per step
+_NOISE = 2.0**17  # [byte]
+_TOLERANCE = 1e-3
+
+
+@check("start", gate=True)
+def _start(subject: Subject) -> Outcome:
+    with subject.instance() as one:
+        one.slave.terminate()
+    return PASSED, "Instantiated, initialized with its start values, terminated and freed."
+
+
+@check("wrong token")
+def _token(subject: Subject) -> Outcome:
+    try:
+        with subject.instance(initialize=False, token="{00000000-0000-0000-0000-000000000000}"):
+            pass
+    except Exception as error:  # FMPy raises bare exceptions here
+        if "instantiate" in str(error):
+            return PASSED, "An instance with another guid or instantiation token is refused."
+        raise
+    return REMARK, "An instance with another guid or instantiation token starts nevertheless."
+
+
+@check("first outputs")
+def _first_outputs(subject: Subject) -> Outcome:
+    with subject.instance() as one:
+        strange = one.not_finite()
+    if strange:
+        return FAILED, f"Not finite after initialization: {listed(strange)}."
+    return PASSED, f"All {len(subject.outputs)} outputs are finite after initialization."
+
+
+@check("readable")
+def _readable(subject: Subject) -> Outcome:
+    with subject.instance() as one:
+        unreadable = [v.name for v in subject.variables if one.attempt(one.get, v) > WARNING]
+    if unreadable:
+        return FAILED, f"Cannot be read after initialization: {listed(unreadable)}."
+    return PASSED, f"All {len(subject.variables)} variables can be read after initialization."
+
+
+@check("steps")
+def _steps(subject: Subject) -> Outcome:
+    with subject.instance() as one:
+        for k in range(STEPS):
+            verdict = one.attempt(one.step, k)
+            if verdict > WARNING:
+                return FAILED, f"Step {k} of {subject.size:g} s is {_WORDS.get(verdict, 'fatal')}.{subject.log.tail()}"
+            if one.not_finite():
+                return FAILED, f"An output is not finite after step {k} of {subject.size:g} s."
+    return PASSED, f"{STEPS} steps of {subject.size:g} s with start values, outputs finite."
+
+
+def _equal(first: list[str], second: list[str], good: str, bad: str) -> Outcome:
+    for k, (a, b) in enumerate(zip(first, second, strict=True)):
+        if a != b:
+            return FAILED, f"{bad}, the outputs differ from step {k} on."
+    return PASSED, good
+
+
+@check("save and restore", needs=_STATE)
+def _restore(subject: Subject) -> Outcome:
+    with subject.instance() as one:
+        older = one.save()
+        one.excite(0, STEPS // 2)
+        state = one.save(over=older)
+        first = one.excite(STEPS // 2, STEPS)
+        one.restore(state)
+        second = one.excite(STEPS // 2, STEPS)
+    good = f"{STEPS // 2} steps repeated from a saved state are equal to the bit."
+    return _equal(first, second, good, "Repeated from a saved state")
+
+
+@check("serialize", needs=(*_STATE, "canSerializeFMUstate"))
+def _serialize(subject: Subject) -> Outcome:
+    with subject.instance() as one:
+        one.excite(0, STEPS // 2)
+        state = one.save()
+        data = one.slave.serializeFMUState(state)
+        one.slave.freeFMUState(state)
+        first = one.excite(STEPS // 2, STEPS)
+        if subject.can.canBeInstantiatedOnlyOncePerProcess:
+            one.restore(one.slave.deserializeFMUState(data))
+            second = one.excite(STEPS // 2, STEPS)
+        else:
+            with subject.instance() as other:
+                other.restore(other.slave.deserializeFMUState(data))
+                second = other.excite(STEPS // 2, STEPS)
+    good = f"{len(data)} bytes carry the state to another instance, which continues to the bit."
+    return _equal(first, second, good, "Continued in another instance from a serialized state")
+
+
+@check("reset")
+def _reset(subject: Subject) -> Outcome:
+    with subject.instance() as one:
+        first = one.excite(0, STEPS)
+        one.slave.reset()
+        one.initialize()
+        second = one.excite(0, STEPS)
+    return _equal(first, second, f"{STEPS} steps repeated after a reset are equal to the bit.", "After a reset")
+
+
+@check("two instances")
+def _two(subject: Subject) -> Outcome:
+    if subject.can.canBeInstantiatedOnlyOncePerProcess:
+        return NOT_APPLICABLE, "It declares canBeInstantiatedOnlyOncePerProcess."
+    with subject.instance() as alone:
+        expected = alone.excite(0, STEPS)
+    with subject.instance() as one, subject.instance() as other:
+        found = []
+        for k in range(STEPS):
+            found += one.excite(k, k + 1)
+            other.excite(k, k + 1, phase=1.0)
+    good = "An instance beside another with other inputs gives the outputs it gives alone."
+    return _equal(expected, found, good, "Beside another instance with other inputs")
+
+
+@check("fixed parameter")
+def _fixed(subject: Subject) -> Outcome:
+    for variable in subject.variables:
+        if variable.causality == "parameter" and variable.variability == "fixed" and variable.type in REALS:
+            break
+    else:
+        return NOT_APPLICABLE, "It has no fixed Real parameter."
+    with subject.instance() as one:
+        before = one.get(variable)
+        moved = next((values for by in (1.0, -1.0) if (values := swing(variable, by)) != before), before)
+        verdict = one.attempt(one.set, variable, moved)
+        if verdict > WARNING:
+            return PASSED, f"Setting {variable.name!r} after initialization is {_WORDS.get(verdict, 'fatal')}."
+        after = one.get(variable)
+    if after == before:
+        return PASSED, f"Setting {variable.name!r} after initialization is ignored.{subject.log.tail()}"
+    return FAILED, f"{variable.name!r} is fixed, but can be set after initialization."
+
+
+@check("not a number")
+def _nan(subject: Subject) -> Outcome:
+    if not subject.inputs:
+        return NOT_APPLICABLE, "It has no Real input."
+    found = []
+    for value in (math.nan, math.inf):
+        with subject.instance() as one:
+            worst = max(one.attempt(one.set, v, [value] * length(v)) for v in subject.inputs)
+            how = "is set"
+            if worst <= WARNING:
+                worst, how = one.attempt(one.step, 0), "is stepped"
+            text = f"{value} {_WORDS.get(worst, 'fatal')} when it {how}"
+            if worst <= WARNING:
+                text += f", outputs {'not finite' if one.not_finite() else 'finite'}"
+            found.append(text)
+            if worst == FATAL:
+                return FAILED, f"Inputs {text}."
+    return PASSED, f"Inputs {'; '.join(found)}."
+
+
+@check("wrong state")
+def _wrong_state(subject: Subject) -> Outcome:
+    def terminated(one: Trial) -> None:
+        one.initialize()
+        one.slave.terminate()
+
+    cases: dict[str, tuple[Callable[[Trial], None], Callable[[Trial], None]]] = {
+        "a step before initialization": (lambda _one: None, lambda one: one.step(0)),
+        "the end of an initialization that never began": (
+            lambda _one: None,
+            lambda one: one.slave.exitInitializationMode(),
+        ),
+        "a second initialization": (Trial.initialize, Trial.initialize),
+        "a step after termination": (terminated, lambda one: one.step(0)),
+    }
+    accepted = []
+    for name, (prepare, misuse) in cases.items():
+        with subject.instance(initialize=False) as one:
+            prepare(one)
+            if one.attempt(misuse, one) <= WARNING:
+                accepted.append(name)
+    if accepted:
+        return REMARK, f"Accepted: {listed(accepted)}."
+    return PASSED, f"Refused: {', '.join(cases)}."
+
+
+@check("log messages")
+def _log(subject: Subject) -> Outcome:
+    with subject.instance() as one:
+        for variable in subject.inputs:
+            one.attempt(one.set, variable, [math.nan] * length(variable))
+        one.attempt(one.step, 0)
+    if any(not text.strip() for _, text in subject.log.messages):
+        return FAILED, "It logs messages without text."
+    if not subject.log.messages:
+        return NOT_APPLICABLE, "It logged nothing, not even in a step with inputs that are not numbers."
+    return PASSED, f"All its messages have text.{subject.log.tail()}"
+
+
+@check("directional derivatives", needs=_STATE)
+def _derivatives(subject: Subject) -> Outcome:
+    if not subject.differentiates:
+        return NOT_APPLICABLE, "It does not declare that it provides them."
+    outputs = [v for v in subject.outputs if v.type in REALS]
+    if not subject.inputs or not outputs:
+        return NOT_APPLICABLE, "It has no Real input or no Real output."
+    worst = 0.0
+    with subject.instance() as one:
+        one.excite(0, STEPS // 2)
+        for i, variable in enumerate(subject.inputs[:8]):
+            at = math.sin(0.15 * STEPS + i)
+            worst = max(worst, min(_derivative_error(one, variable, at, outputs, step=step) for step in (True, False)))
+    if not worst < _TOLERANCE:
+        return FAILED, f"They differ from difference quotients by up to {worst:.1e} of the largest."
+    return PASSED, f"They agree with difference quotients within {worst:.1e} of the largest."
+
+
+def _derivative_error(one: Trial, variable: Any, at: float, outputs: list[Any], *, step: bool) -> float:  # noqa: ANN401
+    """Compare outputs by one input with difference quotients, either over the step that follows or at an instant."""
+
+    def given(values: list[float], result: Callable[[], list[float]]) -> list[float]:
+        state = one.save()
+        one.set(variable, values)
+        if step:
+            one.step(STEPS // 2)
+        found = result()
+        one.restore(state)
+        return found
+
+    seed = [1.0] * length(variable)
+    low, middle, high = (swing(variable, at + by) for by in (-0.01, 0.0, 0.01))
+    derivatives = given(middle, lambda: [x for output in outputs for x in one.derivative(output, variable, seed)])
+    below, above = (given(values, lambda: one.read(outputs)) for values in (low, high))
+    quotients = [(b - a) / (high[0] - low[0]) for a, b in zip(below, above, strict=True)]
+    largest = max(map(abs, quotients)) or 1.0
+    return max(abs(a - b) for a, b in zip(derivatives, quotients, strict=True)) / largest
+
+
+@check("memory")
+def _memory(subject: Subject) -> Outcome:
+    pages = Path("/proc/self/statm")
+    if not pages.exists():
+        return NOT_APPLICABLE, "This system does not report the memory of a process."
+
+    def resident() -> int:
+        return int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    with subject.instance() as one:
+
+        def grow(begin: int, end: int) -> float:
+            before = resident()
+            for k in range(begin, end):
+                one.excite(k, k + 1)
+                if subject.can.canGetAndSetFMUstate:
+                    one.slave.freeFMUState(one.save())
+            return float(resident() - before)
+
+        steps, until = 0, time.monotonic() + _SECONDS
+        while steps < STEPS or time.monotonic() < until:
+            grow(steps, steps + 50)
+            steps += 50
+        # what grows once is a cache; a leak goes on
+        growth = max(min(grow(steps, 2 * steps), grow(2 * steps, 3 * steps)), 0.0)
+    text = f"Its process grew by {growth / 1024:.0f} KiB in {steps} steps, each with a saved and freed state if it has any."
+    if growth > _LEAK * steps and growth > _NOISE:
+        return FAILED, text
+    return PASSED, text

@@ -1,0 +1,169 @@
+"""Bad records: each is refused, or repaired by a stated rule, and the line is named."""
+
+import numpy as np
+import pytest
+from gossamer_models import DataError
+from gossamer_models.fitting import Columns, read_record, read_records
+
+T = 0.1 * np.arange(40)
+STRAIN = 0.05 * np.abs(np.sin(T))
+OHM = 1000.0 + 2000.0 * STRAIN
+
+
+def write(path, header="time,strain,resistance", rows=None, change=None):
+    rows = (
+        [[f"{t:.6g}", f"{s:.9g}", f"{r:.9g}"] for t, s, r in zip(T, STRAIN, OHM, strict=True)] if rows is None else rows
+    )
+    if change is not None:
+        change(rows)
+    path.write_text(header + "\n" + "\n".join(",".join(row) for row in rows) + "\n")
+    return path
+
+
+def put(line, column, text):
+    """Replace a cell; the header is line 1."""
+    return lambda rows: rows[line - 2].__setitem__(column, text)
+
+
+@pytest.mark.parametrize(
+    ("header", "factors"),
+    [
+        ("t_s,strain,R_ohm", (1, 1, 1)),
+        ("time [ms],strain [%],R_kohm", (1e-3, 0.01, 1e3)),
+        ("Time (min),Strain,Resistance (kOhm)", (60, 1, 1e3)),
+    ],
+)
+def test_names_and_units_are_recognised(tmp_path, header, factors):
+    found = read_record(write(tmp_path / "r.csv", header))
+    assert found.time == pytest.approx(factors[0] * T)
+    assert found.strain == pytest.approx(factors[1] * STRAIN)
+    assert found.resistance == pytest.approx(factors[2] * OHM)
+    assert found.repairs == ()
+
+
+def test_a_record_without_time_gets_a_sampling_step(tmp_path):
+    path = write(tmp_path / "r.csv", "n,output,input")
+    with pytest.raises(DataError, match="no column is recognised as strain"):
+        read_record(path, Columns(sampling_step=0.5))
+    found = read_record(path, Columns(strain="output", resistance="input", sampling_step=0.5))
+    assert found.time[-1] == pytest.approx(0.5 * 39)
+    with pytest.raises(DataError, match="or give the sampling step"):
+        read_record(path, Columns(strain="output", resistance="input"))
+    for clock in ({"time": "n"}, {"time_unit": "ms"}):
+        with pytest.raises(DataError, match="of which one is needed"):
+            read_record(path, Columns(strain="output", resistance="input", sampling_step=0.5, **clock))
+    with pytest.raises(DataError, match="must be a positive time"):
+        read_record(path, Columns(strain="output", resistance="input", sampling_step=-1.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (put(12, 0, "0.2"), r"r.csv, line 12: time goes backwards, 0.9 s to 0.2 s"),
+        (put(12, 1, "-0.02"), "line 12: strain -0.02 is negative"),
+        (put(12, 2, "1.06"), "line 12: the output jumps from"),
+        (put(12, 1, "7.5"), "line 12: strain 7.5 without a unit"),
+        (
+            lambda rows: [put(k, 1, "0.01")(rows) for k in range(2, 42)],
+            "lines 2 to 41: the record is of constant strain",
+        ),
+        (lambda rows: [put(k, 2, "5")(rows) for k in range(2, 42)], "of constant output"),
+        (lambda rows: [put(k, 2, "nan")(rows) for k in range(7, 12)], "line 7: 5 of 40 samples hold no finite number"),
+        (
+            lambda rows: [put(k, 0, str(0.1 * k + 90))(rows) for k in range(9, 42)],
+            "line 9: a gap of 90.3 s in which strain",
+        ),
+        (lambda rows: rows.__delitem__(slice(2, None)), "too short"),
+        (put(12, 2, "1100,5"), "line 12: 4 cells under 3 names. Write decimal points"),
+    ],
+)
+def test_an_unusable_record_is_refused_by_its_line(tmp_path, change, message):
+    with pytest.raises(DataError, match=message):
+        read_record(write(tmp_path / "r.csv", change=change))
+
+
+@pytest.mark.parametrize(
+    ("change", "columns", "repair", "size"),
+    [
+        (put(12, 2, ""), Columns(), "1 samples without a finite number were left out, the first in line 12", 39),
+        (put(12, 1, "inf"), Columns(), "the first in line 12", 39),
+        (put(12, 0, "0.9"), Columns(), "1 repeated times were averaged, the first in line 12", 39),
+        (put(12, 0, "0.85"), Columns(sort=True), "sorted by time, the first out of order in line 12", 40),
+        (put(2, 1, "-0.0001"), Columns(), "strain from -0.0001 up to 0 was set to 0", 40),
+    ],
+)
+def test_a_small_fault_is_repaired_and_told(tmp_path, change, columns, repair, size):
+    found = read_record(write(tmp_path / "r.csv", change=change), columns)
+    assert any(repair in text for text in found.repairs)
+    assert found.time.size == size
+    assert (np.diff(found.time) > 0.0).all()
+    assert found.strain.min() >= 0.0
+
+
+def test_a_strain_that_may_be_in_per_cent_is_told(tmp_path):
+    rows = [[f"{t:.6g}", f"{60 * s:.9g}", f"{r:.9g}"] for t, s, r in zip(T, STRAIN, OHM, strict=True)]
+    assert any("strain up to 2.99" in text for text in read_record(write(tmp_path / "r.csv", rows=rows)).repairs)
+    assert not read_record(write(tmp_path / "r.csv", "time,strain [1],resistance", rows)).repairs
+
+
+def test_records_of_one_sensor_in_two_units_are_refused(tmp_path):
+    first = write(tmp_path / "first.csv")
+    second = write(tmp_path / "second.csv", "time,strain,R_kohm")
+    with pytest.raises(DataError, match=r"reaches 1099.96 in first.csv and 1.09996e\+06 in second.csv"):
+        read_records([first, second])
+    assert len(read_records([first, write(tmp_path / "third.csv")])) == 2
+    (tmp_path / "other").mkdir()
+    with pytest.raises(DataError, match=r"2 records are called first\.csv"):
+        read_records([first, write(tmp_path / "other" / "first.csv")])
+
+
+def test_a_gap_at_rest_is_harmless(tmp_path):
+    def rest(rows):
+        for k in range(20, 40):
+            rows[k][0] = str(0.1 * k + 90.0)
+            rows[k][1] = rows[19][1]
+
+    assert read_record(write(tmp_path / "r.csv", change=rest)).time.size == 40
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "message"),
+    [
+        ("time,strain,force", Columns(), "no column is recognised as resistance among time, strain, force"),
+        ("time,strain,resistance", Columns(strain="eps"), "no column 'eps' for strain"),
+        ("time,strain,strain [%]", Columns(resistance="strain"), "2 columns may be the strain"),
+        ("t_ms,strain,resistance", Columns(time_unit="s"), "'t_ms' is in ms, the option says s"),
+        ("time,strain,resistance", Columns(strain_unit="furlong"), "'furlong' is no unit of strain"),
+    ],
+)
+def test_unclear_columns_are_refused(tmp_path, header, columns, message):
+    with pytest.raises(DataError, match=message.replace("[", r"\[")):
+        read_record(write(tmp_path / "r.csv", header), columns)
+
+
+def test_decimal_commas_are_refused_with_what_was_read(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text("time;strain;resistance\n0,5;0,01;1100,5\n1,5;0,02;1101,5\n")
+    with pytest.raises(
+        DataError, match=r"line 2: 2 of 2 .* It reads 0,5 \| 0,01 \| 1100,5: numbers have decimal points"
+    ):
+        read_record(path)
+
+
+def test_a_file_that_is_none_is_refused(tmp_path):
+    with pytest.raises(DataError, match="cannot read"):
+        read_record(tmp_path / "absent.csv")
+    (tmp_path / "empty.csv").write_text("")
+    with pytest.raises(DataError, match="it is empty"):
+        read_record(tmp_path / "empty.csv")
+    (tmp_path / "header.csv").write_text("time,strain,resistance\n")
+    with pytest.raises(DataError, match="holds no samples"):
+        read_record(tmp_path / "header.csv")
+
+
+def test_records_are_weighted_one_by_one(tmp_path):
+    files = [write(tmp_path / name) for name in ("first.csv", "second.csv")]
+    assert [r.weight for r in read_records(files, weights=[1.0, 0.25])] == [1.0, 0.25]
+    for weights in ([1.0], [1.0, -1.0], [1.0, float("nan")]):
+        with pytest.raises(DataError, match="one positive weight per record"):
+            read_records(files, weights=weights)

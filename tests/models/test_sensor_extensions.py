@@ -1,0 +1,166 @@
+"""Sensors beyond the thesis: falling strain drives relaxation, loading changes the gain, the output reverses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gossamer_models import ParameterError
+from gossamer_models.compensator import compensator_model
+from gossamer_models.identify import settings_for
+from gossamer_models.replay import predict_resistance, recover_strain
+from gossamer_models.sensor import DirectInverse, RelaxationTerm, SensorArtifact, default_artifact, sensor_model
+from gossamer_models.sensor.drives import FALLING, GAIN, Drive
+from gossamer_models.sensor.fit import fit_preisach
+from gossamer_models.sensor.fit.model import preisach_model
+from gossamer_models.sensor.fit.regression import prepare, relaxed
+from oracles.preisach import drive, start
+from oracles.records import QUICK, everything, fit_like, record, zigzag
+from scipy.integrate import solve_ivp
+
+
+def test_modes_driven_by_falling_strain_solve_their_differential_equation():
+    strain, h, rate = np.array([0.2, 0.9, 0.35, 0.35, 0.1]), 0.7, 1.3
+    g, k = 0.4, 0.25
+
+    def slope(t, z):
+        i = min(int(t / h), strain.size - 2)
+        speed = (strain[i + 1] - strain[i]) / h
+        return -rate * z + (g + k * (strain[i] + speed * (t - i * h))) * max(-speed, 0.0)
+
+    exact = [0.0]
+    for i in range(strain.size - 1):
+        exact.append(solve_ivp(slope, (i * h, (i + 1) * h - 1e-12), [exact[-1]], rtol=1e-11, atol=1e-13).y[0, -1])
+    constant, linear = (relaxed(h * np.arange(strain.size), strain, np.array([rate]), drive)[:, 0] for drive in FALLING)
+    found = g * constant + k * linear
+    assert found == pytest.approx(exact, abs=1e-9)
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_a_sensor_whose_relaxation_falling_strain_drives_may_be_cut_into_any_steps(signed):
+    terms = [
+        RelaxationTerm(
+            amplitude=a, power=p, rate=b, exponent=1.0, decay_rates=(b,), weights=(1.0,), drive=d, signed=signed
+        )
+        for a, p, b, d in (
+            (0.05, 0, 0.5, "falling"),
+            (0.1, 1, 2.0, "falling"),
+            (-0.1 if signed else 0.1, 0, 1.0, "rising"),
+        )
+    ]
+    artifact = replace(default_artifact(), relaxation=tuple(terms))
+    corners = np.array([0.0, 0.8, 0.3, 0.6, 0.0])
+    fine = np.interp(np.arange(33) / 8, np.arange(5), corners)
+    coarse_y = drive(start(sensor_model(artifact)), corners, 1.0)
+    fine_y = drive(start(sensor_model(artifact)), fine, 0.125)
+    assert fine_y[::8] == pytest.approx(coarse_y, abs=1e-12)
+
+
+def test_the_exact_inverse_undoes_a_sensor_whose_relaxation_falling_strain_drives():
+    term = RelaxationTerm(
+        amplitude=0.05, power=1, rate=0.5, exponent=1.0, decay_rates=(0.5,), weights=(1.0,), drive="falling"
+    )
+    artifact = replace(default_artifact(), relaxation=(*default_artifact().relaxation, term))
+    strain = zigzag(seed=8)
+    y = drive(start(sensor_model(artifact)), strain, 0.1)
+    found = fit_like(artifact)
+    assert recover_strain(found, record(strain, y)) == pytest.approx(strain, abs=1e-9)
+
+
+def test_an_extended_artifact_is_read_back_and_a_plain_one_keeps_its_version(tmp_path):
+    path = tmp_path / "sensor.json"
+    default_artifact().write(path)
+    assert '"version": 1' in path.read_text()
+    inverse = DirectInverse(
+        law=replace(default_artifact(), provenance={}), lowest=0.0, highest=1.0, offset=0.1, scale=0.8
+    )
+    term = replace(default_artifact().relaxation[0], amplitude=-0.01, drive="falling", signed=True)
+    extended = replace(default_artifact(), relaxation=(term,), inverse=inverse)
+    extended.write(path)
+    assert '"version": 2' in path.read_text()
+    assert SensorArtifact.read(path) == extended
+
+
+def gaining(amplitude=-0.2, rate=0.5):
+    """Return the default sensor with a gain that relaxes at one rate."""
+    term = RelaxationTerm(
+        amplitude=amplitude,
+        power=0,
+        rate=rate,
+        exponent=1.0,
+        decay_rates=(rate,),
+        weights=(1.0,),
+        signed=amplitude < 0.0,
+        gain=True,
+    )
+    return replace(default_artifact(), relaxation=(*default_artifact().relaxation, term))
+
+
+@pytest.mark.parametrize("amplitude", [0.3, -0.2])
+def test_a_gain_adds_its_modes_times_the_present_strain(amplitude):
+    strain, h, rate = zigzag(seed=3), 0.2, 0.5
+    without = drive(start(sensor_model()), strain, h)
+    modes = relaxed(h * np.arange(strain.size), strain, np.array([rate]), Drive())[:, 0]
+    found = drive(start(sensor_model(gaining(amplitude, rate))), strain, h)
+    assert found == pytest.approx(without + amplitude * strain * modes, abs=1e-12)
+    columns = relaxed(h * np.arange(strain.size), strain, np.array([rate]), GAIN)[:, 0]
+    assert columns == pytest.approx(strain * modes, abs=1e-15)
+
+
+def test_a_sensor_with_a_gain_is_read_back_and_has_no_exact_inverse(tmp_path):
+    path = tmp_path / "sensor.json"
+    gaining().write(path)
+    assert SensorArtifact.read(path) == gaining()
+    for method in ("inverse", "estimator"):
+        with pytest.raises(ParameterError, match="has a gain"):
+            compensator_model(gaining(0.3), method)
+
+
+def test_a_sensor_with_a_gain_is_found_and_gets_a_direct_inverse():
+    strain = zigzag(seed=5, turns=40)
+    made = record(strain, 100.0 + 50.0 * drive(start(sensor_model(gaining())), strain, 0.1))
+    rows = (np.arange(strain.size) < strain.size // 2,)
+    off = {}
+    for extension in ("none", "gain"):
+        settings = settings_for("preisach-hats", extension=extension, ridge=1e-4, starts=1)
+        fit = fit_preisach((made,), rows, settings, full_scale=1.0, rest_resistance=100.0)
+        off[extension] = float(np.abs(predict_resistance(fit, made) - made.resistance)[~rows[0]].max())
+    assert off["gain"] < 0.3 * off["none"]
+    assert fit.artifact.inverse is not None
+    assert np.sqrt(np.mean((recover_strain(fit, made) - made.strain)[rows[0]] ** 2)) < 0.01
+
+
+def test_a_sensor_that_may_reverse_has_no_exact_inverse():
+    term = replace(default_artifact().relaxation[0], amplitude=-0.01, signed=True)
+    with pytest.raises(ParameterError, match="no exact inverse"):
+        compensator_model(replace(default_artifact(), relaxation=(term,)))
+
+
+def test_the_constraint_of_the_exact_inverse_is_on_the_weights_that_the_sensor_gets(known):
+    """Operators wider than the fitted strain give the elastic line their weight and their eta."""
+    settings = replace(QUICK, extension="falling")
+    regression = prepare((known,), everything(known), settings, 3.0)
+    model = preisach_model(settings, regression)
+    N = settings.n_lines
+    names = [b.name for b in model.blocks for _ in range(b.size)]
+    x = np.random.default_rng(2).uniform(0.1, 0.4, len(names))
+    jump = {name: x[[name == each for each in names]].sum() for name in ("g_falling", "k_falling")}
+    falling = jump["g_falling"] + jump["k_falling"] * (np.arange(N) + 1.0) / N
+    nu = regression.stretches[0].split(model.weights(x)).nu[:N]
+    steep = model.function(x)[1].full()[-N:, 0]
+    assert steep == pytest.approx(nu - settings.least_slope - falling)
+
+
+def test_weights_are_not_negative_and_the_inverse_exists(known):
+    settings = settings_for("preisach-hats", relaxations=2, extension="falling", starts=1)
+    fit = fit_preisach((known,), everything(known), settings, full_scale=1.0)
+    assert min(term.amplitude for term in fit.artifact.relaxation) >= 0.0
+    assert {term.drive for term in fit.artifact.relaxation} <= {"rising", "falling"}
+    back = recover_strain(fit, replace(known, resistance=predict_resistance(fit, known)))
+    assert back == pytest.approx(known.strain, abs=1e-8)
+
+
+def test_a_reversing_sensor_gets_a_direct_inverse_that_recovers_the_strain(known):
+    settings = settings_for("preisach-hats", relaxations=4, extension="reversing")
+    fit = fit_preisach((known,), everything(known), settings, full_scale=1.0)
+    assert fit.artifact.inverse is not None
+    assert np.sqrt(np.mean((recover_strain(fit, known) - known.strain) ** 2)) < 0.03

@@ -1,0 +1,204 @@
+"""Fits of the sensor that are known, what the data do not decide, artifacts that build."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gossamer_models import DataError, ParameterError, Stepper
+from gossamer_models.compensator import compensator_model
+from gossamer_models.fitting import Columns
+from gossamer_models.identify import identify_files, settings_for
+from gossamer_models.replay import predict_resistance
+from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
+from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
+from gossamer_models.sensor.fit.doubts import determination, doubts, parameters
+from gossamer_models.sensor.fit.ridge import RIDGES, choose_ridge
+from oracles.preisach import drive, start
+from oracles.records import QUICK, everything, fit_like, record, zigzag
+
+
+def test_the_ridge_is_chosen_without_a_look_at_the_test_stretch(known):
+    rows = (np.arange(known.strain.size) < 200,)
+    settings = settings_for("preisach-hats", relaxations=2, extension="gain", ridge="auto")
+    spoiled = replace(known, resistance=np.where(rows[0], known.resistance, 1e3))
+    noisy = replace(known, resistance=known.resistance + np.random.default_rng(0).normal(0.0, 20.0, known.strain.size))
+    seen: list[str] = []
+    chosen = [
+        choose_ridge((r,), rows, settings, full_scale=1.0, watch=lambda name, i, e: seen.append(name))
+        for r in (known, spoiled, noisy)
+    ]
+    assert chosen[0] == chosen[1]
+    assert chosen[0].ridge == chosen[0].relaxation_ridge
+    assert chosen[2].ridge == max(RIDGES)  # noise as large as the signal
+    assert len(seen) == 3 * len(RIDGES)
+    assert fit_preisach((known,), rows, settings, full_scale=1.0).settings == chosen[0]
+
+
+def test_a_ridge_cannot_be_chosen_where_the_first_half_rests():
+    strain = np.concatenate([np.zeros(100), zigzag(turns=8)])
+    with pytest.raises(DataError, match="rests in the first half"):
+        choose_ridge((record(strain, 1.0 + strain),), (np.arange(strain.size) < 180,), QUICK, full_scale=1.0)
+
+
+def test_identified_scales_are_the_start_values_of_both_models(known, fitted, tmp_path):
+    path = tmp_path / "sensor.json"
+    fitted.artifact.write(path)
+    artifact = SensorArtifact.read(path)
+    assert artifact.scales == fitted.artifact.scales
+    for model in (sensor_model(artifact), compensator_model(artifact), compensator_model(artifact, "estimator")):
+        starts = {v.name: v.start for v in model.variables}
+        assert starts["rest_resistance"] == pytest.approx(100.0)
+        assert starts["full_scale_resistance_change"] == fitted.resistance_change
+        assert starts["full_scale_strain"] == 1.0
+    sensor = Stepper(sensor_model(artifact))
+    sensor.initialize()
+    assert drive(sensor, known.strain, 0.1) == pytest.approx(fitted.predicted[0], abs=1e-6)
+
+
+def test_a_known_sensor_is_predicted_after_a_fit_with_few_modes(known, fitted):
+    later = record(zigzag(seed=9), 100.0 + 50.0 * drive(start(sensor_model()), zigzag(seed=9), 0.1))
+    size = np.ptp(known.resistance)
+    assert np.sqrt(np.mean((fitted.predicted[0] - known.resistance) ** 2)) < 0.01 * size
+    assert np.sqrt(np.mean((predict_resistance(fitted, later) - later.resistance) ** 2)) < 0.02 * size
+
+
+def test_the_artifact_runs_as_it_was_fitted(known, fitted):
+    assert predict_resistance(fitted, known) == pytest.approx(fitted.predicted[0], abs=1e-9 * np.ptp(known.resistance))
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+def test_what_a_fit_predicts_is_what_its_sensor_gives_however_slow_the_record_is(known, scale):
+    """Far beyond the training stretch, too, and beyond the times that kernels hold for by default."""
+    record = replace(known, time=scale * known.time)
+    rows = (np.arange(known.time.size) < 120,)
+    size = np.ptp(known.resistance)
+    found = {}
+    for h in (1.0, scale):
+        found[h] = fit_preisach(
+            (replace(known, time=h * known.time),), rows, QUICK, full_scale=1.0, rest_resistance=100.0
+        )
+    fit = found[scale]
+    assert predict_resistance(fit, record) == pytest.approx(fit.predicted[0], abs=1e-9 * size)
+    assert fit.predicted[0] == pytest.approx(found[1.0].predicted[0], abs=1e-3 * size)  # time has no scale of its own
+
+
+def test_what_relaxed_before_a_record_adds_to_a_known_output_at_rest(known):
+    left = 8.0 * np.exp(-known.time / 3.0)
+    off = {}
+    for earlier in (False, True):
+        fit = fit_preisach(
+            (replace(known, resistance=known.resistance + left),),
+            everything(known),
+            replace(QUICK, earlier=earlier),
+            full_scale=1.0,
+            rest_resistance=100.0,
+        )
+        off[earlier] = float(np.abs(predict_resistance(fit, known) - known.resistance).max())
+        assert any("start at rest and do not know it" in text for text in doubts(fit)) == earlier
+    assert off[True] < 0.6 * off[False]
+
+
+def test_a_fit_that_stopped_early_and_an_output_at_rest_in_another_unit_are_told(known):
+    settings = replace(QUICK, most_iterations=1)
+    fit = fit_preisach((known,), everything(known), settings, full_scale=1.0, rest_resistance=0.1)
+    told = " ".join(doubts(fit))
+    assert "still improving after 1 steps" in told
+    assert "record begins unstrained with an output of 100, where 0.1 is taken for that at rest" in told
+
+
+def test_an_eta_of_one_value_may_be_fitted_from_several_starts(known):
+    settings = replace(settings_for("preisach", modes=3, relaxations=2, extension="gain"), starts=3)
+    fit = fit_preisach((known,), everything(known), settings, full_scale=1.0)
+    mu, nu = fit.artifact.tables()
+    assert nu == pytest.approx(mu, rel=1e-9)
+
+
+def test_equal_seeds_give_equal_fits_and_two_records_count_as_one(known):
+    half = known.strain.size // 2
+    settings = replace(QUICK, starts=2, seed=5, most_iterations=4)
+    fits = [fit_preisach((known,), everything(known), settings, full_scale=1.0) for _ in range(2)]
+    assert (fits[0].x == fits[1].x).all()
+    first = record(known.strain[:half], known.resistance[:half])
+    both = fit_preisach((known, first), everything(known) + everything(first), settings, full_scale=1.0)
+    assert len(both.predicted) == 2
+    assert both.rest_resistance == pytest.approx(100.0, abs=5.0)
+
+
+def test_a_record_without_holds_does_not_decide_eta_and_is_told_so(known, fitted):
+    assert any("eta and slow relaxation" in text for text in doubts(fitted))
+    C, R = determination(fitted)
+    assert R[fitted.names.index("b_elastic[1]"), fitted.names.index("b_elastic[1]")] > 0.8
+    assert {p.name for p in parameters(fitted) if p.determined} >= {"b_elastic[1]"}
+    assert np.linalg.eigvalsh(C).min() > -1e-12
+
+
+def test_fixed_kernels_stay_as_given(known):
+    settings = replace(QUICK, tau=(1.0, 10.0), exponents=(0.5, 1.0))
+    fit = fit_preisach((known,), everything(known), settings, full_scale=1.0)
+    found = dict(zip(fit.names, fit.x, strict=True))
+    assert [found["log_tau[1]"], found["log_tau[2]"]] == pytest.approx(np.log([1.0, 10.0]))
+    assert [found["c[1]"], found["c[2]"]] == [0.5, 1.0]
+
+
+def test_impossible_settings_are_refused():
+    with pytest.raises(ParameterError, match="at least 1 mode"):
+        PreisachSettings(modes=0)
+    with pytest.raises(ParameterError, match="one of tau per relaxation"):
+        PreisachSettings(tau=(1.0,), relaxations=2)
+    with pytest.raises(ParameterError, match="it is one of preisach"):
+        settings_for("neural")
+    with pytest.raises(ParameterError, match="adds to the relaxation, of which there is none"):
+        settings_for("preisach", relaxations=0, extension="gain")
+    with pytest.raises(ParameterError, match="0 starts"):
+        settings_for("preisach", starts=0)
+    for wrong in (-1.0, float("nan"), float("inf")):
+        with pytest.raises(ParameterError, match="take a finite one of 0 or more"):
+            settings_for("preisach", ridge=wrong)
+    with pytest.raises(ParameterError, match="the seed is -1"):
+        PreisachSettings(seed=-1)
+
+
+def test_too_few_or_too_large_samples_are_refused(known):
+    few = np.arange(known.time.size) < 20
+    with pytest.raises(DataError, match="20 samples to fit"):
+        fit_preisach((known,), (few,), QUICK)
+    with pytest.raises(
+        DataError, match=r"record, lines 2 to 314: in the training stretch the strain moves by less than 1 %"
+    ):
+        fit_preisach((replace(known, strain=1e-3 * known.strain),), everything(known), QUICK, full_scale=1.0)
+    with pytest.raises(DataError, match=r"the output falls as strain rises, their correlation is -0\.9"):
+        fit_preisach((replace(known, resistance=-known.resistance),), everything(known), QUICK)
+    for wrong in (0.0, float("nan"), float("inf")):
+        with pytest.raises(DataError, match="the full scale is"):
+            fit_preisach((known,), everything(known), QUICK, full_scale=wrong)
+    with pytest.raises(DataError, match="the resistance at rest is nan"):
+        fit_preisach((known,), everything(known), QUICK, rest_resistance=float("nan"))
+    with pytest.raises(DataError, match=r"line \d+: strain .* is outside 0 to full scale 0.5"):
+        fit_preisach((known,), everything(known), QUICK, full_scale=0.5)
+    with pytest.raises(DataError, match="beyond the full scale"):
+        predict_resistance(replace_scale(fit_like(default_artifact()), 0.5), known)
+
+
+def replace_scale(fit, full_scale):
+    fit.full_scale = full_scale
+    return fit
+
+
+def test_a_file_becomes_an_artifact_with_provenance(tmp_path, known):
+    path = tmp_path / "measured.csv"
+    rows = "\n".join(
+        f"{1e3 * t:.3f},{100 * s:.9g},{r / 1e3:.9g}"
+        for t, s, r in zip(known.time, known.strain, known.resistance, strict=True)
+    )
+    path.write_text("t_ms,strain [%],R_kohm\n" + rows + "\n")
+    found = identify_files([path], columns=Columns(), train="60%", settings=QUICK, full_scale=1.0, command="test")
+    assert [e.stretch for e in found.errors] == ["train", "test"]
+    assert found.errors[0].nrmse < 1.0
+    assert found.fit.records[0].resistance == pytest.approx(known.resistance)
+    assert found.fit.artifact.provenance["train"] == "60%"
+    assert len(found.fit.artifact.provenance["sha256"]) == 64
+    for train in ("half", "150%", "-5%", "nan%"):
+        with pytest.raises(DataError, match=f"cannot read '{train}'"):
+            identify_files([path], train=train)
+    with pytest.raises(DataError, match="no sample lies in '500:600'"):
+        identify_files([path], train="500:600")

@@ -1,0 +1,170 @@
+"""The command line: help that teaches, results on stdout, expected errors alone on stderr."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.scenario.shipped import find_scenario, shipped_scenarios
+from typer.testing import CliRunner
+
+COMMANDS = ("build", "run", "demo", "verify", "info", "train")
+
+FRAGILE = 'step = 0.1\nstop = 1.0\n[components.f]\nfmu = "fragile"\n'
+GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
+
+
+@pytest.fixture
+def call():
+    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def test_help_names_every_command_and_each_shows_an_example(call):
+    overview = call("--help")
+    assert overview.exit_code == 0
+    for command in COMMANDS:
+        assert command in overview.stdout
+        text = call(command, "--help")
+        assert text.exit_code == 0
+        assert "For example:" in text.stdout
+        assert f"gossamer {command}" in text.stdout
+
+
+def test_a_run_prints_the_paths_of_its_results(call, fmus, tmp_path):
+    (tmp_path / "g.toml").write_text(GAIN)
+    result = call("run", tmp_path / "g.toml", "--fmus", fmus, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.split() == [str(tmp_path / "out/results.nc"), str(tmp_path / "out/results.csv")]
+    assert all(Path(line).is_file() for line in result.stdout.split())
+
+
+def test_an_expected_error_is_its_message_alone(call, fmus, tmp_path):
+    (tmp_path / "g.toml").write_text(GAIN.replace("gain", "gan"))
+    result = call("run", tmp_path / "g.toml", "--fmus", fmus)
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert result.stderr.startswith("g.toml:4: there is no FMU 'gan' in")
+    assert "Traceback" not in result.stderr
+
+
+def test_a_failing_run_says_where_its_results_are(call, fmus, tmp_path):
+    (tmp_path / "f.toml").write_text(FRAGILE)
+    result = call("run", tmp_path / "f.toml", "--fmus", fmus, "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    assert "component 'f' failed at t = 0.5 s (fatal)" in result.stderr
+    assert f"Results until t = 0.5 s are in {tmp_path / 'out'}." in result.stderr
+    assert (tmp_path / "out/results.csv").is_file()
+
+
+def test_a_process_whose_fmu_broke_ends_in_order(fmus, tmp_path):
+    (tmp_path / "f.toml").write_text(FRAGILE)
+    command = [
+        sys.executable,
+        "-m",
+        "gossamer_orchestrator",
+        "run",
+        tmp_path / "f.toml",
+        "--fmus",
+        fmus,
+        "--out",
+        tmp_path,
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1, done.stderr
+    assert "100 %s of it broke" in done.stderr
+
+
+def test_unknown_scenarios_and_fmus_are_refused_with_a_suggestion(call):
+    result = call("run", "damagd")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "no shipped scenario of that name. Did you mean 'damaged'?" in result.stderr
+    result = call("build", "senser")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "there is no FMU 'senser' to build. Did you mean 'sensor'?" in result.stderr
+
+
+def test_a_build_says_what_its_fmus_run_in(call, tmp_path):
+    result = call("build", "sensor", "--out", tmp_path)
+    assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'sensor.fmu'}\n"), result.stderr
+    assert re.fullmatch(r"FMI 2.0: sensor \(runs in Python, for .*linux64.*\)\n", result.stderr)
+
+
+def test_progress_of_compiling_is_a_line_each_where_there_is_no_terminal(call, fmus, tmp_path, monkeypatch):
+    import gossamer_fmus
+
+    def build_all(_folder, _names, *, progress, **_options):
+        progress("sensor for win64")
+        return {"sensor": fmus / "gain.fmu"}
+
+    monkeypatch.setattr(gossamer_fmus, "build_all", build_all)
+    assert call("build", "sensor", "--native").stderr.startswith("compiling sensor for win64\n")
+
+
+def test_options_of_native_fmus_alone_are_refused_with_the_way_out(call, tmp_path):
+    for option in (("--fmi", 3), ("--platform", "win64")):
+        assert "Add --native." in call("build", "--out", tmp_path, *option).stderr
+    result = call("build", "--out", tmp_path, "--native", "--platform", "aarch64-linux")
+    assert "only with --fmi 3" in result.stderr
+
+
+def test_what_a_file_is_instead_is_said(call, fmus, tmp_path):
+    (tmp_path / "a.toml").write_text(GAIN)
+    assert (
+        "It is an FMU: look at it with 'gossamer info' or 'gossamer verify'." in call("run", fmus / "gain.fmu").stderr
+    )
+    assert "run it with 'gossamer run'." in call("info", tmp_path / "a.toml").stderr
+    assert "there is no file" in call("info", tmp_path / "nothing.fmu").stderr
+
+
+def test_an_fmu_of_fmi_3_is_refused_once_and_with_advice(call, tmp_path):
+    description = (
+        '<fmiModelDescription fmiVersion="3.0" modelName="gain" instantiationToken="x">'
+        '<CoSimulation modelIdentifier="gain"/><ModelVariables><Float64 name="time" valueReference="0" '
+        'causality="independent" variability="continuous"/></ModelVariables><ModelStructure/></fmiModelDescription>'
+    )
+    with zipfile.ZipFile(tmp_path / "gain.fmu", "w") as file:
+        file.writestr("modelDescription.xml", description)
+    (tmp_path / "g.toml").write_text(
+        GAIN + GAIN.partition("stop = 1.0\n")[2].replace("[components.g]", "[components.h]")
+    )
+    result = call("run", tmp_path / "g.toml", "--fmus", tmp_path)
+    (line,) = result.stderr.splitlines()
+    assert "is FMI 3.0 for co-simulation" in line
+    assert line.endswith("Build it without --fmi 3.")
+
+
+def test_info_lists_variables(call, fmus):
+    result = call("info", fmus / "bounded.fmu")
+    assert result.exit_code == 0, result.stderr
+    for text in ("factor", "offset[1]", "parameter", "-10", "what comes out"):
+        assert text in result.stdout
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys, typer.testing, gossamer_orchestrator.cli as c\n"
+        "assert typer.testing.CliRunner().invoke(c.app, ['--help']).exit_code == 0\n"
+        "print([m for m in ('fmpy', 'xarray', 'numpy', 'matplotlib', 'casadi', 'pydantic') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_public_name_can_be_imported():
+    package = importlib.import_module("gossamer_orchestrator")
+    for name in package.__all__:
+        assert getattr(package, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        package.nothing  # noqa: B018
+
+
+def test_shipped_scenarios_are_found_by_name():
+    assert {"damaged", "damage_begins"} <= set(shipped_scenarios())
+    assert find_scenario("damaged").name == "damaged.toml"
+    assert find_scenario("damaged.toml").is_file()

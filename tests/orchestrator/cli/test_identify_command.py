@@ -1,0 +1,152 @@
+"""The command ``gossamer identify``: from a CSV file to FMUs, and what it says on the way."""
+
+import fmpy
+import numpy as np
+import pytest
+from gossamer_models.fitting import read_record
+from gossamer_models.fractional import FractionalArtifact, predict
+from gossamer_models.sensor import SensorArtifact
+from gossamer_orchestrator.cli import app
+from typer.testing import CliRunner
+
+
+@pytest.fixture
+def measured(tmp_path):
+    """A small record: an elastic sensor with a play of 10 % and a little drift."""
+    time = 0.5 * np.arange(240)
+    strain = 0.04 * (1.0 - np.cos(0.25 * time)) * (0.5 + time / 240.0)
+    play = np.zeros_like(strain)
+    for k in range(1, strain.size):
+        play[k] = max(strain[k] - 0.004, min(strain[k] + 0.004, play[k - 1]))
+    resistance = 100.0 + 400.0 * strain + 600.0 * play + 0.01 * time
+    path = tmp_path / "measured.csv"
+    rows = zip(time, 100.0 * strain, resistance, strict=True)
+    path.write_text("time_s,strain [%],R_ohm\n" + "".join(f"{t},{s},{r}\n" for t, s, r in rows))
+    return path
+
+
+def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
+    out = tmp_path / "sensor.json"
+    options = ["--modes", "2", "--relaxations", "1", "--train", "0:80", "--starts", "1", "--out", str(out)]
+    result = CliRunner().invoke(app, ["identify", str(measured), *options])
+    assert result.exit_code == 0, result.output
+    printed = result.stdout.split()
+    assert printed[0] == str(out)
+    assert {p.rsplit("/", 1)[-1] for p in printed[1:]} >= {"mu.png", "eta.png", "everett.png", "measured_loop.png"}
+    assert "NRMSE" in result.stderr
+    assert "without holds, eta" in " ".join(result.stderr.split())
+    assert SensorArtifact.read(out).provenance["data"] == "measured.csv"
+    assert str(tmp_path) not in out.read_text()
+    built = CliRunner().invoke(app, ["build", "sensor", "compensator", "--artifact", str(out), "--out", str(tmp_path)])
+    assert built.exit_code == 0, built.output
+    assert (tmp_path / "compensator.fmu").exists()
+
+
+@pytest.mark.parametrize("kind", ["python", "native"])
+def test_a_record_becomes_a_fractional_sensor_that_runs_as_its_model(measured, tmp_path, kind):
+    out = tmp_path / "fractional.json"
+    options = ["--model", "fractional-sub-model-1", "--terms", "2", "--train", "0:80", "--starts", "2", "--seed", "3"]
+    options += ["--rest-resistance", "100", "--full-scale", "0.12", "--out", str(out)]
+    result = CliRunner().invoke(app, ["identify", str(measured), *options])
+    assert result.exit_code == 0, result.output
+    pictures = [out.with_suffix("") / f"measured_{name}.png" for name in ("loop", "history", "residual")]
+    assert result.stdout.split() == [str(path) for path in (out, *pictures)]
+    assert all(path.is_file() for path in pictures)
+    told = " ".join(result.stderr.split())
+    assert "E1 [% of change]" in told
+    assert "from the given 100 ohm at rest" in told
+    artifact = FractionalArtifact.read(out)
+    assert (len(artifact.terms), artifact.full_scale_strain, artifact.rest_resistance) == (2, 0.12, 100.0)
+    assert artifact.provenance["data"] == "measured.csv"
+    assert "sub-model-1" in artifact.provenance["settings"]
+    assert float(artifact.provenance["measured.csv train"].split()[1]) < 10.0
+    assert str(tmp_path) not in out.read_text()
+
+    flags = ["--native"] if kind == "native" else []
+    if flags:
+        pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
+    built = CliRunner().invoke(app, ["build", "sensor", *flags, "--artifact", str(out), "--out", str(tmp_path)])
+    assert built.exit_code == 0, built.output
+    record = read_record(measured)
+    given = np.array(
+        list(zip(record.time, np.append(record.strain[1:], 0.0), strict=True)), dtype=[("t", "f8"), ("strain", "f8")]
+    )
+    ran = fmpy.simulate_fmu(
+        str(tmp_path / "sensor.fmu"),
+        stop_time=119.5,
+        step_size=0.5,
+        output_interval=0.5,
+        input=given,
+        output=["resistance"],
+    )
+    assert ran["resistance"][1:] == pytest.approx(predict(artifact, record.strain, 0.5)[1:], abs=1e-6)
+
+
+def test_a_fractional_model_that_needs_the_whole_record_says_so_and_is_not_built(measured, tmp_path):
+    out = tmp_path / "offline.json"
+    options = ["--terms", "1", "--fading", "1", "--starts", "1", "--no-pictures", "--out", str(out)]
+    result = CliRunner().invoke(app, ["identify", str(measured), "--model", "fractional-model-1", *options])
+    assert result.exit_code == 0, result.output
+    told = " ".join(result.stderr.split())
+    assert "serves offline only: no FMU can be built from it" in told
+    assert "from the fitted" in told
+    built = CliRunner().invoke(app, ["build", "sensor", "--artifact", str(out), "--out", str(tmp_path)])
+    assert (built.exit_code, built.stdout) == (1, "")
+    assert "its phases need the whole record" in built.stderr
+    assert "--model fractional-sub-model-1" in built.stderr
+    built = CliRunner().invoke(app, ["build", "compensator", "--artifact", str(out), "--out", str(tmp_path)])
+    assert (built.exit_code, built.stdout) == (1, "")
+    assert "has no inverse" in built.stderr
+    assert "--model preisach" in built.stderr
+
+
+def test_what_a_fractional_fit_assumed_of_steps_and_of_rest_is_said(measured, tmp_path):
+    lines = measured.read_text().splitlines()
+    measured.write_text("\n".join([*lines[:50], *lines[51:]]) + "\n")
+    options = ["--model", "fractional-sub-model-1", "--terms", "1", "--starts", "1", "--no-pictures"]
+    result = CliRunner().invoke(app, ["identify", str(measured), *options, "--out", str(tmp_path / "s.json")])
+    assert result.exit_code == 0, result.output
+    told = " ".join(result.stderr.split())
+    assert "samples 0.5 to 1 s apart were brought to steps of 0.5 s" in told
+    assert "begins unstrained with an output of 100" in told
+    assert "give the resistance at rest" in told
+
+
+def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
+    out = tmp_path / "sensor.json"
+    options = ["--relaxations", "2", "--tau", "3,40", "--exponents", "0.5,1", "--starts", "1", "--no-pictures"]
+    options += ["--model", "preisach-hats", "--knots", "4", "--least-slope", "0.3", "--out", str(out)]
+    result = CliRunner().invoke(app, ["identify", str(measured), *options])
+    assert result.exit_code == 0, result.output
+    artifact = SensorArtifact.read(out)
+    known = {(3.0, 0.5), (40.0, 1.0)}
+    assert artifact.relaxation
+    assert {(round(t.rate ** (-1.0 / t.exponent), 9), t.exponent) for t in artifact.relaxation} <= known
+    assert "without holds" in artifact.provenance["doubts"]
+    assert "least_slope=0.3" in artifact.provenance["settings"]
+    assert "knots=4" in artifact.provenance["settings"]
+
+
+def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
+    for arguments, message in (
+        ([str(measured), "--model", "neural"], "there is no 'neural'"),
+        ([str(measured), "--train", "900:"], "no sample lies in '900:'"),
+        ([str(measured), "--tau", "soon"], "cannot read --tau 'soon' as numbers"),
+        ([str(measured), "--tau", "3,100"], "need one of tau per relaxation: 2 != 7"),
+        ([str(measured), "--exponents", "1.5", "--relaxations", "1"], "exponents in (0, 1]"),
+        ([str(measured), "--least-slope", "0"], "the least slope is 0"),
+        ([str(measured), "--knots", "6"], "preisach has no knots"),
+        ([str(measured), "--extension", "reversing", "--tau", "3"], "fixed kernels of its own"),
+        ([str(tmp_path / "absent.csv")], "cannot read"),
+        ([str(measured), "--strain-unit", "1"], "the option says 1"),
+        ([str(measured), "--model", "preisach-hats", "--modes", "3"], "Leave --modes out, or choose --model preisach."),
+        ([str(measured), "--terms", "3"], "preisach has no terms"),
+        ([str(measured), "--model", "fractional-sub-model-1", "--direct-inverse"], "Leave --direct-inverse out"),
+        ([str(measured), "--model", "fractional-sub-model-1", "--fading", "1"], "choose --model fractional-model-1."),
+        ([str(measured), "--model", "fractional-sub-model-1", "--full-scale", "0.01"], "outside 0 to full scale"),
+        ([str(measured), "--model", "fractional-sub-model-1", "--train", "0:5"], "samples are too few"),
+    ):
+        result = CliRunner().invoke(app, ["identify", *arguments, "--out", str(tmp_path / "s.json")])
+        assert result.exit_code == 1
+        assert message in result.stderr
+        assert "Traceback" not in result.output

@@ -1,0 +1,92 @@
+"""FMU files that are none, that are dangerous, or that do not run here are refused."""
+
+from __future__ import annotations
+
+import stat
+import zipfile
+
+import pytest
+from gossamer_orchestrator import FmuError, FmuFile, ScenarioError, load_scenario, run_scenario
+from gossamer_orchestrator.fmi import archive
+
+
+def make_archive(path, name="modelDescription.xml", content="<fmiModelDescription/>", mode=0o644):
+    with zipfile.ZipFile(path, "w") as file:
+        member = zipfile.ZipInfo(name)
+        member.external_attr = mode << 16
+        file.writestr(member, content)
+    return path
+
+
+def test_a_file_that_is_no_archive_is_refused(tmp_path):
+    (tmp_path / "text.fmu").write_text("no archive")
+    with pytest.raises(FmuError, match=r"text.fmu is not an FMU. It is text."):
+        FmuFile(tmp_path / "text.fmu")
+
+
+def test_what_a_file_is_instead_of_an_fmu_is_said(fmus, tmp_path):
+    half = (fmus / "gain.fmu").read_bytes()[:3000]
+    contents = {"half": half, "picture": b"\x89PNG\r", "nothing": b"", "data": b"\0\1"}
+    for name, content in contents.items():
+        (tmp_path / f"{name}.fmu").write_bytes(content)
+    make_archive(tmp_path / "structure.fmu", "SystemStructure.ssd")
+    for name, what in {
+        "half": "It is an incomplete ZIP archive. Build or copy it again.",
+        "picture": "It is a picture",
+        "nothing": "It is empty.",
+        "data": "It is some other data.",
+        "structure": "It is an SSP: run it with 'gossamer run'.",
+        "halv": "there is no file .*halv.fmu. Did you mean 'half.fmu'?",
+        "": "is not an FMU. It is a folder.",
+    }.items():
+        with pytest.raises(FmuError, match=what):
+            FmuFile(tmp_path / f"{name}.fmu" if name else tmp_path)
+    with pytest.raises(
+        ScenarioError, match=r"gain.fmu is not a scenario .* It is an FMU: look at it with 'gossamer info' or"
+    ):
+        load_scenario(fmus / "gain.fmu")
+
+
+def test_an_fmu_is_unpacked_only_as_far_as_it_said(fmus, monkeypatch):
+    file = FmuFile(fmus / "gain.fmu")
+    monkeypatch.setattr(archive, "MAX_BYTES", 10)
+    with pytest.raises(FmuError, match="are unpacked from it"):
+        file.folder()
+    file.close()
+
+
+@pytest.mark.parametrize("name", ["../../evil.so", "/etc/evil", "a\\b", "C:evil"])
+def test_an_archive_that_leaves_its_folder_is_refused(tmp_path, name):
+    with pytest.raises(FmuError, match="would be written outside its folder"):
+        FmuFile(make_archive(tmp_path / "evil.fmu", name))
+
+
+def test_a_link_in_an_archive_is_refused(tmp_path):
+    with pytest.raises(FmuError, match="'lib' is a link"):
+        FmuFile(make_archive(tmp_path / "link.fmu", "lib", "/etc/passwd", stat.S_IFLNK | 0o777))
+
+
+def test_an_absurdly_large_archive_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(archive, "MAX_BYTES", 10)
+    with pytest.raises(FmuError, match="It is not unpacked"):
+        FmuFile(make_archive(tmp_path / "bomb.fmu"))
+
+
+def test_an_archive_without_or_with_a_broken_model_description_is_refused(tmp_path):
+    with pytest.raises(FmuError, match=r"holds no modelDescription.xml"):
+        FmuFile(make_archive(tmp_path / "empty.fmu", "readme.txt"))
+    with pytest.raises(FmuError, match=r"its modelDescription.xml is not valid"):
+        FmuFile(make_archive(tmp_path / "broken.fmu"))
+
+
+def test_an_fmu_without_a_binary_for_this_machine_is_refused_when_it_is_started(fmus, tmp_path, chain):
+    with zipfile.ZipFile(fmus / "gain.fmu") as old, zipfile.ZipFile(tmp_path / "gain.fmu", "w") as new:
+        for member in old.infolist():
+            if not member.filename.endswith(".so"):
+                new.writestr(member, old.read(member))
+    (tmp_path / "integrator.fmu").write_bytes((fmus / "integrator.fmu").read_bytes())
+    message = (
+        r"cannot be started: It has no binaries/\w+/ToyGain.\w+, which this machine needs; it has binaries for win64.$"
+    )
+    with pytest.raises(FmuError, match=message):
+        run_scenario(chain(), tmp_path)

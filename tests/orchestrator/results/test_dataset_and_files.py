@@ -1,0 +1,96 @@
+"""Results survive the disk."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from gossamer_orchestrator import ProgressBar, ResultsError, load_results, run_scenario
+from gossamer_orchestrator.results.dataset import arrange
+from gossamer_orchestrator.results.files import save_results
+from rich.console import Console
+
+
+def test_netcdf_and_csv_give_back_what_was_recorded(chain, fmus, tmp_path):
+    noise = ('to = "integral.u"', 'to = "integral.u"\nnoise = { kind = "normal", amplitude = 1.0 }')
+    data = run_scenario(chain(noise), fmus, tmp_path)
+    xr.testing.assert_identical(load_results(tmp_path), data)
+    table = load_results(tmp_path / "results.csv")
+    xr.testing.assert_equal(table, data)
+    assert {name: table[name].attrs["units"] for name in table} == {name: data[name].attrs["units"] for name in data}
+
+
+def test_results_carry_scenario_units_guids_and_versions(chain, fmus, tmp_path):
+    scenario = chain()
+    run_scenario(scenario, fmus, tmp_path)
+    data = load_results(tmp_path)
+    assert data.attrs["scenario"] == scenario.source.text
+    assert data.attrs["title"] == "A constant, integrated"
+    assert json.loads(data.attrs["fmus"])["source"]["start"] == {"u": 2.0, "offset[1]": 0.0, "offset[2]": 0.0}
+    integral = json.loads(data.attrs["fmus"])["integral"]
+    assert len(integral["guid"]) > 10
+    assert integral["model"] == "ToyIntegrator"
+    assert integral["parameters"] == {"limit": 1e9, "until": 1e9}
+    assert json.loads(data.attrs["connections"]) == [["source.y", "integral.u"]]
+    assert set(json.loads(data.attrs["versions"])) == {"gossamer", "FMPy", "numpy"}
+    assert data.attrs["ended"] == "complete"
+    assert data["time"].attrs["units"] == "s"
+
+
+def test_elements_become_dimensions_with_their_indices_as_labels():
+    labels = [(f"m.w[{i},{j}]", "m", "") for i in (1, 2) for j in (1, 2, 3)]
+    labels += [("m.s[2]", "1", "Strain at sensor 2, x = 1"), ("m.s[4]", "1", "Strain at sensor 4, x = 1")]
+    labels += [("d.s[1]", "1", ""), ("m.y", "Pa", "scalar")]
+    table = np.arange(20.0).reshape(2, 10)
+    data = arrange(np.array([0.0, 1.0]), table, labels)
+    assert data["m.w"].dims == ("time", "w_i", "w_j")
+    assert data["m.w"].sel(w_i=2, w_j=1).values.tolist() == [3.0, 13.0]
+    assert data["m.s"].sel(s_index=4).values.tolist() == [7.0, 17.0]
+    assert data["d.s"].dims == ("time", "d.s_index")
+    assert data["m.s"].attrs["long_name"] == "Strain at sensor .."
+    assert data["m.y"].values.tolist() == [9.0, 19.0]
+    assert data["m.y"].attrs == {"units": "Pa", "long_name": "scalar"}
+
+
+def test_a_mixture_of_a_scalar_and_elements_of_one_name_is_kept_apart():
+    data = arrange(np.zeros(1), np.ones((1, 3)), [("a.x", "1", ""), ("a.x[1]", "1", ""), ("a.x[2]", "1", "")])
+    assert set(data.data_vars) == {"a.x", "a.x[1]", "a.x[2]"}
+
+
+def test_only_the_wanted_is_recorded_at_every_nth_step(chain, fmus, tmp_path):
+    data = run_scenario(chain(more='[record]\nvariables = ["integral.?", "*.factor"]\nevery = 3\n'), fmus, tmp_path)
+    assert set(data.data_vars) == {"integral.u", "integral.y", "source.factor"}
+    assert data["time"].values.tolist() == [0.0, 3 * 0.1, 6 * 0.1, 9 * 0.1]
+    assert data["integral.y"].values == pytest.approx(2.0 * data["time"].values)
+    xr.testing.assert_equal(load_results(tmp_path / "results.csv"), data)
+
+
+def test_what_is_not_ours_is_refused(tmp_path):
+    with pytest.raises(ResultsError, match=r"there are no results at .*gossamer run"):
+        load_results(tmp_path)
+    (tmp_path / "results.nc").write_bytes(b"CDF\x02 truncated")
+    with pytest.raises(ResultsError, match=r"cannot read results from"):
+        load_results(tmp_path)
+    (tmp_path / "results.csv").write_text("")
+    with pytest.raises(ResultsError, match=r"cannot read results from"):
+        load_results(tmp_path / "results.csv")
+    save_results(xr.Dataset({"a.x": ("time", [1.0])}, coords={"time": [0.0]}), tmp_path)
+    with pytest.raises(ResultsError, match=r"holds 'no schema', this program reads 'gossamer.results' version 1. Run"):
+        load_results(tmp_path)
+
+
+def test_a_folder_that_cannot_be_made_is_refused_before_the_run(chain, fmus, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultsError, match=r"cannot make the folder .*file/out: .* Name another one with --out."):
+        run_scenario(chain(), fmus, tmp_path / "file/out")
+
+
+def test_the_progress_bar_draws_on_a_terminal_and_is_quiet_elsewhere(chain, fmus):
+    for terminal in (True, False):
+        console = Console(file=io.StringIO(), force_terminal=terminal, width=120)
+        run_scenario(chain(), fmus, observers=[ProgressBar("chain", console)])
+        text = console.file.getvalue()
+        assert ("100%" in text and "t = 1.0000 s" in text) if terminal else text == ""

@@ -1,0 +1,82 @@
+"""Judgements of the detector, and their tables."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from gossamer_orchestrator import ResultsError, judge
+from gossamer_orchestrator.results.judgements import doubts, judgements, windows
+from gossamer_orchestrator.results.tables import history_table, zone_table
+from rich.console import Console
+
+
+def test_a_judgement_is_made_when_a_window_ends(data):
+    found = judgements(data)
+    assert [judgement.time for judgement in found] == [4.0, 8.0]
+    last = judge(data)
+    assert last.time == 8.0
+    assert last.mean_absolute_error == pytest.approx((0.1 + 0.04) / 16)
+    assert last.worst_zone == 2
+    assert last.largest_error == pytest.approx(-0.1)
+    assert last.similarity == 0.5
+
+
+def test_a_run_without_a_judgement_says_whether_a_window_ended_and_what_resembled_nothing(data):
+    with pytest.raises(ResultsError, match=r"No window of the detector ended until t = 3 s, .* Run longer"):
+        judge(data.isel(time=slice(4)))
+    with pytest.raises(ResultsError, match=r"the results lack detector.damage. Add it to \[record\] variables"):
+        judge(data.drop_vars("detector.damage"))
+    data["detector.valid"][:] = 0.0
+    with pytest.raises(
+        ResultsError, match=r"2 windows .* the last at 8.0000 s, .* in spite of a similarity of 0.5. Give"
+    ):
+        judge(data)
+    data["detector.similarity"][:] *= 0.5
+    with pytest.raises(ResultsError, match=r"similarity with every trained case is below one half: 0.25"):
+        judge(data)
+    with pytest.raises(ResultsError, match=r"its similarity was not recorded"):
+        judge(data.drop_vars("detector.similarity"))
+
+
+def test_doubts_name_sensors_out_of_range_and_a_last_window_that_is_not_valid(data, later_window_invalid):
+    assert doubts(data, windows(data)) == []
+    data["sensor2.saturated"] = ("time", (data["time"].values == 3.0).astype(float))
+    data = later_window_invalid(data)
+    assert judge(data).time == 4.0
+    unknown, beyond = doubts(data, windows(data))
+    assert unknown == (
+        "The last window, ended at 8.0000 s, was not valid (similarity 0.28); the judgement shown is that at 4.0000 s."
+    )
+    assert beyond.startswith("Saturated during the run: sensor2.")
+
+
+def test_tables_show_the_membrane_as_it_is_seen(data):
+    console = Console(file=io.StringIO(), width=100)
+    console.print(zone_table(judge(data)), history_table(judgements(data)))
+    lines = console.file.getvalue().splitlines()
+    rows = [line.split() for line in lines if "zone" in line and "│" in line]
+    assert [row.count("zone") for row in rows[:4]] == [4] * 4
+    assert rows[0][2] == "13"
+    assert rows[3][2] == "1"
+    assert any("0 -> 0.0" in line and "30 -> 20.0" in line for line in lines)
+    assert any("-10.00 % in zone 2" in line for line in lines)
+
+
+def test_the_table_of_judgements_marks_windows_that_are_not_valid(data, later_window_invalid):
+    table = history_table(windows(later_window_invalid(data)))
+    cells = {str(column.header): list(column.cells) for column in table.columns}
+    assert cells["valid"] == ["yes", "no"]
+    console = Console(file=io.StringIO(), width=120)
+    console.print(table)
+    assert "t [s]" in console.file.getvalue()
+
+
+def test_the_history_puts_estimate_and_truth_under_their_headings(data):
+    table = history_table(judgements(data))
+    cells = {str(column.header): list(column.cells) for column in table.columns}
+    for row, judgement in enumerate(judgements(data)):
+        zone = int(np.argmax(judgement.estimated))
+        assert cells["estimated [%]"][row] == f"{100 * judgement.estimated[zone]:.1f}"
+        assert cells["true there [%]"][row] == f"{100 * judgement.true[zone]:.0f}"

@@ -1,0 +1,110 @@
+"""Plots say what they show, and are drawn for what was recorded."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from gossamer_orchestrator import judge
+from gossamer_orchestrator.results import plots
+from matplotlib.figure import Figure
+
+
+def test_every_picture_has_units_on_its_axes(data):
+    draw = [
+        lambda ax: plots.plot_sensor_loop(data, 2, ax=ax),
+        lambda ax: plots.plot_strain(data, 3, ax=ax),
+        lambda ax: plots.plot_strain_error(data, 3, ax=ax),
+        lambda ax: plots.plot_damage_map(data, "true", ax=ax),
+        lambda ax: plots.plot_damage_history(data, ax=ax),
+        lambda ax: plots.plot_deflection(data, ax=ax),
+        lambda ax: plots.plot_deflection_history(data, ax=ax),
+    ]
+    for function in draw:
+        ax = function(Figure().add_subplot())
+        assert ax.get_xlabel().endswith("]")
+        assert ax.get_ylabel().endswith("]")
+
+
+def test_titles_say_when_and_how_well(data, later_window_invalid):
+    assert plots.plot_damage_map(data, ax=Figure().add_subplot()).get_title() == "Estimated damage [%] at t = 8.0000 s"
+    assert "RMS error < 1e-9 % of range" in plots.plot_strain(data, ax=Figure().add_subplot()).get_title()
+    ax = plots.plot_damage_history(later_window_invalid(data), ax=Figure().add_subplot())
+    assert ax.get_xlim()[1] > 9.0
+    markers = {line.get_marker(): list(line.get_xdata()) for line in ax.lines if line.get_marker() in ("o", "x")}
+    assert markers == {"o": [4.0], "x": [8.0]}
+
+
+def test_the_damage_map_has_zone_1_at_the_origin_and_x_to_the_right(data):
+    ax = plots.plot_damage_map(data, "true", ax=Figure().add_subplot())
+    drawn = {text.get_text(): text.get_position() for text in ax.texts}
+    assert drawn["30.0"] == pytest.approx((1.5 / 4, 0.5 / 4))
+    assert ax.images[0].get_array()[0, 1] == pytest.approx(30.0)
+    assert ax.get_xlabel() == "x [side]"
+    data["membrane.side_length"], data["membrane.edge_displacement"] = ("time", [0.588] * 10), ("time", [0.006] * 10)
+    ax = plots.plot_damage_map(data, "true", ax=Figure().add_subplot())
+    assert ax.get_xlabel() == "x [m]"
+    assert ax.get_xlim() == pytest.approx((0.0, 0.6))
+
+
+def test_the_edge_of_the_membrane_is_within_the_contours(data):
+    """A spline is zero there only up to rounding."""
+    data["membrane.w"] *= 0.193 * np.random.default_rng(2).uniform(0.9, 1.1, (7, 7))
+    contours = plots.plot_deflection(data, ax=Figure().add_subplot()).collections[0]
+    assert contours.zmin >= contours.levels[0]
+
+
+def test_a_long_run_shows_the_first_and_the_last_window_of_a_sensor(data):
+    ax = plots.plot_sensor_loop(data, ax=Figure().add_subplot())
+    assert len(ax.collections[0].get_segments()) == 9
+    data["detector.index"][6:8] = 1.5
+    ax = plots.plot_sensor_loop(data, ax=Figure().add_subplot())
+    assert ax.get_title() == "Sensor 1, first and last window"
+    assert list(ax.collections[0].get_array()) == [1.0, 2.0, 3.0, 4.0, 7.0, 8.0]
+
+
+def renamed(data: xr.Dataset) -> xr.Dataset:
+    """The same run under other names; strain 1 is read by the sensor that stands last."""
+    names = {"membrane": "skin", "detector": "shm"}
+    names |= {f"{kind}{k}": f"{kind[0]}{5 - k}" for kind in ("sensor", "compensator") for k in range(1, 5)}
+    models = {new: old.rstrip("1234") for old, new in sorted(names.items(), key=lambda item: item[1])}
+    wires = [(f"skin.strain[{5 - k}]", f"s{k}.strain") for k in range(1, 5)]
+    wires += [(f"s{k}.resistance", f"c{k}.resistance") for k in range(1, 5)]
+    split = {name: str(name).split(".", 1) for name in data.data_vars}
+    other = data.rename_vars({name: f"{names[c]}.{v}" for name, (c, v) in split.items()})
+    fmus = json.dumps({name: {"model": model} for name, model in models.items()})
+    return other.assign_attrs(fmus=fmus, connections=json.dumps(wires))
+
+
+def test_components_are_known_by_their_fmus_whatever_they_are_called(data, tmp_path):
+    for k in range(1, 5):
+        data[f"sensor{k}.resistance"] += 10.0 * k
+        data["membrane.strain"][:, k - 1] *= k
+    other = renamed(data)
+    assert judge(other).largest_error == judge(data).largest_error
+    one = [path.read_bytes() for path in plots.save_pictures(data, tmp_path / "one")]
+    assert one == [path.read_bytes() for path in plots.save_pictures(other, tmp_path / "other")]
+    assert len(one) == 5
+
+
+def test_pictures_are_drawn_for_what_was_recorded(data, tmp_path):
+    names = {path.stem for path in plots.save_pictures(data, tmp_path / "all")}
+    assert names == {"sensors", "strains", "damage", "damage_history", "deflection"}
+    names = {path.stem for path in plots.save_pictures(data.drop_vars("membrane.w"), tmp_path / "some")}
+    assert names == {"sensors", "strains", "damage", "damage_history"}
+    names = {path.stem for path in plots.save_pictures(data.isel(time=slice(6)), tmp_path / "one_window")}
+    assert "damage_history" in names  # damage changes
+    names = {path.stem for path in plots.save_pictures(data.isel(time=slice(5)), tmp_path / "constant")}
+    assert "damage_history" not in names
+
+
+def test_nothing_is_drawn_of_a_stranger_s_run_and_one_line_says_why(tmp_path, caplog):
+    assert plots.save_pictures(xr.Dataset({"a.y": ("time", [0.0])}), tmp_path) == []
+    (record,) = caplog.records
+    assert (
+        "no pictures: no component is a membrane. A membrane is an FMU with the model name 'membrane'."
+        in record.getMessage()
+    )
+    assert "\n" not in record.getMessage()
