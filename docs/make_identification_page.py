@@ -1,6 +1,6 @@
 """Write docs/identification.md and its pictures: the thesis' tables and figures of chapters 3 to 5, and ours.
 
-Run ``make figures``; it takes minutes. The measured records lie beside a development checkout; elsewhere they are left out.
+Run ``make figures``; it takes minutes. Elsewhere than beside a development checkout, the page omits the measured records.
 """
 
 from __future__ import annotations

@@ -29,20 +29,23 @@ def section(results: Results, pictures: Path) -> list[str]:
     limits = results.limits
     lines += [
         "",
-        f"Limits, E1: noise alone leaves {limits.noise[0]:.2f} % on Dataset-1 and {limits.noise[1]:.2f} % on Dataset-2. "
-        f"With five terms of any sign and hardly any restraint, sub-model-1 comes to {limits.fitted['sub-model-1']:.2f} %, "
-        f"sub-model-2 to {limits.fitted['sub-model-2']:.2f} % and model-1 to {limits.fitted['model-1']:.2f} % on 0..200 s, "
-        f"which they are fitted to; fitted to all of Dataset-1, they leave {limits.informed['sub-model-1']:.2f}, "
-        f"{limits.informed['sub-model-2']:.2f} and {limits.informed['model-1']:.2f} % there. The sub-models of model-2 are "
-        "linear in strain and the specimen is not: strain in triangles has odd harmonics only, to which a linear model, "
-        "with phases or without, adds no even ones in the long run, and a curved loop has them. One more term, the square "
-        f"of strain, takes sub-model-1 to {limits.with_square:.2f} % on 0..200 s. A causal linear model that is perfect on "
-        f"Dataset-1 leaves {limits.doubling:.1f} % on Dataset-2, which strains twice as far. Model-1, fitted to both at "
-        f"once, leaves {limits.model_1_informed[0]:.2f} % and {limits.model_1_informed[1]:.2f} %.",
+        "Limits of E1. "
+        f"Noise alone leaves {limits.noise[0]:.2f} % on Dataset-1 and {limits.noise[1]:.2f} % on Dataset-2. "
+        "With five terms of any sign and hardly any restraint, fitted to 0..200 s, "
+        f"sub-model-1 leaves {limits.fitted['sub-model-1']:.2f} %, "
+        f"sub-model-2 {limits.fitted['sub-model-2']:.2f} % and model-1 {limits.fitted['model-1']:.2f} % on 0..200 s. "
+        f"Fitted to all of Dataset-1, they leave {limits.informed['sub-model-1']:.2f}, "
+        f"{limits.informed['sub-model-2']:.2f} and {limits.informed['model-1']:.2f} % there. The sub-models of model-2 "
+        "are linear in strain, and the specimen is not. Strain in triangles has odd harmonics only, and a linear "
+        "model, with or without phases, adds no even ones in the long run; but a curved loop has even harmonics. With "
+        f"one more term, the square of strain, sub-model-1 leaves {limits.with_square:.2f} % on 0..200 s. A causal "
+        f"linear model that is perfect on Dataset-1 leaves {limits.doubling:.1f} % on Dataset-2, in which the strain "
+        f"is twice as large. Model-1, fitted to both at once, leaves {limits.model_1_informed[0]:.2f} % and "
+        f"{limits.model_1_informed[1]:.2f} %.",
         "",
-        "Signs, and restraint of terms that cancel each other, are chosen within 0..200 s: fitted to the first cycle, "
-        "judged on the second. Most terms are then left out, with a coefficient of zero, so five terms fit and predict "
-        "hardly otherwise than three.",
+        "Signs, and the restraint of terms that cancel each other, are chosen within 0..200 s: by a fit to the first "
+        "cycle and its error on the second. Most terms then get a coefficient of zero, so models with five and three "
+        "terms fit and predict almost alike.",
         *show(_dataset_1(results.rows, pictures), CAPTION_3_2),
         *show(_dataset_2_3(results.rows, results.repeated, pictures), CAPTION_3_4),
     ]
@@ -106,8 +109,8 @@ def _parameters(rows: Sequence[TableRow]) -> list[str]:
         "<details><summary>Identified parameters</summary>",
         "",
         f"Change of resistance over {artifact.resistance_change:.0f} ohm, strain over {artifact.full_scale_strain:.1%}; "
-        "times in s. In brackets: not determined by the data, the standard error exceeds the value. They are of another "
-        "material than the thesis' and cannot be compared one by one.",
+        "times in s. Values in brackets are not determined by the data: the standard error exceeds the value. The "
+        "specimen is of another material than the thesis', so the values cannot be compared one by one.",
         "",
         *table(("model", "parameter", "values"), body),
         "",
@@ -196,12 +199,12 @@ CAPTION_3_1 = (
     "anticlockwise and climbs."
 )
 CAPTION_3_2 = (
-    "In place of Figures 3.2 and 3.3: SYNTHETIC Dataset-1, resistance over strain and over time, and what the models "
-    "leave. Fitted to 0..200 s (grey), predicted to 400 s. Sub-model-2 starts with a step where the turned strain, of a "
-    "record taken as one period, is not zero."
+    "In place of Figures 3.2 and 3.3: SYNTHETIC Dataset-1, resistance over strain and over time, and the residuals of "
+    "the models. Fitted to 0..200 s (grey), predicted to 400 s. Sub-model-2 takes the record as one period. It starts "
+    "with a step, because the strain with turned phases is not zero there."
 )
 CAPTION_3_4 = (
     "In place of Figures 3.4 and 3.5: SYNTHETIC Dataset-2, predicted by the same models at twice the strain and "
-    "twice the rate; and SYNTHETIC Dataset-3, with models fitted to its first two cycles (grey) and predicting the "
-    "other two."
+    "twice the rate; and SYNTHETIC Dataset-3, with models that are fitted to its first two cycles (grey) and predict "
+    "the other two."
 )

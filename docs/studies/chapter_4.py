@@ -73,15 +73,15 @@ def _errors(results: Results) -> list[str]:
 
 
 def _chosen(results: Results) -> str:
-    """Return a sentence on the fits whose ridge was chosen without a look at what is judged."""
+    """Return a sentence on the fits whose ridge was chosen without test errors."""
     parts = []
     for row in results.chosen:
         first, second, _ = row.metrics()
         ridge = f"{row.fit.settings.density_ridge:g}"
         parts.append(f"M = P = {row.modes}, ridge {ridge}: {number(first.value)} / {number(second.value)}")
     return (
-        "The ridges above are the same for all M. Chosen instead for each by predicting each half of the second "
-        f"fitted cycle from what came before (`--ridge auto`), E1 is, Dataset-1 / -2, {'; '.join(parts)}."
+        "The ridges above are the same for all M. `--ridge auto` chooses one for each M instead: it predicts each half "
+        f"of the second fitted cycle from the record before it. E1 is then, Dataset-1 / -2, {'; '.join(parts)}."
     )
 
 
@@ -109,15 +109,15 @@ def _densities(results: Results, pictures: Path) -> str:
 
 
 def _spread_of_eta(results: Results) -> str:
-    """Say by how much the identified eta differs from one where the fitted stretch has switched."""
+    """Return by how much the identified eta differs from one in the operators that the fitted stretch has switched."""
     row = max(results.specimen, key=lambda each: each.modes)
     mu, nu = row.fit.artifact.tables()
     seen = float(row.records[0].strain[row.fit.train[0]].max()) / row.fit.full_scale
     switched = (mu > 0.0) & ((np.arange(mu.shape[0]) + 0.5) / mu.shape[0] < seen)
     most = float(np.abs(nu[switched] / mu[switched] - 1.0).max())
-    text = f" Where it has switched, η differs from 1 by {most:.1g} at most"
+    text = f" In the switched part, η differs from 1 by {most:.1g} at most"
     return (
-        f"{text}: relaxation explains the drift of these two cycles, and they do not ask for another η."
+        f"{text}: relaxation explains the drift of these two cycles, and they do not require another η."
         if (most < LITTLE)
         else f"{text}."
     )
@@ -153,22 +153,22 @@ def _datasets(results: Results, pictures: Path) -> str:
 
 
 CAPTION_4_1 = (
-    "In place of Figures 4.1 and 4.4: the classical relay, and the thesis' relay, which falls by η = 0.7 only, so "
-    "that every cycle (blue, red) starts higher. Solid: rising strain, dashed: falling."
+    "In place of Figures 4.1 and 4.4: the classical relay, and the thesis' relay. The thesis' relay falls by η = 0.7 "
+    "only, so every cycle (blue, red) starts higher. Solid: rising strain, dashed: falling strain."
 )
 CAPTION_4_2 = (
     "In place of Figures 4.2, 4.3, 4.5 and 4.6: states of the relays in the Preisach plane, and the output so far "
     "(blue), in the first cycle of the classical model (above) and of the modified one (below), with uniform μ. "
-    "Grey: the whole cycle, for the modified model two. The loop of the modified model does not close."
+    "Grey: the whole cycle; for the modified model, two cycles. The loop of the modified model does not close."
 )
 CAPTION_4_7 = (
-    "In place of Figure 4.7: the bins, and μ and η as identified from SYNTHETIC Dataset-1. Strain is over 15 %, the "
-    "full scale. Below the dashed line lies what the fitted stretch has switched; above it the modal functions are "
-    "held at their edge. Densities of the elastic line α = β exceed the scale."
+    "In place of Figure 4.7: the bins, and μ and η as identified from SYNTHETIC Dataset-1. Strain is divided by 15 %, "
+    "the full scale. The fitted stretch has switched the operators below the dashed line; above it, the modal "
+    "functions keep their value at the line. Densities of the elastic line α = β exceed the scale."
 )
 CAPTION_4_8 = (
-    "In place of Figures 4.8, 4.9 and 4.10: change of resistance over strain and over time, and what the models "
-    "leave. SYNTHETIC Dataset-1, fitted to 0..200 s (grey); SYNTHETIC Dataset-2, predicted by the same sensors at "
+    "In place of Figures 4.8, 4.9 and 4.10: change of resistance over strain and over time, and the residuals of the "
+    "models. SYNTHETIC Dataset-1, fitted to 0..200 s (grey); SYNTHETIC Dataset-2, predicted by the same sensors at "
     "twice the strain and rate; SYNTHETIC Dataset-3, fitted to its first two cycles (grey). The residual of "
-    "Dataset-2 has a scale of its own."
+    "Dataset-2 has a separate scale."
 )

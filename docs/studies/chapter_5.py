@@ -42,11 +42,11 @@ def _section_5_5(recovery: Recovery) -> list[str]:
     for name, squares, relative in zip(recovery.estimates, metrics[::2], metrics[1::2], strict=True):
         target = number(squares.target)
         body.append((f"ours, {name}", number(squares.value), number(relative.value), target, verdict(squares.met)))
-    return table(("compensator", "squares [%]", "relative RMS [%]", "squares asked [%]", "reached"), body)
+    return table(("compensator", "squares [%]", "relative RMS [%]", "target of squares [%]", "reached"), body)
 
 
 def _everett(recovery: Recovery, pictures: Path) -> tuple[str, str]:
-    """Draw the surfaces; return the link, and what they say about a cycle."""
+    """Draw the surfaces; return the link and a sentence on what a cycle leaves."""
     fit = recovery.fit
     rise, fall = everett(fit.artifact)
     strain = 100.0 * fit.full_scale * np.linspace(0.0, 1.0, rise.shape[0])
@@ -71,11 +71,11 @@ def _everett(recovery: Recovery, pictures: Path) -> tuple[str, str]:
     figure.colorbar(filled, ax=ax, label="change of resistance [ohm]", shrink=0.85)
     ax.set(xlabel="extreme $h_1$ [%]", ylabel="strain now $h_2$ [%]", aspect="equal")
     kept = float(np.nanmax(np.abs(up + down.T)))
-    drift = f" A cycle between two strains keeps {kept:.1g} ohm of {top:.0f} ohm at most"
+    drift = f" A cycle between two strains leaves {kept:.1g} ohm of {top:.0f} ohm at most"
     drift += (
         ": η is 1 here, so these are the symmetric surfaces of the classical model; drift comes from relaxation."
         if kept < LITTLE * top
-        else ", which is nothing in the symmetric surfaces of the classical model."
+        else "; the symmetric surfaces of the classical model leave nothing."
     )
     return save(figure, pictures, "everett"), drift
 
@@ -98,7 +98,7 @@ def _compensated(recovery: Recovery, pictures: Path) -> str:
         over.plot(100.0 * recovery.strain[:n], 100.0 * estimate, **how)
         error.plot(recovery.time[:n], 100.0 * (estimate - recovery.strain[:n]), **how)
     band = 200.0 * recovery.deviation
-    label = "±2σ stated by the estimator"
+    label = "±2σ reported by the estimator"
     error.fill_between(recovery.time[: band.size], -band, band, color=BLUE, alpha=0.18, lw=0, label=label)
     for ax in (history, error):
         ax.axvspan(0.0, float(recovery.time[~recovery.predicted].max()), color=FITTED_STRETCH, zorder=0, lw=0)
@@ -119,5 +119,5 @@ CAPTION_5_3 = (
 )
 CAPTION_5_5 = (
     "In place of Figure 5.5: SYNTHETIC Dataset-3. The sensor is fitted to the first two cycles (grey); strain is "
-    "recovered from all four and judged on the last two. The estimate is drawn at the time it speaks of."
+    "recovered from all four and evaluated on the last two. Each estimate is drawn at the time for which it holds."
 )

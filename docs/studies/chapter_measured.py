@@ -16,9 +16,9 @@ LOOP_ENDS = 0.06  # of a record with many cycles: the loops of its first and las
 
 
 def section(results: Results, pictures: Path) -> list[str]:
-    """Return the chapter and write its pictures; a line where the records are not at hand."""
+    """Return the chapter and write its pictures; one line if the records are missing."""
     if not results.measured:
-        return ["", "## Measured records", "", "The measured records were not at hand when this page was made."]
+        return ["", "## Measured records", "", "The measured records were missing when this page was made."]
     lines = ["", "## Measured records", "", INTRODUCTION, "", *_matrix(_comparisons(results))]
     lines += show(_forward(results, pictures), CAPTION_FORWARD)
     if any(row.name == CARBON_RECORD for row in results.measured):
@@ -44,7 +44,7 @@ def _matrix(comparisons: list[Comparison]) -> list[str]:
         numbers = [number(value) for m in pair for value in ((m.target, m.value) if m else (None, None))]
         met = [m.met for m in pair if m]
         body.append((each.what, *numbers, "" if all(one is None for one in met) else verdict(*met)))
-    head = ("record, quantity", "fitted, asked", "fitted, reached", "predicted, asked", "predicted, reached", "met")
+    head = ("record, quantity", "fitted, target", "fitted, reached", "predicted, target", "predicted, reached", "met")
     return table(head, body)
 
 
@@ -101,7 +101,7 @@ def _carbon(results: Results, pictures: Path) -> str:
     strain.axvspan(*fitted, color=FITTED_STRETCH, zorder=0, lw=0)
     loop.set_title("resistance over strain")
     history.set_title("resistance over time")
-    left.set_title("what the models leave")
+    left.set_title("residuals of the models")
     strain.set_title("strain recovered from resistance")
     loop.legend(loc="lower right")
     return save(figure, pictures, "carbon_black")
@@ -117,18 +117,19 @@ def _strain(row: MeasuredFit, ax: Axes) -> None:
 
 
 INTRODUCTION = """\
-NRMSE in percent of the range. `strain_*`: silver-coated thread, public data of roboticslab-uc3m
-(nylon-silver-soft-sensor), normalised and without a clock; 0.1 s a sample is assumed. `random_sawtooth_7_5wt` and
-`velocity_profile_10wt`: carbon black in silicone, public data of richgumy (electromech-stretcher). The first half, of
-carbon black the first 60 %, is fitted; the rest is predicted. *Extension* means, of silver thread, a gain that loading
-changes; of the sawtooth, relaxation that falling strain drives too; of the velocity profile both, with either sign.
-`A -> B`: fitted to all of A, judged on B."""
+Errors are NRMSE in percent of the range. The records `strain_*` are of silver-coated thread, public data of
+roboticslab-uc3m (nylon-silver-soft-sensor), normalised and without a clock; we assume 0.1 s per sample.
+`random_sawtooth_7_5wt` and `velocity_profile_10wt` are of carbon black in silicone, public data of richgumy
+(electromech-stretcher). The models are fitted to the first half of a record, for carbon black to the first 60 %, and
+predict the rest. *Extension* means, for silver thread, a gain that loading changes; for the sawtooth, relaxation that
+falling strain drives too; for the velocity profile both, with either sign. `A -> B`: fitted to all of A, evaluated on
+B."""
 CAPTION_FORWARD = (
     "Beyond the thesis: measured records. Output over strain (of silver thread the first and the last cycles) and "
-    "over time, measured (grey) and modelled with the extension, and what the model leaves. Shaded: fitted."
+    "over time, measured (grey) and modelled with the extension, and the residual of the model. Shaded: fitted."
 )
 CAPTION_CARBON = (
     "Beyond the thesis: measured carbon black in silicone, velocity_profile_10wt. Resistance jumps up when unloading "
-    "begins and relaxes on both levels, which the thesis' drives cannot show and the extension does. Shaded: "
+    "begins and relaxes on both levels. The thesis' drives cannot show this, and the extension does. Shaded: "
     "fitted."
 )

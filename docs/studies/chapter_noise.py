@@ -21,8 +21,8 @@ def section(results: Results, pictures: Path) -> list[str]:
         "",
         "## Compensator under noise",
         "",
-        f"SYNTHETIC: the default sensor with η = {ETA} and without relaxation, random ramps, 20 000 samples; noise in "
-        "percent of the range of the output, errors as root mean squares in percent of full scale.",
+        f"SYNTHETIC: the default sensor with η = {ETA} and without relaxation, random ramps, 20 000 samples. Noise is "
+        "in percent of the range of the output; errors are root mean squares in percent of full scale.",
         "",
         *_noise_matrix(results.noise),
         *show(_trace(results.noise, pictures), CAPTION_TRACE + _coverage(results.noise)),
@@ -30,7 +30,8 @@ def section(results: Results, pictures: Path) -> list[str]:
         "",
         "### With a wrong η",
         "",
-        "Noise 0.1 %. In brackets the error over the deviation that the estimator states; 1 is honest, above 1 is too sure.",
+        "Noise 0.1 %. In brackets: error over the deviation that the estimator reports. 1 is exact; above 1, the "
+        "estimator reports too small a deviation.",
         "",
         *_wrong_matrix(results.wrong_eta),
     ]
@@ -49,12 +50,12 @@ def _noise_matrix(cases: Sequence[Case]) -> list[str]:
         rms = case.over_runs("rms")
         cell = number(rms)
         if case.target is not None:
-            cell = f"{cell} (asked {case.target:g}, {_reached(rms <= case.target)})"
+            cell = f"{cell} (target {case.target:g}, {_reached(rms <= case.target)})"
         rows.setdefault(name, {})[case.noise] = cell
         if case.history == LONG and case.how == "estimator":
             present, over = case.over_runs("present_rms"), case.over_runs("over_stated")
-            rows.setdefault("estimator, strain of the present", {})[case.noise] = number(present)
-            rows.setdefault("estimator, error over stated deviation [1]", {})[case.noise] = number(over)
+            rows.setdefault("estimator, present strain", {})[case.noise] = number(present)
+            rows.setdefault("estimator, error over reported deviation [1]", {})[case.noise] = number(over)
     head = ("method / history", *(f"noise {100 * noise:g} %" for noise in noises))
     return table(head, [(name, *(row.get(noise, "-") for noise in noises)) for name, row in rows.items()])
 
@@ -69,7 +70,7 @@ def _wrong_matrix(cases: Sequence[Case]) -> list[str]:
             cell = f"{cell} ({number(case.over_runs('over_stated'))}), {_reached(rms <= case.target)}"
         rows.setdefault(case.how, {})[case.eta_error] = cell
     head = (
-        f"method, asked {WRONG_ETA_TARGET:g} % of full scale",
+        f"method, target {WRONG_ETA_TARGET:g} % of full scale",
         *(f"η wrong by {100 * error:+g} %" for error in errors),
     )
     return table(head, [(name, *(row.get(error, "-") for error in errors)) for name, row in rows.items()])
@@ -93,8 +94,8 @@ def _trace(cases: Sequence[Case], pictures: Path) -> str:
     rows = rows[: estimate.strain.size]
     time = time[: estimate.strain.size][rows]
     recovered, band = 100.0 * (estimate.strain + estimate.error)[rows], 200.0 * estimate.deviation[rows]
-    above.plot(time, recovered, color=BLUE, label="estimator, at the time it speaks of")
-    below.fill_between(time, -band, band, color=BLUE, alpha=0.25, lw=0, label="±2σ stated by the estimator")
+    above.plot(time, recovered, color=BLUE, label="estimator, at the time for which it holds")
+    below.fill_between(time, -band, band, color=BLUE, alpha=0.25, lw=0, label="±2σ reported by the estimator")
     below.plot(time, 100.0 * estimate.error[rows], color=BLUE, lw=0.8, label="error of the estimator")
     above.set(ylabel="strain [% of full scale]", title=f"noise of {100 * noise:g} % of the output's range")
     below.set(xlabel="time [s]", ylabel="error [% of full scale]")
@@ -105,14 +106,16 @@ def _trace(cases: Sequence[Case], pictures: Path) -> str:
 
 
 def _coverage(cases: Sequence[Case]) -> str:
-    """Return a sentence on the share of all errors that the stated band holds."""
+    """Return a sentence on the share of all errors within the reported band."""
     shares = []
     for case in cases:
         if case.how == "estimator" and case.history == LONG:
             inside = np.mean([np.mean(np.abs(run.error) < 2.0 * run.deviation) for run in case.runs])
             shares.append(f"{100 * inside:.0f} % at {100 * case.noise:g} %")
     text = ", ".join(shares)
-    return f" The error is a drift more than a scatter; the band, 95 % if it were exact, holds {text} noise."
+    return (
+        f" The error is a drift rather than scatter. An exact band contains 95 % of the errors; this one {text} noise."
+    )
 
 
 def _levels(cases: Sequence[Case], pictures: Path) -> str:
@@ -127,7 +130,7 @@ def _levels(cases: Sequence[Case], pictures: Path) -> str:
         ax.vlines(noise, least, most, color=colour, lw=2.5, alpha=0.35)
         ax.loglog(noise, rms, color=colour, marker=marker, ms=4, label=how)
     noises = [100.0 * noise for noise in TARGETS]
-    ax.plot(noises, list(TARGETS.values()), "x", color="black", ms=8, mew=2, label="asked, estimator")
+    ax.plot(noises, list(TARGETS.values()), "x", color="black", ms=8, mew=2, label="target, estimator")
     ax.set(xlabel="noise, standard deviation [% of the output's range]", ylabel="error, RMS [% of full scale]")
     ax.xaxis.set_major_formatter("{x:g}")
     ax.yaxis.set_major_formatter("{x:g}")

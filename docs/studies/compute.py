@@ -1,4 +1,4 @@
-"""Everything the page shows, fitted and run once.
+"""Fit and run everything that the page shows, once.
 
 Fits that are timed run first and alone; what remains runs in two processes.
 """
@@ -29,7 +29,7 @@ ETA_ERRORS = (-0.02, 0.02)  # [1]
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """What the chapters are made of.
+    """Results that the chapters show.
 
     Attributes
     ----------
@@ -44,13 +44,13 @@ class Results:
     rows : sequence of TableRow
         Tables 3.1 and 3.2.
     limits : Limits
-        Below which the fractional models cannot go.
+        Lower limits of the errors of the fractional models.
     repeated : dict
         Model to its fit to two cycles of Dataset-3, for Figure 3.5.
     noise, more_noise, wrong_eta : sequence of Case
         Compensators under noise, at further levels of it, and with a wrong eta.
     measured, transfers : sequence
-        Measured records; empty where they are not.
+        Measured records; empty if they are missing.
     """
 
     specimen: Sequence[SpecimenFit]

@@ -1,8 +1,8 @@
 """Fits for chapter 3: the fractional models on the SYNTHETIC specimen, and what limits each of them.
 
-Fitted to 0..200 s of Dataset-1 and to nothing else: restraint and signs are chosen by fitting the first cycle and
-predicting the second, both of the fitted stretch. The model is then evaluated, as it stands, on the whole of Dataset-1
-(to 400 s) and on Dataset-2.
+The models are fitted to 0..200 s of Dataset-1 and to nothing else. Restraint and signs are chosen by a fit to the first
+cycle of this stretch and its error on the second. The model is then evaluated, unchanged, on the whole of Dataset-1 (to
+400 s) and on Dataset-2.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class TableRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What no fit can go below, as E1 [%], with five terms of any sign and hardly any restraint.
+    """Lower limits of E1 [%], with five terms of any sign and hardly any restraint.
 
     Attributes
     ----------
@@ -82,14 +82,14 @@ class Limits:
     informed : dict
         By model: fitted to all of Dataset-1 and evaluated there.
     with_square : float
-        On 0..200 s, of the terms of sub-model-1 as fitted there and one more, the square of strain: what the fitted
-        error of the models that are linear in strain is made of.
+        On 0..200 s, of the terms of sub-model-1 as fitted there and one more, the square of strain: it explains the
+        fitted error of the models that are linear in strain.
     doubling : float
         Of Dataset-2 predicted as twice the noise-free Dataset-1: its strain is twice that of Dataset-1 up to 200 s,
-        so this is what a model that is linear in strain and causal reaches if it is perfect on Dataset-1.
+        so a causal model that is linear in strain has this error if it is perfect on Dataset-1.
     model_1_informed : tuple of float
-        Of model-1 fitted to all of Dataset-1 and Dataset-2 at once, each weighted by its range: what the family can do.
-        The rest of its error on Dataset-2 is extrapolation from 7.5 % strain to 15 %.
+        Of model-1 fitted to all of Dataset-1 and Dataset-2 at once, each weighted by its range: the best of this
+        family. The rest of its error on Dataset-2 is extrapolation from 7.5 % strain to 15 %.
     """
 
     noise: tuple[float, float]
@@ -184,7 +184,7 @@ def limits(starts: int = 4) -> Limits:
 
 
 def _with_square(record: Record, rows: Rows, artifact: FractionalArtifact) -> float:
-    """Return what the terms of sub-model-1 leave where the square of strain joins them, E1 [%]."""
+    """Return the E1 [%] of the terms of sub-model-1 together with the square of strain."""
     s = record.strain / artifact.full_scale_strain
     terms = [integral(s, float(record.time[1] - record.time[0]), term.order) for term in artifact.terms]
     X = np.column_stack([s, *terms, s**2])[rows]

@@ -1,6 +1,6 @@
 """Fits of measured records: silver thread and carbon black, beyond the thesis.
 
-The training stretch comes first in time and the test stretch is never looked at.
+The training stretch comes first in time. The test stretch plays no part in a fit.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class MeasuredFit:
     name, model : str
         Of the record and of the model: the thesis' drives, or an extension.
     record : Record
-        What was measured.
+        The measured record.
     fit : PreisachFit
         The sensor.
     recovered : dict
@@ -102,7 +102,7 @@ class Transfer:
     record : Record
         The target.
     predicted : ndarray, shape (m,)
-        What the sensor gives for it, in its unit.
+        Output of the sensor for it, in its unit.
     """
 
     source: str

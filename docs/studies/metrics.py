@@ -64,5 +64,5 @@ def beside_target(metric: Metric) -> str:
     """Return the value of a metric and, if it has one, its target."""
     if metric.target is None:
         return number(metric.value)
-    target = f"asked {metric.target:g}"
+    target = f"target {metric.target:g}"
     return f"{number(metric.value)} ({target})" if metric.met else f"**{number(metric.value)}** ({target})"

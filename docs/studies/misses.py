@@ -1,4 +1,4 @@
-"""Targets that were not reached: listed from the metrics, explained by hand."""
+"""Missed targets: listed from the metrics, explained by hand."""
 
 from __future__ import annotations
 
@@ -7,52 +7,53 @@ from collections.abc import Iterable
 
 from .metrics import Metric, number
 
-LIMITS = (  # pattern of a metric, and why it misses its target; the first that matches counts
+LIMITS = (  # pattern of a metric, and why it misses its target; the first match counts
     (
         r"Dataset-2.*sub-model",
-        "The sub-models of model-2 are linear in strain and the specimen is not. That Dataset-2 strains it twice as far in "
-        "the same time is an assumption of this project; under it, a causal linear model that is perfect on Dataset-1 "
-        "misses by what stands below Tables 3.1 and 3.2, and phases change that only as far as the records differ in "
-        "length.",
+        "The sub-models of model-2 are linear in strain, and the specimen is not. We assume that the strain in "
+        "Dataset-2 is twice as large in the same time. Under this assumption, even a causal linear model that is "
+        "perfect on Dataset-1 has the error stated below Tables 3.1 and 3.2. Phases change that error only as far as "
+        "the records differ in length.",
     ),
     (
         r"sub-model",
-        "The sub-models of model-2 are linear in strain and the specimen is not: most of what they miss, they miss where "
-        "they are fitted, from any start and with coefficients of any sign. The square of strain as one more term takes "
-        "nearly all of that away, see below Tables 3.1 and 3.2.",
+        "The sub-models of model-2 are linear in strain, and the specimen is not. Most of their error is already there "
+        "in the fitted stretch, from any start and with coefficients of any sign. The square of strain as one more "
+        "term removes nearly all of it, see below Tables 3.1 and 3.2.",
     ),
     (
         r"Dataset-2",
-        "Dataset-2 strains the specimen twice as far, and twice as fast, as the stretch that is fitted: of its "
-        "Preisach plane three quarters, and every nonlinearity beyond 7.5 %, are extrapolation, and more modes do not "
-        "know more about it. Fitted to both data sets at once, modal densities come to 2.4 / 1.8 % and model-1 to what "
-        "its floor above says.",
+        "In Dataset-2 the strain is twice as large and twice as fast as in the fitted stretch. Three quarters of its "
+        "Preisach plane, and every nonlinearity beyond 7.5 %, are extrapolation, and more modes do not help. Fitted to "
+        "both data sets at once, modal densities reach 2.4 / 1.8 %, and model-1 the error stated below Tables 3.1 and "
+        "3.2.",
     ),
     (
         r"Dataset-1",
-        "From 200 s to 400 s the specimen rests: relaxation slower than the fitted 200 s is extrapolation. The floor "
-        "of the noise stands below Tables 3.1 and 3.2.",
+        "From 200 s to 400 s the specimen rests: relaxation slower than the fitted 200 s is extrapolation. The error "
+        "that the noise alone leaves is stated below Tables 3.1 and 3.2.",
     ),
     (
         r"faster than",
-        "Half of the fit's time are its iterations, which are more than 30 times faster than the peer's; the rest "
-        "builds model and derivatives and makes sums of exponentials for the artifact, which the peer is spared. Faster "
-        "expressions, built for this, made the peer faster too. From starts that differ by rounding the peer's time "
-        "differs by five; the median counts.",
+        "The iterations take half of the time of the fit, and they are more than 30 times faster than those of "
+        "least_squares. In the other half, the fit builds the model and its derivatives and computes sums of "
+        "exponentials for the artifact; the time of least_squares includes none of this. Faster expressions, built for "
+        "this comparison, made least_squares faster too. From starts that differ by rounding, its time differs by a "
+        "factor of five; the median counts.",
     ),
     (
         r"random_sawtooth",
-        "Noise of the meter is 1.2 to 1.7 % of the range. What remains is biased for many seconds after peaks, and more in "
-        "the predicted part; more kernels or knots, a gain, drives with powers of the strain rate from 0.25 to 2, and "
-        "amplitudes of either sign were tried: they fit better and predict worse, or change nothing.",
+        "The noise of the meter is 1.2 to 1.7 % of the range. The residual is biased for many seconds after peaks, and "
+        "more in the predicted part. More kernels or knots, a gain, drives with powers of the strain rate from 0.25 to "
+        "2, and amplitudes of either sign fit better and predict worse, or change nothing.",
     ),
     (
         r"eta wrong",
-        "With η 2 % wrong and no strain ever known, resistance alone does not tell the truth from another strain "
-        "within range. Telling the strain now and then removes it.",
+        "If η is 2 % wrong and no strain is ever known, the resistance alone does not distinguish the true strain from "
+        "another one within the range. A known strain now and then removes the error.",
     ),
 )
-UNKNOWN = "What limits these is not established."
+UNKNOWN = "The cause is not known."
 
 
 def section(metrics: Iterable[Metric]) -> list[str]:
@@ -61,11 +62,11 @@ def section(metrics: Iterable[Metric]) -> list[str]:
     for metric in metrics:
         if metric.met is False:
             groups.setdefault(limit_of(metric), []).append(metric)
-    lines = ["", "## Asked but not reached, and what limits it", ""]
+    lines = ["", "## Missed targets, and what limits them", ""]
     if not groups:
         return [*lines, "Nothing."]
     for text, missed in sorted(groups.items(), key=lambda group: group[0] == UNKNOWN):
-        values = "; ".join(f"{m.what}: {number(m.value)} for {m.target:g} {m.unit}" for m in missed)
+        values = "; ".join(f"{m.what}: {number(m.value)}, target {m.target:g} {m.unit}" for m in missed)
         lines.append(f"- **{text}** {values}.")
     return lines
 

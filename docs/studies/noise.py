@@ -1,7 +1,7 @@
 """The compensators under noise and with a wrong eta, on strain between random turning points.
 
-An estimate for time t that is delivered at t + delay is compared with the strain at t; the error of the strain that the
-estimator gives for the present stands beside it. Percent are of full scale.
+The estimate that the compensator returns at t + delay is compared with the strain at t. The error of the estimator's
+present strain stands beside it. Percent are of full scale.
 """
 
 from __future__ import annotations
@@ -66,20 +66,20 @@ class Estimate:
 
     @property
     def over_stated(self) -> float:
-        """Root mean square of the error over the stated deviation [1]; 1 if the estimator is honest."""
+        """Root mean square of the error over the stated deviation [1]; 1 if the deviation is exact."""
         return float(np.sqrt(np.mean((self.error / self.deviation) ** 2)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One way of compensation on one kind of history.
+    """One compensator on one kind of history.
 
     Attributes
     ----------
     how : str
-        The way.
+        The compensator.
     history : str
-        What the strain does.
+        Kind of strain history.
     noise : float
         Standard deviation of the output's noise [1].
     eta_error : float
@@ -96,7 +96,7 @@ class Case:
 
     @property
     def target(self) -> float | None:
-        """Largest root mean square error [% of full scale] that meets the request; None without one."""
+        """Largest root mean square error [% of full scale] that is accepted; None without a target."""
         if self.eta_error:
             return None if self.how == "exact inverse" else WRONG_ETA_TARGET
         return TARGETS.get(self.noise) if self.how == "estimator" and self.history == LONG else None
@@ -106,7 +106,7 @@ class Case:
         return float(np.sqrt(np.mean([getattr(run, quantity) ** 2 for run in self.runs])))
 
     def metrics(self) -> list[Metric]:
-        """Return the error and, for the estimator on long histories, what it says of the present and of itself."""
+        """Return the error and, for the estimator on long histories, the errors of present strain and deviation."""
         if self.eta_error:
             what, over = f"eta wrong by {self.eta_error:+.0%}, {self.how}", "over stated"
         else:
@@ -123,7 +123,7 @@ class Case:
 
 
 def run_ways(noise: float, seeds: Sequence[int] = (0, 1, 2)) -> list[Case]:
-    """Run the plain ways and the estimator on long random histories under noise; settings were not chosen on them."""
+    """Run all compensators on long random histories under noise; no setting was chosen on these histories."""
     artifact = uniform_eta()
     runs: dict[str, list[Estimate]] = {}
     for seed in seeds:
@@ -154,7 +154,7 @@ def run_histories(noise: float, seed: int = 0) -> list[Case]:
 
 
 def run_wrong_eta(error: float, seeds: Sequence[int] = (0, 1, 2)) -> list[Case]:
-    """Run the inverse and the estimator with a wrong eta; the estimator gets the strain never, 4 times and 10 times."""
+    """Run the inverse and the estimator with a wrong eta; the estimator knows the strain never, 4 and 10 times."""
     noise, wrong = WRONG_ETA_NOISE, uniform_eta((1.0 + error) * ETA)
     runs: dict[str, list[Estimate]] = {}
     for seed in seeds:
@@ -210,7 +210,7 @@ def measure(strain: Vector, noise: float, seed: int, artifact: SensorArtifact) -
 def run_estimator(
     artifact: SensorArtifact, strain: Vector, output: Vector, noise: float, eta_deviation: float = 0.0, every: int = 0
 ) -> Estimate:
-    """Run the estimator; every so many samples it gets the true strain, never if 0."""
+    """Run the estimator; it gets the true strain once in ``every`` samples, never if 0."""
     known = (np.arange(1, strain.size + 1) % every == 0) * 1.0 if every else np.zeros(strain.size)
     y = _simulated(
         compensator_model(artifact, "estimator"),
@@ -232,7 +232,7 @@ def run_estimator(
 def run_inverse(
     artifact: SensorArtifact, strain: Vector, output: Vector, lag: int = 0, dead_band: float = 0.0
 ) -> Estimate:
-    """Run the exact inverse; ``lag`` [samples] is by how much the output is late."""
+    """Run the exact inverse; ``lag`` [samples] is the delay of the output."""
     y = _simulated(compensator_model(artifact), {"resistance": output}, ("strain",), dead_band=dead_band)["strain"]
     true = strain[: strain.size - lag]
     return Estimate(strain=true, error=y[lag:] - true, present_error=y - strain, deviation=np.zeros_like(true))

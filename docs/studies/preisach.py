@@ -1,6 +1,6 @@
 """Fits for chapter 4: the modified Preisach model on the SYNTHETIC specimen.
 
-Settings are those of ``PreisachSettings.of``, the same for all M = P; what is predicted is never looked at.
+Settings are those of ``PreisachSettings.of``, the same for all M = P; the predicted stretches play no part in a fit.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class SpecimenFit:
     records : tuple of Record
         Dataset-1 and Dataset-2.
     predicted : tuple of ndarray
-        What the sensor gives for them [ohm], from rest.
+        Resistance [ohm] that the sensor gives for them, from rest.
     """
 
     modes: int

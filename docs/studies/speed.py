@@ -21,11 +21,11 @@ Vector = NDArray[np.float64]
 def run_speed() -> list[Metric]:
     """Compare the fit M = P = 7 with ``scipy.optimize.least_squares``: same residual, same start, finite differences.
 
-    The peer gets the bounds but not the constraints on densities, which it cannot take, and its own settings, or the
-    scaling by columns that helps it most. Its time is that of its iterations on the residual function of the fit; ours
-    is that or the whole fit's, preparation and artifact included. How often the peer evaluates depends on rounding (2700 to
-    20000 times from starts 1e-9 apart), so one run says little: it runs from the same start and from four such
-    neighbours, and the median counts.
+    The peer gets the bounds but not the constraints on densities, which it does not support. It runs with its default
+    settings, and with the scaling by columns that helps it most. Its time is that of its iterations on the residual
+    function of the fit. Ours is that of the iterations, or of the whole fit with preparation and artifact. How often the
+    peer evaluates depends on rounding (2700 to 20000 times from starts 1e-9 apart), so one run shows little: it runs from
+    the same start and from four such neighbours, and the median counts.
     """
     record = specimen_record(1)
     settings = PreisachSettings.of("preisach", starts=1)

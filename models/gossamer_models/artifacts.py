@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Vector
 from .errors import ArtifactError
 
 
@@ -26,7 +26,7 @@ def write_artifact(
     version: int,
     provenance: dict[str, str],
     content: dict[str, Any],
-    arrays: dict[str, NDArray[np.float64]] | None = None,
+    arrays: dict[str, Vector] | None = None,
 ) -> None:
     """Write an artifact.
 
@@ -54,7 +54,7 @@ def write_artifact(
     path.write_text(text + "\n", encoding="utf-8")
 
 
-def read_artifact(path: Path, schema: str, version: int) -> dict[str, Any]:
+def read_artifact(path: Path, schema: str, *versions: int) -> dict[str, Any]:
     """Read the card of an artifact that ``write_artifact`` wrote.
 
     Raises
@@ -63,11 +63,10 @@ def read_artifact(path: Path, schema: str, version: int) -> dict[str, Any]:
         The file is missing or truncated, or of another schema or version.
     """
     card = _card(path)
-    found = (card["schema"], card["version"])
-    if found != (schema, version):
+    if card["schema"] != schema or card["version"] not in versions:
         msg = (
-            f"{path} holds {found[0]!r} version {found[1]!r}; this program reads {schema!r} version {version}. "
-            "Make it again with this version of Gossamer."
+            f"{path} holds {card['schema']!r} version {card['version']!r}; this program reads {schema!r} version "
+            f"{' or '.join(map(str, versions))}. Make it again with this version of Gossamer."
         )
         raise ArtifactError(msg)
     return card
@@ -95,7 +94,7 @@ def _card(path: Path) -> dict[str, Any]:
     return card
 
 
-def read_arrays(path: Path, card: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
+def read_arrays(path: Path, card: dict[str, Any]) -> dict[str, Vector]:
     """Read the arrays that stand beside a card.
 
     Raises

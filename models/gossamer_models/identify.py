@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .errors import ParameterError
 from .fitting.errors import Errors, nrmse
@@ -26,7 +25,6 @@ from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.settings import MODELS as PREISACH
 from .sensor.plots import SENSOR_PICTURES
 
-Vector = NDArray[np.float64]
 Fit = PreisachFit | FractionalFit
 Settings = PreisachSettings | FractionalSettings
 

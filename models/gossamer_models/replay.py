@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Vector
 from .compensator import compensator_model
 from .errors import DataError
 from .fitting.records import Record
@@ -13,8 +13,6 @@ from .sensor.fit import PreisachFit
 from .simulate import simulate
 from .step_model import StepModel
 from .stepper import Stepper
-
-Vector = NDArray[np.float64]
 
 REACH = 1.005  # strain beyond full scale by no more than this is clipped, as the sensor does
 SHIFT = 10.0  # resistance at rest that the models get: it must be positive, and only differences from it count

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .arrays import Vector
 from .stepper import Stepper
-
-Vector = NDArray[np.float64]
 
 
 def simulate(

@@ -108,7 +108,7 @@ def test_the_generator_writes_the_page_and_its_pictures(written):
     links = LINK.findall(text)
     assert {written / link for link in links} == set((written / "identification").glob("*.png"))
     assert "nan" not in text
-    assert "strain_triangular, forward, train" in text.split("## Asked but not reached")[1]
+    assert "strain_triangular, forward, train" in text.split("## Missed targets")[1]
 
 
 def test_pictures_have_the_same_bytes_every_time(written, tmp_path):
@@ -118,7 +118,7 @@ def test_pictures_have_the_same_bytes_every_time(written, tmp_path):
 
 def test_a_page_without_measured_records_says_so(results, tmp_path):
     lines = chapter_measured.section(replace(results, measured=(), transfers=()), tmp_path)
-    assert "were not at hand" in "\n".join(lines)
+    assert "records were missing when this page was made" in "\n".join(lines)
 
 
 def test_a_miss_without_a_written_limit_is_not_explained_away():

@@ -1,15 +1,8 @@
 """Instances of FMI 2.0 and 3.0 with the same methods, over FMPy, and the messages that they logged."""
 
-from functools import cache
-
-import fmpy
 from fmpy import fmi2, fmi3
+from fmu_host import description_of
 from gossamer_fmus.arrays import arrays_of
-
-
-@cache
-def guid_of(path):
-    return fmpy.read_model_description(path).guid
 
 
 class Fmi2:
@@ -23,7 +16,7 @@ class Fmi2:
         callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
         callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
         self.slave = fmi2.FMU2Slave(
-            guid=guid_of(path), unzipDirectory=folder, modelIdentifier=model.name, instanceName="fuzzed"
+            guid=description_of(path).guid, unzipDirectory=folder, modelIdentifier=model.name, instanceName="fuzzed"
         )
         self.slave.instantiate(callbacks=callbacks, loggingOn=True)
 
@@ -78,7 +71,7 @@ class Fmi3(Fmi2):
         arrays = arrays_of(model)
         self.groups = {k: range(array.first, array.first + array.size) for k, array in enumerate(arrays, 1)}
         self.slave = fmi3.FMU3Slave(
-            guid=guid_of(path), unzipDirectory=folder, modelIdentifier=model.name, instanceName="fuzzed"
+            guid=description_of(path).guid, unzipDirectory=folder, modelIdentifier=model.name, instanceName="fuzzed"
         )
         self.slave.instantiate(logMessage=lambda *args: self.messages.append(args[-1]), loggingOn=True)
 

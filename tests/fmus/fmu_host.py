@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+from functools import cache
 
 import fmpy
 from fmpy import fmi2
@@ -33,11 +34,17 @@ def excite(name, k):
     return {key: value * (1.0 + 0.1 * math.sin(0.3 * k)) for key, value in INPUTS[name].items()}
 
 
+@cache
+def description_of(path):
+    """Read the model description of an FMU, once for all its instances."""
+    return fmpy.read_model_description(str(path))
+
+
 class Instance:
     """An FMU instance with its variables by name and the messages it logged."""
 
     def __init__(self, path, unzipped, name="instance"):
-        self.description = fmpy.read_model_description(str(path))
+        self.description = description_of(path)
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
         self.messages = []
         self._callbacks = fmi2.fmi2CallbackFunctions()

@@ -83,7 +83,7 @@ def job(fmus):
         "steps": [[scenario.seconds(k), scenario.step] for k in range(scenario.ticks)],
         "master": "gauss-seidel",
         "components": [{"name": c.name, "fmu": str(c.fmu.path), "start": c.start} for c in plan.components],
-        "connections": [[w.sender, w.origin, c.name, w.target] for c in plan.components for w in c.wires],
+        "connections": [[w.sender, w.output, w.receiver, w.input] for c in plan.components for w in c.connections],
         "watched": WATCHED,
     }
 

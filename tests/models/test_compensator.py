@@ -1,10 +1,10 @@
-"""The compensator as the exact inverse of the sensor; its saturation, dead band, low-pass and sensitivity."""
+"""The compensator as the exact inverse of the sensor, and as a direct inverse."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from gossamer_models import InputError, ParameterError, Stepper
+from gossamer_models import InputError, ParameterError, Stepper, simulate
 from gossamer_models.compensator import compensator_model
 from gossamer_models.sensor import DirectInverse, default_artifact, sensor_model
 from hypothesis import example, given, settings
@@ -34,12 +34,10 @@ histories = st.lists(special, min_size=1, max_size=25)
 def round_trip(pair, strain, h, **parameters):
     """Return the error of the recovered strain and the flags."""
     sensor, compensator = (start(model, **parameters) for model in pair)
-    errors, flags = [], []
-    for s, step in np.broadcast(np.asarray(strain, float), h):
-        resistance = drive(sensor, [s], step)
-        errors.append(drive(compensator, resistance, step)[0] - s)
-        flags.append(compensator.get("saturated"))
-    return np.array(errors), np.array(flags)
+    strain, h = np.broadcast_arrays(np.asarray(strain, float), h)
+    measured = simulate(sensor, h, {"strain": strain}, ["resistance"])
+    found = simulate(compensator, h, measured, ["strain", "saturated"])
+    return found["strain"] - strain, found["saturated"]
 
 
 def reversals(n, seed=0):

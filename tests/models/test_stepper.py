@@ -3,8 +3,10 @@
 import json
 import math
 import tracemalloc
+from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 import pytest
 from gossamer_models import (
     ArtifactError,
@@ -16,27 +18,44 @@ from gossamer_models import (
     Stepper,
     Variable,
 )
+from gossamer_models.variables import choose, input_, local, output, pack, parameter, unpack
 from hypothesis import given
 from hypothesis import strategies as st
+
+LAG_VARIABLES = (
+    parameter("tau", "s", "Time constant", 0.5, 1e-3),
+    parameter("largest", "s", "Largest step", 0.1, 1e-6),
+    input_("u", "m", "Input", 1.0, -10.0, 10.0),
+    output("x", "m", "State"),
+    local("ln", "1", "Logarithm of the state"),
+)
+
+
+@dataclass(frozen=True)
+class Pair:
+    column: ca.MX
+    matrix: ca.MX
+
+
+@dataclass(frozen=True)
+class Nested:
+    number: ca.MX
+    pair: Pair
 
 
 def lag_model(largest_step: bool = False) -> StepModel:
     """A first-order lag x' = (u - x)/tau, exact for held input; ``ln`` of the state, so that a state below zero fails."""
-    x, u, p, h = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p", 2), ca.SX.sym("h")
-    x_next = u + (x - u) * ca.exp(-h / p[0])
-    variables = (
-        Variable(name="tau", causality="parameter", unit="s", start=0.5, minimum=1e-3, description="Time constant"),
-        Variable(name="largest", causality="parameter", unit="s", start=0.1, minimum=1e-6, description="Largest step"),
-        Variable(name="u", causality="input", unit="m", start=1.0, minimum=-10.0, maximum=10.0, description="Input"),
-        Variable(name="x", causality="output", unit="m", description="State"),
-        Variable(name="ln", causality="local", unit="1", description="Logarithm of the state"),
-    )
-    return StepModel(
+
+    def step(x, u, p, h):
+        x_next = u.u + (x - u.u) * ca.exp(-h / p.tau)
+        return x_next, {"x": x_next, "ln": ca.log(x_next)}
+
+    return StepModel.written(
         name="lag",
         description="First-order lag",
-        variables=variables,
-        init=ca.Function("init", [u, p], [ca.SX(1.0), ca.vertcat(1.0, 0.0)]),
-        step=ca.Function("step", [x, u, p, h], [x_next, ca.vertcat(x_next, ca.log(x_next))]),
+        variables=LAG_VARIABLES,
+        init=lambda u, p: (ca.MX(1.0), {"x": 1.0, "ln": 0.0}),
+        step=step,
         step_limit="largest" if largest_step else None,
         advice="Keep the state positive.",
     )
@@ -214,6 +233,50 @@ def test_a_table_that_does_not_fit_the_functions_is_refused():
         StepModel(name="short", description="", variables=model.variables[:-1], init=model.init, step=model.step)
     with pytest.raises(ParameterError, match="needs a start value"):
         Variable(name="k", causality="parameter", unit="1", description="")
+
+
+def test_results_that_are_not_those_of_the_table_are_refused():
+    for results in ({"x": 1.0}, {"x": ca.MX.ones(2), "ln": 0.0}, {"x": 1.0, "ln": 0.0, "more": 0.0}):
+        with pytest.raises(ParameterError, match="the step returns"):
+            StepModel.written(
+                name="lag",
+                description="",
+                variables=LAG_VARIABLES,
+                init=lambda u, p, results=results: (ca.MX(1.0), results),
+                step=lambda x, u, p, h, results=results: (x, results),
+            )
+
+
+def test_a_state_of_named_fields_is_one_column_field_by_field():
+    x = ca.MX.sym("x", 10)
+    like = Nested(0.0, Pair(ca.DM.zeros(3), ca.DM.zeros(3, 2)))
+    split = unpack(like, x)
+    run = ca.Function("run", [x], [split.number, split.pair.column, split.pair.matrix, pack(split)])
+    number, column, matrix, packed = (np.array(part) for part in run(range(10)))
+    assert number == 0.0
+    assert column.ravel().tolist() == [1.0, 2.0, 3.0]
+    assert matrix.tolist() == [[4.0, 7.0], [5.0, 8.0], [6.0, 9.0]]
+    assert packed.ravel().tolist() == list(range(10))
+
+
+@pytest.mark.parametrize("condition", [0, 1])
+def test_one_of_two_states_is_chosen_in_every_field(condition):
+    x = ca.MX.sym("x", 2)
+    yes, no = Nested(1.0, Pair(x, 2.0 * x)), Nested(-1.0, Pair(-x, -2.0 * x))
+    run = ca.Function("run", [x], [pack(choose(condition, yes, no))])
+    sign = 1.0 if condition else -1.0
+    assert np.array(run([3.0, 4.0])).ravel().tolist() == [sign * value for value in (1.0, 3.0, 4.0, 6.0, 8.0)]
+
+
+def test_values_and_state_are_seen_as_they_are_and_cannot_be_written(lag):
+    values, x = lag.values, lag.x
+    lag.set("u", 2.0)
+    lag.step(0.3)
+    assert values.tolist() == [lag.get(name) for name in lag.model.names]
+    assert x.tolist() == [lag.get("x")]
+    for view in (values, x):
+        with pytest.raises(ValueError, match="read-only"):
+            view[0] = 1.0
 
 
 def test_steps_leave_no_memory_behind(lag):

@@ -1,7 +1,7 @@
 """Other implementations of the sensor's law, and small sensors to compare them on."""
 
 import numpy as np
-from gossamer_models import Stepper
+from gossamer_models import Stepper, simulate
 from gossamer_models.sensor import RelaxationTerm, SensorArtifact
 
 UNIT = {"rest_resistance": 0.0, "full_scale_resistance_change": 1.0, "full_scale_strain": 1.0}
@@ -39,12 +39,8 @@ def start(model, **parameters):
 def drive(stepper, inputs, h=0.1):
     """Feed a row of inputs; return the first output after each."""
     u, y = (next(v.name for v in stepper.model.variables if v.causality == c) for c in ("input", "output"))
-    results = []
-    for value, step in np.broadcast(np.asarray(inputs, float), h):
-        stepper.set(u, value)
-        stepper.step(step)
-        results.append(stepper.get(y))
-    return np.array(results)
+    values, steps = np.broadcast_arrays(np.asarray(inputs, float), h)
+    return simulate(stepper, steps, {u: values}, [y])[y]
 
 
 class RelayLattice:

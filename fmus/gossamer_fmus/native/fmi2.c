@@ -1,9 +1,7 @@
 /* FMI 2.0 for co-simulation around the stepper. Value references are places in the model's table of variables. */
 
 #include "fmi2Functions.h"
-
 #include "stepper.h"
-
 #include "state.h"
 
 typedef struct {

@@ -2,9 +2,7 @@
    elements are neighbours in its table of variables. */
 
 #include "fmi3Functions.h"
-
 #include "stepper.h"
-
 #include "state.h"
 
 typedef struct {

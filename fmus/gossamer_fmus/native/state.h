@@ -1,4 +1,4 @@
-/* Save, restore, write and read what a stepper remembers.
+/* Save, restore, write and read what a stepper remembers; after stepper.h.
 
    A written state is the magic, the model's digest, a checksum, and the state as it lies in memory. */
 

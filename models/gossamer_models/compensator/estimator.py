@@ -65,7 +65,7 @@ VARIABLES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
+class Buffer:
     """The latest samples, oldest first.
 
     Attributes
@@ -81,10 +81,10 @@ class Samples:
     known: ca.MX
     strain: ca.MX
 
-    def push(self, *newest: ca.MX) -> Samples:
-        """Drop the oldest sample of each column and append the newest."""
+    def push(self, *newest: ca.MX) -> Buffer:
+        """Return the columns without their oldest sample and with the newest."""
         columns = (self.output, self.h, self.known, self.strain)
-        return Samples(*(ca.vertcat(column[1:], new) for column, new in zip(columns, newest, strict=True)))
+        return Buffer(*(ca.vertcat(column[1:], new) for column, new in zip(columns, newest, strict=True)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +113,8 @@ class EstimatorState:
     ----------
     sensor : SensorState
         Committed memory, at the middle of the window.
-    samples : Samples
-        The window.
+    buffer : Buffer
+        Samples of the window.
     leg : Leg
         Motion since the last turning point.
     drift : Drift
@@ -122,7 +122,7 @@ class EstimatorState:
     """
 
     sensor: SensorState
-    samples: Samples
+    buffer: Buffer
     leg: Leg
     drift: Drift
 
@@ -174,7 +174,7 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     Raises
     ------
     ParameterError
-        The half widths are not such, or the output of the sensor may move against the strain.
+        The half widths are not such, the output of the sensor may move against the strain, or it has a direct inverse.
 
     Notes
     -----
@@ -209,22 +209,26 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
 
     def init(_: Values, p: Values) -> tuple[EstimatorState, Results]:
         rest, zero = resting_state(law, p), ca.MX(0.0)
-        samples = Samples(ca.repmat(rest.f, 2 * M + 1), *3 * [ca.MX.zeros(M + 1)])
+        buffer = Buffer(ca.repmat(rest.f, 2 * M + 1), *3 * [ca.MX.zeros(M + 1)])
         leg = Leg(ca.MX(1.0), zero, zero, zero, zero)
         strain = rest.s * p.full_scale_strain
         results = {"strain": strain, "present_strain": strain}
         results |= dict.fromkeys(("saturated", "strain_deviation", "delay", "eta_correction"), zero)
-        return EstimatorState(rest, samples, leg, Drift(zero, zero, zero, p.eta_deviation**2, zero)), results
+        return EstimatorState(rest, buffer, leg, Drift(zero, zero, zero, p.eta_deviation**2, zero)), results
 
     def step(x: EstimatorState, u: Values, p: Values, h: ca.MX) -> tuple[EstimatorState, Results]:
+        # smooth
         sigma = p.noise / p.full_scale_resistance_change
-        samples = x.samples.push(normalised(u.resistance, p), h, u.known, u.known_strain / p.full_scale_strain)
-        middle, present = (smooth(samples.output, sigma, half_widths, place) for place in (M, 2 * M))
-        now = Sample(middle, ca.fmax(samples.h[0], SHORTEST), samples.known[0] > 0.5, samples.strain[0])
+        buffer = x.buffer.push(normalised(u.resistance, p), h, u.known, u.known_strain / p.full_scale_strain)
+        middle, present = (smooth(buffer.output, sigma, half_widths, place) for place in (M, 2 * M))
+        now = Sample(middle, ca.fmax(buffer.h[0], SHORTEST), buffer.known[0] > 0.5, buffer.strain[0])
+        # follow
         held = law.hold(x.sensor, now.h).output()
         leg, turned, certain = x.leg.follow(middle, held, M)
+        # commit
         commit = _commit(law, x.sensor, x.drift, now, ca.if_else(now.known, middle.value - held, certain))
         sensor = commit.sensor
+        # learn
         turning = ca.if_else(turned, lost**2 * leg.variance, 0.0)
         rounding = ca.if_else(turned, lost * ROUNDING * sigma * (1.0 - middle.sharp), 0.0)
         drift = _learn(x.drift.add(turning, rounding), now, commit, (LEAST_DOUBT * p.eta_deviation) ** 2)
@@ -232,12 +236,12 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
         T, v = middle.value - sensor.output(), middle.variance
         leg = leg.recount(turned, now.known, T, v, moved=sensor.output() - held)
         s, _ = _invert(law, sensor, T, drift, now.h)
-        delay = ca.fmax(ca.sum1(samples.h[1:]), SHORTEST)
+        delay = ca.fmax(ca.sum1(buffer.h[1:]), SHORTEST)
         s_present, _ = _invert(law, sensor, present.value - law.hold(sensor, delay).output(), drift, delay)
         floor = ca.sqrt(v) + SHORTEST
         slope = (ca.fabs(T) + floor) / (ca.fabs(s - sensor.s) + floor)
         deviation = ca.sqrt(v / slope**2 + LAST_TURN * leg.start_variance + drift.variance)
-        return EstimatorState(sensor, samples, leg, drift), {
+        return EstimatorState(sensor, buffer, leg, drift), {
             "strain": s * p.full_scale_strain,
             "saturated": commit.refused,
             "present_strain": s_present * p.full_scale_strain,

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..variables import choose
 
 KINK_PROBABILITY = 0.05  # prior probability of a kink somewhere in a window
@@ -120,7 +121,7 @@ def _smooth_window(y: ca.MX, sigma: ca.MX, at: int) -> tuple[Smoothed, ca.MX]:
     return Smoothed(value, variance, trend, turn, ca.dot(w, turns)), accepted
 
 
-def _basis(m: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+def _basis(m: int) -> tuple[Vector, Vector, NDArray[np.int64]]:
     """Return Q, shape (2 m + 1, 3), K, shape (2 m + 1, n), and the times of its kinks [samples], shape (n,)."""
     t, tau = np.arange(-m, m + 1.0), np.arange(-m + 2, m - 1)
     Q = np.linalg.qr(np.vander(t / m, 3, increasing=True))[0]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..artifacts import read_arrays, read_artifact, write_artifact
 from ..errors import ArtifactError
 from .packets import BLOCK
@@ -19,7 +19,7 @@ INDICES, ZONES = 16, 16
 
 @dataclass(frozen=True, kw_only=True)
 class DetectorArtifact:
-    """Sixteen trained networks for each of c successive windows.
+    """Sixteen trained networks for each of c successive windows, with n reference cases and k fuzzy sets.
 
     Attributes
     ----------
@@ -46,18 +46,16 @@ class DetectorArtifact:
     start_time: float
     sampling_step: float
     samples: int
-    peaks: NDArray[np.float64]
-    baseline: NDArray[np.float64]
-    references: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    bias: NDArray[np.float64]
-    rules: NDArray[np.float64]
+    peaks: Vector
+    baseline: Vector
+    references: Vector
+    weights: Vector
+    bias: Vector
+    rules: Vector
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.references.ndim != 3:
-            msg = f"detector artifact: references has shape {self.references.shape}, not (c, n, 16). Train it again."
-            raise ArtifactError(msg)
+        _require(self.references.ndim == 3, f"references has shape {self.references.shape}, not (c, n, 16)")
         c, n, _ = self.references.shape
         shapes = {
             "baseline": (c, INDICES),
@@ -68,21 +66,15 @@ class DetectorArtifact:
         }
         for name, shape in shapes.items():
             array = getattr(self, name)
-            if array.shape != shape:
-                msg = f"detector artifact: {name} has shape {array.shape}, not {shape}. Train the detector again."
-                raise ArtifactError(msg)
-            if not np.isfinite(array).all():
-                msg = f"detector artifact: {name} holds values that are not finite. Train the detector again."
-                raise ArtifactError(msg)
-        if not (self.start_time >= 0.0 and 0.0 < self.sampling_step < np.inf and (np.diff(self.peaks) > 0.0).all()):
-            msg = "detector artifact: needs a start time and sampling step and increasing peaks. Train the detector again."
-            raise ArtifactError(msg)
-        if (self.weights < 0.0).any():
-            msg = "detector artifact: distance weights must not be negative. Train the detector again."
-            raise ArtifactError(msg)
-        if (self.baseline <= 0.0).any() or self.samples < BLOCK or self.samples % BLOCK:
-            msg = f"detector artifact: needs positive baseline energies and a multiple of 4 samples, not {self.samples}"
-            raise ArtifactError(msg)
+            _require(array.shape == shape, f"{name} has shape {array.shape}, not {shape}")
+            _require(np.isfinite(array).all(), f"{name} holds values that are not finite")
+        _require(self.start_time >= 0.0, f"start_time is {self.start_time:g} s, it must not be negative")
+        _require(0.0 < self.sampling_step < np.inf, f"sampling_step is {self.sampling_step:g} s, it must be positive")
+        _require((np.diff(self.peaks) > 0.0).all(), "the peaks must increase")
+        _require((self.weights >= 0.0).all(), "distance weights must not be negative")
+        _require((self.baseline > 0.0).all(), "baseline energies must be positive")
+        whole = self.samples >= BLOCK and self.samples % BLOCK == 0
+        _require(whole, f"a window needs a multiple of {BLOCK} samples, not {self.samples}")
 
     @property
     def window_length(self) -> float:
@@ -98,7 +90,7 @@ class DetectorArtifact:
 
     @classmethod
     def read(cls, path: Path) -> DetectorArtifact:
-        """Read what ``write`` wrote; raise ``ArtifactError`` if it is not that."""
+        """Read what ``write`` wrote; raise ``ArtifactError`` for a file that is missing, damaged or unusable."""
         card = read_artifact(path, SCHEMA, VERSION)
         arrays = read_arrays(path, card)
         try:
@@ -109,13 +101,19 @@ class DetectorArtifact:
                 provenance=dict(card["provenance"]),
                 **arrays,
             )
+        except ArtifactError:
+            raise
         except (KeyError, TypeError, ValueError) as error:
-            if isinstance(error, ArtifactError):
-                raise
-            msg = f"{path} lacks something a detector needs: {error!r}. Train the detector again."
+            msg = f"{path} does not hold a usable detector: {error!r}. Train the detector again."
             raise ArtifactError(msg) from error
 
     @classmethod
     def default(cls) -> DetectorArtifact:
         """Read the artifact that is shipped with this package."""
         return cls.read(DEFAULT)
+
+
+def _require(condition: bool | np.bool_, problem: str) -> None:
+    if not condition:
+        msg = f"detector artifact: {problem}. Train the detector again."
+        raise ArtifactError(msg)

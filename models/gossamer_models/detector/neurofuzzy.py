@@ -4,7 +4,7 @@ Symbols, as in Chapter 6 of [1]_: ``I`` input (damage feature index), ``X`` refe
 similarity, ``w1`` distance weights, ``b`` bias, ``w2`` rule weights, ``O`` memberships of the damage in the fuzzy sets,
 ``peaks`` damage at which each set has membership one.
 
-Readings of the source (its slips): similarity falls with distance, so Eq. (6.3) is S = 1 / (1 + exp(-(b - D))).
+Correction of the source: similarity falls with distance, so Eq. (6.3) must read S = 1 / (1 + exp(-(b - D))).
 
 References
 ----------
@@ -19,7 +19,9 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from ..arrays import Vector
 
 Defuzzification = Literal["centroid", "mom", "som", "lom"]
 
@@ -48,7 +50,7 @@ def similarity(I: ca.MX, X: ca.MX, w1: ca.MX, b: float) -> ca.MX:
     return 1.0 / (1.0 + ca.exp(D - b))
 
 
-def triangular_memberships(damage: ArrayLike, peaks: ArrayLike) -> NDArray[np.float64]:
+def triangular_memberships(damage: ArrayLike, peaks: ArrayLike) -> Vector:
     """Return the memberships of damages in triangular fuzzy sets that share their feet with the neighbours' peaks.
 
     Parameters

@@ -12,8 +12,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pywt
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Vector
 from ..errors import DataError
 
 BLOCK = 4
@@ -46,7 +47,7 @@ def block_energies(block: ca.MX) -> ca.MX:
     return ca.vec((coefficients**2).T)
 
 
-def packet_energies(record: ArrayLike) -> NDArray[np.float64]:
+def packet_energies(record: ArrayLike) -> Vector:
     """Compute the packet energies of whole records with PyWavelets.
 
     Parameters

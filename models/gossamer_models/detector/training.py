@@ -13,9 +13,10 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
+from ..arrays import Vector
 from ..errors import DataError
 from ..membrane import membrane_model
 from ..simulate import simulate
@@ -25,8 +26,6 @@ from .artifact import ZONES, DetectorArtifact
 from .model import SENSORS, detector_model
 from .neurofuzzy import triangular_memberships
 from .packets import packet_energies
-
-Array = NDArray[np.float64]
 
 PEAKS = (0.0, 0.2, 0.4)
 SAMPLING_STEP = 3e-4
@@ -49,7 +48,7 @@ _BIASES = (-4.0, -2.0, 0.0, 2.0, 4.0)
 _RIDGES = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 1e-1)
 
 
-def single_damage_cases(levels: Sequence[float] = LEVELS) -> Array:
+def single_damage_cases(levels: Sequence[float] = LEVELS) -> Vector:
     """List the undamaged membrane and every level in every zone alone.
 
     Returns
@@ -62,12 +61,12 @@ def single_damage_cases(levels: Sequence[float] = LEVELS) -> Array:
     return np.array(cases)
 
 
-def table_7_1_cases() -> Array:
+def table_7_1_cases() -> Vector:
     """Return the damages of the 13 single-damage cases of Table 7.1, shape (13, 16) [1]."""
     return np.array([damage * np.eye(ZONES)[zone - 1] for zone, damage in TABLE_7_1])
 
 
-def unseen_cases() -> Array:
+def unseen_cases() -> Vector:
     """Return damages between the training levels, one zone at a time, every zone once, shape (16, 16) [1]."""
     return np.diag(UNSEEN)
 
@@ -77,7 +76,7 @@ def _membrane() -> StepModel:
     return membrane_model()
 
 
-def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAMPLING_STEP) -> Array:
+def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAMPLING_STEP) -> Vector:
     """Simulate the four strain histories of the default membrane from the start of its load.
 
     Parameters
@@ -101,7 +100,7 @@ def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAM
     return np.array(list(simulate(membrane, np.full(samples, sampling_step), {}, STRAINS).values()))
 
 
-def window_energies(strains: ArrayLike, samples: int) -> Array:
+def window_energies(strains: ArrayLike, samples: int) -> Vector:
     """Return the packet energies of successive windows.
 
     Parameters
@@ -137,13 +136,13 @@ class Networks(NamedTuple):
         Root mean square error of the memberships [1] of each case from networks that are trained on all others.
     """
 
-    weights: Array
+    weights: Vector
     bias: float
-    rules: Array
+    rules: Vector
     leave_one_out: float
 
 
-def train_networks(I: Array, damages: Array, peaks: ArrayLike = PEAKS) -> Networks:
+def train_networks(I: Vector, damages: Vector, peaks: ArrayLike = PEAKS) -> Networks:
     """Train the sixteen networks of one window; the training cases are the references.
 
     Parameters
@@ -266,11 +265,11 @@ def train_detector(
     )
 
 
-def _case_energies(damage: Array) -> Array:
+def _case_energies(damage: Vector) -> Vector:
     return window_energies(simulate_strains(damage, WINDOWS * SAMPLES), SAMPLES)
 
 
-def estimate_damage(strains: ArrayLike, detector: StepModel) -> Array:
+def estimate_damage(strains: ArrayLike, detector: StepModel) -> Vector:
     """Run the detector over one record of its sampling step and return the damage after the last window.
 
     Parameters

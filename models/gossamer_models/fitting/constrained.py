@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 from scipy.optimize import nnls
 
+from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 ROUNDING = 1e-12  # a violation of a constraint this little, relative to its size or 1
 
@@ -48,7 +46,7 @@ class Problem:
     A: Matrix
     b: Vector
     model: ca.Function
-    linear: NDArray[np.bool_]
+    linear: Rows
     lower: Vector
     upper: Vector
 

@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Matrix, Rows, Vector
 from .records import Record
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 ALIKE = 0.98  # correlation from which two parameters cannot be told apart
 LEAST_SINGULAR = 1e-12  # of a Jacobian with columns of unit length: below, the data say nothing of a direction

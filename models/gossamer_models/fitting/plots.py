@@ -9,19 +9,18 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Rows, Vector
 from .records import Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Vector = NDArray[np.float64]
 
 MEASURED, FITTED, PREDICTED = "0.65", "tab:blue", "tab:orange"
 
 
-def plot_loop(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax: Axes | None = None) -> Axes:
+def plot_loop(record: Record, predicted: Vector, train: Rows, *, ax: Axes | None = None) -> Axes:
     """Draw resistance over strain, measured and modelled."""
     ax = axes_for(ax)
     ax.plot(100.0 * record.strain, record.resistance, color=MEASURED, lw=3.0, label="measured")
@@ -31,7 +30,7 @@ def plot_loop(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax
     return ax
 
 
-def plot_history(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax: Axes | None = None) -> Axes:
+def plot_history(record: Record, predicted: Vector, train: Rows, *, ax: Axes | None = None) -> Axes:
     """Draw resistance over time, measured and modelled."""
     ax = axes_for(ax)
     ax.plot(record.time, record.resistance, color=MEASURED, lw=3.0, label="measured")
@@ -41,7 +40,7 @@ def plot_history(record: Record, predicted: Vector, train: NDArray[np.bool_], *,
     return ax
 
 
-def plot_residual(record: Record, predicted: Vector, train: NDArray[np.bool_], *, ax: Axes | None = None) -> Axes:
+def plot_residual(record: Record, predicted: Vector, train: Rows, *, ax: Axes | None = None) -> Axes:
     """Draw what the model leaves, over time [% of the record's range]."""
     ax = axes_for(ax)
     _stretches(ax, record.time, 100.0 * (predicted - record.resistance) / np.ptp(record.resistance), train)
@@ -60,7 +59,7 @@ def axes_for(ax: Axes | None) -> Axes:
     return plt.subplots(figsize=(7, 5), layout="constrained")[1]
 
 
-def _stretches(ax: Axes, x: Vector, y: Vector, train: NDArray[np.bool_]) -> None:
+def _stretches(ax: Axes, x: Vector, y: Vector, train: Rows) -> None:
     for rows, colour, label in ((train, FITTED, "fitted"), (~train, PREDICTED, "predicted")):
         if rows.any():
             ax.plot(np.where(rows, x, np.nan), np.where(rows, y, np.nan), color=colour, lw=1.0, label=label)

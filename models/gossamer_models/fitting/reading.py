@@ -27,8 +27,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..errors import DataError
 from .options import option
 from .records import Record
@@ -106,7 +106,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     elif not columns.sampling_step > 0.0:
         msg = f"the sampling step must be a positive time [s], not {columns.sampling_step:g}"
         raise DataError(msg)
-    numbers: list[NDArray[np.float64]] = [
+    numbers: list[Vector] = [
         np.array([unit * _number(row, at) for row in rows], dtype=np.float64) for at, unit in wanted
     ]
     if columns.sampling_step is not None:

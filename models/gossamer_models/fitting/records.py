@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Rows, Vector
 from ..errors import DataError
-
-Vector = NDArray[np.float64]
 
 MOST_RESAMPLED = 4  # times as many samples as before
 LARGEST_STRAIN = 5.0  # no sensor reads more; without a stated unit, more is per cent
@@ -56,7 +55,7 @@ class Record:
             raise DataError(msg)
 
 
-def training_rows(record: Record, train: str) -> NDArray[np.bool_]:
+def training_rows(record: Record, train: str) -> Rows:
     """Return which samples to fit.
 
     Parameters
@@ -123,7 +122,7 @@ def strain_range(records: Sequence[Record], full_scale: float | None) -> float:
     return full_scale
 
 
-def in_equal_steps(record: Record, train: NDArray[np.bool_]) -> tuple[Record, NDArray[np.bool_]]:
+def in_equal_steps(record: Record, train: Rows) -> tuple[Record, Rows]:
     """Return a record and its training samples, resampled in equal steps by linear interpolation.
 
     Notes

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Rows, Vector
 from ..errors import DataError
 from .records import LARGEST_STRAIN
-
-Vector = NDArray[np.float64]
 
 MOST_MISSING = 0.05
 LONGEST_GAP = 20.0
@@ -31,7 +30,7 @@ class Samples:
     strain_unit_stated: bool
     repairs: list[str] = field(default_factory=list)
 
-    def keep(self, rows: NDArray[np.bool_] | NDArray[np.int_]) -> None:
+    def keep(self, rows: Rows | NDArray[np.int_]) -> None:
         """Keep some samples."""
         self.columns = [c[rows] for c in self.columns]
         self.lines = self.lines[rows]

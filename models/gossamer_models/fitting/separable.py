@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from ..arrays import Matrix, Rows, Vector
+
 Derivative = tuple[
     NDArray[np.int_], Matrix
 ]  # the columns that an element of theta moves, (k,), and by how much, (m, k)
@@ -59,9 +59,9 @@ class SeparableProblem:
         y: Vector,
         *,
         weights: Vector | float = 1.0,
-        nonnegative: NDArray[np.bool_] | bool = True,
+        nonnegative: Rows | bool = True,
         restraint: float = 0.0,
-        restrained: NDArray[np.bool_] | bool = True,
+        restrained: Rows | bool = True,
     ) -> None:
         self._columns, self._nonnegative = columns, np.asarray(nonnegative)
         self._restraint = restraint * np.asarray(restrained, dtype=float)

@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Matrix, Rows, Vector
 from ..fitting.separable import Derivative
 from ..modes import PowerLawKernels, phi_1, phi_2
 from .artifact import ModelName
 from .operators import covering, integral_modes, quadrature, slope_modes, started
 from .settings import FractionalSettings
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 
 class RecordColumns:
@@ -38,9 +35,7 @@ class RecordColumns:
         Whether a constant is among the columns.
     """
 
-    def __init__(
-        self, s: Vector, h: float, rows: NDArray[np.bool_], settings: FractionalSettings, *, rest: bool
-    ) -> None:
+    def __init__(self, s: Vector, h: float, rows: Rows, settings: FractionalSettings, *, rest: bool) -> None:
         model, kernels = settings.model, PowerLawKernels(settings.shortest, settings.longest)
         covering(s, h, kernels)
         self._s, self._rows, self._rest = s[rows], rows, rest

@@ -6,13 +6,12 @@ Symbols: ``J`` Jacobian of the residuals by the thesis' parameters :math:`C_k, a
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Matrix
 from ..fitting.errors import Parameter, alike, covariance, rest_doubt
 from ..fitting.records import Record, in_equal_steps
 from .fit import FractionalFit
 
-Matrix = NDArray[np.float64]
 AT_BOUND = 1e-6  # of the width of the box
 UNEVEN = 0.01  # of the median step: steps that differ by more are worth a remark
 

@@ -20,10 +20,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
+from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError
 from ..fitting.errors import Errors, stretch_errors
 from ..fitting.records import Record, check_rest, in_equal_steps, strain_range
@@ -32,10 +32,6 @@ from .artifact import FadingTerm, FractionalArtifact, FractionalTerm
 from .columns import RecordColumns
 from .model import predict
 from .settings import FractionalSettings
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,8 +23,8 @@ from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..errors import ParameterError
 from ..modes import phi_1, phi_2
 from ..sensor.model import RESISTANCE, SCALE_VARIABLES, STRAIN, saturated
@@ -32,8 +32,6 @@ from ..step_model import StepModel
 from ..variables import Variable
 from .artifact import FadingTerm, FractionalArtifact
 from .operators import covering, integral_modes, quadrature, slope_modes, started, weighed
-
-Vector = NDArray[np.float64]
 
 
 def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:

@@ -18,16 +18,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import hilbert
 from scipy.special import gamma
 
+from ..arrays import Matrix, Vector
 from ..errors import DataError
 from ..modes import PowerLawKernels, responses
 from ..modes.power_law import check_order
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 
 def integral(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:

@@ -21,9 +21,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Vector
+
 Column: TypeAlias = ca.MX  # or ca.SX
 Matrix: TypeAlias = NDArray[np.object_]  # of columns
-Array: TypeAlias = NDArray[np.float64]
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 MODES = np.column_stack([np.ones(4), CORNERS, CORNERS.prod(axis=1)])  # 1, s, t, st at the nodes
@@ -53,18 +54,18 @@ class GaussPoint:
         Reference area [length^2] that it stands for: the determinant of J, since the weights of the 2 x 2 rule are 1.
     """
 
-    H: Array
-    dH: Array
-    J_inverse: Array
+    H: Vector
+    dH: Vector
+    J_inverse: Vector
     dA: float
 
 
-def modes(s: float, t: float) -> tuple[Array, Array]:
+def modes(s: float, t: float) -> tuple[Vector, Vector]:
     """Evaluate the modes 1, s, t, st and their parent derivatives, shapes (4,) and (4, 2)."""
     return np.array([1.0, s, t, s * t]), np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [t, s]])
 
 
-def gauss_points(X: Array) -> list[GaussPoint]:
+def gauss_points(X: Vector) -> list[GaussPoint]:
     """Describe the 2 x 2 Gauss points of an element with reference node positions ``X``, shape (4, 2) [length]."""
     points = []
     for s, t in CORNERS:
@@ -74,7 +75,7 @@ def gauss_points(X: Array) -> list[GaussPoint]:
     return points
 
 
-def element_mass(points: list[GaussPoint]) -> Array:
+def element_mass(points: list[GaussPoint]) -> Vector:
     """Integrate the consistent mass matrix per density and thickness [length^2], shape (12, 12)."""
     N = np.array([point.H for point in points]) * _VALUE @ MODES.T / 4.0
     return np.kron(N.T @ np.diag([point.dA for point in points]) @ N, np.eye(3))

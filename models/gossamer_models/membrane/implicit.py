@@ -15,9 +15,10 @@ import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import ArrayLike
 
+from ..arrays import Vector
 from ..errors import ParameterError
 from .assembly import MembraneEquations
-from .newton import Vector, solve_newton
+from .newton import solve_newton
 from .params import MembraneParams
 from .statics import TOLERANCE, static_deflection
 

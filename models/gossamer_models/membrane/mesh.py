@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..errors import ParameterError
 
 ZONES_PER_SIDE = 4
@@ -37,7 +38,7 @@ class SquareMesh:
     """
 
     elements_per_side: int
-    nodes: NDArray[np.float64]
+    nodes: Vector
     elements: NDArray[np.int64]
     zone: NDArray[np.int64]
     interior: NDArray[np.int64]

@@ -2,24 +2,41 @@ r"""The membrane as a pure step: what the FMU runs.
 
 Symbols: ``q`` displacements [m] of the interior nodes from the stretched plane, ``v`` their velocities [m/s], ``phase`` of
 the built-in pressure [cycles], ``f`` forces [N], ``c`` mass damping [1/s], ``h`` step [s], ``u`` inputs and ``p`` parameters
-by name; the state is ``x = (q, v, phase)``.
+by name.
 """
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from ..step_model import StepModel
-from ..variables import Variable, input_, local, output
+from ..variables import Results, Values, Variable, input_, local, output
 from .assembly import MembraneEquations
 from .mesh import N_ZONES, ZONES_PER_SIDE, SquareMesh
 from .params import PARAMETERS
 from .prestress import prestress
 from .stability import max_step_expression
 from .strain import SENSOR_POINTS, sensor_strains_expression
+
+
+@dataclass(frozen=True, slots=True)
+class MembraneState:
+    """State of the membrane.
+
+    Attributes
+    ----------
+    q, v : casadi.MX, shape (n,)
+        Displacements [m] of the interior nodes from the stretched plane, node by node, and their velocities [m/s].
+    phase : casadi.MX, scalar
+        Phase of the built-in pressure [cycles].
+    """
+
+    q: ca.MX
+    v: ca.MX
+    phase: ca.MX
 
 
 def membrane_model(elements_per_side: int = 8, *, compiled: bool = False) -> StepModel:
@@ -67,25 +84,24 @@ def membrane_model(elements_per_side: int = 8, *, compiled: bool = False) -> Ste
     n = equations.n_q
     normal = ca.DM(np.tile([0.0, 0.0, 1.0], n // 3))
 
-    def step(x: ca.MX, u: SimpleNamespace, p: SimpleNamespace, h: ca.MX) -> tuple[ca.MX, dict[str, ca.MX]]:
-        q, v, phase = ca.vertsplit(x, [0, n, 2 * n, 2 * n + 1])
-        phase_half, phase_end = (phase + p.pressure_frequency * part for part in (h / 2.0, h))
+    def step(x: MembraneState, u: Values, p: Values, h: ca.MX) -> tuple[MembraneState, Results]:
+        phase_half, phase_end = (x.phase + p.pressure_frequency * part for part in (h / 2.0, h))
         pressure = u.pressure + p.pressure_amplitude * ca.sin(2.0 * np.pi * phase_half)
         drag, mass = p.mass_damping * h / 2.0, equations.node_mass(p)
 
-        q = q + h / 2.0 * v  # half a step
+        q = x.q + h / 2.0 * x.v  # half a step
         f, wave = equations.force_expression(q, u.damage, pressure, p)
-        v = ((1.0 - drag) * v + h * (f / mass - u.base_acceleration * normal)) / (1.0 + drag)
+        v = ((1.0 - drag) * x.v + h * (f / mass - u.base_acceleration * normal)) / (1.0 + drag)
         q = q + h / 2.0 * v  # the other half
 
-        return ca.vertcat(q, v, phase_end - ca.floor(phase_end)), results(q, wave, p)
+        return MembraneState(q, v, phase_end - ca.floor(phase_end)), results(q, wave, p)
 
-    def init(u: SimpleNamespace, p: SimpleNamespace) -> tuple[ca.MX, dict[str, ca.MX]]:
+    def init(u: Values, p: Values) -> tuple[MembraneState, Results]:
         q, wave = prestress(equations, u.damage, p)
         phase = p.pressure_phase / (2.0 * np.pi)
-        return ca.vertcat(q, ca.MX.zeros(n), phase - ca.floor(phase)), results(q, wave, p)
+        return MembraneState(q, ca.MX.zeros(n), phase - ca.floor(phase)), results(q, wave, p)
 
-    def results(q: ca.MX, wave: ca.MX, p: SimpleNamespace) -> dict[str, ca.MX]:
+    def results(q: ca.MX, wave: ca.MX, p: Values) -> Results:
         mesh = equations.mesh
         grid, middle = 3 * mesh.interior_grid + 2, elements_per_side // 2 - 1
         return {

@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..errors import ConvergenceError
-
-Vector = NDArray[np.float64]
 
 
 def solve_newton(

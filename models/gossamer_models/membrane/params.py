@@ -11,8 +11,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..errors import ParameterError
 from ..variables import parameter
 
@@ -59,7 +59,7 @@ class MembraneParams:
                 msg = f"membrane parameter {row.name!r} is {value:g}; it must be a number from {low:g} to {high:g}"
                 raise ParameterError(msg)
 
-    def vector(self) -> NDArray[np.float64]:
+    def vector(self) -> Vector:
         """Return all values in the order of the table, shape (n,)."""
         return np.array(astuple(self), dtype=np.float64)
 

@@ -9,8 +9,9 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import ArrayLike
 
+from ..arrays import Vector
 from .assembly import MembraneEquations
-from .newton import Vector, solve_newton
+from .newton import solve_newton
 from .params import MembraneParams
 
 # correction [side lengths] at which Newton's method ends; the error left is about its square

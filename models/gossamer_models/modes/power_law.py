@@ -18,11 +18,10 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..errors import ParameterError
 
-Vector = NDArray[np.float64]
 SPACING = 0.55  # of the logarithms of the rates: the trapezoidal rule errs by about exp(-pi**2 / SPACING)
 SLOWEST = 0.006  # slowest rate times longest time: the sum of all slower modes is a straight line up to there
 FASTEST = 20.0  # least fastest rate times shortest time: faster modes have died after one step

@@ -15,11 +15,10 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from ..arrays import Matrix, Vector
 
 SERIES_BELOW = 0.5
 SERIES_TERMS = 14

@@ -15,13 +15,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Matrix, Vector
 from ..errors import ConvergenceError, ParameterError
 from ..fitting.separable import Derivative, SeparableProblem
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 RATES_PER_DECADE = 3.5
 MOST_TERMS = 30

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..artifacts import read_artifact, write_artifact
 from ..errors import ArtifactError, ParameterError
 from .drives import Drive
@@ -190,7 +190,7 @@ class SensorArtifact:
         """Number of lines and of bins along a line."""
         return len(self.mu)
 
-    def tables(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def tables(self) -> tuple[Vector, Vector]:
         """Return ``mu`` and ``nu`` as arrays of shape (N, N)."""
         return np.array(self.mu), np.array(self.nu)
 
@@ -222,13 +222,7 @@ class SensorArtifact:
         ArtifactError
             The file is missing, truncated, of another schema or version, or its content is not a usable sensor.
         """
-        try:
-            card = read_artifact(path, SCHEMA, VERSION)
-        except ArtifactError as error:
-            try:
-                card = read_artifact(path, SCHEMA, EXTENDED_VERSION)
-            except ArtifactError:
-                raise error from None
+        card = read_artifact(path, SCHEMA, VERSION, EXTENDED_VERSION)
         try:
             beside = card.get("inverse")
             inverse = None

@@ -13,11 +13,10 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..errors import ParameterError
 
-Vector = NDArray[np.float64]
 DIRECTIONS = {"rising": 1.0, "falling": -1.0}
 
 

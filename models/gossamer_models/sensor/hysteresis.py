@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-Table = NDArray[np.float64]
+from ..arrays import Vector
+
+Table = Vector
 
 
 def move_fronts(front: ca.MX, strain: ca.MX) -> ca.MX:

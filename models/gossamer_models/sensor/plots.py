@@ -10,15 +10,14 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Matrix
 from ..fitting.plots import FITTED, PREDICTED, axes_for
 from .artifact import SensorArtifact
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Matrix = NDArray[np.float64]
 
 ETA_SCALE = (0.9, 1.1)  # [1]
 TITLES = {"mu": "mu (the elastic line may exceed the scale)", "eta": "eta, the part of mu that a switch down takes"}

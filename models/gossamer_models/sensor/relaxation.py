@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..modes import phi_1, phi_2
 from .artifact import RelaxationTerm
 from .drives import DIRECTIONS, Drive
@@ -39,8 +39,8 @@ class ModeBank:
         What a unit of each excitation adds to the modes [1].
     """
 
-    decay_rates: NDArray[np.float64]
-    amplitudes: dict[Drive, NDArray[np.float64]]
+    decay_rates: Vector
+    amplitudes: dict[Drive, Vector]
 
     @classmethod
     def of(cls, terms: tuple[RelaxationTerm, ...]) -> ModeBank:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..errors import ParameterError
 from .specimen import VirtualSpecimen
 
@@ -54,10 +54,10 @@ class Dataset:
 
     name: str
     description: str
-    time: NDArray[np.float64]
-    strain: NDArray[np.float64]
-    resistance: NDArray[np.float64]
-    noise_free: NDArray[np.float64]
+    time: Vector
+    strain: Vector
+    resistance: Vector
+    noise_free: Vector
     rest_resistance: float
     train_until: float
 
@@ -72,7 +72,7 @@ class Dataset:
         return slice(self.train.stop, self.time.size)
 
     @property
-    def resistance_change(self) -> NDArray[np.float64]:
+    def resistance_change(self) -> Vector:
         """Measured change of resistance [ohm] against the specimen at rest, shape (n,)."""
         return self.resistance - self.rest_resistance
 
@@ -150,16 +150,14 @@ def random_reversals(samples: int = 4001, *, seed: int = 55) -> Dataset:
     return _measure("Random reversals (synthetic)", text, time, strain, train_until=time[-1] / 2, seed=seed)
 
 
-def _clock(samples: int) -> NDArray[np.float64]:
+def _clock(samples: int) -> Vector:
     """Return the times [s] of that many samples; a half is exact in binary."""
-    time: NDArray[np.float64] = np.arange(samples, dtype=np.float64)
+    time: Vector = np.arange(samples, dtype=np.float64)
     time *= SAMPLING_STEP
     return time
 
 
-def _measure(
-    name: str, text: str, time: NDArray[np.float64], strain: NDArray[np.float64], *, train_until: float, seed: int
-) -> Dataset:
+def _measure(name: str, text: str, time: Vector, strain: Vector, *, train_until: float, seed: int) -> Dataset:
     """Stretch the specimen and read the meter: white noise, the size of which does not depend on the record."""
     specimen = VirtualSpecimen()
     exact = specimen.resistance(time, strain)

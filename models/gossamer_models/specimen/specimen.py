@@ -25,10 +25,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.constants import electron_mass, electron_volt, hbar
 from scipy.integrate import solve_ivp
 
+from ..arrays import Vector
 from ..errors import ConvergenceError, DataError, ParameterError
 
 RELATIVE_TOLERANCE = 1e-8  # of one step of the integrator
@@ -132,7 +133,7 @@ class VirtualSpecimen:
         self._beta = 2.0 * np.sqrt(2.0 * electron_mass * p.barrier * electron_volt) / hbar
         self._X = 1.0 + 2.5 * p.filler_fraction + 14.1 * p.filler_fraction**2
 
-    def resistance(self, time: ArrayLike, strain: ArrayLike) -> NDArray[np.float64]:
+    def resistance(self, time: ArrayLike, strain: ArrayLike) -> Vector:
         """Return the resistance [ohm] without noise; before the first sample the specimen has fully recovered.
 
         Parameters
@@ -183,10 +184,10 @@ class VirtualSpecimen:
             msg = f"the specimen's equations were not solved: {solution.message} Take smaller or slower strain."
             raise ConvergenceError(msg)
         at_rest = self._conductance(self._rest()[:, None], np.zeros(1))
-        stretch: NDArray[np.float64] = (1.0 + eps) ** 2  # of a bar of constant volume: longer and thinner
+        stretch: Vector = (1.0 + eps) ** 2  # of a bar of constant volume: longer and thinner
         return self.params.rest_resistance * stretch * at_rest / self._conductance(solution.y, eps)
 
-    def _rate(self, state: NDArray[np.float64], eps: float) -> NDArray[np.float64]:
+    def _rate(self, state: Vector, eps: float) -> Vector:
         p, v, n = self.params, state[0], state[1:]
         q = eps - v
         breaking = p.breaking_rate * np.exp((q + p.static_share * eps) / p.force_scale)
@@ -194,19 +195,17 @@ class VirtualSpecimen:
         flow = p.overstrain_scale / p.relaxation_time * np.sinh(q / p.overstrain_scale)
         return np.concatenate(([flow], mending * (1.0 - n) - breaking * n))
 
-    def _rest(self) -> NDArray[np.float64]:
+    def _rest(self) -> Vector:
         mending = self.params.mending_rate * np.exp(-(self._g - self.params.gap) / self.params.mending_length)
         return np.concatenate(([0.0], mending / (mending + self.params.breaking_rate)))
 
-    def _widths(self, eps: float | NDArray[np.float64], v: float | NDArray[np.float64]) -> NDArray[np.float64]:
+    def _widths(self, eps: float | Vector, v: float | Vector) -> Vector:
         share = self.params.delayed_share
         return np.multiply.outer(self._g, 1.0 + self._X * ((1.0 - share) * eps + share * v))
 
-    def _conductance(self, state: NDArray[np.float64], eps: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _conductance(self, state: Vector, eps: Vector) -> Vector:
         """Return the conductance, relative, at samples of the state, shape (1 + classes, samples)."""
         n = state[1:]
         broken = np.exp(-self._beta * self.params.break_width)
-        result: NDArray[np.float64] = self._p @ (
-            (n + (1.0 - n) * broken) * np.exp(-self._beta * self._widths(eps, state[0]))
-        )
+        result: Vector = self._p @ ((n + (1.0 - n) * broken) * np.exp(-self._beta * self._widths(eps, state[0])))
         return result

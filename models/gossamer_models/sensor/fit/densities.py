@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from ...arrays import Matrix, Vector
 
 
 def modal_field(amplitudes: ca.MX, m: ca.MX, n: ca.MX, places: Vector) -> ca.MX:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Matrix, Rows
 from ...fitting.errors import Parameter, alike, covariance, rest_doubt
 from ...fitting.records import Record
 from .preisach import PreisachFit
-
-Matrix = NDArray[np.float64]
 
 DETERMINED = 0.5  # share of a parameter's information that must come from the data
 HOLD_RATE = 0.02  # of the fastest strain rate: slower is a hold
@@ -76,7 +74,7 @@ def doubts(fit: PreisachFit) -> tuple[str, ...]:
     return tuple(filter(None, sentences))
 
 
-def _held(record: Record, rows: NDArray[np.bool_]) -> float:
+def _held(record: Record, rows: Rows) -> float:
     """Return the part of the training time in which strain stands still."""
     steps = np.diff(record.time)
     rates = np.abs(np.diff(record.strain)) / steps

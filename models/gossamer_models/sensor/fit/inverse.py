@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Rows
 from ...fitting.records import Record
 from ..artifact import MIN_SPRING_WEIGHT
 from .regression import Stretch
@@ -31,7 +31,7 @@ class Turned:
     """
 
     records: tuple[Record, ...]
-    train: tuple[NDArray[np.bool_], ...]
+    train: tuple[Rows, ...]
     lowest: float
     highest: float
 

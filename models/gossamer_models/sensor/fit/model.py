@@ -13,15 +13,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from ...arrays import Vector
 from .densities import bin_places, elastic_field, hat_functions, modal_field, reversible_beyond
 from .parameters import Block, parameter_blocks
 from .regression import Regression
 from .settings import PreisachSettings
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,16 +10,14 @@ from contextlib import suppress
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Vector
 from ...errors import ConvergenceError
 from ...modes import exponential_sum
 from ..artifact import MIN_SPRING_WEIGHT, RelaxationTerm, SensorArtifact
 from .model import PreisachModel, by_block
 from .regression import Regression, Stretch, relaxed
 from .settings import PreisachSettings
-
-Vector = NDArray[np.float64]
 
 SHORTEST, LONGEST = 1e-2, 1e4  # [s]; kernels hold between these times at least
 TOLERANCES = (1e-6, 1e-5, 1e-4)  # of a kernel [1]; tried in order, the loosest is rarely needed

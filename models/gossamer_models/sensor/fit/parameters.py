@@ -7,21 +7,21 @@ kernels and their amplitudes ``g``, ``k``; ``v`` what still relaxed when a recor
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
+from ...arrays import Vector
 from ...modes import StretchedKernels
 from .densities import hat_functions, wave_numbers
 from .regression import Regression, earlier_rates
 from .settings import PreisachSettings
 
-Vector = NDArray[np.float64]
-
 REST_STIFFNESS = 1e-2  # pull of the resistance at rest towards the first one, relative to the range
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Block:
     """One group of parameters.
 
@@ -56,24 +56,13 @@ class Block:
 def block(
     name: str,
     start: Vector,
-    lower: float,
-    upper: float,
-    *,
-    linear: bool = False,
-    spread: float = 0.0,
-    stiffness: float = 0.0,
+    lower: ArrayLike = -np.inf,
+    upper: ArrayLike = np.inf,
+    **rest: Any,  # noqa: ANN401
 ) -> Block:
-    """Make a block with the same bounds for every parameter."""
-    n = start.size
-    return Block(
-        name=name,
-        start=start,
-        lower=np.full(n, lower),
-        upper=np.full(n, upper),
-        linear=linear,
-        spread=spread,
-        stiffness=stiffness,
-    )
+    """Make a block; bounds may be the same for all parameters."""
+    start, lower, upper = np.broadcast_arrays(start, lower, upper)
+    return Block(name, start, lower, upper, **rest)
 
 
 def parameter_blocks(
@@ -83,12 +72,10 @@ def parameter_blocks(
     blocks = [*_density_blocks(settings), *_kernel_blocks(settings, regression.kernels)]
     if settings.earlier:
         n_v, lowest = earlier_rates(regression.kernels).size, -np.inf if settings.signed else 0.0
-        blocks += [
-            block(f"v{r + 1}", np.zeros(n_v), lowest, np.inf, linear=True, stiffness=1e-3) for r in regression.fitted
-        ]
+        blocks += [block(f"v{r + 1}", np.zeros(n_v), lowest, linear=True, stiffness=1e-3) for r in regression.fitted]
     if rest_resistance is None:
         first = np.array([min(float(regression.stretches[k].y[0]) for k in regression.fitted)])
-        blocks.append(block("y0", first, -np.inf, np.inf, linear=True, stiffness=REST_STIFFNESS))
+        blocks.append(block("y0", first, linear=True, stiffness=REST_STIFFNESS))
     else:
         rest = rest_resistance / regression.unit
         blocks.append(block("y0", np.array([rest]), rest, rest, linear=True))
@@ -108,18 +95,16 @@ def _density_blocks(settings: PreisachSettings) -> list[Block]:
             _waves("n_eta", n),
         )
         return [
-            block("b_mu", np.zeros(M), -np.inf, np.inf, linear=True, stiffness=settings.density_ridge),
+            block("b_mu", np.zeros(M), linear=True, stiffness=settings.density_ridge),
             _waves("m_mu", m),
             _waves("n_mu", n),
             *(_fixed(each) if settings.eta[0] == settings.eta[1] else each for each in eta),
-            *([block("b_elastic", np.zeros(M), -np.inf, np.inf, linear=True)] if settings.elastic else []),
+            *([block("b_elastic", np.zeros(M), linear=True)] if settings.elastic else []),
         ]
     hats, spring = hat_functions(settings.n_lines, settings.knots)
     return [
-        block("b_mu", np.zeros(hats.shape[1]), -np.inf, np.inf, linear=True, stiffness=settings.density_ridge),
-        block(
-            "b_elastic", np.zeros(spring.shape[1]), -np.inf, np.inf, linear=True, stiffness=0.1 * settings.density_ridge
-        ),
+        block("b_mu", np.zeros(hats.shape[1]), linear=True, stiffness=settings.density_ridge),
+        block("b_elastic", np.zeros(spring.shape[1]), linear=True, stiffness=0.1 * settings.density_ridge),
         block("eta", np.array([flat]), *settings.eta, spread=0.02, stiffness=settings.eta_stiffness),
     ]
 
@@ -131,9 +116,7 @@ def _fixed(group: Block) -> Block:
 
 def _waves(name: str, start: Vector) -> Block:
     """Return wave numbers to fit; the first mode stays constant, so a positive density is always within reach."""
-    upper = np.full(start.size, float(start.size))
-    upper[0] = 0.0
-    return Block(name=name, start=start, lower=np.zeros(start.size), upper=upper, spread=0.3, stiffness=1e-3)
+    return block(name, start, 0.0, np.where(np.arange(start.size) > 0, start.size, 0.0), spread=0.3, stiffness=1e-3)
 
 
 def _kernel_blocks(settings: PreisachSettings, kernels: StretchedKernels) -> list[Block]:
@@ -145,17 +128,13 @@ def _kernel_blocks(settings: PreisachSettings, kernels: StretchedKernels) -> lis
     c = np.full(P, 0.8) if settings.exponents is None else np.array(settings.exponents)
     if not settings.fit_kernels:
         tau, c = np.linspace(shortest - np.log(2.0), longest - np.log(1.5), P), np.ones(P)
-    low_t, high_t = (shortest, longest) if settings.tau is None and settings.fit_kernels else (tau, tau)
-    low_c, high_c = (0.25, 1.0) if settings.exponents is None and settings.fit_kernels else (c, c)
-    stiffness = settings.kernel_stiffness
+    bounds_tau = (shortest, longest) if settings.tau is None and settings.fit_kernels else (tau, tau)
+    bounds_c = (0.25, 1.0) if settings.exponents is None and settings.fit_kernels else (c, c)
     blocks = [
-        Block(
-            name="log_tau", start=tau, lower=low_t + 0 * tau, upper=high_t + 0 * tau, spread=0.5, stiffness=stiffness
-        ),
-        Block(name="c", start=c, lower=low_c + 0 * c, upper=high_c + 0 * c, spread=0.1, stiffness=stiffness),
+        block("log_tau", tau, *bounds_tau, spread=0.5, stiffness=settings.kernel_stiffness),
+        block("c", c, *bounds_c, spread=0.1, stiffness=settings.kernel_stiffness),
     ]
-    ridge = settings.relaxation_ridge
     for drive in settings.drives:
         lowest = -np.inf if settings.signed or drive.gain else 0.0
-        blocks.append(block(drive.symbol, np.zeros(P), lowest, np.inf, linear=True, stiffness=ridge))
+        blocks.append(block(drive.symbol, np.zeros(P), lowest, linear=True, stiffness=settings.relaxation_ridge))
     return blocks

@@ -13,9 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ...arrays import Rows, Vector
 from ...fitting.constrained import GaussNewton, Solution
 from ...fitting.errors import Errors, stretch_errors
 from ...fitting.records import Record, check_rest, strain_range
@@ -28,8 +26,6 @@ from .regression import Stretch, prepare
 from .ridge import choose_ridge
 from .settings import PreisachSettings
 from .solve import Watch, solve
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +66,7 @@ class PreisachFit:
     x: Vector
     records: tuple[Record, ...]
     predicted: tuple[Vector, ...]
-    train: tuple[NDArray[np.bool_], ...]
+    train: tuple[Rows, ...]
     solutions: tuple[Solution, ...]
     solver: GaussNewton
     blocks: tuple[Block, ...] = field(repr=False)
@@ -88,7 +84,7 @@ class PreisachFit:
 
 def fit_preisach(
     records: tuple[Record, ...],
-    train: tuple[NDArray[np.bool_], ...],
+    train: tuple[Rows, ...],
     settings: PreisachSettings | None = None,
     *,
     full_scale: float | None = None,

@@ -14,17 +14,13 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Matrix, Rows, Vector
 from ...errors import DataError
 from ...fitting.records import Record
 from ...modes import StretchedKernels, responses
 from ..drives import Drive
 from .settings import PreisachSettings
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 LEAST_SAMPLES = 50
 EARLIER_PER_DECADE = 2.0
@@ -206,7 +202,7 @@ def earlier_rates(kernels: StretchedKernels) -> Vector:
     return np.logspace(low, high, max(2, round((high - low) * EARLIER_PER_DECADE) + 1))
 
 
-def _check(records: tuple[Record, ...], train: tuple[NDArray[np.bool_], ...], full_scale: float) -> float:
+def _check(records: tuple[Record, ...], train: tuple[Rows, ...], full_scale: float) -> float:
     """Return the range of the fitted output; refuse training stretches that tell nothing of a sensor."""
     pairs = [(r, rows) for r, rows in zip(records, train, strict=True) if rows.any()]
     where = ", ".join(f"{r.name}, lines {r.lines[rows][0]} to {r.lines[rows][-1]}" for r, rows in pairs)

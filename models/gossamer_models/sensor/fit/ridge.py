@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Rows
 from ...errors import DataError
 from ...fitting.records import Record
 from .model import preisach_model
@@ -22,12 +22,10 @@ from .solve import Watch, solve
 RIDGES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 PARTS = 4
 
-Rows = tuple[NDArray[np.bool_], ...]
-
 
 def choose_ridge(
     records: tuple[Record, ...],
-    train: Rows,
+    train: tuple[Rows, ...],
     settings: PreisachSettings,
     *,
     full_scale: float,
@@ -72,14 +70,14 @@ def choose_ridge(
     return replace(settings, ridge=RIDGES[int(np.argmin(errors))])
 
 
-def _forward(train: Rows) -> Iterator[tuple[Rows, Rows]]:
+def _forward(train: tuple[Rows, ...]) -> Iterator[tuple[tuple[Rows, ...], tuple[Rows, ...]]]:
     """Cut the training samples of every record in time order; return what to fit and what to predict."""
     for k in range(PARTS // 2, PARTS):
         pairs = [_cut(rows, k) for rows in train]
         yield tuple(fit for fit, _ in pairs), tuple(held for _, held in pairs)
 
 
-def _cut(rows: NDArray[np.bool_], k: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _cut(rows: Rows, k: int) -> tuple[Rows, Rows]:
     ends = np.array_split(np.flatnonzero(rows), PARTS)
     fitted, held = np.zeros_like(rows), np.zeros_like(rows)
     fitted[np.concatenate(ends[:k])] = True
