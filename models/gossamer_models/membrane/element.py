@@ -1,10 +1,11 @@
 r"""The bilinear membrane element: the one place where its forces are written.
 
-Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1], ``H`` the four bilinear modes 1, s, t, st and
-``dH`` their parent derivatives, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the
-Green-Lagrange strain, ``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu``
-Poisson's ratio [1], ``D`` = E/(1 - nu^2). Lengths are in any one unit; forces are per thickness. Explicit steps, statics,
-implicit steps and frequencies all evaluate these expressions or their ``ca.jacobian``.
+Symbols: ``X``, ``x`` reference and current node positions, ``N`` bilinear shape functions [1], ``a`` four times the modes
+of the positions, ``s``, ``t`` parent coordinates [1], ``H`` the four bilinear modes 1, s, t, st and ``dH`` their parent
+derivatives, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the Green-Lagrange strain,
+``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu`` Poisson's ratio [1], ``D``
+= E/(1 - nu^2). Lengths are in any one unit; forces are per thickness. Explicit steps, statics, implicit steps and
+frequencies all evaluate these expressions or their ``ca.jacobian``.
 
 Matrices are NumPy arrays whose entries are CasADi columns with a row per element. So the same lines serve one element (SX)
 and, at a fraction of the cost in CasADi's virtual machine, all elements of a mesh at once (MX). CasADi leaves out
