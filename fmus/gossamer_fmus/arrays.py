@@ -1,4 +1,4 @@
-"""Arrays of a model's table: neighbours that share a name, such as ``strain[1]`` .. ``strain[4]``."""
+"""Arrays of a model's table: neighbouring variables that share a name, such as ``strain[1]`` .. ``strain[4]``."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Array:
 
     @property
     def description(self) -> str:
-        """What the descriptions of all elements begin with."""
+        """Common beginning of the descriptions of all elements."""
         if self.size == 1:
             return self.members[0].description
         common = os.path.commonprefix([v.description for v in self.members])  # noqa: RUF071
@@ -57,7 +57,8 @@ def arrays_of(model: StepModel) -> list[Array]:
     Raises
     ------
     ParameterError
-        Elements are missing, in another order than with the last index fastest, or differ in unit, range or variability.
+        Elements are missing, are not in the order in which the last index runs fastest, or differ in unit, range or
+        variability.
     """
     arrays: list[Array] = []
     numbered = enumerate(model.variables)
@@ -70,8 +71,8 @@ def arrays_of(model: StepModel) -> list[Array]:
         kinds = {(v.unit, v.minimum, v.maximum, v.nominal, v.discrete) for v in members}
         if [v.name for v in members] != names or len(kinds) > 1 or name in {array.name for array in arrays}:
             msg = (
-                f"the elements of {name!r} in model {model.name!r} are no array: list all of them in one place, the last "
-                "index fastest, with one unit, range and variability."
+                f"the elements of {name!r} in model {model.name!r} do not form an array: list all of them in one place, the "
+                "last index fastest, with one unit, range and variability."
             )
             raise ParameterError(msg)
         arrays.append(Array(name=name, first=places[0], members=members, shape=shape))

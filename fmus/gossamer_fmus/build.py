@@ -1,11 +1,11 @@
-"""Build FMUs from step models, reproducible to the byte: native ones, and ones that run in Python.
+"""Build native FMUs and Python FMUs from step models, reproducible to the byte.
 
 Both kinds hold::
 
     modelDescription.xml                     see ``description``
     documentation/                           see ``page``
 
-A native FMU holds C code besides, and what it was compiled to::
+A native FMU also holds its C code and the compiled binaries::
 
     binaries/<platform>/<name>.<so|dll|dylib>
     sources/                                 see ``c_code``
@@ -47,13 +47,13 @@ def build_fmu(
     Parameters
     ----------
     model : StepModel
-        What it runs; for a native FMU best made with ``compiled=True`` where it has that choice.
+        Model to run; for a native FMU, create it with ``compiled=True`` if it has that option.
     folder : Path
-        Where ``<model name>.fmu`` is written; made if needed.
+        Folder for ``<model name>.fmu``; created if needed.
     readme : Path, optional
         Text of the documentation page; by default the README of this project's FMU of the same name.
     native : bool
-        True: compiled C, which needs nothing where it runs; False: an FMU that runs in Python, through pythonfmu.
+        True: compiled C, which needs nothing on the host; False: an FMU that runs in Python, through pythonfmu.
     fmi : {2, 3}
         Version of the standard; 3 for native FMUs only.
     platforms : iterable of str
@@ -69,7 +69,7 @@ def build_fmu(
     Raises
     ------
     ParameterError
-        A platform is unknown or not part of this version of the standard, or the FMU is not native and has none.
+        A platform is unknown or not part of this version of the standard, or is given for an FMU that is not native.
     ModuleNotFoundError
         The compiler is not installed.
     """
@@ -93,16 +93,16 @@ def build_all(
     Parameters
     ----------
     folder : Path
-        Where they are written.
+        Folder for the FMUs.
     names : iterable of str
-        Which ones.
+        FMUs to build.
     artifact : Path, optional
         Identified sensor, of either family, or trained detector; every FMU named must be built from this kind of
         artifact.
     elements_per_side : int, optional
         Mesh of the membrane, which must be the only name.
     method : str, optional
-        How the compensator recovers strain, which must be the only name; see ``compensator_model``.
+        Method of the compensator, which must be the only name; see ``compensator_model``.
     native, fmi, platforms, progress
         See ``build_fmu``.
 
@@ -134,7 +134,7 @@ def _build(
     platforms: Iterable[str],
     progress: Callable[[str], None],
 ) -> list[Path]:
-    """Write the files of all FMUs, compile side by side (the compiler is a program of its own), and pack them."""
+    """Write the files of all FMUs, compile them in parallel (the compiler is a separate program), and pack them."""
     platforms = tuple(platforms)
     if not native and (fmi != 2 or platforms):
         msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Add --native."

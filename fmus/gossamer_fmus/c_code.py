@@ -27,9 +27,9 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
     Parameters
     ----------
     model : StepModel
-        Best made with ``compiled=True`` where it has that choice.
+        Model, created with ``compiled=True`` if it has that option.
     guid : str
-        Identifier that the host must give.
+        Identifier that the host must pass.
     fmi : {2, 3}
         Version of the standard.
     """
@@ -45,7 +45,7 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
 
 
 def with_guid(files: dict[str, bytes], guid: str) -> dict[str, bytes]:
-    """Return ``sources`` written without a guid with that guid; what CasADi wrote is not written again."""
+    """Insert a guid into ``sources`` that were written without one; the files of CasADi are not written again."""
     header = files["model.h"].replace(_guid_line("").encode(), _guid_line(guid).encode(), 1)
     return files | {"model.h": header}
 

@@ -1,4 +1,4 @@
-"""The FMUs of this project by name: where their files lie, and how their models are made."""
+"""The FMUs of this project by name: their files and their models."""
 
 from __future__ import annotations
 
@@ -22,7 +22,11 @@ MODELS: dict[str, Callable[..., StepModel]] = {
 }
 NAMES = tuple(MODELS)
 
-_OPTIONS = {"artifact": NAMES[1:], "elements_per_side": ("membrane",), "method": ("compensator",)}  # and who has them
+_OPTIONS = {
+    "artifact": NAMES[1:],
+    "elements_per_side": ("membrane",),
+    "method": ("compensator",),
+}  # and the FMUs that have them
 _REFUSALS = {
     "artifact": "FMU {!r} is not built from an artifact. Name the FMUs to build: sensor compensator, or detector.",
     "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
@@ -53,7 +57,7 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     name : str
         One of ``NAMES``.
     compiled : bool
-        Whether the model's functions are to be compiled, where it has a form for that.
+        Whether to use the form of the model for compilation, if it has one.
     **options
         ``artifact``, ``elements_per_side`` and ``method`` as in ``build_all``; None stands for the default.
 
@@ -87,7 +91,7 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     if name == "sensor":
         return fractional.fractional_sensor_model(fractional.FractionalArtifact.read(artifact))
     msg = (
-        f"{artifact} holds a fractional model, which has no inverse: no compensator can be built from it. Identify the "
-        "same records with --model preisach for one, or build the sensor alone."
+        f"{artifact} holds a fractional model, which has no inverse: no compensator can be built from it. For a "
+        "compensator, identify the same records with --model preisach; or build the sensor alone."
     )
     raise ParameterError(msg)

@@ -1,8 +1,8 @@
-"""Compile the C of an FMU for any platform with zig.
+"""Compile the C sources of an FMU for any platform with zig.
 
 One compiler for all platforms keeps the numbers the same: IEEE arithmetic in the order of the expressions, no contraction
-to fused multiply-adds, no reordering. Only ``sin`` and its like come from each platform's C library. The headers of the FMI
-standard come from whoever compiles, as the standard wants; here from FMPy.
+to fused multiply-adds, no reordering. Only functions such as ``sin`` come from the C library of each platform. The
+compiling tool provides the headers of the FMI standard, as the standard requires; here they come from FMPy.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .description import FmiVersion
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Platform:
-    """Where a binary runs.
+    """A platform for binaries.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Platform:
     targets : dict
         zig's target by folder below ``binaries/`` in FMI 3.0, one per processor.
     in_fmi_2 : bool
-        Whether FMI 2.0 has the platform; it joins all processors in one folder.
+        Whether FMI 2.0 has the platform; FMI 2.0 puts all processors of a platform into one folder.
     """
 
     suffix: str
@@ -51,30 +51,30 @@ PLATFORMS = {
     ),
     "aarch64-linux": Platform(suffix=".so", targets={"aarch64-linux": "aarch64-linux-gnu.2.17"}, in_fmi_2=False),
 }
-_PROCESSORS = {"amd64": "x86_64", "arm64": "aarch64"}  # other names of the same
+_PROCESSORS = {"amd64": "x86_64", "arm64": "aarch64"}  # other names of the same processors
 FLAGS = (
     "-std=c11",
     "-O2",
     "-fPIC",
     "-fvisibility=hidden",
     "-ffp-contract=off",
-    "-fno-math-errno",  # inline square roots; nobody reads errno
+    "-fno-math-errno",  # inline square roots; no code reads errno
 )
 
 
 def choose_platforms(names: Iterable[str], fmi: FmiVersion) -> list[str]:
-    """Return the platforms that a user means: those named, all of them, or by default the one this program runs on.
+    """Return the platforms to build for: those named, all of them, or by default the one that this program runs on.
 
     Raises
     ------
     ParameterError
-        A platform is unknown, or has no place in this version of the standard.
+        A platform is unknown, or is not part of this version of the standard.
     """
     names = list(names) or [_this_platform()]
     possible = [name for name, each in PLATFORMS.items() if fmi == 3 or each.in_fmi_2]
     for name in names:
         if name != "all" and name not in possible:
-            msg = f"FMUs of FMI {fmi}.0 cannot be built for {name!r}; there are {', '.join(possible)} and all."
+            msg = f"FMUs of FMI {fmi}.0 cannot be built for {name!r}; choose from {', '.join(possible)} and all."
             if name in PLATFORMS:
                 msg = f"FMUs can be built for {name!r} only with --fmi 3."
             raise ParameterError(msg)

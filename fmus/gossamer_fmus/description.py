@@ -155,7 +155,7 @@ def _numbers(array: Array) -> dict[str, str]:
 
 
 def _structure(model: StepModel, arrays: list[Array], fmi: FmiVersion) -> ET.Element:
-    """List the outputs and what they depend on: in a step, and initially, where they may depend on all that is given."""
+    """List the outputs and their dependencies: in a step, and initially, when they may depend on all given variables."""
     number = {array.first + i: str(k) for k, array in enumerate(arrays, 1) for i in range(array.size)}
     given = " ".join(number[array.first] for array in arrays if array.members[0].start is not None)
     in_a_step, initially = {}, {}
@@ -176,7 +176,7 @@ def _structure(model: StepModel, arrays: list[Array], fmi: FmiVersion) -> ET.Ele
 def _dependencies(model: StepModel, output: int) -> list[int]:
     """Return the places in the table of the inputs that an output depends on within a communication step."""
     _, inputs, results = model.slices()
-    if model.step_limit is not None:  # several internal steps, in which what acts on a state reaches every output
+    if model.step_limit is not None:  # in several internal steps, an input of a state reaches every output
         return list(range(inputs.start, inputs.stop))
     by_output = model.step.jac_sparsity(1, 1).T
     begin, end = by_output.colind()[output - results.start :][:2]

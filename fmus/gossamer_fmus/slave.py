@@ -3,8 +3,8 @@
 The builder copies this file into every FMU, together with what it imports from ``gossamer_models`` and ``pythonfmu``, as a
 package whose name carries the content's digest, so that nothing in it can collide with another FMU or with the host.
 
-An exception that leaves a callback crashes the host, so none does: a refused step is logged and discarded, a refused value
-is logged and ignored.
+An exception that leaves a callback crashes the host, so no callback raises one: it logs and discards a refused step,
+and logs and ignores a refused value.
 """
 
 import atexit
@@ -34,10 +34,10 @@ def load_model(folder: str) -> StepModel:
 
 @cache
 def finalize_before_exit(folder: str) -> None:
-    """Let pythonfmu's library give up its state while it still has one.
+    """Let pythonfmu's library release its state in time.
 
     On Linux the destructors of pythonfmu 0.7.0 release that state twice, first with the library's static objects; now and
-    then the host aborts at its very end ("corrupted double-linked list"). Released before, both find nothing to do.
+    then the host aborts at its very end ("corrupted double-linked list"). After an earlier release, both do nothing.
     """
     if sys.platform != "linux":
         return
@@ -49,7 +49,7 @@ def finalize_before_exit(folder: str) -> None:
 def never_raises(
     fallback: Callable[P, T], status: Fmi2Status = Fmi2Status.error
 ) -> Callable[[Callable[Concatenate["GossamerSlave", P], T]], Callable[Concatenate["GossamerSlave", P], T]]:
-    """Make a callback log whatever goes wrong in it and answer with ``fallback``, called with the same arguments."""
+    """Make a callback log every exception and return the result of ``fallback``, called with the same arguments."""
 
     def decorate(method: Callable[Concatenate["GossamerSlave", P], T]) -> Callable[Concatenate["GossamerSlave", P], T]:
         def callback(self: "GossamerSlave", /, *args: P.args, **kwargs: P.kwargs) -> T:

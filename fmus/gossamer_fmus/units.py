@@ -1,4 +1,4 @@
-"""Unit symbols in SI base units, as FMI wants them."""
+"""Unit symbols in SI base units, as FMI requires them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def base_unit(name: str) -> dict[str, str]:
     Raises
     ------
     ParameterError
-        The unit is unknown, has an offset as degC has, or is no product of whole powers of base units.
+        The unit is unknown, has an offset as degC has, or is not a product of integer powers of base units.
     """
     import pint
 
@@ -24,12 +24,12 @@ def base_unit(name: str) -> dict[str, str]:
     try:
         quantity, twice = (registry.Quantity(value, expression).to_base_units() for value in (1.0, 2.0))
     except pint.PintError as error:
-        msg = f"unit {name!r} cannot be written in base units: {error}. Use another."
+        msg = f"unit {name!r} cannot be written in base units: {error}. Use another unit."
         raise ParameterError(msg) from error
     powers = {registry.get_symbol(unit): exponent for unit, exponent in quantity.unit_items()}
     whole = all(unit in _BASE and power == int(power) for unit, power in powers.items())
     if twice.magnitude != 2.0 * quantity.magnitude or not whole:
-        msg = f"unit {name!r} is no product of whole powers of SI base units. Use one that is."
+        msg = f"unit {name!r} is not a product of integer powers of SI base units. Use one that is."
         raise ParameterError(msg)
     attributes = {unit: str(int(power)) for unit, power in powers.items()}
     if quantity.magnitude != 1.0:

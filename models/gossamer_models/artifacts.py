@@ -1,7 +1,7 @@
 """Stored results of identification and training.
 
-A JSON card with a schema, a version and where the numbers come from; large arrays stand beside it in an NPZ file of the
-same name, whose digest the card holds.
+A JSON card holds a schema, a version and the provenance of the numbers. Large arrays lie beside it in an NPZ file of
+the same name, whose digest the card holds.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def write_artifact(
     path : Path
         JSON file to write; its folder exists.
     schema, version : str, int
-        What the content is; a reader refuses every other.
+        Kind and version of the content; a reader refuses every other.
     provenance : dict
-        Data digest, command, error reached: whatever lets a reader repeat the work.
+        Data digest, command, error reached: everything that a reader needs to repeat the work.
     content : dict
         JSON values.
     arrays : dict of ndarray, optional
@@ -73,7 +73,7 @@ def read_artifact(path: Path, schema: str, *versions: int) -> dict[str, Any]:
 
 
 def artifact_schema(path: Path) -> str:
-    """Return the schema of an artifact, which tells who can read it.
+    """Return the schema of an artifact, which determines its reader.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def artifact_schema(path: Path) -> str:
 
 
 def _card(path: Path) -> dict[str, Any]:
-    """Read a card that says at least its schema and version."""
+    """Read a card that holds at least its schema and version."""
     try:
         card = dict(json.loads(path.read_text(encoding="utf-8")))
         card["schema"], card["version"]
@@ -95,12 +95,12 @@ def _card(path: Path) -> dict[str, Any]:
 
 
 def read_arrays(path: Path, card: dict[str, Any]) -> dict[str, Vector]:
-    """Read the arrays that stand beside a card.
+    """Read the arrays beside a card.
 
     Raises
     ------
     ArtifactError
-        The NPZ file is missing or truncated, or is not the one the card was written with.
+        The NPZ file is missing or truncated, or the card belongs to another one.
     """
     beside = path.with_suffix(".npz")
     try:

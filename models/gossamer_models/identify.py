@@ -1,4 +1,4 @@
-"""From CSV files to an artifact: what the command ``gossamer identify`` calls, and the options that it has."""
+"""From CSV files to an artifact: the work of the command ``gossamer identify``, and its options."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SETTINGS: dict[type[Settings], dict[str, Callable[..., Settings]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Identified:
-    """What came of an identification.
+    """Result of an identification.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Identified:
     errors : tuple of Errors
         Training and test stretch of every record.
     remarks : tuple of str
-        What was repaired, and what the data do not determine.
+        Repairs of the records, and what the data do not determine.
     """
 
     fit: Fit
@@ -86,7 +86,7 @@ def settings_for(model: str, **chosen: Any) -> Settings:  # noqa: ANN401
     """
     known = {name: make for models in SETTINGS.values() for name, make in models.items()}
     if model not in known:
-        msg = f"there is no {model!r}; it is one of {', '.join(known)}"
+        msg = f"there is no model {model!r}; choose one of {', '.join(known)}"
         raise ParameterError(msg)
     given = {name: value for name, value in chosen.items() if value is not None}
     for name in given:
@@ -119,13 +119,13 @@ def identify_files(
     paths : sequence of Path
         CSV files, one record each.
     columns : Columns or None
-        Which columns, in which units.
+        Columns to read, with their units.
     weights : sequence of float or None
         Of the squared errors of each record [1]; None for 1.
     train : str
         Training stretch of every record, see ``training_rows``.
     settings : PreisachSettings, FractionalSettings or None
-        Which model and how to fit it, see ``settings_for``; None for the thesis' Preisach model.
+        Model and settings of the fit, see ``settings_for``; None for the thesis' Preisach model.
     full_scale : float or None
         Strain [1] at the end of the range.
     rest_resistance : float or None
@@ -133,7 +133,7 @@ def identify_files(
     command, origin : str
         For the provenance of the artifact.
     progress : callable
-        Called with a sentence now and then.
+        Called with a sentence on the progress.
 
     Returns
     -------

@@ -14,8 +14,8 @@ from .simulate import simulate
 from .step_model import StepModel
 from .stepper import Stepper
 
-REACH = 1.005  # strain beyond full scale by no more than this is clipped, as the sensor does
-SHIFT = 10.0  # resistance at rest that the models get: it must be positive, and only differences from it count
+REACH = 1.005  # strain up to this factor of full scale is clipped, as the sensor does
+SHIFT = 10.0  # resistance at rest of the models: it must be positive, and only differences from it count
 
 
 def predict_resistance(fit: PreisachFit, record: Record) -> Vector:
@@ -24,7 +24,7 @@ def predict_resistance(fit: PreisachFit, record: Record) -> Vector:
     Raises
     ------
     DataError
-        Strain exceeds the sensor's full scale; the line is named.
+        Strain exceeds the full scale of the sensor; the message names the line.
     """
     beyond = np.flatnonzero(record.strain > REACH * fit.full_scale)
     if beyond.size:

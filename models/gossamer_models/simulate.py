@@ -19,7 +19,7 @@ def simulate(
     Parameters
     ----------
     stepper : Stepper
-        Where to begin; it stands at the end of the last step afterwards.
+        Instance to advance; afterwards it is at the end of the last step.
     steps : array_like, shape (n,)
         Length of every step [s].
     inputs : mapping of str to array_like, shape (n,)

@@ -78,7 +78,7 @@ class StepModel:
             shape_in = [function.nnz_in(i) for i in range(function.n_in())]
             shape_out = [function.nnz_out(i) for i in range(function.n_out())]
             if (shape_in, shape_out) != (n_in, n_out):
-                msg = f"model {self.name!r}: {label} is {shape_in} -> {shape_out}, its table says {n_in} -> {n_out}"
+                msg = f"model {self.name!r}: {label} is {shape_in} -> {shape_out}, but its table requires {n_in} -> {n_out}"
                 raise ParameterError(msg)
         if self.step_limit is not None and self.step_limit not in self.names:
             msg = f"model {self.name!r}: no variable {self.step_limit!r} to limit the step"

@@ -31,7 +31,7 @@ def test_platforms_are_chosen_by_name_and_a_wrong_one_is_refused_with_those_ther
     assert choose_platforms(["all"], 3) == ["linux64", "win64", "darwin64", "aarch64-linux"]
     with pytest.raises(ParameterError, match="'aarch64-linux' only with --fmi 3"):
         choose_platforms(["aarch64-linux"], 2)
-    with pytest.raises(ParameterError, match="'solaris'; there are linux64, win64, darwin64 and all"):
+    with pytest.raises(ParameterError, match="'solaris'; choose from linux64, win64, darwin64 and all"):
         choose_platforms(["linux64", "solaris"], 2)
 
 

@@ -94,7 +94,7 @@ def test_what_relaxed_before_a_record_adds_to_a_known_output_at_rest(known):
             rest_resistance=100.0,
         )
         off[earlier] = float(np.abs(predict_resistance(fit, known) - known.resistance).max())
-        assert any("start at rest and do not know it" in text for text in doubts(fit)) == earlier
+        assert any("start at rest and do not include it" in text for text in doubts(fit)) == earlier
     assert off[True] < 0.6 * off[False]
 
 
@@ -103,7 +103,7 @@ def test_a_fit_that_stopped_early_and_an_output_at_rest_in_another_unit_are_told
     fit = fit_preisach((known,), everything(known), settings, full_scale=1.0, rest_resistance=0.1)
     told = " ".join(doubts(fit))
     assert "still improving after 1 steps" in told
-    assert "record begins unstrained with an output of 100, where 0.1 is taken for that at rest" in told
+    assert "record begins unstrained with an output of 100, but the output at rest is 0.1" in told
 
 
 def test_an_eta_of_one_value_may_be_fitted_from_several_starts(known):
@@ -143,11 +143,11 @@ def test_fixed_kernels_stay_as_given(known):
 def test_impossible_settings_are_refused():
     with pytest.raises(ParameterError, match="at least 1 mode"):
         PreisachSettings(modes=0)
-    with pytest.raises(ParameterError, match="one of tau per relaxation"):
+    with pytest.raises(ParameterError, match="one value of tau per relaxation"):
         PreisachSettings(tau=(1.0,), relaxations=2)
     with pytest.raises(ParameterError, match="it is one of preisach"):
         settings_for("neural")
-    with pytest.raises(ParameterError, match="adds to the relaxation, of which there is none"):
+    with pytest.raises(ParameterError, match="needs relaxation, but relaxations is 0"):
         settings_for("preisach", relaxations=0, extension="gain")
     with pytest.raises(ParameterError, match="0 starts"):
         settings_for("preisach", starts=0)

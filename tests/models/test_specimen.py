@@ -320,7 +320,7 @@ def test_numbers_that_no_material_has_are_refused(changed):
 
 
 def test_datasets_that_do_not_exist_are_refused():
-    with pytest.raises(ParameterError, match="Ask for 1, 2 or 3"):
+    with pytest.raises(ParameterError, match="Choose 1, 2 or 3"):
         dataset(4)
     with pytest.raises(ParameterError, match="2 samples or more"):
         random_reversals(1)

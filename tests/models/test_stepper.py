@@ -229,7 +229,7 @@ def test_files_of_another_version_are_refused(tmp_path):
 
 def test_a_table_that_does_not_fit_the_functions_is_refused():
     model = lag_model()
-    with pytest.raises(ParameterError, match="its table says"):
+    with pytest.raises(ParameterError, match="but its table requires"):
         StepModel(name="short", description="", variables=model.variables[:-1], init=model.init, step=model.step)
     with pytest.raises(ParameterError, match="needs a start value"):
         Variable(name="k", causality="parameter", unit="1", description="")

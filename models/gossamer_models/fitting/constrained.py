@@ -1,7 +1,7 @@
-r"""Constrained Gauss-Newton with the linear parameters eliminated; ``separable.py`` says when it is the other method's turn.
+r"""Constrained Gauss-Newton with the linear parameters eliminated; ``separable.py`` states when to use which method.
 
 Symbols: ``x`` parameters, ``q`` those of them in which the residual is linear, ``f(x)`` coefficients, ``g(x) >= 0``
-constraints, ``p(x)`` what is preferred to be small, ``A`` matrix of the record, ``b`` measurement,
+constraints, ``p(x)`` regularisation, ``A`` matrix of the record, ``b`` measurement,
 
 .. math:: \min_x \tfrac12 \|A f(x) - b\|^2 + \tfrac12 \|p(x)\|^2, \quad l \le x \le u,\; g(x) \ge 0.
 
@@ -22,7 +22,7 @@ from scipy.optimize import nnls
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 
-ROUNDING = 1e-12  # a violation of a constraint this little, relative to its size or 1
+ROUNDING = 1e-12  # tolerated violation of a constraint, relative to its size or 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,8 +87,8 @@ def solve_constrained(E: Matrix, e: Vector, G: Matrix, h: Vector) -> Vector:
     Notes
     -----
     Least distance programming, chapter 23 of [1]_: with E = QR the problem is the nearest point of a polyhedron, whose dual
-    is a non-negative least-squares problem with as many unknowns as constraints. Few of many constraints bind, so those are
-    taken up as they are found violated; the last solution violates none.
+    is a non-negative least-squares problem with as many unknowns as constraints. Few of many constraints bind, so
+    a constraint is added when the solution violates it; the last solution violates none.
 
     References
     ----------
@@ -162,7 +162,7 @@ class GaussNewton:
         self.A, self.b = compress(problem.A, problem.b)
 
     def stacked(self, x: Vector) -> Vector:
-        """Return A f(x) - b followed by p(x): what the sum of squares is of."""
+        """Return A f(x) - b followed by p(x): the terms of the sum of squares."""
         f, _, p = self._parts(self._value(x)[:, 0])
         return np.concatenate([self.A @ f - self.b, p])
 
@@ -206,7 +206,7 @@ class GaussNewton:
         Returns
         -------
         Solution
-            The best point found.
+            The best point.
         """
         x = self.project(x)
         cost, damping, small = self.cost(x), 1e-3, 0

@@ -1,4 +1,4 @@
-"""How far a model is from a measurement, and how well its parameters are known."""
+"""Errors of a model against a measurement, and uncertainty of its parameters."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from ..arrays import Matrix, Rows, Vector
 from .records import Record
 
-ALIKE = 0.98  # correlation from which two parameters cannot be told apart
-LEAST_SINGULAR = 1e-12  # of a Jacobian with columns of unit length: below, the data say nothing of a direction
+ALIKE = 0.98  # correlation from which the data do not separate two parameters
+LEAST_SINGULAR = 1e-12  # of a Jacobian with columns of unit length: below, the data do not determine a direction
 UNSTRAINED, RESTED = 0.01, 0.01  # of full scale, and of the range of resistance that counts as another rest
 
 
@@ -31,8 +31,8 @@ def e1(measured: Vector, predicted: Vector, *, rest: float) -> float:
 
     Notes
     -----
-    Section 3.3 of [1]_, which prints a root above the line; read without. The thesis measures changes of resistance:
-    relative to the resistance itself, a large constant would make every model look good.
+    Section 3.3 of [1]_, without the root that is printed above the fraction line. The thesis measures changes of
+    resistance: relative to the resistance itself, a large constant would make every model look good.
 
     References
     ----------
@@ -44,7 +44,7 @@ def e1(measured: Vector, predicted: Vector, *, rest: float) -> float:
 
 
 def nrmse(measured: Vector, predicted: Vector, size: float | None = None) -> float:
-    """Return the root mean square error [% of ``size``, or of the range of what was measured]; not a number if empty."""
+    """Return the root mean square error [% of ``size``, or of the range of the measurement]; not a number if empty."""
     if not measured.size:
         return float("nan")
     size = float(np.ptp(measured)) if size is None else size
@@ -106,7 +106,7 @@ class Parameter:
     value, deviation : float
         Estimate and its standard deviation.
     determined : bool
-        Whether the data decide it, rather than preferences or a bound.
+        Whether the data determine it, rather than regularisation or a bound.
     """
 
     name: str
@@ -130,12 +130,13 @@ def covariance(data: Matrix, preferred: Matrix, variance: float) -> tuple[Matrix
     covariance : ndarray, shape (n, n)
         :math:`C = \sigma^2 (J^T J + P^T P)^{-1}`; infinite on the diagonal for a parameter that nothing depends on.
     resolution : ndarray, shape (n, n)
-        :math:`C J^T J / \sigma^2`: the identity where the data alone decide, zero where the preferences do.
+        :math:`C J^T J / \sigma^2`: the identity if the data alone determine the parameters, zero if the regularisation
+        does.
 
     Notes
     -----
     Linearised, with white residuals of one variance. Residuals of a model that is not exact are correlated, so deviations
-    are too small; parameters that the data cannot separate are recognised all the same.
+    are too small; they still show which parameters the data do not separate.
     """
     J = np.vstack([data, preferred])
     size = np.linalg.norm(J, axis=0)
@@ -150,23 +151,25 @@ def covariance(data: Matrix, preferred: Matrix, variance: float) -> tuple[Matrix
 
 
 def alike(names: tuple[str, ...], covariance: Matrix, advice: str) -> str:
-    """Name the two parameters of the highest correlation and what to do if they cannot be told apart; empty otherwise."""
+    """Return a sentence on two parameters that the data do not separate, with advice; an empty text if there are none."""
     deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     with np.errstate(invalid="ignore"):  # no data at all: infinite deviations
         correlation = np.nan_to_num(np.triu(np.abs(covariance / np.outer(deviations, deviations)), 1))
     i, k = np.unravel_index(int(np.argmax(correlation)), correlation.shape)
     if not correlation[i, k] > ALIKE:
         return ""
-    return f"{names[i]} and {names[k]} cannot be told apart: their correlation is {correlation[i, k]:.3f}. {advice}"
+    return (
+        f"The data do not separate {names[i]} from {names[k]}: their correlation is {correlation[i, k]:.3f}. {advice}"
+    )
 
 
 def rest_doubt(record: Record, rest_resistance: float, full_scale: float, advice: str) -> str:
-    """Return a sentence where a record begins unstrained, but not with the resistance at rest; empty otherwise."""
+    """Return a sentence if a record begins unstrained, but not with the resistance at rest; else an empty text."""
     first = float(record.resistance[0])
     off = abs(first - rest_resistance) > RESTED * float(np.ptp(record.resistance))
     if record.strain[0] > UNSTRAINED * full_scale or not off:
         return ""
     return (
-        f"{record.name} begins unstrained with an output of {first:.6g}, where {rest_resistance:.6g} is taken for that at "
-        f"rest. {advice}"
+        f"{record.name} begins unstrained with an output of {first:.6g}, but the output at rest is {rest_resistance:.6g}. "
+        f"{advice}"
     )

@@ -23,15 +23,15 @@ def option(
     Parameters
     ----------
     default : object
-        Value of the field if nothing is chosen.
+        Value of the field if the option is not given.
     text : str
         Help of the option.
     models : tuple of str
-        Models that have it; all of the settings class if empty.
+        Models that have the option; all of the settings class if empty.
     read : callable or None
-        Turns the text of the option into its value; None for a number, a text or a switch as the field's type says.
+        Turns the text of the option into its value; None for a number, a text or a switch, by the type of the field.
     metavar : str or None
-        What the help shows in place of the value.
+        Placeholder of the value in the help.
     least : int or None
         Smallest value.
     """

@@ -41,7 +41,7 @@ def plot_history(record: Record, predicted: Vector, train: Rows, *, ax: Axes | N
 
 
 def plot_residual(record: Record, predicted: Vector, train: Rows, *, ax: Axes | None = None) -> Axes:
-    """Draw what the model leaves, over time [% of the record's range]."""
+    """Draw the residual of the model over time [% of the record's range]."""
     ax = axes_for(ax)
     _stretches(ax, record.time, 100.0 * (predicted - record.resistance) / np.ptp(record.resistance), train)
     ax.axhline(0.0, color=MEASURED, lw=0.8)
@@ -51,7 +51,7 @@ def plot_residual(record: Record, predicted: Vector, train: Rows, *, ax: Axes | 
 
 
 def axes_for(ax: Axes | None) -> Axes:
-    """Return the axes, new ones where there are none."""
+    """Return the axes, or new ones for None."""
     if ax is not None:
         return ax
     import matplotlib.pyplot as plt

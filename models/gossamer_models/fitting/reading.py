@@ -3,18 +3,19 @@ r"""Records of strain and resistance: read, converted to SI, checked and repaire
 Rules, each with the line of the file named where it applies:
 
 - Records of one fit have different names.
-- Columns are named by options or recognised by their names (``TIME``, ``STRAIN``, ``RESISTANCE`` below); units are those
-  given, or those in a column's name (``t_ms``, ``strain [%]``, ``R_kohm``), or s, 1 and ohm. Two units for one column are
-  refused.
+- Options name the columns, or the names of the columns identify them (``TIME``, ``STRAIN``, ``RESISTANCE`` below).
+Units
+  come from an option, else from the name of the column (``t_ms``, ``strain [%]``, ``R_kohm``), else they are s, 1 and
+  ohm. Two different units for one column are refused.
 - Lines with more cells than the header has names are refused: a decimal comma divides a number.
-- A value that is missing or no finite number: the sample is left out; more than ``MOST_MISSING`` of them is refused.
-- Repeated times: their samples are averaged. Times that go backwards are refused; ``sort`` sorts them instead.
-- No time column: samples are ``sampling_step`` apart, which must then be given. Both are refused.
+- Samples with a missing value or no finite number are left out; more than ``MOST_MISSING`` of them are refused.
+- Samples with the same time are averaged. Times that go backwards are refused; ``sort`` sorts them instead.
+- A record without a time column needs ``sampling_step``. A time column and ``sampling_step`` together are refused.
 - A gap, a step longer than ``LONGEST_GAP`` median steps in which strain changes by more than ``GAP_STRAIN`` of its range, is
-  refused: what switched in it is unknown. Over constant strain a gap is harmless and stays.
+  refused, because the switching during the gap is unknown. A gap at constant strain is harmless and stays.
 - Strain above ``LARGEST_STRAIN`` in a column without a unit, an output that jumps by a factor of ``LARGEST_JUMP`` between
-  samples, and records of one fit whose largest outputs differ by it are taken for mixed units and refused. Strain above
-  ``TOLD_STRAIN`` in a column without a unit is kept, and told.
+  samples, and records of one fit whose largest outputs differ by this factor are refused as mixed units. Strain above
+  ``REPORTED_STRAIN`` in a column without a unit is kept and reported.
 - Constant strain or output, and strain below zero by more than rounding of the meter, are refused.
 """
 
@@ -89,7 +90,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     Raises
     ------
     DataError
-        The file cannot be read or breaks one of the rules above; the line is named.
+        The file cannot be read or breaks one of the rules above; the message names the line.
     """
     columns = columns or Columns()
     header, rows, lines = _open(path)
@@ -99,7 +100,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     )
     wanted = [(strain_at, strain_unit), (resistance_at, resistance_unit)]
     if columns.sampling_step is not None and (columns.time is not None or columns.time_unit is not None):
-        msg = f"{path}: a column or unit of time and a sampling step are given, of which one is needed. Leave one out."
+        msg = f"{path}: a column or unit of time and a sampling step are given. Leave one of them out."
         raise DataError(msg)
     if columns.sampling_step is None:
         wanted.insert(0, _find(path, header, columns.time, columns.time_unit, TIME, SECONDS, "time"))
@@ -211,10 +212,10 @@ def _find(
     place = places[0]
     stated = parsed[place][1]
     if unit is not None and unit not in units:
-        msg = f"{unit!r} is no unit of {what}; it is one of {', '.join(units)}"
+        msg = f"{unit!r} is not a unit of {what}; it is one of {', '.join(units)}"
         raise DataError(msg)
     if unit is not None and stated is not None and units[unit] != units[stated]:
-        msg = f"{path}, line 1: column {header[place]!r} is in {stated}, the option says {unit}. Drop or correct the option."
+        msg = f"{path}, line 1: column {header[place]!r} is in {stated}, but the option is {unit}. Correct the option."
         raise DataError(msg)
     return place, units[unit or stated or next(iter(units))]
 

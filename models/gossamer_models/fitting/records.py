@@ -26,11 +26,11 @@ class Record:
     time, strain, resistance : ndarray, shape (m,)
         Time [s], increasing; strain [1]; resistance [ohm] or a signal linear in it.
     lines : ndarray of int, shape (m,)
-        Line of the file that each sample stands in.
+        Line of the file of each sample.
     weight : float
         Weight of its squared errors in a fit with others [1].
     repairs : tuple of str
-        What was repaired, one sentence each.
+        Repairs of the record, one sentence each.
     """
 
     name: str
@@ -91,9 +91,9 @@ def training_rows(record: Record, train: str) -> Rows:
 
 
 def check_rest(rest_resistance: float | None) -> None:
-    """Refuse a resistance at rest that is no finite number; None stands for one to fit."""
+    """Refuse a resistance at rest that is not a finite number; None means that it is fitted."""
     if rest_resistance is not None and not np.isfinite(rest_resistance):
-        msg = f"the resistance at rest is {rest_resistance:g}; give a finite number, or none to fit it"
+        msg = f"the resistance at rest is {rest_resistance:g}; give a finite number, or leave it out to fit it"
         raise DataError(msg)
 
 
@@ -107,7 +107,7 @@ def strain_range(records: Sequence[Record], full_scale: float | None) -> float:
     if not 0.0 < full_scale <= LARGEST_STRAIN:
         msg = (
             f"the full scale is {full_scale:g}; give the strain at the end of the range as a ratio [1], 0.2 for 20 %, or "
-            "none"
+            "leave it out"
         )
         raise DataError(msg)
     for r in records:
@@ -127,8 +127,8 @@ def in_equal_steps(record: Record, train: Rows) -> tuple[Record, Rows]:
 
     Notes
     -----
-    The step is the median one, unless a few long ones (a hold that was not sampled) would multiply the samples by more than
-    ``MOST_RESAMPLED``. Training samples are those between the first and the last one of the record.
+    The step is the median step, unless a few long steps (a hold without samples) would multiply the samples by more
+    than ``MOST_RESAMPLED``. Training samples are those between the first and the last one of the record.
     """
     time, steps = record.time, np.diff(record.time)
     count = round(min((time[-1] - time[0]) / np.median(steps), MOST_RESAMPLED * steps.size))

@@ -1,4 +1,4 @@
-"""Samples of one file: what is wrong with them is repaired or refused, by the rules that ``reading.py`` states."""
+"""Samples of one file: repair or refuse them by the rules of ``reading.py``."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .records import LARGEST_STRAIN
 MOST_MISSING = 0.05
 LONGEST_GAP = 20.0
 GAP_STRAIN = 0.05
-TOLD_STRAIN = 1.05  # more than this without a stated unit may be
+REPORTED_STRAIN = 1.05  # a larger strain without a stated unit is reported
 LARGEST_JUMP = 30.0  # of the output between two samples: a meter that changed its unit
-LEAST_STRAIN = -0.01  # of the range: a zero that has crept
+LEAST_STRAIN = -0.01  # of the range: a drifted zero of the meter
 
 
 @dataclass(slots=True)
 class Samples:
-    """Samples of a file by column, and what was repaired on the way."""
+    """Samples of a file by column, and their repairs, one sentence each."""
 
     path: Path
     columns: list[Vector]
@@ -46,8 +46,8 @@ def drop_missing(samples: Samples, rows: list[list[str]]) -> None:
     if missing > MOST_MISSING * good.size:
         msg = (
             f"{samples.path}, line {line}: {missing} of {good.size} samples hold no finite number, more than "
-            f"{100 * MOST_MISSING:g} %. It reads {' | '.join(rows[int(np.argmin(good))])}: numbers have decimal points. "
-            "Clean the record or name other columns."
+            f"{100 * MOST_MISSING:g} %. It reads {' | '.join(rows[int(np.argmin(good))])}: write decimal points, clean the "
+            "record or name other columns."
         )
         raise DataError(msg)
     samples.repairs.append(f"{missing} samples without a finite number were left out, the first in line {line}")
@@ -84,12 +84,13 @@ def order_times(samples: Samples, *, sort: bool) -> None:
 
 
 def check(samples: Samples) -> None:
-    """Refuse a record that cannot be a sensor's, and say so of a strain that may be in per cent."""
+    """Refuse a record that cannot be that of a sensor; report a strain that may be in per cent."""
     time, strain, resistance = samples.columns
     size = float(np.ptp(strain)) if strain.size else 0.0
     if time.size < 3 or not size > 0.0 or not np.ptp(resistance) > 0.0:
         what = "too short" if time.size < 3 else "of constant strain" if not size > 0.0 else "of constant output"
-        msg = f"{samples.path}, lines {samples.lines[0]} to {samples.lines[-1]}: the record is {what}. Name one that moves."
+        lines = f"lines {samples.lines[0]} to {samples.lines[-1]}"
+        msg = f"{samples.path}, {lines}: the record is {what}. Name a record with loading."
         raise DataError(msg)
     negative = np.flatnonzero(strain < LEAST_STRAIN * size)
     if negative.size:
@@ -100,10 +101,12 @@ def check(samples: Samples) -> None:
         large = np.flatnonzero(strain > LARGEST_STRAIN)
         if large.size:
             k = int(large[0])
-            msg = f"{samples.path}, line {samples.lines[k]}: strain {strain[k]:g} without a unit. State it (--strain-unit)."
+            msg = (
+                f"{samples.path}, line {samples.lines[k]}: strain {strain[k]:g} has no unit. State it (--strain-unit)."
+            )
             raise DataError(msg)
-        if (top := float(strain.max())) > TOLD_STRAIN:
-            samples.repairs.append(f"strain up to {top:g} was taken for {top:.0%}; state the unit if it is another")
+        if (top := float(strain.max())) > REPORTED_STRAIN:
+            samples.repairs.append(f"strain up to {top:g} was read as {top:.0%}; state the unit if it is another one")
     level = np.maximum(np.abs(resistance), 1e-2 * np.abs(resistance).max())
     jumps = np.flatnonzero(np.abs(np.diff(np.log(level))) >= np.log(LARGEST_JUMP) - 1e-9)
     if jumps.size:

@@ -1,7 +1,7 @@
-r"""Separable least squares: the linear coefficients are eliminated at every step of the search for the others.
+r"""Separable least squares: every step of the search for the other parameters eliminates the linear coefficients.
 
-Symbols: ``y`` weighted measurement, ``Phi`` weighted columns, ``c`` coefficients, :math:`\theta` what the columns depend
-on. For every :math:`\theta` the best ``c`` is a linear, bounded problem; a search sees
+Symbols: ``y`` weighted measurement, ``Phi`` weighted columns, ``c`` coefficients, :math:`\theta` parameters of the
+columns. For every :math:`\theta` the best ``c`` is the solution of a linear, bounded problem; the search minimizes
 :math:`r(\theta) = \Phi(\theta)\,c(\theta) - y` and one row more, a penalty on columns that cancel each other:
 :math:`\rho\,(\sum_k |c_k|\,\|\Phi_k\| - \|y\|)`, with :math:`\rho` the ``restraint``. This is variable projection [1]_
 with the Jacobian of [2]_.
@@ -30,7 +30,7 @@ Derivative = tuple[
     NDArray[np.int_], Matrix
 ]  # the columns that an element of theta moves, (k,), and by how much, (m, k)
 Columns = Callable[[Vector], tuple[Matrix, list[Derivative]]]
-TINY = 1e-300  # length that stands for that of a column of zeros
+TINY = 1e-300  # in place of the length of a column of zeros
 
 
 class SeparableProblem:
@@ -42,7 +42,7 @@ class SeparableProblem:
         :math:`\theta` to the columns, shape (m, n), and the derivative by each element of :math:`\theta`: which columns it
         moves, shape (k,), and their derivatives, shape (m, k).
     y : ndarray, shape (m,)
-        What the columns are to add up to.
+        Measurement that the columns add up to.
     weights : ndarray, shape (m,), or float
         Weights of the squared residuals.
     nonnegative : ndarray of bool, shape (n,), or bool

@@ -1,4 +1,4 @@
-r"""Identified numbers of one fractional model and where they come from.
+r"""Identified numbers of one fractional model and their provenance.
 
 Symbols: ``s`` strain over its full scale [1], :math:`C_0, C_k` coefficients [1], [s**a] or [s**-a], :math:`a_k`
 orders [1], :math:`b_k` phases [1], :math:`C_l` coefficients [1/s], :math:`p_l` rates [1/s], :math:`q_l` exponents
@@ -97,9 +97,9 @@ class FractionalArtifact:
     fading : tuple of FadingTerm
         Of model-1 only.
     full_scale_strain : float
-        Strain [1] that the model's strain is measured in.
+        Unit [1] of the strain of the model.
     resistance_change : float
-        :math:`\Delta R` [ohm], the change that a model output of one stands for.
+        :math:`\Delta R` [ohm], the change of resistance at a model output of one.
     rest_resistance : float
         :math:`R_0` [ohm] before the first loading.
     shortest, longest : float
@@ -133,12 +133,14 @@ class FractionalArtifact:
         low, high = PHASES[self.model]
         for term in self.terms:
             if not low <= term.phase <= high:
-                msg = f"a phase of {self.model} is {term.phase:g}; it lies in {low:g} to {high:g}. Identify it again."
+                msg = (
+                    f"a phase of {self.model} is {term.phase:g}; it must lie in {low:g} to {high:g}. Identify it again."
+                )
                 raise ParameterError(msg)
         if self.fading and self.model != "model-1":
             msg = f"{self.model} has no fading integrals; only model-1 has. Leave them out."
             raise ParameterError(msg)
-        _ = self.kernels  # refuses a memory that is none
+        _ = self.kernels  # refuses an empty range of times
 
     @property
     def kernels(self) -> PowerLawKernels:

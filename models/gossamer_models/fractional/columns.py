@@ -1,4 +1,4 @@
-r"""What one record contributes to a fit: the terms of a fractional model as columns, and their derivatives.
+r"""Contribution of one record to a fit: the terms of a fractional model as columns, and their derivatives.
 
 Symbols: :math:`\theta` = (orders :math:`a_k`, rates :math:`p_l`, exponents :math:`q_l`); ``s`` strain over full
 scale [1]; ``Phi`` columns of unit coefficient in the order strain, terms on the strain, terms on its quadrature (models with
@@ -82,7 +82,7 @@ class RecordColumns:
 
 
 def _memory(v: Vector, h: float, model: ModelName, rates: Vector) -> Matrix:
-    """Return the modes of a record and, last, what the mass of the kernel weighs, shape (m, n + 1)."""
+    """Return the modes of a record and, last, the column that the mass of the kernel multiplies, shape (m, n + 1)."""
     if model != "model-1":
         return np.column_stack([integral_modes(v, h, rates), started(v)])
     memory = np.column_stack([slope_modes(v, h, rates), np.diff(v, prepend=v[:1]) / h])

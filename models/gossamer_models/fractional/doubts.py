@@ -1,4 +1,4 @@
-r"""What a fit of a fractional model leaves open: how well the data determine each parameter, and what was assumed.
+r"""Doubts about a fit of a fractional model: parameters that the data do not determine, and assumptions.
 
 Symbols: ``J`` Jacobian of the residuals by the thesis' parameters :math:`C_k, a_k, b_k, p_l, q_l`.
 """
@@ -13,14 +13,14 @@ from ..fitting.records import Record, in_equal_steps
 from .fit import FractionalFit
 
 AT_BOUND = 1e-6  # of the width of the box
-UNEVEN = 0.01  # of the median step: steps that differ by more are worth a remark
+UNEVEN = 0.01  # of the median step: larger differences of steps are reported
 
 
 def parameters(fit: FractionalFit) -> tuple[tuple[Parameter, ...], Matrix]:
     """Return the parameters by the thesis' names and their covariance, shape (n, n), for white residuals.
 
-    ``C_0``, ``C_1``, ``a_1``, ``b_1``, ..., ``p_1``, ``q_1`` belong to the normalised model; ``R_0`` [ohm] is there where it
-    was fitted. A term that the fit left out, with a coefficient of zero, is not determined and takes no part in the rest.
+    ``C_0``, ``C_1``, ``a_1``, ``b_1``, ..., ``p_1``, ``q_1`` belong to the normalised model; ``R_0`` [ohm] is present
+    if it was fitted. A term with a coefficient of zero is not determined and has no effect on the others.
     """
     artifact, model = fit.artifact, fit.artifact.model
     N, L = len(artifact.terms), len(artifact.fading)
@@ -59,10 +59,10 @@ def parameters(fit: FractionalFit) -> tuple[tuple[Parameter, ...], Matrix]:
 
 
 def doubts(fit: FractionalFit) -> tuple[str, ...]:
-    """Return what was assumed and what the data do not determine, one sentence each."""
+    """Return the assumptions and what the data do not determine, one sentence each."""
     sentences = [_uneven(record) for record in fit.records]
     if fit.rest_fitted:
-        advice = "If the sensor had rested, give the resistance at rest."
+        advice = "If the sensor was at rest, give the resistance at rest (--rest-resistance)."
         rest, full_scale = fit.rest_resistance, fit.artifact.full_scale_strain
         sentences += [rest_doubt(record, rest, full_scale, advice) for record in fit.records]
     known, covariances = parameters(fit)
@@ -78,18 +78,18 @@ def doubts(fit: FractionalFit) -> tuple[str, ...]:
     at_bound = np.minimum(fit.theta - low, high - fit.theta) < AT_BOUND * (high - low)
     if at_bound.any():
         which = ", ".join(name for name, at in zip(names, at_bound, strict=True) if at)
-        sentences.append(f"{which} ended at a bound: the data ask for a value outside the model.")
+        sentences.append(f"{which} ended at a bound: the data suggest a value beyond it.")
     sentences.append(alike(tuple(each.name for each in known), covariances, "Take fewer terms if the numbers matter."))
     if fit.settings.model != "sub-model-1":
         sentences.append(
-            f"The fractional {fit.settings.model} needs the whole record and serves offline only: no FMU can be built from "
-            "it. Identify fractional-sub-model-1 for one."
+            f"The fractional {fit.settings.model} needs the whole record and works offline only: no FMU can be built from "
+            "it. For an FMU, identify fractional-sub-model-1."
         )
     return tuple(filter(None, sentences))
 
 
 def _uneven(record: Record) -> str:
-    """Return what equal steps cost; empty where the record has them."""
+    """Return a sentence on the resampling in equal steps; empty if the record has equal steps."""
     steps = np.diff(record.time)
     if np.ptp(steps) <= UNEVEN * float(np.median(steps)):
         return ""

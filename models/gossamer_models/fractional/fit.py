@@ -43,9 +43,9 @@ class FractionalFit:
     artifact : FractionalArtifact
         The model.
     settings : FractionalSettings
-        How it was fitted; the range of times of the memory covers the records.
+        Settings of the fit; the range of times of the memory covers the records.
     records : tuple of Record
-        What was fitted.
+        Fitted records.
     predicted : tuple of ndarray
         Resistance [ohm] at the samples of every record.
     train : tuple of ndarray of bool
@@ -59,7 +59,7 @@ class FractionalFit:
     rest_fitted : bool
         Whether the resistance at rest was fitted.
     costs : tuple of float
-        Root mean square residual [% of the scale] that each start came to.
+        Root mean square residual [% of the scale] after each start.
     seconds : float
         Wall time.
     """
@@ -101,7 +101,7 @@ def fit_fractional(
     Parameters
     ----------
     records : tuple of Record
-        Brought to equal steps where they have none.
+        Resampled in equal steps if they have none.
     train : tuple of ndarray of bool
         Samples of each record to fit.
     settings : FractionalSettings
@@ -116,7 +116,7 @@ def fit_fractional(
     Returns
     -------
     FractionalFit
-        The model, what it predicts, and what the search came to.
+        The model, its predictions, and the result of the search.
 
     Raises
     ------
@@ -278,7 +278,7 @@ def _check(record: Record, rows: Rows, settings: FractionalSettings) -> None:
     if strain.size < 2 * n_parameters:
         problem = f"{strain.size} samples are too few for up to {n_parameters} parameters: give twice as many"
     elif not (np.ptp(strain) > 0.0 and np.ptp(resistance) > 0.0):
-        problem = "strain or resistance is constant where it is to be fitted"
+        problem = "strain or resistance is constant in the training stretch"
     if problem is not None:
         msg = f"cannot fit {record.name!r}: {problem}."
         raise DataError(msg)

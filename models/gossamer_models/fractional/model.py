@@ -12,8 +12,8 @@ All orders share the modes, so a step costs the same for any number of terms and
 
 References
 ----------
-.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
-   Sensors, dissertation, Virginia Tech, 2010, Chapter 3.
+.. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors", dissertation, Virginia Tech, 2010, Chapter 3.
 """
 
 from __future__ import annotations
@@ -94,8 +94,8 @@ def summed_weights(artifact: FractionalArtifact, part: str = "cosine") -> tuple[
 def faded(s: Vector, h: float, term: FadingTerm) -> Vector:
     r"""Return :math:`\int_0^t e^{-p_l(t-\tau)} s^{q_l}\,d\tau` [s], shape (m,), with the power linear between samples.
 
-    The thesis takes the trapezoidal rule for the whole integrand, Eq. (3.20), which fails where :math:`p_l h` is not small;
-    with :math:`s^{q_l}` as in Eq. (3.15). Negative strain counts as none.
+    The thesis uses the trapezoidal rule for the whole integrand, Eq. (3.20), which fails if :math:`p_l h` is not small; with
+    :math:`s^{q_l}` as in Eq. (3.15). Negative strain counts as zero.
     """
     power = np.where(s > 0.0, np.maximum(s, 1e-300) ** term.exponent, 0.0)
     return np.asarray(integral_modes(power, h, np.array([term.rate]))[:, 0])
@@ -124,12 +124,12 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
     The step is exact for strain that is linear over it, so a ramp may be cut into any steps. Its memory is that of
     the batch evaluation, so both give the same numbers. A fractional integral of a constant grows without end, so
     here it acts on the change of strain since the run began: a sensor at rest stays at rest. With ``rest_strain`` =
-    0, as in the thesis, this is Eq. (3.21). Beyond full scale the model goes on, where it was not identified:
-    ``saturated`` says so.
+    0, as in the thesis, this is Eq. (3.21). Beyond full scale, the model continues outside its identified range, and
+    ``saturated`` is 1.
     """
     if artifact.model != "sub-model-1":
         msg = (
-            f"the fractional {artifact.model} cannot step: its phases need the whole record, so it serves offline only. "
+            f"the fractional {artifact.model} cannot step: its phases need the whole record, so it works offline only. "
             "Identify the same records with --model fractional-sub-model-1, or preisach."
         )
         raise ParameterError(msg)
@@ -153,7 +153,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
         return ca.vertcat(z, s), {"resistance": R, "saturated": outside}
 
     return StepModel.written(
-        name="sensor",  # by which scenarios and reports know it
+        name="sensor",  # scenarios and reports recognise it by this name
         description="Conductive polymer strain sensor with fractional memory",
         variables=(
             *_scale_variables(artifact),

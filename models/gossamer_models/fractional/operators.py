@@ -1,4 +1,4 @@
-r"""Fractional integral and derivative of a sampled record, in time that grows with its length only.
+r"""Fractional integral and derivative of a sampled record, at a cost that is linear in its length.
 
 Symbols: :math:`u_m` samples, ``h`` sampling step [s], :math:`a` order [1], :math:`z_q` modes of a bank with rates
 :math:`\lambda_q` and weights :math:`g_q` (see ``modes/power_law.py``).
@@ -9,8 +9,8 @@ at t = 0.
 
 References
 ----------
-.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
-   Sensors, dissertation, Virginia Tech, 2010, Chapter 3.
+.. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors", dissertation, Virginia Tech, 2010, Chapter 3.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ def integral(u: Vector, h: float, order: float, kernels: PowerLawKernels | None 
     Parameters
     ----------
     u : ndarray, shape (m,)
-        Samples; linear in between, which the result is exact for, up to the relative error of the kernel, 1e-6.
+        Samples; for a record linear in between, the result is exact up to the relative error of the kernel, 1e-6.
     h : float
         Sampling step [s].
     order : float
         :math:`a` [1], 0 < a < 1.
     kernels : PowerLawKernels or None
-        Their rates; None for those that the record needs.
+        Kernels to use; None for those that the record needs.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def derivative(u: Vector, h: float, order: float, kernels: PowerLawKernels | Non
 
 
 def initial_term(u: Vector, h: float, order: float) -> Vector:
-    r"""Return :math:`u_0 t^{-a}/\Gamma(1-a)`, shape (m,): what the derivative keeps of the first sample, Eq. (3.11)."""
+    r"""Return :math:`u_0 t^{-a}/\Gamma(1-a)`, shape (m,), Eq. (3.11): the term of the derivative from the first sample."""
     if u[0] == 0.0:
         return np.zeros(u.size)
     t = h * np.arange(1, u.size)
@@ -122,7 +122,7 @@ def covering(u: Vector, h: float, kernels: PowerLawKernels | None) -> PowerLawKe
     if h < 0.999 * kernels.shortest or lasts > 1.001 * kernels.longest:
         msg = (
             f"a record of {lasts:g} s in steps of {h:g} s is outside the memory of {kernels.shortest:g} s to "
-            f"{kernels.longest:g} s. Widen its range of times."
+            f"{kernels.longest:g} s. Widen the range of the memory."
         )
         raise DataError(msg)
     return kernels

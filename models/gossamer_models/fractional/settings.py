@@ -1,4 +1,4 @@
-"""How to fit a fractional model."""
+"""Settings of a fit of a fractional model, with their checks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class FractionalSettings:
         Number of fractional terms, and of fading integrals (model-1 only): N and M - N, 5 and 3 in
         Table 3.2 of the thesis.
     starts, seed : int
-        Number of random starts, and what they are drawn from.
+        Number of random starts, and the seed of the generator that draws them.
     orders, rates, exponents : tuple of float
         Bounds of :math:`a_k` [1], :math:`p_l` [1/s] and :math:`q_l` [1].
     nonnegative : bool
@@ -34,7 +34,7 @@ class FractionalSettings:
         size of the measured change. Terms of nearby orders otherwise grow without end. A term that is split in two
         costs nothing, so more terms never fit worse; terms without use get a coefficient of zero.
     most_evaluations : int
-        Of the columns, per start.
+        Largest number of evaluations of the columns per start.
     shortest, longest : float
         Range of times [s] of the memory.
     """
@@ -44,7 +44,7 @@ class FractionalSettings:
     model: ModelName
     terms: int = option(5, "Fractional derivatives or integrals.", least=1)
     fading: int = option(3, "Fading integrals.", models=("fractional-model-1",), least=0)
-    starts: int = option(12, "How many starts.", least=1)
+    starts: int = option(12, "Number of starts.", least=1)
     seed: int = option(0, "Seed of the starts.", least=0)
 
     orders: tuple[float, float] = (0.001, 0.999)
@@ -69,7 +69,7 @@ class FractionalSettings:
                 msg = f"bounds of {name} are {low:g} to {high:g}; they must increase within {least:g} to {most:g}"
                 raise ParameterError(msg)
         if self.terms < 1 or self.fading < 0 or self.starts < 1 or self.restraint < 0.0:
-            msg = "need one or more terms and starts, and neither fading integrals nor a restraint below zero"
+            msg = "need one or more terms and starts, no negative number of fading integrals, and no negative restraint"
             raise ParameterError(msg)
 
     @property

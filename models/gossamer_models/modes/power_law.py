@@ -1,7 +1,7 @@
 r"""The kernel of fractional operators, a power of time, as a sum of exponentials on fixed rates.
 
 Symbols: :math:`a` order [1], 0 < a < 1; :math:`\lambda_q` decay rate [1/s]; :math:`g_q` weight [s**(a - 1)] of mode q;
-:math:`c` mass [s**a] of the part of the kernel that is over within any step; :math:`\Delta` spacing of the rates [1].
+:math:`c` mass [s**a] of the part of the kernel that decays within any step; :math:`\Delta` spacing of the rates [1].
 For :math:`t` from ``shortest`` to ``longest``,
 
 .. math:: \frac{t^{a-1}}{\Gamma(a)} = \frac{\sin \pi a}{\pi} \int_{-\infty}^{\infty} e^{(1-a)x}\,e^{-e^x t}\,dx
@@ -24,8 +24,8 @@ from ..errors import ParameterError
 
 SPACING = 0.55  # of the logarithms of the rates: the trapezoidal rule errs by about exp(-pi**2 / SPACING)
 SLOWEST = 0.006  # slowest rate times longest time: the sum of all slower modes is a straight line up to there
-FASTEST = 20.0  # least fastest rate times shortest time: faster modes have died after one step
-STANDING = 1e-9  # rate times longest time of the mode that stands for a constant
+FASTEST = 20.0  # least product of fastest rate and shortest time: faster modes decay within one step
+STANDING = 1e-9  # rate times longest time of the mode that represents a constant
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class PowerLawKernels:
     Attributes
     ----------
     shortest, longest : float
-        Range of times [s] in which the kernel is right to a relative error of 1e-6. ``shortest`` is also the shortest
-        ramp of an input that the memory resolves: shorter ones are seen smoothed.
+        Range of times [s] in which the relative error of the kernel is at most 1e-6. ``shortest`` is also the shortest
+        ramp of an input that the memory resolves; it smooths shorter ones.
     """
 
     shortest: float
@@ -44,12 +44,12 @@ class PowerLawKernels:
 
     def __post_init__(self) -> None:
         if not (0.0 < self.shortest < self.longest < np.inf):
-            msg = f"a memory from {self.shortest:g} s to {self.longest:g} s is none: need 0 < shortest < longest"
+            msg = f"a memory cannot run from {self.shortest:g} s to {self.longest:g} s: need 0 < shortest < longest"
             raise ParameterError(msg)
 
     @cached_property
     def rates(self) -> Vector:
-        """Decay rates [1/s], increasing; the first one stands for zero."""
+        """Decay rates [1/s], increasing; the first one represents zero."""
         low, high = np.log(SLOWEST / self.longest), np.log(FASTEST / self.shortest)
         n = int(np.ceil((high - low) / SPACING))
         return np.concatenate([[STANDING / self.longest], np.exp(high - SPACING * np.arange(n, -1, -1))])
@@ -58,13 +58,13 @@ class PowerLawKernels:
     def weights(self) -> ca.Function:
         r"""Weights of the modes as a function of the order, ``a -> g``, differentiable.
 
-        The result has one element more than ``rates``: the mass :math:`c` stands last. All are positive.
+        The result has one element more than ``rates``: the last is the mass :math:`c`. All are positive.
 
         Notes
         -----
         Trapezoidal rule in :math:`x = \ln\lambda`, spectrally accurate [1]_. Modes faster than the grid are lumped
         into its fastest mode and a mass, which keeps the integral and the first moment of the kernel: the response to
-        an input that is linear over ``shortest`` or longer stays right. Modes slower than the grid are lumped into
+        an input that is linear over ``shortest`` or longer stays correct. Modes slower than the grid are lumped into
         its slowest mode and a constant, which keeps value and slope. Both sums are geometric series.
 
         References

@@ -44,7 +44,7 @@ def responses(steps: ArrayLike, sizes: ArrayLike, u: Vector, rates: Vector, powe
     Parameters
     ----------
     steps : array_like, shape (m - 1,) or scalar
-        Steps between samples [s]; a scalar for equal ones, which cost less.
+        Steps between samples [s]; a scalar for equal steps, which cost less.
     sizes : array_like, shape (m - 1,) or scalar
         Excitation :math:`r` over each step.
     u : ndarray, shape (m,)

@@ -35,7 +35,7 @@ class StretchedKernels:
     rates : ndarray, shape (R,)
         :math:`\lambda` [1/s], evenly spaced in the logarithm.
     times : ndarray, shape (T,)
-        Where the expansion is fitted [s].
+        Times [s] at which the expansion is fitted.
     expand : ndarray, shape (R, T)
         Weights [1] of the rates for a kernel given at ``times``: regularised least squares, so linear in the kernel.
     """
@@ -46,7 +46,7 @@ class StretchedKernels:
 
     @classmethod
     def between(cls, shortest: float, longest: float) -> StretchedKernels:
-        """Return rates for kernels seen between two times [s]."""
+        """Return rates for kernels between two times [s]."""
         low, high = np.log10(0.1 / longest), np.log10(5.0 / shortest)
         rates = np.logspace(low, high, int(np.ceil(RATES_PER_DECADE * (high - low))) + 1)
         times = np.concatenate([[0.0], np.geomspace(0.1 * shortest, 2.0 * longest, 100)])
@@ -85,7 +85,7 @@ def exponential_sum(
     Raises
     ------
     ParameterError
-        An argument outside its meaning.
+        An argument is out of range.
     ConvergenceError
         The tolerance was not met.
 
@@ -120,7 +120,7 @@ def exponential_sum(
         start = np.linspace(np.log(0.3 / last), np.log(10.0 / shortest), n)
         start[np.argmin(np.abs(start - own))] = own
         start = start[problem.coefficients(start) > 0.0]
-        if start.size <= searched:  # so many rates were searched for already, and were too few
+        if start.size <= searched:  # a search with as many rates has failed already
             continue
         searched = start.size
         logarithms = _search(problem, start)
@@ -138,7 +138,7 @@ def exponential_sum(
 
 
 def _search(problem: SeparableProblem, logarithms: Vector) -> Vector:
-    """Return better logarithms of the rates: damped Gauss-Newton that gives up early, in a fraction of SciPy's time."""
+    """Return better logarithms of the rates: damped Gauss-Newton that stops early, in a fraction of SciPy's time."""
     error, damping, sizes = problem.residual(logarithms), 1e-4, [np.inf] * PATIENCE
     for _ in range(MOST_ITERATIONS):
         size = float(np.linalg.norm(error))

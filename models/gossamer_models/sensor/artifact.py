@@ -1,4 +1,4 @@
-r"""Identified numbers of one sensor: density tables, relaxation terms and where they come from.
+r"""Identified numbers of one sensor: density tables, relaxation terms and their provenance.
 
 Symbols: ``N`` number of lines and of bins along a line, ``mu[i, k]`` weight [1] of up-switching on line
 :math:`\alpha - \beta = i/N` for :math:`k/N < \alpha < (k+1)/N`, ``nu = eta*mu`` weight [1] of down-switching, and per
@@ -54,8 +54,8 @@ class RelaxationTerm:
         Whether the amplitude may be negative (extension). The output may then move against the strain, which the exact
         inverse cannot undo; such a sensor needs a direct inverse.
     gain : bool
-        Whether the term is multiplied by the present strain (extension): loading then changes how much the resistance
-        answers to strain, not the resistance itself. Such a sensor needs a direct inverse too.
+        Whether the term is multiplied by the present strain (extension): loading then changes the gauge factor, not the
+        resistance itself. Such a sensor needs a direct inverse too.
     """
 
     amplitude: float
@@ -73,9 +73,9 @@ class RelaxationTerm:
         if not np.isfinite(numbers).all():
             msg = "a relaxation term holds a number that is not finite. Identify it again."
             raise ParameterError(msg)
-        _ = self.excitation  # refuses what is none
+        _ = self.excitation  # refuses an unknown drive or power
         if self.amplitude < 0.0 and not self.signed:
-            msg = f"a relaxation amplitude is {self.amplitude:g}, it must not be negative: the inverse needs a rising output"
+            msg = f"a relaxation amplitude is {self.amplitude:g}; it must not be negative: the inverse needs a rising output"
             raise ParameterError(msg)
         if not (self.rate > 0.0 and 0.0 < self.exponent <= 1.0):
             msg = f"relaxation exp(-b t**c) needs b > 0 and 0 < c <= 1, not b = {self.rate:g}, c = {self.exponent:g}"
@@ -95,7 +95,7 @@ class RelaxationTerm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scales:
-    """What one identified sensor's normalised strain and output stand for: start values of the parameters of its FMUs.
+    """Scales of one identified sensor's normalised strain and output: start values of the parameters of its FMUs.
 
     Attributes
     ----------
@@ -130,9 +130,9 @@ class SensorArtifact:
     relaxation : tuple of RelaxationTerm
         Terms of the dynamic operators; empty for a rate-independent sensor.
     inverse : DirectInverse or None
-        The way from output to strain where it was identified on its own (extension); None for the exact inverse.
+        Direct inverse from output to strain, where one was identified (extension); None for the exact inverse.
     scales : Scales or None
-        Where the record was in ohm; None for a record without units.
+        Scales of a record in ohm; None for a record without units.
     provenance : dict
         Origin and digest of the data, command, errors reached, assumptions.
 
@@ -182,7 +182,7 @@ class SensorArtifact:
 
     @property
     def exactly_invertible(self) -> bool:
-        """Tell whether the exact inverse exists: no term may move the output against the strain or be a gain."""
+        """Whether the exact inverse exists: no term moves the output against the strain or is a gain."""
         return not any(term.signed or term.gain for term in self.relaxation)
 
     @property
@@ -243,7 +243,7 @@ class SensorArtifact:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectInverse:
-    """The same operators the other way round: driven by the output, they give the strain.
+    """Direct inverse: the same kind of operators, driven by the output, whose result is the strain.
 
     Attributes
     ----------

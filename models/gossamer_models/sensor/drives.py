@@ -1,4 +1,4 @@
-r"""What excites the relaxation of a sensor, and the named sets of it that a fit may choose.
+r"""Excitation of the relaxation of a sensor, and the named sets of excitations that a fit may choose.
 
 Symbols: ``s`` normalised strain [1]; a mode is driven at the rate :math:`a s^d |\dot s|`, d = 0 or 1, while strain rises,
 as in Eq. (4.13) and Section 4.2 of the thesis, or while it falls. A gain is a mode that is multiplied by the present
@@ -40,7 +40,7 @@ class Drive:
 
     def __post_init__(self) -> None:
         if self.strain not in DIRECTIONS:
-            msg = f"a relaxation term is driven by {self.strain!r} strain; it is one of {', '.join(DIRECTIONS)}"
+            msg = f"a relaxation term is driven by {self.strain!r} strain; choose one of {', '.join(DIRECTIONS)}"
             raise ParameterError(msg)
         if self.power not in (0, 1):
             msg = f"a relaxation power is {self.power!r}; 0 and 1 are supported. Identify it with one of them."
@@ -57,7 +57,7 @@ class Drive:
         return DIRECTIONS[self.strain]
 
     def sizes(self, change: Vector) -> Vector:
-        """Return by how much changes of strain [1] excite [1]."""
+        """Return the sizes of the excitation by changes of strain [1]."""
         return np.maximum(self.sign * change, 0.0)
 
 

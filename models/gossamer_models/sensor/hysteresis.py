@@ -1,7 +1,7 @@
 r"""Modified Preisach plane of Eq. (4.7) of the thesis as a bank of lines.
 
 Symbols: ``s`` normalised strain [1] in 0..1; ``N`` lines :math:`\alpha - \beta = 2 r_i = i/N`, line 0 an anhysteretic
-spring; ``front[i]`` = :math:`\alpha_i = w_i + r_i` [1], up to where the operators of line i are switched up (:math:`w_i` is
+spring; ``front[i]`` = :math:`\alpha_i = w_i + r_i` [1]: below it, the operators of line i are switched up (:math:`w_i` is
 the play operator of half-width :math:`r_i`; on the other axis the same operators end at :math:`\beta_i = \alpha_i - i/N`);
 ``k`` bin of width 1/N along :math:`\alpha`; ``up[i]``, ``down[i]`` cumulative weights [1] of ``mu`` and ``nu = eta*mu``
 below the front.
@@ -37,7 +37,7 @@ def move_fronts(front: ca.MX, strain: ca.MX) -> ca.MX:
     Notes
     -----
     The play operator :math:`w_i = \max(s - r_i, \min(s + r_i, w_i))` of [1]_ written for :math:`\alpha_i = w_i + r_i`:
-    rising strain sets the fronts it passes to exactly ``s``, so equal histories give equal bits.
+    rising strain sets the fronts that it passes to exactly ``s``, so equal histories give equal bits.
     Rate independent: no step size appears, and none may be added here.
 
     References
@@ -73,7 +73,7 @@ def cumulate(front: ca.MX, mu: Table, nu: Table) -> tuple[ca.MX, ca.MX]:
         :math:`M_i = \sum_k \mu_{ik} \min(\max(\alpha_i - k/N, 0), 1/N)` and the same sum with :math:`\nu` [1].
     """
     N = mu.shape[0]
-    k = ca.fmin(ca.floor(N * front), N - 1.0)  # the bin in which each front stands
+    k = ca.fmin(ca.floor(N * front), N - 1.0)  # the bin of each front
     return _weight_below(front, k, mu), _weight_below(front, k, nu)
 
 

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 ETA_SCALE = (0.9, 1.1)  # [1]
-TITLES = {"mu": "mu (the elastic line may exceed the scale)", "eta": "eta, the part of mu that a switch down takes"}
+TITLES = {"mu": "mu (the elastic line may exceed the scale)", "eta": "eta, the share of mu that a down-switch removes"}
 
 
 def plot_plane(artifact: SensorArtifact, name: str, *, ax: Axes | None = None) -> Axes:
-    """Draw ``mu`` or ``eta`` over the Preisach plane; the cell of line i and bin k stands in row k, column k - i."""
+    """Draw ``mu`` or ``eta`` over the Preisach plane; the cell of line i and bin k lies in row k, column k - i."""
     ax = axes_for(ax)
     mu, nu = artifact.tables()
     N = artifact.n_lines
@@ -36,7 +36,7 @@ def plot_plane(artifact: SensorArtifact, name: str, *, ax: Axes | None = None) -
     off_line = plane[np.tril_indices(N, -1)]
     top = float(np.nanmax(off_line)) if np.isfinite(off_line).any() else 1.0
     low = None
-    if name == "eta":  # no colours for differences that mean nothing
+    if name == "eta":  # keep meaningless differences out of the colours
         low, top = min(ETA_SCALE[0], float(np.nanmin(plane))), max(ETA_SCALE[1], top)
     image = ax.imshow(plane, origin="lower", extent=(0, 1, 0, 1), vmin=low, vmax=top, cmap="viridis")
     ax.figure.colorbar(image, ax=ax, label=r"$\mu$ [1]" if name == "mu" else r"$\eta$ [1]")

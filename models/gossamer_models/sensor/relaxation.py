@@ -6,9 +6,10 @@ Symbols: ``z[q]`` mode [1], :math:`\lambda_q` decay rate [1/s], :math:`g_q, k_q`
 
 which is Eq. (4.13) of the thesis, read with :math:`n_\zeta` for :math:`n_\alpha`, with :math:`A = a\zeta^d`, d = 0
 (:math:`g`) or 1 (:math:`k`), and the stretched exponentials replaced by sums. Falling strain excites nothing in the thesis.
-As an extension it excites the same modes with amplitudes of its own, :math:`(g'_q + k'_q s)\,|\dot s|`: carbon-black
-sensors jump up when unloading begins. As another, modes :math:`z'_q` of the same law are multiplied by the present strain,
-:math:`f_d = \sum_q z_q + s \sum_q z'_q`: the loops of silver thread grow from cycle to cycle. ``x`` = :math:`\lambda h`
+There are two extensions. In one, falling strain excites the same modes with amplitudes of its own,
+:math:`(g'_q + k'_q s)\,|\dot s|`: the resistance of carbon-black sensors jumps up when unloading begins. In the other, modes
+:math:`z'_q` of the same law are multiplied by the present strain, :math:`f_d = \sum_q z_q + s \sum_q z'_q`: the loops of
+silver thread grow from cycle to cycle. ``x`` = :math:`\lambda h`
 [1], ``h`` step [s]. The step is exact for strain linear over it.
 """
 
@@ -36,7 +37,7 @@ class ModeBank:
     decay_rates : ndarray, shape (n,)
         Rates [1/s], increasing, all different.
     amplitudes : dict of Drive to ndarray, shape (n,)
-        What a unit of each excitation adds to the modes [1].
+        Response of the modes to a unit of each excitation [1].
     """
 
     decay_rates: Vector
@@ -88,7 +89,7 @@ def decay(bank: ModeBank, z: ca.MX, h: ca.MX) -> ca.MX:
 
 
 def excitation(bank: ModeBank, start: ca.MX, h: ca.MX, strain: str) -> tuple[ca.MX, ca.MX]:
-    r"""Prepare what a linear rise or fall within one step leaves in the modes.
+    r"""Prepare the response of the modes to a linear rise or fall within one step.
 
     Parameters
     ----------
@@ -99,19 +100,20 @@ def excitation(bank: ModeBank, start: ca.MX, h: ca.MX, strain: str) -> tuple[ca.
     h : casadi.MX, scalar
         Step [s].
     strain : {"rising", "falling"}
-        Which way it moves.
+        Direction of the strain.
 
     Returns
     -------
     first, second : casadi.MX, shape (n,)
-        A move by :math:`\Delta \ge 0` adds :math:`\Delta\,(first + \Delta\,second)` to the modes [1]. Zero where nothing is
-        driven this way; not negative on a rise with amplitudes that are not.
+        A move by :math:`\Delta \ge 0` adds :math:`\Delta\,(first + \Delta\,second)` to the modes [1]. Zero if nothing
+        is driven this way; not negative on a rise if no amplitude is.
 
     Notes
     -----
     :math:`\int_0^h (g + k(s \pm \Delta\,\tau/h))\,(\Delta/h)\,e^{-\lambda(h - \tau)}\,d\tau
-    = \Delta\,(g + k s)\,\varphi_1(\lambda h) \pm \Delta^2 k\,\varphi_2(\lambda h)`. Eq. (5.3) of the thesis takes operators
-    switched in the last step undecayed, :math:`\varphi_1 = 1`; exact is as cheap, and a ramp may then be cut into any steps.
+    = \Delta\,(g + k s)\,\varphi_1(\lambda h) \pm \Delta^2 k\,\varphi_2(\lambda h)`. In the printed Eq. (5.3) of the thesis,
+    operators switched in the last step do not decay, :math:`\varphi_1 = 1`; the exact form costs no more, and a ramp may then
+    be cut into any steps.
     """
     x = ca.DM(bank.decay_rates) * h
     constant = linear = ca.DM.zeros(bank.size)

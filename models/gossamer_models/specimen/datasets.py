@@ -1,7 +1,7 @@
 """SYNTHETIC Dataset-1, -2 and -3, and a long random history, measured on the virtual specimen.
 
-The thesis prints its experiments as pictures only. Strain and times are what the project assumes of them (Section 2.1):
-ramps of 50 s. Every record starts with a fully recovered specimen.
+The thesis prints its experiments as pictures only. We assume their strain and times (Section 2.1): ramps of 50 s. Every
+record starts with a fully recovered specimen.
 
 The observations of Section 2.1, in Dataset-1 and in % of its range of 620 ohm: (1) the loop is anticlockwise, (2) 7.7 wide
 on average in the first cycle and 5.8 in the second, (3) which lies 5.4 higher, while resistance at zero strain climbs to 8.8
@@ -35,9 +35,9 @@ class Dataset:
     Attributes
     ----------
     name : str
-        Name, for titles; says that the record is synthetic.
+        Name, for titles; it contains the word synthetic.
     description : str
-        What was done to the specimen.
+        Strain history of the specimen.
     time : ndarray, shape (n,)
         Time [s], in equal steps.
     strain : ndarray, shape (n,)
@@ -45,11 +45,11 @@ class Dataset:
     resistance : ndarray, shape (n,)
         Resistance [ohm] with noise.
     noise_free : ndarray, shape (n,)
-        Resistance [ohm] without noise; for judging, not for fitting.
+        Resistance [ohm] without noise; for evaluation, not for fitting.
     rest_resistance : float
-        Resistance [ohm] before the record: what the models' output, a change of resistance, is counted from.
+        Resistance [ohm] before the record; the models' output is the change from it.
     train_until : float
-        End [s] of the stretch for fitting; 0 for a record that is for judging only.
+        End [s] of the stretch for fitting; 0 for a record for evaluation only.
     """
 
     name: str
@@ -90,7 +90,7 @@ def dataset(number: int) -> Dataset:
     Returns
     -------
     Dataset
-        801, 401 and 801 samples, 0.5 s apart; fitting takes the first 200 s of Dataset-1 or -3, Dataset-2 is for judging.
+        801, 401 and 801 samples, 0.5 s apart; fits use the first 200 s of Dataset-1 or -3; Dataset-2 is for evaluation.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def dataset(number: int) -> Dataset:
         There is no such dataset.
     """
     if number not in NAMES:
-        msg = f"there is no Dataset-{number}. Ask for 1, 2 or 3."
+        msg = f"there is no Dataset-{number}. Choose 1, 2 or 3."
         raise ParameterError(msg)
     cycles, top, end, train = {
         1: (2, STRAIN_1, 400.0, 200.0),
@@ -115,7 +115,7 @@ def dataset(number: int) -> Dataset:
 
 @cache
 def random_reversals(samples: int = 4001, *, seed: int = 55) -> Dataset:
-    """Measure a long SYNTHETIC history of random reversals, for judging compensators as Section 5.5 does.
+    """Measure a long SYNTHETIC history of random reversals, to evaluate compensators as Section 5.5 does.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def random_reversals(samples: int = 4001, *, seed: int = 55) -> Dataset:
         Fewer than two samples.
     """
     if samples < 2:
-        msg = f"a history of {samples} samples has no reversals. Ask for 2 samples or more."
+        msg = f"a history of {samples} samples has no reversals. Choose 2 samples or more."
         raise ParameterError(msg)
     rng = np.random.default_rng(seed)
     time = _clock(samples)

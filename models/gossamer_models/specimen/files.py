@@ -17,7 +17,7 @@ def write_datasets(folder: Path) -> tuple[Path, ...]:
     Parameters
     ----------
     folder : Path
-        Where to; made if needed.
+        Folder to write to; created if needed.
 
     Returns
     -------
@@ -29,7 +29,7 @@ def write_datasets(folder: Path) -> tuple[Path, ...]:
 
 
 def write_dataset(record: Dataset, path: Path) -> Path:
-    """Write a record with every digit, so that it is read back to the bit; the last column is for judging."""
+    """Write a record with every digit, so that reading restores every bit; the last column is for evaluation."""
     rows = zip(
         record.time.tolist(),
         record.strain.tolist(),

@@ -13,11 +13,12 @@ Symbols: :math:`\varepsilon` strain [1], ``v`` viscous strain of the bound rubbe
     \dot n_j &= -k_b\,e^{(q + \chi \varepsilon)/f_0}\,n_j + k_m\,e^{-(s_j - \bar g)/\ell}\,(1 - n_j), \\
     R &= C\,(1 + \varepsilon)^2 \Big/ \sum_j p_j \left[n_j\,e^{-\beta s_j} + (1 - n_j)\,e^{-\beta (s_j + d)}\right].
 
-The parameters are of physical order (``SpecimenParams`` says why; those without a reference are orders of magnitude). A
-few were settled by eye within those orders, so that gauge factor, loop and relaxation on both levels of a hold resemble real
-sensors; the gauge factor, 8 at 7.5 %, is above the 4 of two measured bars of carbon black in silicone. They were committed
-before any model was fitted to what the specimen gives, and were not, and must not be, tuned to make a model look good or
-bad. Not shown: the jump of resistance at the start of unloading that some carbon-black sensors have.
+The parameters have physical orders of magnitude (``SpecimenParams`` gives the reasons; those without a reference are
+orders of magnitude only). A few were chosen by eye within those orders, so that gauge factor, loop and relaxation on
+both levels of a hold resemble real sensors; the gauge factor, 8 at 7.5 %, is above the 4 of two measured bars of carbon
+black in silicone. They were committed before any model was fitted to data of the specimen. They were not, and must not
+be, tuned to make a model look good or bad. The specimen does not show the jump of resistance at the start of unloading
+that some carbon-black sensors have.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from ..errors import ConvergenceError, DataError, ParameterError
 RELATIVE_TOLERANCE = 1e-8  # of one step of the integrator
 ABSOLUTE_TOLERANCE = 1e-10
 GAP_CLASSES = 12  # nodes of a Gauss rule; they resolve the distribution to 1e-5 of the resistance
-LARGEST_STRAIN = 0.5  # [1]; Section 1.2 asks no more of a sensor, and the rates of a junction would leave all measure
+LARGEST_STRAIN = 0.5  # [1]; Section 1.2 requires no more of a sensor, and the rates of a junction would overflow beyond
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +49,7 @@ class SpecimenParams:
         Resistance [ohm] of the recovered specimen without strain. Bars of carbon black in silicone read 1 to 3 kohm.
     barrier : float
         Height :math:`\phi` of the tunnelling barrier [eV]; :math:`\beta = 2\sqrt{2 m \phi}/\hbar` [1]_ [2]_ is 2.3 per nm,
-        a tunnelling length :math:`2/\beta` of 0.9 nm, of the order found for polymer nanocomposites [3]_.
+        a tunnelling length :math:`2/\beta` of 0.9 nm, of the order of polymer nanocomposites [3]_.
     gap : float
         Median :math:`\bar g` [m] of the rest widths: tunnelling needs gaps of a few nanometres at most.
     gap_spread : float
@@ -57,7 +58,7 @@ class SpecimenParams:
         Volume fraction c [1] of carbon black; it amplifies the strain of the rubber between the aggregates by
         :math:`X = 1 + 2.5 c + 14.1 c^2` [4]_ [5]_.
     delayed_share : float
-        :math:`\varphi` [1], the part of the opening of a gap that waits for the bound rubber to flow.
+        :math:`\varphi` [1], the share of the opening of a gap that follows the flow of the bound rubber.
     relaxation_time : float
         :math:`\tau` [s] of the bound rubber at small overstrain: relaxation of filled rubber at 1 s to 100 s.
     overstrain_scale : float
@@ -73,7 +74,7 @@ class SpecimenParams:
     mending_length : float
         :math:`\ell` [m]: wider gaps mend e times slower for every :math:`\ell`, which spreads the times over decades.
     break_width : float
-        d [m], what a gap gains when its junction breaks.
+        d [m], growth of a gap when its junction breaks.
 
     References
     ----------
@@ -153,7 +154,7 @@ class VirtualSpecimen:
         DataError
             Times that do not increase, shapes that differ, a value that is not finite, strain beyond 0.5.
         ConvergenceError
-            The integrator gave up.
+            The integrator failed.
 
         Notes
         -----
@@ -168,7 +169,7 @@ class VirtualSpecimen:
             msg = "time must increase and all values must be finite. Sort the samples and drop the gaps."
             raise DataError(msg)
         if (largest := np.abs(eps).max()) > LARGEST_STRAIN:
-            msg = f"strain reaches {largest:g}; the specimen is good for {LARGEST_STRAIN:g}. Divide percent by 100."
+            msg = f"strain reaches {largest:g}; the specimen is valid up to {LARGEST_STRAIN:g}. Divide percent by 100."
             raise DataError(msg)
         solution = solve_ivp(
             lambda at, state: self._rate(state, np.interp(at, t, eps)),

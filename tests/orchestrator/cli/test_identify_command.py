@@ -34,7 +34,7 @@ def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
     assert printed[0] == str(out)
     assert {p.rsplit("/", 1)[-1] for p in printed[1:]} >= {"mu.png", "eta.png", "everett.png", "measured_loop.png"}
     assert "NRMSE" in result.stderr
-    assert "without holds, eta" in " ".join(result.stderr.split())
+    assert "without holds, the data do not separate eta" in " ".join(result.stderr.split())
     assert SensorArtifact.read(out).provenance["data"] == "measured.csv"
     assert str(tmp_path) not in out.read_text()
     built = CliRunner().invoke(app, ["build", "sensor", "compensator", "--artifact", str(out), "--out", str(tmp_path)])
@@ -88,7 +88,7 @@ def test_a_fractional_model_that_needs_the_whole_record_says_so_and_is_not_built
     result = CliRunner().invoke(app, ["identify", str(measured), "--model", "fractional-model-1", *options])
     assert result.exit_code == 0, result.output
     told = " ".join(result.stderr.split())
-    assert "serves offline only: no FMU can be built from it" in told
+    assert "works offline only: no FMU can be built from it" in told
     assert "from the fitted" in told
     built = CliRunner().invoke(app, ["build", "sensor", "--artifact", str(out), "--out", str(tmp_path)])
     assert (built.exit_code, built.stdout) == (1, "")
@@ -132,13 +132,13 @@ def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
         ([str(measured), "--model", "neural"], "there is no 'neural'"),
         ([str(measured), "--train", "900:"], "no sample lies in '900:'"),
         ([str(measured), "--tau", "soon"], "cannot read --tau 'soon' as numbers"),
-        ([str(measured), "--tau", "3,100"], "need one of tau per relaxation: 2 != 7"),
+        ([str(measured), "--tau", "3,100"], "need one value of tau per relaxation: 2 != 7"),
         ([str(measured), "--exponents", "1.5", "--relaxations", "1"], "exponents in (0, 1]"),
         ([str(measured), "--least-slope", "0"], "the least slope is 0"),
         ([str(measured), "--knots", "6"], "preisach has no knots"),
         ([str(measured), "--extension", "reversing", "--tau", "3"], "fixed kernels of its own"),
         ([str(tmp_path / "absent.csv")], "cannot read"),
-        ([str(measured), "--strain-unit", "1"], "the option says 1"),
+        ([str(measured), "--strain-unit", "1"], "but the option is 1"),
         ([str(measured), "--model", "preisach-hats", "--modes", "3"], "Leave --modes out, or choose --model preisach."),
         ([str(measured), "--terms", "3"], "preisach has no terms"),
         ([str(measured), "--model", "fractional-sub-model-1", "--direct-inverse"], "Leave --direct-inverse out"),

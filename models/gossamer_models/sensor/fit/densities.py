@@ -45,18 +45,18 @@ def modal_field(amplitudes: ca.MX, m: ca.MX, n: ca.MX, places: Vector) -> ca.MX:
 
 
 def bin_places(n_lines: int, seen: float) -> Vector:
-    """Return the middles of the bins over the range of strain that is fitted [1], shape (N,).
+    """Return the middles of the bins over the fitted range of strain [1], shape (N,).
 
-    Beyond that range they stand still at 1, so densities keep the value at its end: nothing is known there.
+    Beyond that range the result is 1, so densities keep their value at its end: the data determine nothing there.
     """
     return np.minimum((np.arange(n_lines) + 0.5) / n_lines / seen, 1.0)
 
 
 def reversible_beyond(n_lines: int, seen: float) -> sparse.csr_array:
-    """Return what lets lines wider than the range of strain that is fitted give their weight to the elastic line.
+    """Return a matrix that moves the weight of lines wider than the fitted range of strain to the elastic line.
 
-    No record of that range switches such operators, so whether they lose on the way back is unknown. The first loading goes
-    on as the density says, hysteresis appears only where the data require it.
+    No record within that range switches such operators down, so their hysteresis is unknown. The first loading follows
+    the density, and hysteresis appears only if the data require it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a fit of the modified Preisach model leaves open: how well the data determine it, and what was assumed."""
+"""Doubts about a fit of the modified Preisach model: parameters that the data do not determine, and assumptions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .preisach import PreisachFit
 DETERMINED = 0.5  # share of a parameter's information that must come from the data
 HOLD_RATE = 0.02  # of the fastest strain rate: slower is a hold
 LEAST_HOLD = 0.05  # of the training stretch
-REST_ADVICE = "Check it and its unit, or fit what was still relaxing."
+REST_ADVICE = "Check it and its unit, or fit the earlier relaxation too (--earlier)."
 
 
 def determination(fit: PreisachFit) -> tuple[Matrix, Matrix]:
@@ -44,7 +44,7 @@ def parameters(fit: PreisachFit) -> tuple[Parameter, ...]:
 
 
 def doubts(fit: PreisachFit) -> tuple[str, ...]:
-    """Return what the data cannot decide, one sentence each."""
+    """Return what the data do not determine, one sentence each."""
     sentences = []
     if not fit.solutions[0].converged:
         sentences.append(
@@ -53,15 +53,15 @@ def doubts(fit: PreisachFit) -> tuple[str, ...]:
         )
     if fit.settings.earlier:
         sentences.append(
-            "The errors take what was relaxing before a record began as known. FMUs start at rest and do not know it."
+            "The errors include the relaxation from before a record began. FMUs start at rest and do not include it."
         )
     else:
         sentences += [rest_doubt(r, fit.rest_resistance, fit.full_scale, REST_ADVICE) for r in fit.records]
     held = [_held(record, rows) for record, rows in zip(fit.records, fit.train, strict=True) if rows.any()]
     if fit.settings.relaxations and max(held) < LEAST_HOLD:
         sentences.append(
-            f"The strain is at rest for {100.0 * max(held):.1f} % of the training stretch: without holds, eta and slow "
-            "relaxation cannot be told apart. Add a hold to the record, or read eta as an assumption."
+            f"The strain is at rest for {100.0 * max(held):.1f} % of the training stretch: without holds, the data do "
+            "not separate eta from slow relaxation. Add a hold to the record, or treat eta as an assumption."
         )
     weak = Counter(p.name.split("[")[0] for p in parameters(fit) if not p.determined)
     sizes = {b.name: b.size for b in fit.blocks}
@@ -70,12 +70,12 @@ def doubts(fit: PreisachFit) -> tuple[str, ...]:
         sentences.append(
             f"{which} are set by regularisation or a bound, not by the data. Fewer modes or relaxations would do."
         )
-    sentences.append(alike(fit.names, determination(fit)[0], "Fix one."))
+    sentences.append(alike(fit.names, determination(fit)[0], "Fix one of them."))
     return tuple(filter(None, sentences))
 
 
 def _held(record: Record, rows: Rows) -> float:
-    """Return the part of the training time in which strain stands still."""
+    """Return the share of the training time in which strain is constant."""
     steps = np.diff(record.time)
     rates = np.abs(np.diff(record.strain)) / steps
     inside = rows[1:]

@@ -1,4 +1,4 @@
-"""The way from resistance to strain as a fit of its own: records turned round, with operators of either sign."""
+"""The direct inverse from resistance to strain: a fit to records with both exchanged, operators of either sign."""
 
 from __future__ import annotations
 

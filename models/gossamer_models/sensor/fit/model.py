@@ -29,8 +29,8 @@ class PreisachModel:
     Attributes
     ----------
     function : casadi.Function
-        ``x -> (f, constraints, soft)``, shapes (n,) -> (K,), (G,), (S,): coefficients, what must not be negative, and what
-        is preferred to be small.
+        ``x -> (f, constraints, soft)``, shapes (n,) -> (K,), (G,), (S,): coefficients, constraints (not negative), and
+        regularisation.
     basis : scipy.sparse.csr_array, shape (columns, K)
         Weights of cells and modes for every coefficient.
     blocks : tuple of Block

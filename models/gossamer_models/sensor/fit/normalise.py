@@ -1,7 +1,7 @@
 """Turn fitted parameters into a sensor: tables over the plane, positive sums of exponentials, an output of range 1.
 
-A fit expands its kernels on a grid of rates that serves the times it is fitted to. The sensor has exponentials of its own,
-good for the whole record and beyond, so what it gives is computed from it and not from the fit.
+A fit expands its kernels on a grid of rates for the fitted times. The sensor has exponentials of its own, which are
+accurate for the whole record and beyond. So the predictions are computed from the sensor and not from the fit.
 """
 
 from __future__ import annotations

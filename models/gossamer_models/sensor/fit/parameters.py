@@ -1,7 +1,7 @@
-r"""What is fitted: groups of parameters with their starts, bounds and pulls.
+r"""Fitted parameters in groups, with their starts, bounds and regularisation.
 
 Symbols: wave numbers ``m``, ``n`` and amplitudes ``b`` of the modal densities mu and eta; :math:`\log\tau` and ``c`` of the
-kernels and their amplitudes ``g``, ``k``; ``v`` what still relaxed when a record began; ``y0`` resistance at rest.
+kernels and their amplitudes ``g``, ``k``; ``v`` relaxation from before a record began; ``y0`` resistance at rest.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 r"""Fit the modified Preisach model to records.
 
 Symbols: ``y`` resistance over its range [1], ``mu``, ``eta`` densities, ``nu = eta*mu``; per kernel :math:`\tau, c` and the
-amplitudes :math:`g, k` of :math:`A(\zeta) = g + k\zeta`; :math:`y_0` at rest; :math:`v` what still relaxed when a record
+amplitudes :math:`g, k` of :math:`A(\zeta) = g + k\zeta`; :math:`y_0` at rest; :math:`v` relaxation from before a record
 began.
 
 The resistance, ``Stretch.response``, is linear in the amplitudes of mu, in g, k, v and y_0; wave numbers, eta, :math:`\tau`
-and c are found by the constrained Gauss-Newton method of ``fitting/constrained.py``. The error is that of Eq. (4.18) of the
-thesis.
+and c come from the constrained Gauss-Newton method of ``fitting/constrained.py``. The error is that of Eq. (4.18) of
+the thesis.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class PreisachFit:
     artifact : SensorArtifact
         Normalised sensor, ready to build from.
     settings : PreisachSettings
-        How it was fitted.
+        Settings of the fit.
     full_scale : float
         Strain [1] of the end of the range.
     rest_resistance, resistance_change : float
@@ -45,9 +45,9 @@ class PreisachFit:
     x : ndarray, shape (n,)
         Parameters.
     records : tuple of Record
-        What was fitted.
+        Fitted records.
     predicted : tuple of ndarray
-        Resistance [ohm] that the artifact gives for every record, with what was relaxing before it began.
+        Resistance [ohm] that the artifact gives for every record, with the relaxation from before it began.
     train : tuple of ndarray of bool
         Samples of every record that were fitted.
     solutions : tuple of Solution
@@ -96,7 +96,7 @@ def fit_preisach(
     Parameters
     ----------
     records : tuple of Record
-        All start at rest but for what ``settings.earlier`` allows.
+        All start at rest, unless ``settings.earlier`` is set.
     train : tuple of ndarray of bool
         Samples of each record to fit.
     settings : PreisachSettings or None

@@ -1,4 +1,4 @@
-r"""What records of strain do to the operators: the columns in which the resistance is linear.
+r"""Responses of the operators to records of strain: the columns in which the resistance is linear.
 
 Symbols: ``s`` strain over full scale [1], ``y`` resistance over the range that is fitted [1], ``N`` lines; ``U``, ``D``
 length of every cell (i, k >= i) of ``hysteresis.py`` that has switched up and down so far [1]; ``Z`` responses of one mode
@@ -29,7 +29,7 @@ OPPOSED = 0.5  # correlation of strain and resistance below which, with a minus,
 
 
 class Weights(NamedTuple):
-    """What the columns are multiplied by [1]: cells, shape (N (N + 1) / 2,) each, modes, earlier modes, rest."""
+    """Weights of the columns [1]: cells, shape (N (N + 1) / 2,) each, modes, earlier modes, rest."""
 
     mu: Vector
     nu: Vector
@@ -124,7 +124,7 @@ def prepare(
     Raises
     ------
     DataError
-        The training stretches tell nothing of a sensor.
+        The training stretches are too short, or strain or output is constant in them, or they have opposite signs.
     """
     unit = _check(records, train, full_scale)
     shortest = min(float(np.median(np.diff(r.time))) for r in records)
@@ -146,7 +146,7 @@ def prepare(
 
 
 def switched(strain: Vector, n_lines: int) -> tuple[Matrix, Matrix]:
-    """Return what has switched up and down until every sample.
+    """Return the lengths that have switched up and down until every sample.
 
     Parameters
     ----------
@@ -191,19 +191,19 @@ def relaxed(time: Vector, strain: Vector, rates: Vector, drive: Drive) -> Matrix
 
 
 def moves(strain: Vector) -> bool:
-    """Tell whether a normalised strain [1] moves enough to show anything of a sensor."""
+    """Return whether a normalised strain [1] varies enough to fit a sensor."""
     return strain.size > 0 and bool(np.ptp(strain) > LEAST_MOVE)
 
 
 def earlier_rates(kernels: StretchedKernels) -> Vector:
-    """Return the decay rates [1/s] of what may still relax when a record begins."""
+    """Return the decay rates [1/s] of relaxation that may still be under way when a record begins."""
     low, high = np.log10(kernels.rates[[0, -1]])
     low, high = low + 1.2, high - 0.7
     return np.logspace(low, high, max(2, round((high - low) * EARLIER_PER_DECADE) + 1))
 
 
 def _check(records: tuple[Record, ...], train: tuple[Rows, ...], full_scale: float) -> float:
-    """Return the range of the fitted output; refuse training stretches that tell nothing of a sensor."""
+    """Return the range of the fitted output; refuse training stretches from which no sensor can be fitted."""
     pairs = [(r, rows) for r, rows in zip(records, train, strict=True) if rows.any()]
     where = ", ".join(f"{r.name}, lines {r.lines[rows][0]} to {r.lines[rows][-1]}" for r, rows in pairs)
     count = sum(int(rows.sum()) for _, rows in pairs)
@@ -218,7 +218,7 @@ def _check(records: tuple[Record, ...], train: tuple[Rows, ...], full_scale: flo
         raise DataError(msg)
     unit = float(np.ptp(np.concatenate([r.resistance[rows] for r, rows in pairs])))
     if not unit > 0.0:
-        msg = f"{where}: the output stands still throughout the training stretch. Name one in which it changes."
+        msg = f"{where}: the output is constant throughout the training stretch. Name one in which it changes."
         raise DataError(msg)
     strain = np.concatenate([r.strain[rows] - r.strain[rows].mean() for r, rows in pairs])
     output = np.concatenate([r.resistance[rows] - r.resistance[rows].mean() for r, rows in pairs])
@@ -226,7 +226,7 @@ def _check(records: tuple[Record, ...], train: tuple[Rows, ...], full_scale: flo
     if correlation < -OPPOSED:
         msg = (
             f"{where}: the output falls as strain rises, their correlation is {correlation:.2f}; the model's output rises. "
-            "Give it with its sign changed."
+            "Change the sign of the output."
         )
         raise DataError(msg)
     return unit

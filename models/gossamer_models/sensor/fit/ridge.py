@@ -1,7 +1,7 @@
-"""Choose how small densities and amplitudes are preferred to be: by predicting the training stretch's later parts.
+"""Choose the regularisation of densities and amplitudes: by predicting the later parts of the training stretch.
 
-Test stretches are not looked at. Every training stretch is cut into ``PARTS``; from the first half on, each part is
-predicted by a fit to all parts before it, as the test stretch will be by a fit to the whole.
+Test stretches play no part. Every training stretch is cut into ``PARTS``; after the first half, each part is predicted
+by a fit to all parts before it, just as a fit to the whole training stretch predicts the test stretch.
 """
 
 from __future__ import annotations
@@ -57,7 +57,10 @@ def choose_ridge(
         for fitted, held in _forward(train):
             parts = tuple(replace(s, train=rows) for s, rows in zip(regression.stretches, fitted, strict=True))
             if not any(moves(s.strain[s.train]) for s in parts):
-                msg = "the strain rests in the first half of the training stretch, so no ridge can be chosen. Give one."
+                msg = (
+                    "the strain rests in the first half of the training stretch, so no ridge can be chosen. Give a number "
+                    "(--ridge)."
+                )
                 raise DataError(msg)
             part = replace(regression, stretches=parts)
             model = preisach_model(trial, part, rest_resistance)

@@ -1,4 +1,4 @@
-"""How to fit the modified Preisach model: everything that may be chosen, checked when it is chosen."""
+"""Settings of a fit of the modified Preisach model, with their checks."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ class PreisachSettings:
         Value for both ``density_ridge`` and ``relaxation_ridge``; "auto" chooses it by predicting the later parts of the
         training stretch; None leaves them as they are.
     earlier : bool
-        Whether relaxation from before a record may still be under way when it begins; the sensor that is built knows nothing
-        of it.
+        Whether relaxation from before a record may still be under way when it begins; the resulting sensor does not
+        include it.
     direct_inverse : bool
-        Whether to fit the way from resistance to strain too, which then replaces the exact inverse.
+        Whether to fit the direct inverse from resistance to strain too; it then replaces the exact inverse.
     least_slope, least_weight : float
         Lower bounds of mu on the elastic line and on all others, in units of the output's range. Noise on the resistance is
         amplified by no more than the inverse of the first.
     starts, seed : int
-        How many starts, and the seed of all but the first.
+        Number of starts, and the seed of all but the first.
     density : {"modal", "hats"}
         Modal functions of Eqs. (4.16) and (4.17) of the thesis, or hat functions on a coarse grid of the triangle with an
         elastic line :math:`\alpha = \beta` of their own and one eta.
@@ -53,7 +53,7 @@ class PreisachSettings:
         Lines and bins along a line of the finished tables.
     elastic : bool
         Whether an elastic line with modes of its own is added to the modal density: operators of no width, which a smooth
-        density cannot hold. The thesis' equations have none.
+        density cannot represent. The thesis' equations have none.
     signed : bool
         Whether amplitudes of relaxation may be negative.
     invertible : bool
@@ -90,17 +90,17 @@ class PreisachSettings:
     )
     ridge: float | Literal["auto"] | None = option(
         None,
-        "How strongly small densities and relaxation are preferred: a number, or auto to choose it by predicting the later "
-        "parts of the training stretch.",
+        "Strength of the regularisation, which prefers small densities and relaxation: a number, or auto to choose it by "
+        "predicting the later parts of the training stretch.",
         read=number_or_auto,
         metavar="NUMBER",
     )
-    earlier: bool = option(False, "The sensor was not at rest when its record began; fit what was still relaxing.")
-    direct_inverse: bool = option(False, "Fit the way from resistance to strain too, for the compensator.")
+    earlier: bool = option(False, "The sensor was not at rest when its record began: fit the earlier relaxation too.")
+    direct_inverse: bool = option(False, "Fit a direct inverse from resistance to strain too, for the compensator.")
     least_slope: float = option(
         0.02, "Least slope, in the output's range per full scale: limits how much the compensator amplifies noise."
     )
-    starts: int = option(2, "How many starts.", least=1)
+    starts: int = option(2, "Number of starts.", least=1)
     seed: int = option(0, "Seed of the starts.", least=0)
 
     density: Literal["modal", "hats"] = "modal"
@@ -120,7 +120,7 @@ class PreisachSettings:
 
     @classmethod
     def of(cls, model: str, **chosen: Any) -> PreisachSettings:  # noqa: ANN401
-        """Return the settings of a model and, where one is chosen, of an extension; ``chosen`` fields go before both."""
+        """Return the settings of a model and, where one is chosen, of an extension; ``chosen`` fields override both."""
         extension = chosen.get("extension", "none")
         _known(extension, tuple(EXTENSIONS))
         return cls(**{**PRESETS[_known(model, MODELS)], **EXTENSIONS[extension].settings, **chosen})
@@ -148,18 +148,18 @@ class PreisachSettings:
             msg = f"the seed is {self.seed}: it must not be negative"
             raise ParameterError(msg)
         if self.extension != "none" and self.relaxations < 1:
-            msg = f"the extension {self.extension} adds to the relaxation, of which there is none. Take one or more."
+            msg = f"the extension {self.extension} needs relaxation, but relaxations is 0. Take 1 or more."
             raise ParameterError(msg)
         if not self.fit_kernels and (self.tau is not None or self.exponents is not None):
             msg = (
-                f"the extension {self.extension} has fixed kernels of its own. Leave tau and exponents out, or choose "
-                "another one."
+                f"the extension {self.extension} has its own fixed kernels. Leave tau and exponents out, or choose "
+                "another extension."
             )
             raise ParameterError(msg)
         for name in ("tau", "exponents"):
             values = getattr(self, name)
             if values is not None and len(values) != self.relaxations:
-                msg = f"need one of {name} per relaxation: {len(values)} != {self.relaxations}"
+                msg = f"need one value of {name} per relaxation: {len(values)} != {self.relaxations}"
                 raise ParameterError(msg)
         if not all(0.0 < t < inf for t in self.tau or ()) or not all(0.0 < c <= 1.0 for c in self.exponents or ()):
             msg = f"kernels need times above 0 s and exponents in (0, 1], not {self.tau} and {self.exponents}"
@@ -168,7 +168,7 @@ class PreisachSettings:
             msg = f"the least slope is {self.least_slope:g} of the output's range: take one between 0 and 1"
             raise ParameterError(msg)
         if self.density == "hats" and not 2 <= self.knots < self.n_lines:
-            msg = f"cannot lay {self.knots} knots over {self.n_lines} lines: take 2 or more and fewer than lines"
+            msg = f"cannot lay {self.knots} knots over {self.n_lines} lines: take 2 or more knots, and fewer than lines"
             raise ParameterError(msg)
 
 
