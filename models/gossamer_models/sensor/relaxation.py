@@ -111,9 +111,9 @@ def excitation(bank: ModeBank, start: ca.MX, h: ca.MX, strain: str) -> tuple[ca.
     Notes
     -----
     :math:`\int_0^h (g + k(s \pm \Delta\,\tau/h))\,(\Delta/h)\,e^{-\lambda(h - \tau)}\,d\tau
-    = \Delta\,(g + k s)\,\varphi_1(\lambda h) \pm \Delta^2 k\,\varphi_2(\lambda h)`. In the printed Eq. (5.3) of the thesis,
-    operators switched in the last step do not decay, :math:`\varphi_1 = 1`; the exact form costs no more, and a ramp may then
-    be cut into any steps.
+    = \Delta\,(g + k s)\,\varphi_1(\lambda h) \pm \Delta^2 k\,\varphi_2(\lambda h)`.
+    In the printed Eq. (5.3) of the thesis, operators switched in the last step do not decay, :math:`\varphi_1 = 1`; the
+    exact form costs no more, and a ramp may then be cut into any steps.
     """
     x = ca.DM(bank.decay_rates) * h
     constant = linear = ca.DM.zeros(bank.size)
