@@ -284,7 +284,7 @@ def test_files_of_the_datasets_say_what_they_are_and_are_recognised_to_the_bit(t
         assert "SYNTHETIC" in path.read_text().splitlines()[0]
         found = read_record(path)
         assert not found.repairs
-        for name, values in (("time", wanted.time), ("strain", wanted.strain), ("output", wanted.resistance)):
+        for name, values in (("time", wanted.time), ("strain", wanted.strain), ("resistance", wanted.resistance)):
             assert np.array_equal(getattr(found, name), values)
 
 

@@ -129,7 +129,7 @@ def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
 
 def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
     for arguments, message in (
-        ([str(measured), "--model", "neural"], "there is no 'neural'"),
+        ([str(measured), "--model", "neural"], "there is no model 'neural'"),
         ([str(measured), "--train", "900:"], "no sample lies in '900:'"),
         ([str(measured), "--tau", "soon"], "cannot read --tau 'soon' as numbers"),
         ([str(measured), "--tau", "3,100"], "need one value of tau per relaxation: 2 != 7"),
