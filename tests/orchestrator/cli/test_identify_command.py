@@ -136,7 +136,7 @@ def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
         ([str(measured), "--exponents", "1.5", "--relaxations", "1"], "exponents in (0, 1]"),
         ([str(measured), "--least-slope", "0"], "the least slope is 0"),
         ([str(measured), "--knots", "6"], "preisach has no knots"),
-        ([str(measured), "--extension", "reversing", "--tau", "3"], "fixed kernels of its own"),
+        ([str(measured), "--extension", "reversing", "--tau", "3"], "its own fixed kernels"),
         ([str(tmp_path / "absent.csv")], "cannot read"),
         ([str(measured), "--strain-unit", "1"], "but the option is 1"),
         ([str(measured), "--model", "preisach-hats", "--modes", "3"], "Leave --modes out, or choose --model preisach."),
