@@ -62,7 +62,7 @@ def test_a_record_without_time_gets_a_sampling_step(tmp_path):
         (put(12, 0, "0.2"), r"r.csv, line 12: time goes backwards, 0.9 s to 0.2 s"),
         (put(12, 1, "-0.02"), "line 12: strain -0.02 is negative"),
         (put(12, 2, "1.06"), "line 12: the output jumps from"),
-        (put(12, 1, "7.5"), "line 12: strain 7.5 without a unit"),
+        (put(12, 1, "7.5"), "line 12: strain 7.5 has no unit"),
         (
             lambda rows: [put(k, 1, "0.01")(rows) for k in range(2, 42)],
             "lines 2 to 41: the record is of constant strain",
@@ -133,7 +133,7 @@ def test_a_gap_at_rest_is_harmless(tmp_path):
         ("time,strain,resistance", Columns(strain="eps"), "no column 'eps' for strain"),
         ("time,strain,strain [%]", Columns(resistance="strain"), "2 columns may be the strain"),
         ("t_ms,strain,resistance", Columns(time_unit="s"), "'t_ms' is in ms, but the option is s"),
-        ("time,strain,resistance", Columns(strain_unit="furlong"), "'furlong' is no unit of strain"),
+        ("time,strain,resistance", Columns(strain_unit="furlong"), "'furlong' is not a unit of strain"),
     ],
 )
 def test_unclear_columns_are_refused(tmp_path, header, columns, message):

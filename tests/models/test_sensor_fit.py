@@ -125,7 +125,7 @@ def test_equal_seeds_give_equal_fits_and_two_records_count_as_one(known):
 
 
 def test_a_record_without_holds_does_not_decide_eta_and_is_told_so(known, fitted):
-    assert any("eta and slow relaxation" in text for text in doubts(fitted))
+    assert any("do not separate eta from slow relaxation" in text for text in doubts(fitted))
     C, R = determination(fitted)
     assert R[fitted.names.index("b_elastic[1]"), fitted.names.index("b_elastic[1]")] > 0.8
     assert {p.name for p in parameters(fitted) if p.determined} >= {"b_elastic[1]"}
@@ -145,7 +145,7 @@ def test_impossible_settings_are_refused():
         PreisachSettings(modes=0)
     with pytest.raises(ParameterError, match="one value of tau per relaxation"):
         PreisachSettings(tau=(1.0,), relaxations=2)
-    with pytest.raises(ParameterError, match="it is one of preisach"):
+    with pytest.raises(ParameterError, match="choose one of preisach"):
         settings_for("neural")
     with pytest.raises(ParameterError, match="needs relaxation, but relaxations is 0"):
         settings_for("preisach", relaxations=0, extension="gain")

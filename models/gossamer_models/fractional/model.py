@@ -12,8 +12,8 @@ All orders share the modes, so a step costs the same for any number of terms and
 
 References
 ----------
-.. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
-   Sensors", dissertation, Virginia Tech, 2010, Chapter 3.
+.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors, dissertation, Virginia Tech, 2010, Chapter 3.
 """
 
 from __future__ import annotations

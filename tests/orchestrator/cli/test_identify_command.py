@@ -129,14 +129,14 @@ def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
 
 def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
     for arguments, message in (
-        ([str(measured), "--model", "neural"], "there is no 'neural'"),
+        ([str(measured), "--model", "neural"], "there is no model 'neural'"),
         ([str(measured), "--train", "900:"], "no sample lies in '900:'"),
         ([str(measured), "--tau", "soon"], "cannot read --tau 'soon' as numbers"),
         ([str(measured), "--tau", "3,100"], "need one value of tau per relaxation: 2 != 7"),
         ([str(measured), "--exponents", "1.5", "--relaxations", "1"], "exponents in (0, 1]"),
         ([str(measured), "--least-slope", "0"], "the least slope is 0"),
         ([str(measured), "--knots", "6"], "preisach has no knots"),
-        ([str(measured), "--extension", "reversing", "--tau", "3"], "fixed kernels of its own"),
+        ([str(measured), "--extension", "reversing", "--tau", "3"], "its own fixed kernels"),
         ([str(tmp_path / "absent.csv")], "cannot read"),
         ([str(measured), "--strain-unit", "1"], "but the option is 1"),
         ([str(measured), "--model", "preisach-hats", "--modes", "3"], "Leave --modes out, or choose --model preisach."),
