@@ -1,17 +1,10 @@
 r"""Modified Preisach plane of Eq. (4.7) of the thesis as a bank of lines.
 
 Symbols: ``s`` normalised strain [1] in 0..1; ``N`` lines :math:`\alpha - \beta = 2 r_i = i/N`, line 0 an anhysteretic
-<<<<<<< HEAD
 spring; ``front[i]`` = :math:`\alpha_i = w_i + r_i` [1]: below it, the operators of line i are switched up (:math:`w_i` is
 the play operator of half-width :math:`r_i`; on the other axis the same operators end at :math:`\beta_i = \alpha_i - i/N`);
 ``k`` bin of width 1/N along :math:`\alpha`; ``up[i]``, ``down[i]`` cumulative weights [1] of ``mu`` and ``nu = eta*mu``
 below the front.
-=======
-spring; ``front[i]`` = :math:`\alpha_i = w_i + r_i` [1]: below it, the operators of line i are switched up (:math:`w_i`
-is the play operator of half-width :math:`r_i`; on the other axis the same operators end at
-:math:`\beta_i = \alpha_i - i/N`); ``up[i]``, ``down[i]`` cumulative weights [1] of ``mu`` and ``nu = eta*mu`` below the
-front.
->>>>>>> prose
 
 Every corner of the tables lies at a multiple of 1/N in both :math:`\alpha` and :math:`\beta`; the inverse relies on it.
 """
