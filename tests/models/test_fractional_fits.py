@@ -148,8 +148,9 @@ def test_the_resistance_at_rest_is_fitted_where_it_is_not_known(artifact):
 
 
 def test_starts_fill_the_box():
-    low, high = np.array([0.001, 0.001, 1e-4]), np.array([0.999, 0.999, 10.0])
-    drawn = np.array(list(random_starts(low, high, FractionalSettings(model="model-1", terms=2, starts=50, seed=1))))
+    settings = FractionalSettings(model="model-1", terms=2, fading=1, starts=50, seed=1)
+    low, high = settings.box
+    drawn = np.array(list(random_starts(settings)))
     assert (drawn > low).all()
     assert (drawn < high).all()
     assert (drawn[:, 0] < drawn[:, 1]).all()

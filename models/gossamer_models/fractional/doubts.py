@@ -74,7 +74,7 @@ def doubts(fit: FractionalFit) -> tuple[str, ...]:
         )
     N, L = fit.settings.terms, fit.settings.n_fading
     names = [f"a_{k + 1}" for k in range(N)] + [f"{symbol}_{k + 1}" for symbol in "pq" for k in range(L)]
-    low, high = fit.box
+    low, high = fit.settings.box
     at_bound = np.minimum(fit.theta - low, high - fit.theta) < AT_BOUND * (high - low)
     if at_bound.any():
         which = ", ".join(name for name, at in zip(names, at_bound, strict=True) if at)

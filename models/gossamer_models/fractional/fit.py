@@ -54,8 +54,6 @@ class FractionalFit:
         Orders, rates and exponents, in the order of the artifact's terms.
     problem : SeparableProblem
         For derivatives at the solution.
-    box : tuple of ndarray, shape (N + 2 L,)
-        Bounds of ``theta``.
     rest_fitted : bool
         Whether the resistance at rest was fitted.
     costs : tuple of float
@@ -71,7 +69,6 @@ class FractionalFit:
     train: tuple[Rows, ...]
     theta: Vector
     problem: SeparableProblem
-    box: tuple[Vector, Vector]
     rest_fitted: bool
     costs: tuple[float, ...]
     seconds: float = field(compare=False)
@@ -143,26 +140,7 @@ def fit_fractional(
         for r, h, kept in zip(even, steps, rows, strict=True)
     ]
     problem = _problem(columns, changes, scale, [r.weight for r in records], settings, rest=rest_resistance is None)
-    bounds = [
-        *[settings.orders] * settings.terms,
-        *[settings.rates] * settings.n_fading,
-        *[settings.exponents] * settings.n_fading,
-    ]
-    low, high = np.array(bounds).T
-    costs, points = [], []
-    for k, start in enumerate(random_starts(low, high, settings)):
-        with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
-            solution = least_squares(
-                problem.residual,
-                start,
-                problem.jacobian,
-                bounds=(low, high),
-                x_scale=high - low,
-                max_nfev=settings.most_evaluations,
-            )
-        costs.append(float(100.0 * np.sqrt(2.0 * solution.cost / problem.y.size)))
-        points.append(solution.x)
-        progress(f"{settings.model}: start {k + 1} of {settings.starts}, misfit {costs[-1]:.3f} %")
+    points, costs = _search(problem, settings, progress)
     theta = _sorted(points[int(np.argmin(costs))], settings)
     c = problem.coefficients(theta)
     artifact = FractionalArtifact(
@@ -184,9 +162,8 @@ def fit_fractional(
         train=train,
         theta=theta,
         problem=problem,
-        box=(low, high),
         rest_fitted=rest_resistance is None,
-        costs=tuple(costs),
+        costs=costs,
         seconds=time.perf_counter() - began,
     )
 
@@ -232,8 +209,31 @@ def _problem(
     )
 
 
-def random_starts(low: Vector, high: Vector, settings: FractionalSettings) -> Iterator[Vector]:
+def _search(
+    problem: SeparableProblem, settings: FractionalSettings, progress: Callable[[str], None]
+) -> tuple[list[Vector], tuple[float, ...]]:
+    """Search from every start; return where each ends and its root mean square residual [% of the scale]."""
+    low, high = settings.box
+    points, costs = [], []
+    for k, start in enumerate(random_starts(settings)):
+        with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
+            solution = least_squares(
+                problem.residual,
+                start,
+                problem.jacobian,
+                bounds=(low, high),
+                x_scale=high - low,
+                max_nfev=settings.most_evaluations,
+            )
+        points.append(solution.x)
+        costs.append(float(100.0 * np.sqrt(2.0 * solution.cost / problem.y.size)))
+        progress(f"{settings.model}: start {k + 1} of {settings.starts}, misfit {costs[-1]:.3f} %")
+    return points, tuple(costs)
+
+
+def random_starts(settings: FractionalSettings) -> Iterator[Vector]:
     """Draw starting points: orders spread over their range, the others uniform in the logarithm."""
+    low, high = settings.box
     rng, n = np.random.default_rng(settings.seed), settings.terms
     for _ in range(settings.starts):
         share = rng.uniform(0.02, 0.98, low.size)

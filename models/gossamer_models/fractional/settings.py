@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..arrays import Vector
 from ..errors import ParameterError
 from ..fitting.options import option
 from .artifact import MODELS, ModelName
@@ -71,6 +72,12 @@ class FractionalSettings:
         if self.terms < 1 or self.fading < 0 or self.starts < 1 or self.restraint < 0.0:
             msg = "need one or more terms and starts, no negative number of fading integrals, and no negative restraint"
             raise ParameterError(msg)
+
+    @property
+    def box(self) -> tuple[Vector, Vector]:
+        """Bounds of orders, rates and exponents, shape (N + 2 L,) each."""
+        bounds = [self.orders] * self.terms + [self.rates] * self.n_fading + [self.exponents] * self.n_fading
+        return np.array([low for low, _ in bounds]), np.array([high for _, high in bounds])
 
     @property
     def n_fading(self) -> int:
