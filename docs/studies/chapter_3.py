@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from gossamer_models.fractional import FractionalArtifact, FractionalFit, derivative, integral, predict
 from gossamer_models.fractional.doubts import parameters
-from gossamer_models.specimen import Dataset, dataset
 
 from .compute import Results
 from .fractional import TableRow
 from .metrics import Metric, number, table, verdict
+from .specimen import Dataset, dataset
 from .style import BLUE, RED, Curve, Vector, compare, panels, save, show
 
 TABLES = {3: ("3.1", "M = 6"), 5: ("3.2", "M = 8")}

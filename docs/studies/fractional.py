@@ -21,10 +21,9 @@ from gossamer_models.fractional import (
     predict_record,
 )
 from gossamer_models.fractional.artifact import MODELS, ModelName
-from gossamer_models.specimen import dataset
 from numpy.typing import NDArray
 
-from .specimen import specimen_record
+from .specimen import dataset, specimen_record
 
 THESIS = {  # error [%] on Dataset-1 and Dataset-2, Tables 3.1 and 3.2, by model and number of fractional terms
     ("model-1", 3): (1.4539, 5.1200),

@@ -1,4 +1,4 @@
-"""Write the SYNTHETIC datasets as CSV files: ``python -m gossamer_models.specimen --out FOLDER``."""
+"""Write the SYNTHETIC datasets as CSV files: ``python docs/make_synthetic_records.py --out FOLDER``."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def _write(out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")]) -> None:
     """Write SYNTHETIC Dataset-1, -2 and -3: strain and resistance of a specimen that exists as equations only."""
-    from .datasets import NAMES, dataset
-    from .files import write_datasets
+    from studies.specimen.datasets import NAMES, dataset
+    from studies.specimen.files import write_datasets
 
     try:
         paths = write_datasets(out)

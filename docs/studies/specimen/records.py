@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from gossamer_models.fitting import Record
-from gossamer_models.specimen import dataset
+
+from .datasets import dataset
 
 
 def specimen_record(number: int) -> Record:

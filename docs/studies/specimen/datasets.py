@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from gossamer_models.arrays import Vector
+from gossamer_models.errors import ParameterError
 
-from ..arrays import Vector
-from ..errors import ParameterError
-from .specimen import VirtualSpecimen
+from .material import VirtualSpecimen
 
 SAMPLING_STEP = 0.5  # [s]
 RAMP = 50.0  # [s]

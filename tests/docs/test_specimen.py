@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
 from gossamer_models.fitting import read_record
-from gossamer_models.specimen import SpecimenParams, VirtualSpecimen, dataset, random_reversals
-from gossamer_models.specimen.__main__ import app
+from make_synthetic_records import app
 from scipy.constants import electron_mass, electron_volt, hbar
+from studies.specimen import SpecimenParams, VirtualSpecimen, dataset, random_reversals
 from typer.testing import CliRunner
 
 CYCLE = 200  # samples: 100 s

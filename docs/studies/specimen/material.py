@@ -26,12 +26,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from gossamer_models.arrays import Vector
+from gossamer_models.errors import ConvergenceError, DataError, ParameterError
 from numpy.typing import ArrayLike
 from scipy.constants import electron_mass, electron_volt, hbar
 from scipy.integrate import solve_ivp
-
-from ..arrays import Vector
-from ..errors import ConvergenceError, DataError, ParameterError
 
 RELATIVE_TOLERANCE = 1e-8  # of one step of the integrator
 ABSOLUTE_TOLERANCE = 1e-10

@@ -2,7 +2,8 @@
 
 from .datasets import Dataset, dataset, random_reversals
 from .files import write_dataset, write_datasets
-from .specimen import SpecimenParams, VirtualSpecimen
+from .material import SpecimenParams, VirtualSpecimen
+from .records import specimen_record
 
 __all__ = [
     "Dataset",
@@ -10,6 +11,7 @@ __all__ = [
     "VirtualSpecimen",
     "dataset",
     "random_reversals",
+    "specimen_record",
     "write_dataset",
     "write_datasets",
 ]
