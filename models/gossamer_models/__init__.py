@@ -1,4 +1,7 @@
-"""Physics and learning of the Gossamer monitoring chain; knows no FMI."""
+"""Physics and learning of the Gossamer monitoring chain; knows no FMI.
+
+``docs/nomenclature.md`` lists every symbol, its unit and its file, and where each equation of the thesis is implemented.
+"""
 
 from .errors import (
     ArtifactError,

@@ -117,11 +117,11 @@ def unpack(like: State, x: ca.MX) -> State:
     return column
 
 
-def choose(condition: ca.MX, yes: State, no: State) -> State:
+def select(condition: ca.MX, yes: State, no: State) -> State:
     """Return the first state where the condition holds, else the second, field by field."""
     if is_dataclass(yes) and not isinstance(yes, type):
         pairs = ((getattr(yes, part.name), getattr(no, part.name)) for part in fields(yes))
-        return type(yes)(*(choose(condition, *pair) for pair in pairs))
+        return type(yes)(*(select(condition, *pair) for pair in pairs))
     column: State = ca.if_else(condition, yes, no)
     return column
 

@@ -13,8 +13,8 @@ from gossamer_models.detector import (
     packet_energies,
     triangular_memberships,
 )
+from gossamer_models.detector.networks import PEAKS, train_networks
 from gossamer_models.detector.training import (
-    PEAKS,
     SAMPLES,
     STRAINS,
     THESIS_ERROR,
@@ -22,7 +22,6 @@ from gossamer_models.detector.training import (
     estimate_damage,
     simulate_strains,
     single_damage_cases,
-    train_networks,
     window_energies,
 )
 from hypothesis import given, settings

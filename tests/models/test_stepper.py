@@ -18,7 +18,7 @@ from gossamer_models import (
     Stepper,
     Variable,
 )
-from gossamer_models.variables import choose, input_, local, output, pack, parameter, unpack
+from gossamer_models.variables import input_, local, output, pack, parameter, select, unpack
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -263,7 +263,7 @@ def test_a_state_of_named_fields_is_one_column_field_by_field():
 def test_one_of_two_states_is_chosen_in_every_field(condition):
     x = ca.MX.sym("x", 2)
     yes, no = Nested(1.0, Pair(x, 2.0 * x)), Nested(-1.0, Pair(-x, -2.0 * x))
-    run = ca.Function("run", [x], [pack(choose(condition, yes, no))])
+    run = ca.Function("run", [x], [pack(select(condition, yes, no))])
     sign = 1.0 if condition else -1.0
     assert np.array(run([3.0, 4.0])).ravel().tolist() == [sign * value for value in (1.0, 3.0, 4.0, 6.0, 8.0)]
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from gossamer_models import ParameterError
 from gossamer_models.sensor import SensorArtifact
+from gossamer_models.sensor.drives import THESIS
 from gossamer_models.sensor.relaxation import ModeBank
 from numpy.typing import NDArray
 
@@ -67,6 +68,7 @@ class EverettInverse:
         }
         self._bank = ModeBank.of(artifact.relaxation)
         self._z = np.zeros(self._bank.size)
+        self._constant, self._linear = (self._bank.amplitudes.get(drive, np.zeros(self._bank.size)) for drive in THESIS)
         self._points = points
         self._turns: list[float] = [0.0]
         self._rising = True
@@ -96,8 +98,8 @@ class EverettInverse:
         rising = target > 0.0
         phi_1 = -np.expm1(-x) / x
         phi_2 = (1.0 - phi_1) / x
-        first = (self._bank.constant + self._bank.linear * self.strain) * phi_1
-        second = self._bank.linear * phi_2
+        first = (self._constant + self._linear * self.strain) * phi_1
+        second = self._linear * phi_2
         strain, change = self._ahead(rising)
         delta = strain - self.strain
         dynamic = delta * (first.sum() + delta * second.sum()) if rising else 0.0 * delta

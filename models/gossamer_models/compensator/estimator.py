@@ -26,7 +26,7 @@ from ..sensor.artifact import SensorArtifact, default_artifact
 from ..sensor.model import ADVICE, SCALE_VARIABLES, normalised, resting_state, saturated, with_scales
 from ..sensor.state import SensorLaw, SensorState
 from ..step_model import StepModel
-from ..variables import Results, Values, choose, input_, output, parameter
+from ..variables import Results, Values, input_, output, parameter, select
 from .drift import Drift
 from .exact import invert
 from .leg import BACK, Leg
@@ -274,7 +274,7 @@ def _commit(law: SensorLaw, sensor: SensorState, drift: Drift, now: Sample, chan
     refused = ca.logic_and(beyond, ca.logic_not(explained))
     shift = ca.if_else(ca.logic_or(now.known, ca.logic_and(beyond, explained)), residual, 0.0)
     return Commit(
-        sensor=choose(refused, held, replace(moved, f=moved.f + shift)),
+        sensor=select(refused, held, replace(moved, f=moved.f + shift)),
         refused=refused,
         drop=ca.if_else(refused, 0.0, drop),
         residual=residual,

@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import ParameterError
 from ..modes import phi_1
 from ..sensor.artifact import SensorArtifact
-from ..sensor.hysteresis import offsets
+from ..sensor.hysteresis import widths
 from ..sensor.model import ADVICE, SCALE_VARIABLES, normalised, resistance, resting_state, saturated, with_scales
 from ..sensor.relaxation import excitation
 from ..sensor.state import SensorLaw, SensorState
@@ -112,9 +112,9 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
 
     Notes
     -----
-    Chapter 5 of [1]_: the decayed modes and the static output are subtracted, the sign of the rest tells whether
-    strain rises or falls, and the surface of Eqs. (5.3), (5.4) is inverted; here the surface is never tabulated, and the
-    operators switched within the step count with their exact step response. The recovered strain then advances the
+    Chapter 5 of [1]_: the decayed modes, Eq. (5.7), and the static output are subtracted, the sign of the remainder
+    shows whether strain rises or falls, and the surface of Eqs. (5.3) and (5.4) is inverted; here it is never tabulated,
+    and the operators switched within the step count with their exact step response. The recovered strain then advances the
     compensator's own memory through ``SensorLaw.advance``, the function that the sensor runs.
 
     While a resistance is out of reach, memory stands still and only the modes decay, so a spike leaves no trace. The
@@ -122,8 +122,8 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
 
     References
     ----------
-    .. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer
-       Nanocomposite Sensors", dissertation, Virginia Tech, 2010, chapter 5.
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapter 5.
     """
     if not artifact.exactly_invertible:
         msg = (
@@ -186,7 +186,7 @@ def invert(law: SensorLaw, state: SensorState, target: ca.MX, h: ca.MX) -> tuple
     """
     n = len(law.mu)
     up = target >= 0.0
-    front = ca.if_else(up, state.front, 1.0 - state.front + offsets(n))
+    front = ca.if_else(up, state.front, 1.0 - state.front + widths(n))
     s0 = ca.if_else(up, state.s, 1.0 - state.s)
     target = ca.fabs(target)
     first = second = 0.0
@@ -219,8 +219,8 @@ def invert(law: SensorLaw, state: SensorState, target: ca.MX, h: ca.MX) -> tuple
     passed = F + ca.mtimes(_sparse(np.tri(n - 1)), rises) + relaxation(fronts[1:]) <= target
     s = base + ca.dot(passed, gaps)
     c = slope[0] + ca.dot(passed, slope[1:]) + first + 2.0 * second * (s - s0)
-    rest = ca.fmax(target - F - ca.dot(passed, rises) - relaxation(s), 0.0)
-    s = ca.fmin(s + 2.0 * rest / (c + ca.sqrt(c * c + 4.0 * second * rest)), 1.0)
+    remaining = ca.fmax(target - F - ca.dot(passed, rises) - relaxation(s), 0.0)
+    s = ca.fmin(s + 2.0 * remaining / (c + ca.sqrt(c * c + 4.0 * second * remaining)), 1.0)
     return ca.if_else(up, s, 1.0 - s), unreachable
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from ..variables import choose
+from ..variables import select
 
 KINK_PROBABILITY = 0.05  # prior probability of a kink somewhere in a window
 ACCEPTED = 2.0  # a window is accepted up to this many standard deviations of its residual's sum of squares
@@ -73,7 +73,7 @@ def smooth(y: ca.MX, sigma: ca.MX, half_widths: tuple[int, ...], place: int) -> 
     for m in half_widths:
         middle = min(place, last - m)
         smoothed, accepted = _smooth_window(y[middle - m : middle + m + 1], sigma, place - middle)
-        best = choose(accepted, smoothed, best)
+        best = select(accepted, smoothed, best)
     return best
 
 

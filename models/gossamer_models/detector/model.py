@@ -135,9 +135,9 @@ def detector_model(
     Strains are read every ``sampling_step``, the first time one sampling step after ``start_time``; between communication
     points they are taken as linear (held, where a communication step is longer than the sampling step). A window ends after
     ``window_length``; its energies, Eq. (7.8) of [1]_, are divided by the baseline energies of the same window of the
-    undamaged structure, Eq. (7.9), and sixteen networks estimate damage from the logarithms of the sixteen indices. With
-    ``repeat`` the next window follows at once, else there is one window only. Windows beyond the last one trained use its
-    baseline and networks, for a response that has become periodic.
+    undamaged structure, Eq. (7.9), and sixteen networks, Section 6.3, estimate damage from the logarithms of the sixteen
+    indices. With ``repeat`` the next window follows at once, else there is one window only. Windows beyond the last one
+    trained use its baseline and networks, for a response that has become periodic.
 
     ``similarity`` is the largest similarity with any reference case, relative to that of the case itself; near zero,
     the training holds nothing like it. ``valid`` is 1 if the baseline belongs to the last window that ended and its
@@ -145,8 +145,8 @@ def detector_model(
 
     References
     ----------
-    .. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer
-       Nanocomposite Sensors", dissertation, Virginia Tech, 2010, chapters 6 and 7.
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapters 6 and 7.
     """
     trained = artifact or DetectorArtifact.default()
     windows = range(len(trained.baseline))
@@ -170,8 +170,8 @@ def detector_model(
         window, U, ended = x.window.advance(u.strain, p, h)
         case = ca.if_else(ended, ca.fmin(x.window.number, windows[-1]), -1)
         estimates = [pack(estimate(U, c, p)) for c in windows]
-        found = unpack(x.estimate, ca.conditional(case, estimates, pack(x.estimate), True))
-        return DetectorState(window, found), found.results()
+        latest = unpack(x.estimate, ca.conditional(case, estimates, pack(x.estimate), True))
+        return DetectorState(window, latest), latest.results()
 
     return StepModel.written(
         name="detector",

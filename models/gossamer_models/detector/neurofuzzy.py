@@ -8,8 +8,8 @@ Correction of the source: similarity falls with distance, so Eq. (6.3) must read
 
 References
 ----------
-.. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
-   Sensors", dissertation, Virginia Tech, 2010, sections 6.1 to 6.3 and 7.6.
+.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors, dissertation, Virginia Tech, 2010, Chapters 6 and 7.
 """
 
 from __future__ import annotations

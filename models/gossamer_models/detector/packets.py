@@ -2,9 +2,9 @@
 
 Symbols: ``x1..x4`` four successive samples, ``U`` packet energies in the order AA, AD, DA, DD.
 
-A packet coefficient of level 2 of the orthonormal Haar basis depends on four successive samples only, so its energy is a
-running sum over blocks of four, without a record. PyWavelets gives the same for a whole record whose length is a multiple of
-four.
+A packet coefficient of level 2 of the orthonormal Haar basis, Eqs. (7.5) and (7.6) of the thesis applied twice, depends on
+four successive samples only, so its energy is a running sum over blocks of four, without a record. PyWavelets gives the
+same for a whole record whose length is a multiple of four.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def block_energies(block: ca.MX) -> ca.MX:
 
     References
     ----------
-    .. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer
-       Nanocomposite Sensors", dissertation, Virginia Tech, 2010, section 7.4.
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapter 7.
     """
     x1, x2, x3, x4 = ca.horzsplit(block)
     a1, d1 = x1 + x2, x1 - x2

@@ -113,13 +113,13 @@ def _nearest(R: Matrix, free: Vector, G: Matrix, h: Vector) -> Vector:
     dual, level = (GR / size[:, None]).T, short / size
     scale = float(np.abs(level).max())
     system = np.vstack([dual, level / scale])
-    u, _ = nnls(system, np.append(np.zeros(free.size), 1.0), maxiter=50 * h.size)
-    r = system @ u
-    gap = 1.0 - r[-1]
+    multipliers, _ = nnls(system, np.append(np.zeros(free.size), 1.0), maxiter=50 * h.size)
+    nearest = system @ multipliers
+    gap = 1.0 - nearest[-1]
     if gap < 1e-13:
         msg = "the constraints of the fit contradict each other. Widen the bounds of the parameters."
         raise ConvergenceError(msg)
-    return np.asarray(solve_triangular(R, free + scale * r[:-1] / gap), dtype=float)
+    return np.asarray(solve_triangular(R, free + scale * nearest[:-1] / gap), dtype=float)
 
 
 class GaussNewton:

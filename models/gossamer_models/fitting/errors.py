@@ -36,9 +36,8 @@ def e1(measured: Vector, predicted: Vector, *, rest: float) -> float:
 
     References
     ----------
-    .. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer
-    Nanocomposite
-       Sensors", dissertation, Virginia Tech, 2010.
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapter 3.
     """
     size = float(np.abs(measured - rest).sum())
     return 100.0 * float(np.abs(predicted - measured).sum()) / size if size > 0.0 else float("nan")
@@ -121,8 +120,8 @@ def covariance(data: Matrix, preferred: Matrix, variance: float) -> tuple[Matrix
 
     Parameters
     ----------
-    data, preferred : ndarray, shapes (m, n) and (s, n)
-        Jacobians J of the residuals and P of the regularisation.
+    data, preferred : ndarray, shapes (m, n) and (k, n)
+        Jacobians J of the residuals and P of what is preferred to be small.
     variance : float
         :math:`\sigma^2` of the residuals.
 
@@ -142,13 +141,13 @@ def covariance(data: Matrix, preferred: Matrix, variance: float) -> tuple[Matrix
     J = np.vstack([data, preferred])
     size = np.linalg.norm(J, axis=0)
     acting = size > 0.0
-    _, s, V = np.linalg.svd(J[:, acting] / size[acting], full_matrices=False)
-    half = V.T / np.maximum(s, LEAST_SINGULAR) / size[acting, None]
-    C, R = np.diag(np.where(acting, 0.0, np.inf)), np.zeros((size.size, size.size))
+    _, singular, V = np.linalg.svd(J[:, acting] / size[acting], full_matrices=False)
+    half = V.T / np.maximum(singular, LEAST_SINGULAR) / size[acting, None]
+    C, resolution = np.diag(np.where(acting, 0.0, np.inf)), np.zeros((size.size, size.size))
     inverse = half @ half.T
     C[np.ix_(acting, acting)] = variance * inverse
-    R[np.ix_(acting, acting)] = inverse @ data[:, acting].T @ data[:, acting]
-    return C, R
+    resolution[np.ix_(acting, acting)] = inverse @ data[:, acting].T @ data[:, acting]
+    return C, resolution
 
 
 def alike(names: tuple[str, ...], covariance: Matrix, advice: str) -> str:

@@ -2,12 +2,12 @@ r"""Identified numbers of one fractional model and their provenance.
 
 Symbols: ``s`` strain over its full scale [1], :math:`C_0, C_k` coefficients [1], [s**a] or [s**-a], :math:`a_k`
 orders [1], :math:`b_k` phases [1], :math:`C_l` coefficients [1/s], :math:`p_l` rates [1/s], :math:`q_l` exponents
-[1]. All models of Chapter 3 are
+[1]. All models of Chapter 3 of the thesis, Eqs. (3.15), (3.21) and (3.25), are
 
 .. math:: R - R_0 = \Delta R \left[C_0 s + \sum_k C_k\,O^{a_k} s_{b_k}
           + \sum_l C_l \int_0^t e^{-p_l (t-\tau)} s^{q_l}\,d\tau\right], \qquad O = D \text{ or } J,
 
-with :math:`s_b` the strain whose Fourier components are turned by :math:`\pi b/2`.
+with :math:`s_b` the strain whose Fourier components are turned by :math:`\pi b/2`, Eq. (3.18).
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class FractionalArtifact:
     Attributes
     ----------
     model : {"model-1", "sub-model-1", "sub-model-2"}
-        Eq. (3.15), derivatives; Eq. (3.21) and Eq. (3.25), integrals, of Chapter 3.
+        Eq. (3.15), derivatives; Eq. (3.21) and Eq. (3.25), integrals; of the thesis.
     direct : float
         :math:`C_0` [1].
     terms : tuple of FractionalTerm

@@ -1,8 +1,8 @@
 r"""Contribution of one record to a fit: the terms of a fractional model as columns, and their derivatives.
 
-Symbols: :math:`\theta` = (orders :math:`a_k`, rates :math:`p_l`, exponents :math:`q_l`); ``Phi`` columns of unit
-coefficient in the order strain, terms on the strain, terms on its quadrature (models with phases), fading integrals
-(model-1), one (where the resistance at rest is fitted).
+Symbols: :math:`\theta` = (orders :math:`a_k`, rates :math:`p_l`, exponents :math:`q_l`); ``s`` strain over full
+scale [1]; ``Phi`` columns of unit coefficient in the order strain, terms on the strain, terms on its quadrature (models with
+phases), fading integrals (model-1), one (where the resistance at rest is fitted).
 """
 
 from __future__ import annotations
@@ -94,9 +94,9 @@ def _fading(s: Vector, h: float) -> ca.Function:
     r"""Return :math:`(p, q) \to \int_0^t e^{-p(t-\tau)} s^q\,d\tau` [s] at all samples, and its derivatives."""
     z, p, q, ends, stretched = (ca.SX.sym(name, n) for name, n in (("z", 1), ("p", 1), ("q", 1), ("e", 2), ("on", 2)))
     # s**q from the logarithms of s at both ends of a sample; zero where s is not positive
-    v = stretched * ca.exp(q * ends)
+    power = stretched * ca.exp(q * ends)
     late = phi_2(p * h)
-    sample = ca.exp(-p * h) * z + h * ((phi_1(p * h) - late) * v[0] + late * v[1])
+    sample = ca.exp(-p * h) * z + h * ((phi_1(p * h) - late) * power[0] + late * power[1])
     state = ca.SX.sym("state", 3)  # z and its derivatives by p and q
     chain = ca.jacobian(sample, z)
     following = ca.vertcat(sample, chain * state[1] + ca.jacobian(sample, p), chain * state[2] + ca.jacobian(sample, q))

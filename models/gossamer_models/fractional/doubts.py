@@ -46,14 +46,16 @@ def parameters(fit: FractionalFit) -> tuple[tuple[Parameter, ...], Matrix]:
         ]
     if fit.rest_fitted:
         rows.append(("R_0", artifact.rest_resistance, Phi[:, -1] / artifact.resistance_change))
-    J = np.column_stack([np.zeros_like(J) if name[0] == "C" and value == 0.0 else J for name, value, J in rows])
+    J = np.column_stack(
+        [np.zeros_like(slope) if name[0] == "C" and value == 0.0 else slope for name, value, slope in rows]
+    )
     variance = float(residual @ residual) / max(residual.size - len(rows), 1)
-    C, _ = covariance(J, np.empty((0, len(rows))), variance)
-    deviations = np.sqrt(np.diag(C))
+    covariances, _ = covariance(J, np.empty((0, len(rows))), variance)
+    deviations = np.sqrt(np.diag(covariances))
     return tuple(
         Parameter(name=name, value=float(value), deviation=float(deviation), determined=bool(deviation < abs(value)))
         for (name, value, _), deviation in zip(rows, deviations, strict=True)
-    ), C
+    ), covariances
 
 
 def doubts(fit: FractionalFit) -> tuple[str, ...]:
@@ -63,7 +65,7 @@ def doubts(fit: FractionalFit) -> tuple[str, ...]:
         advice = "If the sensor was at rest, give the resistance at rest (--rest-resistance)."
         rest, full_scale = fit.rest_resistance, fit.artifact.full_scale_strain
         sentences += [rest_doubt(record, rest, full_scale, advice) for record in fit.records]
-    known, C = parameters(fit)
+    known, covariances = parameters(fit)
     loose = [each.name for each in known if not each.determined]
     if loose:
         sentences.append(
@@ -77,7 +79,7 @@ def doubts(fit: FractionalFit) -> tuple[str, ...]:
     if at_bound.any():
         which = ", ".join(name for name, at in zip(names, at_bound, strict=True) if at)
         sentences.append(f"{which} ended at a bound: the data suggest a value beyond it.")
-    sentences.append(alike(tuple(each.name for each in known), C, "Take fewer terms if the numbers matter."))
+    sentences.append(alike(tuple(each.name for each in known), covariances, "Take fewer terms if the numbers matter."))
     if fit.settings.model != "sub-model-1":
         sentences.append(
             f"The fractional {fit.settings.model} needs the whole record and works offline only: no FMU can be built from "

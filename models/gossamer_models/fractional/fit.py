@@ -7,10 +7,10 @@ sine parts, in its phases too::
 
     y = Phi(theta) c      columns: strain, terms on the record, terms on its quadrature, fading integrals
 
-so :math:`C_k, b_k` become two linear coefficients, :math:`A = C_k\cos(\pi b_k/2)` and :math:`B = -C_k\sin(\pi b_k/2)`,
-and every pair of these is one :math:`(C_k, b_k)` within the bounds of the thesis. A search over :math:`\theta` remains, in a
-box, with ``c`` eliminated at every step (``fitting/separable.py``). The modes do not depend on the orders and are computed
-once; what depends on :math:`\theta` is differentiated by CasADi.
+so :math:`C_k, b_k` become two linear coefficients, :math:`A = C_k\cos(\pi b_k/2)` and :math:`B = -C_k\sin(\pi b_k/2)`, and
+every pair of these is one :math:`(C_k, b_k)` within the bounds of the thesis. The sum of squares is that of Eq. (3.14). A
+search over :math:`\theta` remains, in a box, with ``c`` eliminated at every step (``fitting/separable.py``). The modes do
+not depend on the orders and are computed once; what depends on :math:`\theta` is differentiated by CasADi.
 """
 
 from __future__ import annotations

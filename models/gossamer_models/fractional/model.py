@@ -1,17 +1,19 @@
 r"""Fractional models: forward on a whole record, and sub-model-1 as a ``StepModel``.
 
-Symbols: ``s`` strain over full scale [1], ``z[q]`` modes [s], ``w[q]`` their weights [1/s], ``D`` direct part [1],
-``h`` step [s]; ``R0``, ``dR`` scales [ohm]. Sub-model-1, Eq. (3.21) of [1]_, is
+Symbols: ``s`` strain over full scale [1], ``z[q]`` modes [s], ``w[q]`` their weights [1/s], ``mass`` of their kernels [1]
+(``modes/power_law.py``), ``h`` step [s], ``p`` parameters by name; ``R`` resistance, ``R0`` at rest, ``dR`` change that an
+output of one stands for [ohm]. Sub-model-1, Eq. (3.21) of [1]_, is
 
-.. math:: R = R_0 + \Delta R\,(C_0 s + \sum_k C_k J^{a_k} s) = R_0 + \Delta R\,(D s + \sum_q w_q z_q),
+.. math:: R = R_0 + \Delta R\,(C_0 s + \sum_k C_k J^{a_k} s)
+            = R_0 + \Delta R\,\bigl((C_0 + \mathrm{mass})\,s + \sum_q w_q z_q\bigr),
           \qquad \dot z_q = -\lambda_q z_q + s.
 
 All orders share the modes, so a step costs the same for any number of terms and at any time of a record.
 
 References
 ----------
-.. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
-   Sensors", dissertation, Virginia Tech, 2010, Chapter 3.
+.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors, dissertation, Virginia Tech, 2010, Chapter 3.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from .operators import covering, integral_modes, quadrature, slope_modes, starte
 
 
 def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:
-    """Return the resistance [ohm], shape (m,), of a whole record.
+    """Return the resistance [ohm], shape (m,), of a whole record: Eq. (3.15), (3.21) or (3.25) of [1]_.
 
     Parameters
     ----------
@@ -77,7 +79,8 @@ def summed_weights(artifact: FractionalArtifact, part: str = "cosine") -> tuple[
     r"""Return weights of the modes, shape (n,), and mass of all fractional terms, on the record or on its quadrature.
 
     The kernels of :math:`D^a` and :math:`J^{1-a}` are the same. A term weighs the record with :math:`\cos(\pi b/2)`
-    and its quadrature with :math:`-\sin(\pi b/2)`.
+    and its quadrature with :math:`-\sin(\pi b/2)`, which is the turn of Eqs. (3.16) and (3.18) of [1]_; Eq. (3.17) prints
+    sine and cosine exchanged.
     """
     w, mass = np.zeros(artifact.kernels.rates.size), 0.0
     for term in artifact.terms:
@@ -89,10 +92,10 @@ def summed_weights(artifact: FractionalArtifact, part: str = "cosine") -> tuple[
 
 
 def faded(s: Vector, h: float, term: FadingTerm) -> Vector:
-    r"""Return :math:`\int_0^t e^{-p(t-\tau)} s^q\,d\tau` [s], shape (m,), with the power linear between samples.
+    r"""Return :math:`\int_0^t e^{-p_l(t-\tau)} s^{q_l}\,d\tau` [s], shape (m,), with the power linear between samples.
 
-    The thesis uses the trapezoidal rule for the whole integrand, Eq. (3.20), which fails if p h is not small; with
-    :math:`s^{q}` as in Eq. (3.15). Negative strain counts as zero.
+    The thesis uses the trapezoidal rule for the whole integrand, Eq. (3.20), which fails if :math:`p_l h` is not small; with
+    :math:`s^{q_l}` as in Eq. (3.15). Negative strain counts as zero.
     """
     power = np.where(s > 0.0, np.maximum(s, 1e-300) ** term.exponent, 0.0)
     return np.asarray(integral_modes(power, h, np.array([term.rate]))[:, 0])

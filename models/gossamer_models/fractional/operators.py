@@ -9,8 +9,8 @@ at t = 0.
 
 References
 ----------
-.. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
-   Sensors", dissertation, Virginia Tech, 2010, Chapter 3.
+.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors, dissertation, Virginia Tech, 2010, Chapter 3.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ..modes.power_law import check_order
 
 
 def integral(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:
-    r"""Return :math:`J^a u` [unit of u times s**order], Eq. (3.2), shape (m,).
+    r"""Return :math:`J^a u` [unit of u times s**order], Eq. (3.2) of [1]_, shape (m,).
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def integral(u: Vector, h: float, order: float, kernels: PowerLawKernels | None 
 
 
 def derivative(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:
-    r"""Return :math:`D^a u` [unit of u times s**-order], Eq. (3.1), shape (m,); arguments as of ``integral``.
+    r"""Return :math:`D^a u` [unit of u times s**-order], Eq. (3.1) of [1]_, shape (m,); arguments as in ``integral``.
 
     Notes
     -----
@@ -81,7 +81,8 @@ def quadrature(u: Vector) -> Vector:
 
     Notes
     -----
-    The Hilbert transform. It needs the whole record and takes it as one period: not causal, offline only.
+    The Hilbert transform: :math:`\epsilon_{Ph}` of Eq. (3.18) of [1]_ for b = -1. It needs the whole record and takes it as
+    one period: not causal, offline only.
     """
     return np.asarray(np.imag(hilbert(u)))
 

@@ -21,8 +21,8 @@ class FractionalSettings:
     model : {"model-1", "sub-model-1", "sub-model-2"}
         See ``FractionalArtifact``.
     terms, fading : int
-        Number of fractional terms, and of fading integrals (model-1 only): N and M - N of the thesis, 5 and 3 in
-        Table 3.2.
+        Number of fractional terms, and of fading integrals (model-1 only): N and M - N, 5 and 3 in
+        Table 3.2 of the thesis.
     starts, seed : int
         Number of random starts, and the seed of the generator that draws them.
     orders, rates, exponents : tuple of float

@@ -1,8 +1,9 @@
 r"""The membrane's equations of motion in space: elements assembled on a mesh.
 
 Symbols: ``q`` displacements [m] of the interior nodes from the homogeneously stretched plane, node by node as (x, y, z),
-shape (n_q,); ``damage`` of the 16 zones [1]; ``pressure`` [Pa]; ``p`` parameters by name; ``f`` nodal forces [N]; ``K``
-tangent [N/m]; ``M`` masses [kg]; ``c`` mass damping [1/s]::
+shape (n_q,); ``damage`` of the 16 zones [1]: Young's modulus of a zone is ``E (1 - damage)``, Section 7.1 of the thesis;
+``pressure`` [Pa]; ``p`` parameters by name; ``f`` nodal forces [N]; ``K`` tangent [N/m]; ``M`` masses [kg]; ``c`` mass
+damping [1/s]; ``x`` node positions in units of two element sizes [1]::
 
     M (q'' + c q' + a_base e_z) = f(q, damage, pressure; p)
 

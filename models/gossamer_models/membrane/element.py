@@ -1,10 +1,11 @@
 r"""The bilinear membrane element: the one place where its forces are written.
 
-Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1], ``H`` the four bilinear modes 1, s, t, st and
-``dH`` their parent derivatives, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the
-Green-Lagrange strain, ``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu``
-Poisson's ratio [1], ``D`` = E/(1 - nu^2). Lengths are in any one unit; forces are per thickness. Explicit steps, statics,
-implicit steps and frequencies all evaluate these expressions or their ``ca.jacobian``.
+Symbols: ``X``, ``x`` reference and current node positions, ``N`` bilinear shape functions [1], ``a`` four times the modes
+of the positions, ``s``, ``t`` parent coordinates [1], ``H`` the four bilinear modes 1, s, t, st and ``dH`` their parent
+derivatives, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the Green-Lagrange strain,
+``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu`` Poisson's ratio [1], ``D``
+= E/(1 - nu^2). Lengths are in any one unit; forces are per thickness. Explicit steps, statics, implicit steps and
+frequencies all evaluate these expressions or their ``ca.jacobian``.
 
 Matrices are NumPy arrays whose entries are CasADi columns with a row per element. So the same lines serve one element (SX)
 and, at a fraction of the cost in CasADi's virtual machine, all elements of a mesh at once (MX). CasADi leaves out
@@ -105,14 +106,14 @@ def element_force(
 
     Notes
     -----
-    With :math:`F = \sum_a x_a \otimes \nabla N_a`, :math:`e = F^T F - 1` and St Venant-Kirchhoff's law in plane stress,
-    :math:`S = \tfrac12 D\,[(1-\nu)\,e + \nu\,\mathrm{tr}(e)\,1]`, the force on node :math:`a` is
+    With :math:`F = \sum_I x_I \otimes \nabla N_I`, :math:`e = F^T F - 1` and St Venant-Kirchhoff's law in plane stress,
+    :math:`S = \tfrac12 D\,[(1-\nu)\,e + \nu\,\mathrm{tr}(e)\,1]`, the force on node :math:`I` is
 
-    .. math:: f_a = \int N_a\,p\; x_{,s} \times x_{,t}\,\mathrm{d}s\,\mathrm{d}t - \int F S\,\nabla N_a\,\mathrm{d}A,
+    .. math:: f_I = \int N_I\,p\; x_{,s} \times x_{,t}\,\mathrm{d}s\,\mathrm{d}t - \int F S\,\nabla N_I\,\mathrm{d}A,
 
     the total Lagrangian form of [1]_ with the consistent follower load of [2]_, both by the 2 x 2 Gauss rule (exact for the
     load of a plane element). Positions and forces are split into the four modes 1, s, t, st, since
-    :math:`N_a = \tfrac14 (1 + s_a s)(1 + t_a t)`; this halves the operations. Compression is carried: no wrinkling.
+    :math:`N_I = \tfrac14 (1 + s_I s)(1 + t_I t)`; this halves the operations. Compression is carried: no wrinkling.
 
     References
     ----------

@@ -31,9 +31,9 @@ class MembraneHistory:
 
     Attributes
     ----------
-    time : ndarray, shape (n+1,)
+    time : ndarray, shape (steps + 1,)
         Times [s], from 0.
-    q, v : ndarray, shape (n+1, n_q)
+    q, v : ndarray, shape (steps + 1, n_q)
         Displacements [m] from the homogeneous stretch and velocities [m/s] of the interior nodes.
     """
 
@@ -101,9 +101,8 @@ def integrate_implicit(
     p = params.vector()
     M = equations.lumped_mass(params) if mass == "lumped" else equations.consistent_mass(params)
     c, beta, gamma = params.mass_damping, (1.0 - alpha) ** 2 / 4.0, 0.5 - alpha
-    n = equations.n_q
     M_effective = M * ((1.0 + (1.0 + alpha) * c * gamma * h) / (beta * h**2))
-    Q, V = np.zeros((steps + 1, n)), np.zeros((steps + 1, n))
+    Q, V = np.zeros((steps + 1, equations.n_q)), np.zeros((steps + 1, equations.n_q))
 
     def force(q: Vector, pressure: float) -> Vector:
         return np.asarray(equations.force(q, damage, pressure, p)[0]).ravel()
@@ -117,7 +116,7 @@ def integrate_implicit(
         K = equations.tangent(q, damage, pressure, p).sparse()
         return r, M_effective + (1.0 + alpha) * K
 
-    q, v = static_deflection(equations, params, damage=damage), np.zeros(n)
+    q, v = static_deflection(equations, params, damage=damage), np.zeros(equations.n_q)
     f = force(q, params.pressure(0.0))
     a = scipy.sparse.linalg.spsolve(M, f)
     Q[0] = q

@@ -1,7 +1,8 @@
 """A square of four-node elements, in units of its side.
 
-Symbols: ``n`` elements per side, ``s`` node coordinates in the unit square [1], ``m`` nodes that can move (the interior).
-Nodes and elements are numbered row by row from the corner at the origin, x fastest, as are the damage zones.
+Symbols: ``n`` elements per side, ``i``, ``j`` nodes or elements along x and y, ``s``, ``t`` parent coordinates in an element
+[1]. Nodes and elements are numbered row by row from the corner at the origin, x fastest, as are the damage zones of
+Section 7.1 of the thesis.
 """
 
 from __future__ import annotations

@@ -152,10 +152,10 @@ OUTPUTS = (
         output(
             f"strain[{k + 1}]",
             "1",
-            f"Nominal strain along y, prestrain included, at x = {3 * x:.0f}/3, y = {3 * y:.0f}/3 of the side",
+            f"Nominal strain along y, prestrain included, at x = {3 * X:.0f}/3, y = {3 * Y:.0f}/3 of the side",
             nominal=0.1,
         )
-        for k, (x, y) in enumerate(SENSOR_POINTS)
+        for k, (X, Y) in enumerate(SENSOR_POINTS)
     ),
     output("deflection", "m", "Deflection of the centre", nominal=0.1),
 )

@@ -25,7 +25,7 @@ def _row(start: float, unit: str, description: str, minimum: float, maximum: flo
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MembraneParams:
-    """Parameters of a square membrane; the defaults are the thesis' membrane with the damping this project states.
+    """Parameters of a square membrane; the defaults are those of Section 7.3 of the thesis and a mass damping.
 
     Each field is a row: default, unit, description, smallest and largest value.
 
@@ -72,5 +72,5 @@ PARAMETERS = tuple(parameter(row.name, **row.metadata) for row in fields(Membran
 
 
 def stretch(p: MembraneParams | SimpleNamespace) -> Any:  # noqa: ANN401
-    """Return the stretch [1] of the undamaged, unloaded membrane in every direction of its plane."""
+    """Return the stretch [1] of the undamaged, unloaded membrane in its plane, Section 7.2 of the thesis."""
     return 1.0 + 2.0 * p.edge_displacement / p.side_length

@@ -1,4 +1,4 @@
-r"""Static equilibrium of the stretched, unloaded membrane, as part of ``init``.
+r"""Static equilibrium of the stretched, unloaded membrane, Section 7.2 of the thesis, as part of ``init``.
 
 Symbols: ``q`` displacements [m] from the homogeneous stretch, ``f`` forces [N], ``K`` tangent [N/m].
 """
@@ -42,7 +42,7 @@ def prestress(equations: MembraneEquations, damage: ca.MX, p: SimpleNamespace) -
     A fixed number of Newton steps from the homogeneous stretch, with sparse LDL factors of the symmetric in-plane tangent,
     so that the function has no iteration that could run away and can be generated as C.
     """
-    in_plane = [3 * k + d for k in range(equations.n_q // 3) for d in (0, 1)]
+    in_plane = [3 * k + axis for k in range(equations.n_q // 3) for axis in (0, 1)]
     symbols = [ca.MX.sym("q", equations.n_q), ca.MX.sym("damage", damage.numel()), ca.MX.sym("p", len(PARAMETERS))]
     q, d, vector = symbols
     f, _ = equations.force_expression(q, d, 0.0, by_name(PARAMETERS, vector))

@@ -1,7 +1,8 @@
 r"""Strain of a material line along y, which the sensors read.
 
 Symbols: ``x`` node positions in units of two element sizes [1], ``F`` deformation gradient [1]; its second column
-:math:`\partial x/\partial Y` is what a unit line along y has become.
+:math:`\partial x/\partial Y` is what a unit line along y has become. The points are those of
+Section 7.5 of the thesis, where the normal strain along y is measured.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ For :math:`t` from ``shortest`` to ``longest``,
 .. math:: \frac{t^{a-1}}{\Gamma(a)} = \frac{\sin \pi a}{\pi} \int_{-\infty}^{\infty} e^{(1-a)x}\,e^{-e^x t}\,dx
           \approx \sum_q g_q(a)\,e^{-\lambda_q t}, \qquad \lambda_q = e^{x_q}.
 
-The rates do not depend on the order: all terms of a model share one bank of modes, and whatever is linear in the
-weights is differentiable in the order.
+It is the kernel of Eqs. (3.1) and (3.2) of the thesis. The rates do not depend on the order: all terms of a model share one
+bank of modes, and whatever is linear in the weights is differentiable in the order.
 """
 
 from __future__ import annotations

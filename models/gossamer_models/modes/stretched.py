@@ -1,8 +1,9 @@
 r"""Stretched exponentials as sums of exponentials.
 
-Symbols: :math:`e^{-b t^c} = e^{-(t/\tau)^c} \approx \sum_q g_q e^{-\lambda_q t}`, :math:`b = \tau^{-c}` [s**-c], c [1]. For
-0 < c <= 1 the function is completely monotone, so positive sums exist to any accuracy. With them the memory of the dynamic
-operators is a fixed number of modes and the cost of a step does not grow with the record.
+Symbols: :math:`e^{-b t^c} = e^{-(t/\tau)^c} \approx \sum_q g_q e^{-\lambda_q t}`, :math:`b = \tau^{-c}` [s**-c], c [1]: the
+decay of Eq. (4.12) of the thesis. For 0 < c <= 1 the function is completely monotone, so positive sums exist to any
+accuracy. With them the memory of the dynamic operators is a fixed number of modes and the cost of a step does not grow with
+the record.
 
 A fit moves :math:`\tau` and c, so it expands all kernels on fixed rates, linearly: ``StretchedKernels``. A sensor carries
 the few rates that its own kernel needs: ``exponential_sum``.

@@ -2,7 +2,8 @@ r"""Identified numbers of one sensor: density tables, relaxation terms and their
 
 Symbols: ``N`` number of lines and of bins along a line, ``mu[i, k]`` weight [1] of up-switching on line
 :math:`\alpha - \beta = i/N` for :math:`k/N < \alpha < (k+1)/N`, ``nu = eta*mu`` weight [1] of down-switching, and per
-relaxation term the :math:`a, b, c, d` of Eq. (4.12) and the exponentials that stand for :math:`e^{-b t^c}`.
+relaxation term the :math:`a, b, c, d` of Eq. (4.12) and Section 4.2 of the thesis and the exponentials that
+stand for :math:`e^{-b t^c}`.
 Strain is normalised by its full scale, output by the rise of a virgin sensor to full scale.
 """
 

@@ -1,10 +1,10 @@
-r"""Modified Preisach plane as a bank of lines.
+r"""Modified Preisach plane of Eq. (4.7) of the thesis as a bank of lines.
 
 Symbols: ``s`` normalised strain [1] in 0..1; ``N`` lines :math:`\alpha - \beta = 2 r_i = i/N`, line 0 an anhysteretic
-spring; ``front[i]`` = :math:`\alpha_i = w_i + r_i` [1]: below it, the operators of line i are switched up (:math:`w_i`
-is the play operator of half-width :math:`r_i`; on the other axis the same operators end at
-:math:`\beta_i = \alpha_i - i/N`); ``up[i]``, ``down[i]`` cumulative weights [1] of ``mu`` and ``nu = eta*mu`` below the
-front.
+spring; ``front[i]`` = :math:`\alpha_i = w_i + r_i` [1]: below it, the operators of line i are switched up (:math:`w_i` is
+the play operator of half-width :math:`r_i`; on the other axis the same operators end at :math:`\beta_i = \alpha_i - i/N`);
+``k`` bin of width 1/N along :math:`\alpha`; ``up[i]``, ``down[i]`` cumulative weights [1] of ``mu`` and ``nu = eta*mu``
+below the front.
 
 Every corner of the tables lies at a multiple of 1/N in both :math:`\alpha` and :math:`\beta`; the inverse relies on it.
 """
@@ -44,15 +44,15 @@ def move_fronts(front: ca.MX, strain: ca.MX) -> ca.MX:
     ----------
     .. [1] K. Kuhnen, European Journal of Control 9(4), 407-418, 2003, doi:10.3166/ejc.9.407-418.
     """
-    return ca.fmax(strain, ca.fmin(strain + offsets(front.numel()), front))
+    return ca.fmax(strain, ca.fmin(strain + widths(front.numel()), front))
 
 
 def resting_fronts(n_lines: int, strain: ca.MX) -> ca.MX:
     """Return the fronts [1], shape (n_lines,), after the first monotone loading from zero to ``strain`` [1]."""
-    return ca.fmax(strain, offsets(n_lines))
+    return ca.fmax(strain, widths(n_lines))
 
 
-def offsets(n_lines: int) -> ca.DM:
+def widths(n_lines: int) -> ca.DM:
     """Return the widths [1], shape (n_lines,), of the operators of every line."""
     return ca.DM(np.arange(n_lines) / n_lines)
 
@@ -72,16 +72,16 @@ def cumulate(front: ca.MX, mu: Table, nu: Table) -> tuple[ca.MX, ca.MX]:
     up, down : casadi.MX, shape (N,)
         :math:`M_i = \sum_k \mu_{ik} \min(\max(\alpha_i - k/N, 0), 1/N)` and the same sum with :math:`\nu` [1].
     """
-    n = mu.shape[0]
-    k = ca.fmin(ca.floor(n * front), n - 1.0)  # the bin of each front
+    N = mu.shape[0]
+    k = ca.fmin(ca.floor(N * front), N - 1.0)  # the bin of each front
     return _weight_below(front, k, mu), _weight_below(front, k, nu)
 
 
 def _weight_below(front: ca.MX, k: ca.MX, table: Table) -> ca.MX:
     """Look up the weight [1] below the bins ``k`` and add the part of each that lies below its front."""
-    n = table.shape[0]
+    N = table.shape[0]
     below = np.zeros_like(table)
-    below[:, 1:] = np.cumsum(table, axis=1)[:, :-1] / n
-    place = ca.DM(n * np.arange(n)) + k
+    below[:, 1:] = np.cumsum(table, axis=1)[:, :-1] / N
+    place = ca.DM(N * np.arange(N)) + k
     full, density = (ca.MX(ca.DM(values.reshape(-1)))[place] for values in (below, table))
-    return full + density * (front - k / n)
+    return full + density * (front - k / N)

@@ -65,8 +65,8 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
 
     References
     ----------
-    .. [1] M. R. Sunny, "Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer
-       Nanocomposite Sensors", dissertation, Virginia Tech, 2010, chapter 4.
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapter 4.
     """
     artifact = default_artifact() if artifact is None else artifact
     law = SensorLaw(artifact)

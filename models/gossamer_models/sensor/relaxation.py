@@ -4,12 +4,13 @@ Symbols: ``z[q]`` mode [1], :math:`\lambda_q` decay rate [1/s], :math:`g_q, k_q`
 
 .. math:: \dot z_q = -\lambda_q z_q + (g_q + k_q s)\,\dot s, \qquad f_d = \sum_q z_q,
 
-which is Eq. (4.13) of the thesis with :math:`A = a\zeta^d`, d = 0 (:math:`g`) or 1 (:math:`k`), and the stretched
-exponentials replaced by sums. Falling strain excites nothing in the thesis. There are two extensions. In one, falling
-strain excites the same modes with amplitudes of its own, :math:`(g'_q + k'_q s)\,|\dot s|`: the resistance of
-carbon-black sensors jumps up when unloading begins. In the other, modes ``g`` of the same law are multiplied by the
-present strain, :math:`f_d = \sum_q z_q + s \sum_q g_q`: the loops of silver thread grow from cycle to cycle. ``x`` =
-:math:`\lambda h` [1]. The step is exact for strain linear over it.
+which is Eq. (4.13) of the thesis, read with :math:`n_\zeta` for :math:`n_\alpha`, with :math:`A = a\zeta^d`, d = 0
+(:math:`g`) or 1 (:math:`k`), and the stretched exponentials replaced by sums. Falling strain excites nothing in the thesis.
+There are two extensions. In one, falling strain excites the same modes with amplitudes of its own,
+:math:`(g'_q + k'_q s)\,|\dot s|`: the resistance of carbon-black sensors jumps up when unloading begins. In the other, modes
+:math:`z'_q` of the same law are multiplied by the present strain, :math:`f_d = \sum_q z_q + s \sum_q z'_q`: the loops of
+silver thread grow from cycle to cycle. ``x`` = :math:`\lambda h`
+[1], ``h`` step [s]. The step is exact for strain linear over it.
 """
 
 from __future__ import annotations
@@ -110,9 +111,9 @@ def excitation(bank: ModeBank, start: ca.MX, h: ca.MX, strain: str) -> tuple[ca.
     Notes
     -----
     :math:`\int_0^h (g + k(s \pm \Delta\,\tau/h))\,(\Delta/h)\,e^{-\lambda(h - \tau)}\,d\tau
-    = \Delta\,(g + k s)\,\varphi_1(\lambda h) \pm \Delta^2 k\,\varphi_2(\lambda h)`. In the printed Eq. (5.3), operators
-    switched in the last step do not decay, :math:`\varphi_1 = 1`; the exact form costs no more, and a ramp may then be
-    cut into any steps.
+    = \Delta\,(g + k s)\,\varphi_1(\lambda h) \pm \Delta^2 k\,\varphi_2(\lambda h)`.
+    In the printed Eq. (5.3) of the thesis, operators switched in the last step do not decay, :math:`\varphi_1 = 1`; the
+    exact form costs no more, and a ramp may then be cut into any steps.
     """
     x = ca.DM(bank.decay_rates) * h
     constant = linear = ca.DM.zeros(bank.size)

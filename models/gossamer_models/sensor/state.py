@@ -42,7 +42,7 @@ class SensorState:
     g: ca.MX
 
     def output(self) -> ca.MX:
-        r"""Return the output [1], Eq. (4.7) plus Eq. (4.13); with the extension plus :math:`s \sum_q g_q`."""
+        r"""Return the output [1], Eq. (4.7) plus Eq. (4.13) of the thesis; with the extension plus :math:`s \sum_q g_q`."""
         return self.f + ca.sum1(self.z) + self.s * ca.sum1(self.g)
 
 

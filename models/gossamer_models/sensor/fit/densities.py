@@ -1,7 +1,9 @@
 r"""Densities over the Preisach plane as functions of few parameters.
 
 Symbols: bins (i, j), ``i`` counting :math:`\alpha` and ``j <= i`` counting :math:`\beta`, numbers 1 to N; ``mu(i, j)``,
-``eta(i, j)`` [1]. All are linear in part of their parameters, as CasADi expressions or constant matrices.
+``eta(i, j)`` [1]; ``line`` = i - j and ``k`` = i - 1 of the same cell in the tables; :math:`b_l` amplitudes and
+:math:`m_l, n_l` wave numbers of modal functions [1]. All densities are linear in part of their parameters; they are CasADi
+expressions or constant matrices.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from ...arrays import Matrix, Vector
 
 
 def modal_field(amplitudes: ca.MX, m: ca.MX, n: ca.MX, places: Vector) -> ca.MX:
-    r"""Return a sum of modal functions on all cells, Eqs. (4.14) and (4.16) or (4.15) and (4.17).
+    r"""Return a sum of modal functions on all cells, Eqs. (4.14) to (4.17) of the thesis.
 
     Parameters
     ----------
@@ -100,12 +102,12 @@ def hat_functions(n_lines: int, n_knots: int) -> tuple[Matrix, Matrix]:
     spring : ndarray, shape (N (N + 1) / 2, n_knots)
         The same along the elastic line, zero elsewhere.
     """
-    i, k = np.triu_indices(n_lines)
+    line, k = np.triu_indices(n_lines)
 
     def along(x: Vector) -> Matrix:
         return np.maximum(0.0, 1.0 - np.abs(x[:, None] * (n_knots - 1) - np.arange(n_knots)))
 
-    alpha, beta = along((k + 0.5) / n_lines), along((k - i + 0.5) / n_lines)
+    alpha, beta = along((k + 0.5) / n_lines), along((k - line + 0.5) / n_lines)
     columns = []
     for a in range(n_knots):
         for b in range(a + 1):
@@ -113,5 +115,5 @@ def hat_functions(n_lines: int, n_knots: int) -> tuple[Matrix, Matrix]:
             if b == a and a + 1 < n_knots:  # the half hat above the diagonal belongs to its foot
                 column = column + alpha[:, a] * beta[:, a + 1]
             columns.append(column)
-    hysteretic = (i > 0)[:, None]
+    hysteretic = (line > 0)[:, None]
     return np.array(columns).T * hysteretic, alpha * ~hysteretic

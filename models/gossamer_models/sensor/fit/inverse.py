@@ -9,7 +9,6 @@ import numpy as np
 from ...arrays import Rows
 from ...fitting.records import Record
 from ..artifact import MIN_SPRING_WEIGHT
-from ..drives import GAIN
 from .regression import Stretch
 from .settings import PreisachSettings
 
@@ -61,7 +60,7 @@ def inverse_settings(turned: Turned, forward: PreisachSettings) -> PreisachSetti
         relaxations=tau.size,
         tau=tuple(tau.tolist()),
         exponents=(1.0,) * tau.size,
-        extension="reversing" if GAIN in forward.drives else "falling",
+        extension="reversing" if any(drive.gain for drive in forward.drives) else "falling",
         signed=True,
         eta=(1.0, 1.0),
         ridge=RIDGE,

@@ -2,7 +2,8 @@ r"""The modified Preisach model as a CasADi function of its parameters.
 
 Symbols: ``x`` parameters of ``parameters.py``; ``mu``, ``eta`` densities on the cells, ``nu = eta*mu``; per kernel
 :math:`\tau, c` and the amplitudes :math:`g, k` of :math:`A(\zeta) = g + k\zeta`; ``f`` coefficients, ``basis @ f`` the
-weights of the columns of ``regression.py``. All are matrix expressions, so the function has a few dozen instructions and its
+weights of the columns of ``regression.py``; ``p`` the parameters by the names of their blocks. The densities are those of
+Eqs. (4.14) and (4.15) of the thesis. All are matrix expressions, so the function has a few dozen instructions and its
 derivatives take milliseconds to build.
 """
 
@@ -28,7 +29,7 @@ class PreisachModel:
     Attributes
     ----------
     function : casadi.Function
-        ``x -> (f, g, p)``, shapes (n,) -> (K,), (G,), (S,): coefficients, constraints (not negative), and
+        ``x -> (f, constraints, soft)``, shapes (n,) -> (K,), (G,), (S,): coefficients, constraints (not negative), and
         regularisation.
     basis : scipy.sparse.csr_array, shape (columns, K)
         Weights of cells and modes for every coefficient.

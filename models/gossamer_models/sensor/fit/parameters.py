@@ -98,7 +98,7 @@ def _density_blocks(settings: PreisachSettings) -> list[Block]:
             block("b_mu", np.zeros(M), linear=True, stiffness=settings.density_ridge),
             _waves("m_mu", m),
             _waves("n_mu", n),
-            *(_fixed(b) if settings.eta[0] == settings.eta[1] else b for b in eta),
+            *(_fixed(each) if settings.eta[0] == settings.eta[1] else each for each in eta),
             *([block("b_elastic", np.zeros(M), linear=True)] if settings.elastic else []),
         ]
     hats, spring = hat_functions(settings.n_lines, settings.knots)
@@ -109,9 +109,9 @@ def _density_blocks(settings: PreisachSettings) -> list[Block]:
     ]
 
 
-def _fixed(b: Block) -> Block:
+def _fixed(group: Block) -> Block:
     """Return the block with its start values for bounds."""
-    return replace(b, lower=b.start, upper=b.start)
+    return replace(group, lower=group.start, upper=group.start)
 
 
 def _waves(name: str, start: Vector) -> Block:

@@ -52,8 +52,8 @@ class Stretch:
         Lengths of the cells that have switched up and down [1], in the order of ``numpy.triu_indices``.
     Z : ndarray, shape (m, d R)
         Responses of R modes to each of d drives.
-    V : ndarray, shape (m, r Q)
-        Decaying modes of each of r fitted records; zero but for its own.
+    V : ndarray, shape (m, F Q)
+        Q decaying modes of each of F fitted records; zero but for its own.
     train : ndarray of bool, shape (m,)
         Samples to fit.
     """

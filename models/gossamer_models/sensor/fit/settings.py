@@ -10,30 +10,11 @@ from ...errors import ParameterError
 from ...fitting.options import number_or_auto, numbers, option
 from ..drives import EXTENSIONS, Drive
 
-DIRECT: dict[
-    str, Any
-] = {  # the output may move against the strain: no exact inverse, so one fit of each kind of operator
-    "invertible": False,
-    "eta": (1.0, 1.0),
-    "fit_kernels": False,
-    "density_ridge": 3e-3,
-    "relaxation_ridge": 3e-3,
-    "starts": 1,
-}
 PRESETS: dict[str, dict[str, Any]] = {
     "preisach": {},
     "preisach-hats": {"density": "hats", "density_ridge": 3e-3},
-    "gain": DIRECT,
-    "reversing": {
-        **DIRECT,
-        "signed": True,
-        "knots": 6,
-        "smoothness": 5e-5,
-        "density_ridge": 5e-5,
-        "relaxation_ridge": 5e-5,
-    },
 }
-MODELS = ("preisach", "preisach-hats")
+MODELS = tuple(PRESETS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,8 +47,8 @@ class PreisachSettings:
     starts, seed : int
         Number of starts, and the seed of all but the first.
     density : {"modal", "hats"}
-        Modal functions of Eqs. (4.16) and (4.17), or hat functions on a coarse grid of the triangle with an elastic line
-        :math:`\alpha = \beta` of their own and one eta.
+        Modal functions of Eqs. (4.16) and (4.17) of the thesis, or hat functions on a coarse grid of the triangle with an
+        elastic line :math:`\alpha = \beta` of their own and one eta.
     n_lines : int
         Lines and bins along a line of the finished tables.
     elastic : bool
@@ -142,7 +123,7 @@ class PreisachSettings:
         """Return the settings of a model and, where one is chosen, of an extension; ``chosen`` fields override both."""
         extension = chosen.get("extension", "none")
         _known(extension, tuple(EXTENSIONS))
-        return cls(**{**PRESETS[_known(model, MODELS)], **PRESETS.get(extension, {}), **chosen})
+        return cls(**{**PRESETS[_known(model, MODELS)], **EXTENSIONS[extension].settings, **chosen})
 
     @property
     def drives(self) -> tuple[Drive, ...]:
