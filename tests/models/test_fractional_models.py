@@ -164,7 +164,7 @@ def test_artifacts_that_make_no_sense_are_refused(tmp_path):
         ({"model": "model-3"}, "no fractional model"),
         ({"full_scale_strain": 0.0}, "scales must be positive"),
         ({"direct": float("nan")}, "not finite"),
-        ({"terms": (FractionalTerm(coefficient=1.0, order=0.5, phase=0.5),)}, "lies in 0 to 0"),
+        ({"terms": (FractionalTerm(coefficient=1.0, order=0.5, phase=0.5),)}, "must lie in 0 to 0"),
         ({"fading": DERIVATIVES.fading}, "only model-1 has"),
         ({"shortest": 2.0, "longest": 1.0}, "0 < shortest < longest"),
     ):
