@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_models.fractional import FractionalArtifact, FractionalFit, derivative, integral, predict
-from gossamer_models.fractional.doubts import parameters
 
 from .compute import Results
 from .fractional import TableRow
@@ -92,7 +91,7 @@ def _parameters(rows: Sequence[TableRow]) -> list[str]:
     """Return the identified parameters, those that the data do not determine in brackets."""
     body = []
     for row in rows:
-        artifact, p = row.fit.artifact, {each.name: each for each in parameters(row.fit)[0]}
+        artifact, p = row.fit.artifact, {each.name: each for each in row.fit.parameters}
         for symbol, low, high in (
             ("C", 0, len(artifact.terms) + len(artifact.fading)),
             ("a", 1, len(artifact.terms)),

@@ -10,8 +10,9 @@ from gossamer_models.fitting.separable import SeparableProblem
 from gossamer_models.fractional import FractionalSettings, FractionalTerm, fit_fractional, predict
 from gossamer_models.fractional.artifact import MODELS
 from gossamer_models.fractional.columns import RecordColumns
-from gossamer_models.fractional.doubts import doubts, parameters
+from gossamer_models.fractional.doubts import doubts
 from gossamer_models.fractional.fit import random_starts
+from gossamer_models.fractional.problem import prepare
 from oracles.fractional import ALL, INTEGRALS, STRAIN, TIME, TURNED, H, record
 from studies.fractional import fit_change, fitted
 from studies.specimen import specimen_record
@@ -69,7 +70,7 @@ def test_a_model_is_found_again_from_its_own_record(artifact):
 def test_standard_errors_are_the_scatter_of_repeated_fits():
     one = replace(INTEGRALS, terms=INTEGRALS.terms[:1])
     fits = [fit(record(one, 1.0, seed), "sub-model-1", terms=1, restraint=0.0, starts=1) for seed in range(40)]
-    found = [parameters(each)[0] for each in fits]
+    found = [each.parameters for each in fits]
     values = np.array([[p.value for p in each] for each in found])
     errors = np.array([p.deviation for p in found[0]])
     assert [p.name for p in found[0]] == ["C_0", "C_1", "a_1"]
@@ -84,7 +85,7 @@ def test_terms_that_the_data_cannot_tell_apart_are_named():
     assert "The data do not determine" in doubts(fit(record(one, 1.0), "sub-model-1", terms=3, starts=4))[0]
     sure = fit(record(one, 1.0), "sub-model-1", terms=1, starts=2)
     assert [text for text in doubts(sure) if "correlation" not in text] == []
-    assert all(each.determined for each in parameters(sure)[0])
+    assert all(each.determined for each in sure.parameters)
 
 
 def test_no_coefficient_is_negative_unless_asked_for():
@@ -139,11 +140,10 @@ def test_the_resistance_at_rest_is_fitted_where_it_is_not_known(artifact):
     found = fit(record(artifact), artifact.model, rest_resistance=None, full_scale=0.1, **chosen)
     assert found.artifact.rest_resistance == pytest.approx(1000.0, abs=0.05)
     assert found.artifact.full_scale_strain == 0.1
-    known, covariance = parameters(found)
-    (rest,) = (each for each in known if each.name == "R_0")
+    (rest,) = (each for each in found.parameters if each.name == "R_0")
     assert rest.value == found.artifact.rest_resistance
     assert rest.deviation < 0.1
-    assert covariance.shape == (len(known),) * 2
+    assert found.covariance.shape == (len(found.parameters),) * 2
     assert found.errors[0].e1 < 0.02
 
 
@@ -202,8 +202,8 @@ def test_records_that_cannot_be_fitted_are_refused():
 @pytest.mark.parametrize("nonnegative", [True, False])
 @pytest.mark.parametrize("model", MODELS)
 def test_the_gradient_of_the_restrained_fit_is_that_of_finite_differences(model, nonnegative):
-    chosen = {"terms": 2, "fading": 1, "restraint": 0.05, "nonnegative": nonnegative}
-    problem = fit_specimen(model, starts=1, most_evaluations=1, **chosen).problem
+    chosen = FractionalSettings(model=model, terms=2, fading=1, restraint=0.05, nonnegative=nonnegative)
+    problem = prepare((specimen_record(1),), (fitted(1),), chosen, None, 0.0).separable
     theta = np.array([0.3, 0.8, 0.05, 1.7][: 4 if model == "model-1" else 2])
     found = problem.jacobian(theta).T @ problem.residual(theta)
     for k in range(theta.size):
@@ -229,5 +229,5 @@ def test_terms_that_are_left_out_do_not_make_the_others_doubtful():
     found = fit_specimen("sub-model-1", terms=3)
     kept = [k for k, term in enumerate(found.artifact.terms, 1) if term.coefficient > 0.0]
     assert len(kept) < 3
-    sure = {each.name for each in parameters(found)[0] if each.determined}
+    sure = {each.name for each in found.parameters if each.determined}
     assert {"C_1", "a_1"} <= sure <= {"C_0", *(f"{symbol}_{k}" for symbol in "Ca" for k in kept)}

@@ -39,7 +39,7 @@ class RecordColumns:
         model, kernels = settings.model, PowerLawKernels(settings.shortest, settings.longest)
         covering(s, h, kernels)
         self._s, self._rows, self._rest = s[rows], rows, rest
-        self._n_terms, self._n_fading = settings.terms, settings.n_fading
+        self._n_terms, self._n_fading, self._first_fading = settings.terms, settings.n_fading, settings.first_fading
         parts = (s,) if model == "sub-model-1" else (s, quadrature(s))
         self._memories = [_memory(part, h, model, kernels.rates)[rows] for part in parts]
         a = ca.SX.sym("a")
@@ -48,14 +48,9 @@ class RecordColumns:
         self._fading = _fading(s, h)
 
     @property
-    def first_fading(self) -> int:
-        """Place of the first fading integral."""
-        return 1 + len(self._memories) * self._n_terms
-
-    @property
     def count(self) -> int:
         """Number of columns."""
-        return self.first_fading + self._n_fading + self._rest
+        return self._first_fading + self._n_fading + self._rest
 
     def evaluate(self, theta: Vector) -> tuple[Matrix, list[Derivative]]:
         r"""Return the columns, shape (m, n), and their derivatives by each element of :math:`\theta`, shape (N + 2 L,)."""
@@ -67,11 +62,11 @@ class RecordColumns:
         by_exponent: list[Derivative] = []
         for k, a in enumerate(theta[:N]):
             g, dg = (np.array(each).ravel() for each in self._weights(a))
-            columns = np.arange(1 + k, self.first_fading, N)
+            columns = np.arange(1 + k, self._first_fading, N)
             Phi[:, columns] = np.column_stack([memory @ g for memory in self._memories])
             by_order.append((columns, np.column_stack([memory @ dg for memory in self._memories])))
         for k, (p, q) in enumerate(zip(theta[N : N + L], theta[N + L :], strict=True)):
-            column = np.array([self.first_fading + k])
+            column = np.array([self._first_fading + k])
             value, dp, dq = (np.array(each).reshape(-1, 1)[self._rows] for each in self._fading(p, q))
             Phi[:, column] = value
             by_rate.append((column, dp))

@@ -17,20 +17,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Rows, Vector
-from ..errors import DataError
-from ..fitting.errors import Errors, stretch_errors
-from ..fitting.records import Record, check_rest, in_equal_steps, strain_range
-from ..fitting.separable import Derivative, SeparableProblem
-from .artifact import FadingTerm, FractionalArtifact, FractionalTerm
-from .columns import RecordColumns
+from ..fitting.errors import Errors, Parameter, stretch_errors
+from ..fitting.records import Record, in_equal_steps
+from .artifact import FractionalArtifact
 from .model import predict
+from .parameters import parameters
+from .problem import FractionalProblem, prepare
 from .settings import FractionalSettings
 
 
@@ -50,12 +49,10 @@ class FractionalFit:
         Resistance [ohm] at the samples of every record.
     train : tuple of ndarray of bool
         Samples of every record that were fitted.
-    theta : ndarray, shape (N + 2 L,)
-        Orders, rates and exponents, in the order of the artifact's terms.
-    problem : SeparableProblem
-        For derivatives at the solution.
-    rest_fitted : bool
-        Whether the resistance at rest was fitted.
+    parameters : tuple of Parameter
+        By the thesis' names, see ``parameters``.
+    covariance : ndarray, shape (n, n)
+        Covariances of the parameters, in this order.
     costs : tuple of float
         Root mean square residual [% of the scale] after each start.
     seconds : float
@@ -67,9 +64,8 @@ class FractionalFit:
     records: tuple[Record, ...]
     predicted: tuple[Vector, ...]
     train: tuple[Rows, ...]
-    theta: Vector
-    problem: SeparableProblem
-    rest_fitted: bool
+    parameters: tuple[Parameter, ...]
+    covariance: Matrix
     costs: tuple[float, ...]
     seconds: float = field(compare=False)
 
@@ -121,48 +117,19 @@ def fit_fractional(
         The records cannot be fitted: too short, constant, or beyond full scale.
     """
     began = time.perf_counter()
-    check_rest(rest_resistance)
-    full_scale = strain_range(records, full_scale)
-    even, rows = zip(*(in_equal_steps(*pair) for pair in zip(records, train, strict=True)), strict=True)
-    steps = [float(r.time[1] - r.time[0]) for r in even]
-    settings = replace(
-        settings,
-        shortest=min(settings.shortest, *steps),
-        longest=max(settings.longest, *(h * r.time.size for h, r in zip(steps, even, strict=True))),
-    )
-    for record, kept in zip(even, rows, strict=True):
-        _check(record, kept, settings)
-    rest = float(even[0].resistance[0]) if rest_resistance is None else rest_resistance
-    changes = [(r.resistance - rest)[kept] for r, kept in zip(even, rows, strict=True)]
-    scale = max(float(np.ptp(change)) for change in changes)
-    columns = [
-        RecordColumns(r.strain / full_scale, h, kept, settings, rest=rest_resistance is None)
-        for r, h, kept in zip(even, steps, rows, strict=True)
-    ]
-    problem = _problem(columns, changes, scale, [r.weight for r in records], settings, rest=rest_resistance is None)
-    points, costs = _search(problem, settings, progress)
+    problem = prepare(records, train, settings, full_scale, rest_resistance)
+    points, costs = _search(problem, progress)
     theta = _sorted(points[int(np.argmin(costs))], settings)
-    c = problem.coefficients(theta)
-    artifact = FractionalArtifact(
-        model=settings.model,
-        direct=float(c[0]),
-        terms=_terms(theta, c, settings),
-        fading=_fading_terms(theta, c[columns[0].first_fading :], settings),
-        full_scale_strain=full_scale,
-        resistance_change=scale,
-        rest_resistance=rest + scale * float(c[-1]) if rest_resistance is None else rest,
-        shortest=settings.shortest,
-        longest=settings.longest,
-    )
+    artifact = problem.artifact(theta)
+    known, covariance = parameters(problem, theta)
     return FractionalFit(
         artifact=artifact,
-        settings=settings,
+        settings=problem.settings,
         records=records,
         predicted=tuple(predict_record(artifact, record) for record in records),
         train=train,
-        theta=theta,
-        problem=problem,
-        rest_fitted=rest_resistance is None,
+        parameters=known,
+        covariance=covariance,
         costs=costs,
         seconds=time.perf_counter() - began,
     )
@@ -174,59 +141,23 @@ def predict_record(artifact: FractionalArtifact, record: Record) -> Vector:
     return np.interp(record.time, even.time, predict(artifact, even.strain, float(even.time[1] - even.time[0])))
 
 
-def _problem(
-    columns: list[RecordColumns],
-    changes: list[Vector],
-    scale: float,
-    weights: list[float],
-    settings: FractionalSettings,
-    *,
-    rest: bool,
-) -> SeparableProblem:
-    def evaluate(theta: Vector) -> tuple[Matrix, list[Derivative]]:
-        parts = [each.evaluate(theta) for each in columns]
-        derivatives = [
-            (pairs[0][0], np.vstack([slope for _, slope in pairs]))
-            for pairs in zip(*(derivative for _, derivative in parts), strict=True)
-        ]
-        return np.vstack([Phi for Phi, _ in parts]), derivatives
-
-    # with C_k >= 0, b_k in -1..1 leaves the sine parts free, and b_k in -2..0 the cosine parts
-    nonnegative = np.full(columns[0].count, settings.nonnegative)
-    if settings.model != "sub-model-1":
-        first = 1 if settings.model == "model-1" else 1 + settings.terms
-        nonnegative[first : first + settings.terms] = False
-    restrained = np.ones(nonnegative.size, dtype=bool)
-    if rest:
-        nonnegative[-1] = restrained[-1] = False
-    return SeparableProblem(
-        evaluate,
-        np.concatenate(changes) / scale,
-        weights=np.concatenate([np.full(part.size, w) for part, w in zip(changes, weights, strict=True)]),
-        nonnegative=nonnegative,
-        restraint=settings.restraint,
-        restrained=restrained,
-    )
-
-
-def _search(
-    problem: SeparableProblem, settings: FractionalSettings, progress: Callable[[str], None]
-) -> tuple[list[Vector], tuple[float, ...]]:
+def _search(problem: FractionalProblem, progress: Callable[[str], None]) -> tuple[list[Vector], tuple[float, ...]]:
     """Search from every start; return where each ends and its root mean square residual [% of the scale]."""
+    settings, separable = problem.settings, problem.separable
     low, high = settings.box
     points, costs = [], []
     for k, start in enumerate(random_starts(settings)):
         with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
             solution = least_squares(
-                problem.residual,
+                separable.residual,
                 start,
-                problem.jacobian,
+                separable.jacobian,
                 bounds=(low, high),
                 x_scale=high - low,
                 max_nfev=settings.most_evaluations,
             )
         points.append(solution.x)
-        costs.append(float(100.0 * np.sqrt(2.0 * solution.cost / problem.y.size)))
+        costs.append(float(100.0 * np.sqrt(2.0 * solution.cost / separable.y.size)))
         progress(f"{settings.model}: start {k + 1} of {settings.starts}, misfit {costs[-1]:.3f} %")
     return points, tuple(costs)
 
@@ -246,39 +177,3 @@ def _sorted(theta: Vector, settings: FractionalSettings) -> Vector:
     """Return a point with its terms in the order of their orders, its fading integrals in that of their rates."""
     a, p, q = np.split(theta, [settings.terms, settings.terms + settings.n_fading])
     return np.concatenate([np.sort(a), np.sort(p), q[np.argsort(p)]])
-
-
-def _terms(theta: Vector, c: Vector, settings: FractionalSettings) -> tuple[FractionalTerm, ...]:
-    N = settings.terms
-    A, B = c[1 : 1 + N], np.zeros(N) if settings.model == "sub-model-1" else c[1 + N : 1 + 2 * N]
-    terms = []
-    for a_k, A_k, B_k in zip(theta, A, B, strict=False):
-        if settings.model == "sub-model-1":
-            terms.append(FractionalTerm(coefficient=float(A_k), order=float(a_k)))
-            continue
-        # the phase within the bounds of the model
-        sign = -1.0 if (B_k if settings.model == "model-1" else A_k) < 0.0 else 1.0
-        phase = 2.0 / np.pi * np.arctan2(-sign * B_k, sign * A_k)
-        terms.append(FractionalTerm(coefficient=float(sign * np.hypot(A_k, B_k)), order=float(a_k), phase=float(phase)))
-    return tuple(terms)
-
-
-def _fading_terms(theta: Vector, c: Vector, settings: FractionalSettings) -> tuple[FadingTerm, ...]:
-    p, q = np.split(theta[settings.terms :], 2)
-    return tuple(
-        FadingTerm(coefficient=float(C), rate=float(rate), exponent=float(exponent))
-        for C, rate, exponent in zip(c, p, q, strict=False)
-    )
-
-
-def _check(record: Record, rows: Rows, settings: FractionalSettings) -> None:
-    strain, resistance = record.strain[rows], record.resistance[rows]
-    n_parameters = 1 + 3 * (settings.terms + settings.n_fading)
-    problem = None
-    if strain.size < 2 * n_parameters:
-        problem = f"{strain.size} samples are too few for up to {n_parameters} parameters: give twice as many"
-    elif not (np.ptp(strain) > 0.0 and np.ptp(resistance) > 0.0):
-        problem = "strain or resistance is constant in the training stretch"
-    if problem is not None:
-        msg = f"cannot fit {record.name!r}: {problem}."
-        raise DataError(msg)

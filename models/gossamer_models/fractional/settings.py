@@ -83,3 +83,8 @@ class FractionalSettings:
     def n_fading(self) -> int:
         """Number of fading integrals of the model."""
         return self.fading if self.model == "model-1" else 0
+
+    @property
+    def first_fading(self) -> int:
+        """Place of the first fading integral among the columns."""
+        return 1 + self.terms * (1 if self.model == "sub-model-1" else 2)

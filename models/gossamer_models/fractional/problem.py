@@ -1,0 +1,172 @@
+r"""The least squares problem of a fractional model on some records, and the meaning of its solution.
+
+Symbols: :math:`\theta` orders, rates and exponents, ``c`` coefficients of the columns; ``A``, ``B`` coefficients of a term
+on the strain and on its quadrature.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Matrix, Rows, Vector
+from ..errors import DataError
+from ..fitting.records import Record, check_rest, in_equal_steps, strain_range
+from ..fitting.separable import Derivative, SeparableProblem
+from .artifact import FadingTerm, FractionalArtifact, FractionalTerm
+from .columns import RecordColumns
+from .settings import FractionalSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class FractionalProblem:
+    r"""A problem to solve.
+
+    Attributes
+    ----------
+    settings : FractionalSettings
+        Model and bounds; the range of times of the memory covers the records.
+    separable : SeparableProblem
+        Residuals over :math:`\theta`, with the coefficients eliminated.
+    full_scale : float
+        Strain [1] that the model's strain is measured in.
+    scale : float
+        Range [ohm] that residuals are measured in.
+    rest_resistance : float
+        Resistance [ohm] that changes are counted from.
+    rest_fitted : bool
+        Whether a constant among the columns corrects it.
+    """
+
+    settings: FractionalSettings
+    separable: SeparableProblem
+    full_scale: float
+    scale: float
+    rest_resistance: float
+    rest_fitted: bool
+
+    def artifact(self, theta: Vector) -> FractionalArtifact:
+        """Return the model of a point with its best coefficients."""
+        c, s = self.separable.coefficients(theta), self.settings
+        return FractionalArtifact(
+            model=s.model,
+            direct=float(c[0]),
+            terms=_terms(theta, c, s),
+            fading=_fading_terms(theta, c[s.first_fading :], s),
+            full_scale_strain=self.full_scale,
+            resistance_change=self.scale,
+            rest_resistance=self.rest_resistance + (self.scale * float(c[-1]) if self.rest_fitted else 0.0),
+            shortest=s.shortest,
+            longest=s.longest,
+        )
+
+
+def prepare(
+    records: tuple[Record, ...],
+    train: tuple[Rows, ...],
+    settings: FractionalSettings,
+    full_scale: float | None,
+    rest_resistance: float | None,
+) -> FractionalProblem:
+    """Make records ready to be fitted; arguments as of ``fit_fractional``.
+
+    Raises
+    ------
+    DataError
+        The records cannot be fitted: too short, constant, or beyond full scale.
+    """
+    check_rest(rest_resistance)
+    full_scale = strain_range(records, full_scale)
+    even, rows = zip(*(in_equal_steps(*pair) for pair in zip(records, train, strict=True)), strict=True)
+    steps = [float(r.time[1] - r.time[0]) for r in even]
+    settings = replace(
+        settings,
+        shortest=min(settings.shortest, *steps),
+        longest=max(settings.longest, *(h * r.time.size for h, r in zip(steps, even, strict=True))),
+    )
+    for record, kept in zip(even, rows, strict=True):
+        _check(record, kept, settings)
+    fitted = rest_resistance is None
+    rest = float(even[0].resistance[0]) if rest_resistance is None else rest_resistance
+    changes = [(r.resistance - rest)[kept] for r, kept in zip(even, rows, strict=True)]
+    scale = max(float(np.ptp(change)) for change in changes)
+    columns = [
+        RecordColumns(r.strain / full_scale, h, kept, settings, rest=fitted)
+        for r, h, kept in zip(even, steps, rows, strict=True)
+    ]
+    weights = np.concatenate([np.full(part.size, r.weight) for part, r in zip(changes, records, strict=True)])
+    separable = _separable(columns, np.concatenate(changes) / scale, weights, settings, rest=fitted)
+    return FractionalProblem(
+        settings=settings,
+        separable=separable,
+        full_scale=full_scale,
+        scale=scale,
+        rest_resistance=rest,
+        rest_fitted=fitted,
+    )
+
+
+def _separable(
+    columns: list[RecordColumns], y: Vector, weights: Vector, settings: FractionalSettings, *, rest: bool
+) -> SeparableProblem:
+    def evaluate(theta: Vector) -> tuple[Matrix, list[Derivative]]:
+        parts = [each.evaluate(theta) for each in columns]
+        derivatives = [
+            (pairs[0][0], np.vstack([slope for _, slope in pairs]))
+            for pairs in zip(*(derivative for _, derivative in parts), strict=True)
+        ]
+        return np.vstack([Phi for Phi, _ in parts]), derivatives
+
+    # with C_k >= 0, b_k in -1..1 leaves the sine parts free, and b_k in -2..0 the cosine parts
+    nonnegative = np.full(columns[0].count, settings.nonnegative)
+    if settings.model != "sub-model-1":
+        first = 1 if settings.model == "model-1" else 1 + settings.terms
+        nonnegative[first : first + settings.terms] = False
+    restrained = np.ones(nonnegative.size, dtype=bool)
+    if rest:
+        nonnegative[-1] = restrained[-1] = False
+    return SeparableProblem(
+        evaluate,
+        y,
+        weights=weights,
+        nonnegative=nonnegative,
+        restraint=settings.restraint,
+        restrained=restrained,
+    )
+
+
+def _terms(theta: Vector, c: Vector, settings: FractionalSettings) -> tuple[FractionalTerm, ...]:
+    N = settings.terms
+    A, B = c[1 : 1 + N], np.zeros(N) if settings.model == "sub-model-1" else c[1 + N : 1 + 2 * N]
+    terms = []
+    for a_k, A_k, B_k in zip(theta, A, B, strict=False):
+        if settings.model == "sub-model-1":
+            terms.append(FractionalTerm(coefficient=float(A_k), order=float(a_k)))
+            continue
+        # the phase within the bounds of the model
+        sign = -1.0 if (B_k if settings.model == "model-1" else A_k) < 0.0 else 1.0
+        phase = 2.0 / np.pi * np.arctan2(-sign * B_k, sign * A_k)
+        terms.append(FractionalTerm(coefficient=float(sign * np.hypot(A_k, B_k)), order=float(a_k), phase=float(phase)))
+    return tuple(terms)
+
+
+def _fading_terms(theta: Vector, c: Vector, settings: FractionalSettings) -> tuple[FadingTerm, ...]:
+    p, q = np.split(theta[settings.terms :], 2)
+    return tuple(
+        FadingTerm(coefficient=float(C), rate=float(rate), exponent=float(exponent))
+        for C, rate, exponent in zip(c, p, q, strict=False)
+    )
+
+
+def _check(record: Record, rows: Rows, settings: FractionalSettings) -> None:
+    strain, resistance = record.strain[rows], record.resistance[rows]
+    n_parameters = 1 + 3 * (settings.terms + settings.n_fading)
+    problem = None
+    if strain.size < 2 * n_parameters:
+        problem = f"{strain.size} samples are too few for up to {n_parameters} parameters: give twice as many"
+    elif not (np.ptp(strain) > 0.0 and np.ptp(resistance) > 0.0):
+        problem = "strain or resistance is constant in the training stretch"
+    if problem is not None:
+        msg = f"cannot fit {record.name!r}: {problem}."
+        raise DataError(msg)
