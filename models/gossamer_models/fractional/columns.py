@@ -12,9 +12,9 @@ import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
 from ..fitting.separable import Derivative
-from ..modes import PowerLawKernels, phi_1, phi_2
+from ..modes import PowerLawKernels
 from .artifact import ModelName
-from .operators import covering, integral_modes, quadrature, slope_modes, started
+from .operators import covering, fading_integral, integral_modes, quadrature, slope_modes, started
 from .settings import FractionalSettings
 
 
@@ -38,14 +38,13 @@ class RecordColumns:
     def __init__(self, s: Vector, h: float, rows: Rows, settings: FractionalSettings, *, rest: bool) -> None:
         model, kernels = settings.model, PowerLawKernels(settings.shortest, settings.longest)
         covering(s, h, kernels)
-        self._s, self._rows, self._rest = s[rows], rows, rest
+        self._strain, self._step, self._rows, self._rest = s, h, rows, rest
         self._n_terms, self._n_fading, self._first_fading = settings.terms, settings.n_fading, settings.first_fading
         parts = (s,) if model == "sub-model-1" else (s, quadrature(s))
         self._memories = [_memory(part, h, model, kernels.rates)[rows] for part in parts]
         a = ca.SX.sym("a")
         g = kernels.weights(1.0 - a if model == "model-1" else a)
         self._weights = ca.Function("weights", [a], [g, ca.jacobian(g, a)])
-        self._fading = _fading(s, h)
 
     @property
     def count(self) -> int:
@@ -55,8 +54,8 @@ class RecordColumns:
     def evaluate(self, theta: Vector) -> tuple[Matrix, list[Derivative]]:
         r"""Return the columns, shape (m, n), and their derivatives by each element of :math:`\theta`, shape (N + 2 L,)."""
         N, L = self._n_terms, self._n_fading
-        Phi = np.zeros((self._s.size, self.count))
-        Phi[:, 0] = self._s
+        Phi = np.zeros((int(self._rows.sum()), self.count))
+        Phi[:, 0] = self._strain[self._rows]
         by_order: list[Derivative] = []
         by_rate: list[Derivative] = []
         by_exponent: list[Derivative] = []
@@ -67,7 +66,7 @@ class RecordColumns:
             by_order.append((columns, np.column_stack([memory @ dg for memory in self._memories])))
         for k, (p, q) in enumerate(zip(theta[N : N + L], theta[N + L :], strict=True)):
             column = np.array([self._first_fading + k])
-            value, dp, dq = (np.array(each).reshape(-1, 1)[self._rows] for each in self._fading(p, q))
+            value, dp, dq = (part[self._rows, None] for part in fading_integral(self._strain, self._step, p, q))
             Phi[:, column] = value
             by_rate.append((column, dp))
             by_exponent.append((column, dq))
@@ -83,31 +82,3 @@ def _memory(v: Vector, h: float, model: ModelName, rates: Vector) -> Matrix:
     memory = np.column_stack([slope_modes(v, h, rates), np.diff(v, prepend=v[:1]) / h])
     memory[0] = 0.0  # as in ``model.predict``
     return memory
-
-
-def _fading(s: Vector, h: float) -> ca.Function:
-    r"""Return :math:`(p, q) \to \int_0^t e^{-p(t-\tau)} s^q\,d\tau` [s] at all samples, and its derivatives."""
-    z, p, q, ends, stretched = (ca.SX.sym(name, n) for name, n in (("z", 1), ("p", 1), ("q", 1), ("e", 2), ("on", 2)))
-    # s**q from the logarithms of s at both ends of a sample; zero where s is not positive
-    power = stretched * ca.exp(q * ends)
-    late = phi_2(p * h)
-    sample = ca.exp(-p * h) * z + h * ((phi_1(p * h) - late) * power[0] + late * power[1])
-    state = ca.SX.sym("state", 3)  # z and its derivatives by p and q
-    chain = ca.jacobian(sample, z)
-    following = ca.vertcat(sample, chain * state[1] + ca.jacobian(sample, p), chain * state[2] + ca.jacobian(sample, q))
-    following = ca.substitute(following, z, state[0])
-    step = ca.Function("sample", [state, ends, stretched, p, q], [following])
-    logs = np.log(np.maximum(s, 1e-300))
-    on = (s > 0.0).astype(float)
-    n = s.size - 1
-    P, Q = ca.MX.sym("p"), ca.MX.sym("q")
-    run = step.mapaccum("record", n)
-    found = run(
-        ca.DM.zeros(3),
-        ca.DM(np.vstack([logs[:-1], logs[1:]])),
-        ca.DM(np.vstack([on[:-1], on[1:]])),
-        ca.repmat(P, 1, n),
-        ca.repmat(Q, 1, n),
-    )
-    whole = ca.horzcat(ca.DM.zeros(3), found)
-    return ca.Function("fading", [P, Q], [whole[0, :], whole[1, :], whole[2, :]])

@@ -30,8 +30,8 @@ from ..modes import phi_1, phi_2
 from ..sensor.model import RESISTANCE, SCALE_VARIABLES, STRAIN, saturated
 from ..step_model import StepModel
 from ..variables import Variable
-from .artifact import FadingTerm, FractionalArtifact
-from .operators import covering, integral_modes, quadrature, slope_modes, started, weighed
+from .artifact import FractionalArtifact
+from .operators import covering, fading_integral, integral_modes, quadrature, slope_modes, started, weighed
 
 
 def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:
@@ -59,7 +59,7 @@ def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:
     elif artifact.terms:
         output = output + _remembered(artifact, s, h, "cosine")
     for fading in artifact.fading:
-        output = output + fading.coefficient * faded(s, h, fading)
+        output = output + fading.coefficient * fading_integral(s, h, fading.rate, fading.exponent)[0]
     return np.asarray(artifact.rest_resistance + artifact.resistance_change * output)
 
 
@@ -89,16 +89,6 @@ def summed_weights(artifact: FractionalArtifact, part: str = "cosine") -> tuple[
         C = term.coefficient * (np.cos(angle) if part == "cosine" else -np.sin(angle))
         w, mass = w + C * g, mass + C * m
     return w, float(mass)
-
-
-def faded(s: Vector, h: float, term: FadingTerm) -> Vector:
-    r"""Return :math:`\int_0^t e^{-p_l(t-\tau)} s^{q_l}\,d\tau` [s], shape (m,), with the power linear between samples.
-
-    The thesis uses the trapezoidal rule for the whole integrand, Eq. (3.20), which fails if :math:`p_l h` is not small; with
-    :math:`s^{q_l}` as in Eq. (3.15). Negative strain counts as zero.
-    """
-    power = np.where(s > 0.0, np.maximum(s, 1e-300) ** term.exponent, 0.0)
-    return np.asarray(integral_modes(power, h, np.array([term.rate]))[:, 0])
 
 
 def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:

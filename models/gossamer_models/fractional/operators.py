@@ -17,14 +17,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import casadi as ca
 import numpy as np
-from scipy.signal import hilbert
+from scipy.signal import hilbert, lfilter
 from scipy.special import gamma
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
-from ..modes import PowerLawKernels, responses
+from ..modes import PowerLawKernels, phi_1, phi_2, responses
 from ..modes.power_law import check_order
+
+_x = ca.SX.sym("x")
+_PHI_SLOPES = ca.Function("slopes", [_x], [ca.jacobian(phi(_x), _x) for phi in (phi_1, phi_2)])
 
 
 def integral(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:
@@ -99,6 +103,21 @@ def slope_modes(u: Vector, h: float, rates: Vector) -> Matrix:
     """
     jump = u[0] * np.exp(-h * np.outer(np.arange(u.size), rates)) if u[0] else 0.0
     return responses(h, np.diff(u), u, rates) + jump
+
+
+def fading_integral(s: Vector, h: float, rate: float, exponent: float) -> tuple[Vector, Vector, Vector]:
+    r"""Return :math:`\int_0^t e^{-p(t-\tau)} s^q\,d\tau` [s] and its derivatives by rate p and exponent q, shape (m,).
+
+    The power is linear between samples. The thesis uses the trapezoidal rule for the whole integrand, Eq. (3.20), which
+    fails if :math:`p h` is not small; with :math:`s^q` as in Eq. (3.15). Negative strain counts as zero.
+    """
+    x, logs = ca.DM(rate * h), np.log(np.maximum(s, 1e-300))
+    power = np.where(s > 0.0, np.exp(exponent * logs), 0.0)
+    value, by_exponent = (integral_modes(u, h, np.array([rate]))[:, 0] for u in (power, logs * power))
+    slope_1, slope_2 = (float(each) for each in _PHI_SLOPES(x))
+    left = np.exp(-rate * h)
+    gained = h**2 * ((slope_1 - slope_2) * power[:-1] + slope_2 * power[1:]) - h * left * value[:-1]
+    return value, np.concatenate([[0.0], lfilter([1.0], [1.0, -left], gained)]), by_exponent
 
 
 def weighed(modes: Callable[[Vector, float, Vector], Matrix], u: Vector, h: float, rates: Vector, w: Vector) -> Vector:

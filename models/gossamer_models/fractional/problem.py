@@ -19,7 +19,7 @@ from .columns import RecordColumns
 from .settings import FractionalSettings
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class FractionalProblem:
     r"""A problem to solve.
 
@@ -97,14 +97,7 @@ def prepare(
     ]
     weights = np.concatenate([np.full(part.size, r.weight) for part, r in zip(changes, records, strict=True)])
     separable = _separable(columns, np.concatenate(changes) / scale, weights, settings, rest=fitted)
-    return FractionalProblem(
-        settings=settings,
-        separable=separable,
-        full_scale=full_scale,
-        scale=scale,
-        rest_resistance=rest,
-        rest_fitted=fitted,
-    )
+    return FractionalProblem(settings, separable, full_scale, scale, rest, fitted)
 
 
 def _separable(
@@ -137,18 +130,15 @@ def _separable(
 
 
 def _terms(theta: Vector, c: Vector, settings: FractionalSettings) -> tuple[FractionalTerm, ...]:
+    """Return coefficients and phases, the phases within the bounds of the model."""
     N = settings.terms
     A, B = c[1 : 1 + N], np.zeros(N) if settings.model == "sub-model-1" else c[1 + N : 1 + 2 * N]
-    terms = []
-    for a_k, A_k, B_k in zip(theta, A, B, strict=False):
-        if settings.model == "sub-model-1":
-            terms.append(FractionalTerm(coefficient=float(A_k), order=float(a_k)))
-            continue
-        # the phase within the bounds of the model
-        sign = -1.0 if (B_k if settings.model == "model-1" else A_k) < 0.0 else 1.0
-        phase = 2.0 / np.pi * np.arctan2(-sign * B_k, sign * A_k)
-        terms.append(FractionalTerm(coefficient=float(sign * np.hypot(A_k, B_k)), order=float(a_k), phase=float(phase)))
-    return tuple(terms)
+    sign = np.where((B if settings.model == "model-1" else A) < 0.0, -1.0, 1.0)
+    phases = 2.0 / np.pi * np.arctan2(-sign * B, sign * A) + 0.0  # no negative zero
+    return tuple(
+        FractionalTerm(coefficient=float(C), order=float(a), phase=float(b))
+        for C, a, b in zip(sign * np.hypot(A, B), theta, phases, strict=False)
+    )
 
 
 def _fading_terms(theta: Vector, c: Vector, settings: FractionalSettings) -> tuple[FadingTerm, ...]:
