@@ -15,10 +15,8 @@ corrected here, so that a build is reproducible.
 from __future__ import annotations
 
 import hashlib
-import logging
 import uuid
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -29,6 +27,7 @@ from lxml import etree
 
 from ..errors import ScenarioError
 from ..fmi.archive import check_target, write_archive
+from ..fmi.fmutool import collect_errors
 from ..fmi.units import conversion, powers
 from ..scenario.plan import Plan, make_plan
 from ..scenario.schema import Scenario
@@ -125,7 +124,7 @@ class _Container(FMUContainer):  # type: ignore[misc]
 
 def _build(plan: Plan, folder: Path, name: str, fmi: int) -> dict[str, bytes]:
     """Let fmucontainer merge the FMUs, and return the files of the archive."""
-    with _complaints() as complaints:
+    with collect_errors() as complaints:
         try:
             container = _Container(name, folder, plan, fmi)
             _connect(container, plan)
@@ -247,23 +246,3 @@ def _digest(folder: Path) -> str:
     for name, content in _members(folder).items():
         digest.update(name.encode() + b"\0" + hashlib.sha256(content).digest())
     return digest.hexdigest()
-
-
-@contextmanager
-def _complaints() -> Iterator[list[str]]:
-    """Keep fmucontainer quiet, and collect its errors."""
-    found: list[str] = []
-
-    class Collect(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            found.append(record.getMessage())
-
-    logger = logging.getLogger("fmu_manipulation_toolbox")
-    handler, propagate = Collect(logging.ERROR), logger.propagate
-    logger.addHandler(handler)
-    logger.propagate = False
-    try:
-        yield found
-    finally:
-        logger.removeHandler(handler)
-        logger.propagate = propagate

@@ -146,8 +146,13 @@ def library_path(folder: Path, description: Any) -> Path:  # noqa: ANN401
     return folder / "binaries" / str(platform) / name
 
 
+def platforms(folder: Path) -> list[str]:
+    """List the platforms for which an unpacked FMU has a binary."""
+    return sorted(p.name for p in (folder / "binaries").glob("*") if p.is_dir())
+
+
 def explain_platforms(folder: Path, library: Path) -> str:
     """Explain which binary an unpacked FMU lacks, and which it has."""
-    there = sorted(p.name for p in (folder / "binaries").glob("*") if p.is_dir())
+    there = platforms(folder)
     has = f"binaries for {', '.join(there)}" if there else "no binaries"
     return f"It has no {library.relative_to(folder).as_posix()}, which this machine needs; it has {has}."
