@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
-from ..errors import FmuError, OrchestratorError
+from ..errors import FmuError, OrchestratorError, writing
 from ..file_kinds import explain_file
 from ..names import suggest
 
@@ -153,7 +153,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
         It cannot be written there.
     """
     partial = path.with_suffix(".partial")
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with zipfile.ZipFile(partial, "w") as archive:
@@ -166,6 +166,3 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
-    except OSError as error:
-        msg = f"cannot write {path}: {error.strerror or error}. Name another place with --out."
-        raise OrchestratorError(msg) from error
