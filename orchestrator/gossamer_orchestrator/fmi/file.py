@@ -65,19 +65,10 @@ class FmuFile:
         return self.path.stem
 
     @property
-    def guid(self) -> str:
-        """Identifier of the interface, from the model description."""
-        return str(self.description.guid)
-
-    @property
-    def can_restore(self) -> bool:
-        """True if instances can save and restore their state."""
-        return bool(self.description.coSimulation.canGetAndSetFMUstate)
-
-    @property
-    def can_vary_step(self) -> bool:
-        """True if instances accept steps of different sizes."""
-        return bool(self.description.coSimulation.canHandleVariableCommunicationStepSize)
+    def can_repeat(self) -> bool:
+        """True if instances can restore their state and repeat a step in parts."""
+        can = self.description.coSimulation
+        return bool(can.canGetAndSetFMUstate and can.canHandleVariableCommunicationStepSize)
 
     @cached_property
     def units(self) -> dict[str, Any]:

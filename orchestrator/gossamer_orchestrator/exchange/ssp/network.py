@@ -55,8 +55,8 @@ class Network:
 
     Attributes
     ----------
-    names, sources, fmus : dict
-        Name in the scenario, path in the archive, and FMU of every component, by place.
+    names, fmus : dict
+        Name in the scenario and FMU of every component, by place.
     kinds, units, feeds, values : dict
         Kind of connector, definition of its unit, what feeds it and what it is given, by node.
     """
@@ -64,7 +64,6 @@ class Network:
     def __init__(self, files: SspFiles, ssd: Any, root: Any) -> None:  # noqa: ANN401
         self.files = files
         self.names: dict[Place, str] = {}
-        self.sources: dict[Place, str] = {}
         self.fmus: dict[Place, FmuFile] = {}
         self.kinds: dict[Node, str] = {}
         self.units: dict[Node, Any] = {}
@@ -137,7 +136,6 @@ class Network:
         path = self.files.find(source, f"the source of component {label!r}")
         same = [fmu for fmu in self.fmus.values() if fmu.path == path]
         fmu = self.fmus[place] = same[0] if same else FmuFile(path)
-        self.sources[place] = path.relative_to(self.files.folder.resolve()).as_posix()
         name = re.sub(r"\W", "_", "_".join(place), flags=re.ASCII)
         name = f"_{name}" if name[0].isdigit() else name
         while name in self.names.values():
