@@ -233,13 +233,11 @@ def _deferred_interrupt() -> Iterator[threading.Event]:
         interrupted.set()
         signal.signal(signal.SIGINT, previous)
 
-    if threading.current_thread() is not threading.main_thread():
-        yield interrupted
-        return
     previous = signal.getsignal(signal.SIGINT)
-    signal.signal(signal.SIGINT, remember)
+    with suppress(ValueError):  # only the main thread can handle signals
+        signal.signal(signal.SIGINT, remember)
     try:
         yield interrupted
     finally:
-        with suppress(TypeError):
+        with suppress(TypeError, ValueError):
             signal.signal(signal.SIGINT, previous)

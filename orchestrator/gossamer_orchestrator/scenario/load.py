@@ -100,7 +100,8 @@ def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | 
 def _explain(kind: str, location: Location, message: str, value: Any) -> str:  # noqa: ANN401
     """Turn one error of pydantic into a sentence."""
     key, table = str(location[-1]), ".".join(part for part in location[:-1] if isinstance(part, str))
-    owner = next((_TABLES[part] for part in location[-2::-1] if part in _TABLES), Scenario)
+    around = (*location[2:-1], location[0])  # without the name of a component or the number of an element
+    owner = next((_TABLES[part] for part in around if part in _TABLES), Scenario)
     known = [field.alias or name for name, field in owner.model_fields.items()]
     place = f" in {table!r}" if table else ""
     if kind == "extra_forbidden":

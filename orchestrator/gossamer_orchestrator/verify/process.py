@@ -18,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..errors import FmuError
-from ..fmi.archive import check_archive, unpack
+from ..fmi.archive import unpack
 from .checks import CHECKS
 from .registry import FAILED, NOT_APPLICABLE, PASSED, Finding
 
@@ -46,7 +46,6 @@ def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LI
     with tempfile.TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True) as scratch:
         folder = Path(scratch) / "fmu"
         try:
-            check_archive(path)
             unpack(path, folder)
         except FmuError as error:
             return [Finding("archive", FAILED, str(error))]

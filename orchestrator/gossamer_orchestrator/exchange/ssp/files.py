@@ -11,8 +11,10 @@ from lxml import etree
 from pyssp_standard.ssd import SSD
 
 from ...errors import ScenarioError
+from ...fmi.archive import Kind
 
 STRUCTURE = "SystemStructure.ssd"
+SSP = Kind("SSP", STRUCTURE, ScenarioError)
 ANNOTATION = "gossamer.scenario"  # type of the annotation that holds what SSP has no place for:
 KEPT = {"master", "order", "record"}
 

@@ -16,14 +16,14 @@ from typing import Any
 
 from pyssp_standard.ssd import SSD
 
-from ...errors import OrchestratorError, ScenarioError
-from ...fmi.archive import check_archive, unpack
+from ...errors import OrchestratorError
+from ...fmi.archive import unpack
 from ...names import split_endpoint
 from ...scenario.graph import find_cycle, sort_components
 from ...scenario.load import make_scenario
 from ...scenario.schema import Scenario, Value
 from ...scenario.source import Source
-from .files import ANNOTATION, KEPT, STRUCTURE, SspFiles
+from .files import ANNOTATION, KEPT, SSP, STRUCTURE, SspFiles
 from .network import Network, dotted
 
 logger = logging.getLogger(__name__)
@@ -51,9 +51,8 @@ def open_ssp(path: Path, *, step: float | None = None, stop: float | None = None
         The archive is dangerous or damaged, or needs what this program cannot do; the message names the part.
     """
     path = Path(path)
-    check_archive(path, kind="SSP", needs=STRUCTURE, failure=ScenarioError)
     with TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True) as name:
-        unpack(path, Path(name), failure=ScenarioError)
+        unpack(path, Path(name), SSP)
         files = SspFiles(path.name, Path(name))
         try:
             scenario = _read_scenario(files, step, stop)
