@@ -106,7 +106,10 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     ssd.system = System(name=_identifier(scenario.name))
     by_name = {c.name: c for c in plan.components}
     ssd.system.elements = [_component(by_name[name], sources, ssd.units) for name in scenario.components]
-    ssd.system.connections = [_connection(connection) for connection in scenario.connections]
+    ssd.system.connections = [
+        Connection(start_element=c.sender, start_connector=c.output, end_element=c.receiver, end_connector=c.input)
+        for c in scenario.connections
+    ]
     rest = scenario.model_dump(include=KEPT, exclude_defaults=True)
     annotation = Annotation(ANNOTATION)
     annotation.add_text(json.dumps({"version": 1, **rest}))
@@ -115,6 +118,8 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     ssd.default_experiment.start_time, ssd.default_experiment.stop_time = scenario.start, scenario.stop
     ssd.default_experiment.annotations.add_annotation(_osp_step(scenario.step))
     ssd.__write__()
+    for element, connection in zip(ssd.root.iter("{*}Connection"), scenario.connections, strict=True):
+        _transform(element, connection)
     ssd.root.append(ssd.root.find("ssd:DefaultExperiment", ssd.namespaces))  # after the units, as the schema wants it
     namespaces = {prefix: ssd.namespaces[prefix] for prefix in ("ssd", "ssc", "ssv")} | {"osp": _OSP_NAMESPACE}
     # libcosim wants them declared at the top, under these names
@@ -148,27 +153,13 @@ def _component(plan: ComponentPlan, sources: dict[FmuFile, str], units: Any) -> 
     return component
 
 
-def _connection(connection: schema.Connection) -> Any:  # noqa: ANN401
-    """Describe one connection."""
-
-    class Transformed(Connection):  # type: ignore[misc]
-        """A connection whose transformation is written; pyssp-standard 0.9 forgets it."""
-
-        def as_element(self) -> etree._Element:
-            element = super().as_element()
-            if connection.gain is not None or connection.bias is not None:
-                factor = 1.0 if connection.gain is None else connection.gain
-                values = {"factor": repr(factor), "offset": repr(connection.bias or 0.0)}
-                element.append(Transformation("LinearTransformation", values).element())
-                element.set("suppressUnitConversion", "true")  # gain and bias convert units too
-            return element
-
-    return Transformed(
-        start_element=connection.sender,
-        start_connector=connection.output,
-        end_element=connection.receiver,
-        end_connector=connection.input,
-    )
+def _transform(element: Any, connection: schema.Connection) -> None:  # noqa: ANN401
+    """Add gain and bias to a written connection; pyssp-standard 0.9 forgets its transformation."""
+    if connection.gain is not None or connection.bias is not None:
+        factor = 1.0 if connection.gain is None else connection.gain
+        values = {"factor": repr(factor), "offset": repr(connection.bias or 0.0)}
+        element.append(Transformation("LinearTransformation", values).element())
+        element.set("suppressUnitConversion", "true")  # gain and bias convert units too
 
 
 def _osp_step(step: float) -> Any:  # noqa: ANN401
