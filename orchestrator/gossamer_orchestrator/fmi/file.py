@@ -110,19 +110,6 @@ class FmuFile:
             unpack(self.path, Path(self._folder.name))
         return Path(self._folder.name)
 
-    def library(self) -> Path:
-        """Unpack it and return its binary for this machine.
-
-        Raises
-        ------
-        FmuError
-            It has none.
-        """
-        library = library_path(self.folder(), self.description)
-        if not library.is_file():
-            raise FmuError(explain_platforms(self.folder(), library))
-        return library
-
     def close(self) -> None:
         """Remove the temporary folder."""
         if self._folder is not None:

@@ -10,6 +10,9 @@ from typing import Any
 from fmpy import fmi2, fmi3
 from fmpy.logging import addLoggerProxy
 
+from ..errors import FmuError
+from .file import explain_platforms, library_path
+
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 
 # FMPy's proxy, which expands printf formats, calls the function installed last, whoever logs. So there is one function for
@@ -78,7 +81,15 @@ def start_slave(description: Any, folder: Path, name: str, log: Log, *, token: s
     -------
     fmpy.fmi2.FMU2Slave or fmpy.fmi3.FMU3Slave
         The instance. FMPy raises bare exceptions if there is none.
+
+    Raises
+    ------
+    FmuError
+        The FMU has no binary for this machine.
     """
+    library = library_path(folder, description)
+    if not library.is_file():
+        raise FmuError(explain_platforms(folder, library))
     two = description.fmiVersion.startswith("2")
     kind = fmi2.FMU2Slave if two else fmi3.FMU3Slave
     slave = kind(

@@ -70,10 +70,8 @@ def _steps(subject: Subject) -> Outcome:
 
 
 def _equal(first: list[str], second: list[str], good: str, bad: str) -> Outcome:
-    for k, (a, b) in enumerate(zip(first, second, strict=True)):
-        if a != b:
-            return FAILED, f"{bad}, the outputs differ from step {k} on."
-    return PASSED, good
+    differ = [k for k, (a, b) in enumerate(zip(first, second, strict=True)) if a != b]
+    return (FAILED, f"{bad}, the outputs differ from step {differ[0]} on.") if differ else (PASSED, good)
 
 
 @check("save and restore", needs=_STATE)
@@ -131,10 +129,8 @@ def _two(subject: Subject) -> Outcome:
 
 @check("fixed parameter")
 def _fixed(subject: Subject) -> Outcome:
-    for variable in subject.variables:
-        if variable.causality == "parameter" and variable.variability == "fixed" and variable.type in REALS:
-            break
-    else:
+    variable = next((v for v in subject.parameters if v.variability == "fixed"), None)
+    if variable is None:
         return NOT_APPLICABLE, "It has no fixed Real parameter."
     with subject.instance() as one:
         before = one.get(variable)

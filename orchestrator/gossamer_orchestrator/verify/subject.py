@@ -34,8 +34,8 @@ class Subject:
         As read by FMPy, not validated.
     version : int
         2 or 3.
-    inputs, outputs : list
-        Real inputs, and outputs of every type.
+    inputs, parameters, outputs : list
+        Real inputs and parameters, and outputs of every type.
     start, size : float
         Start [s] of its runs and their step size [s]: those of its default experiment if there are any.
     fatal : bool
@@ -51,7 +51,9 @@ class Subject:
         self.description: Any = fmpy.read_model_description(str(folder), validate=False)
         self.version = int(self.description.fmiVersion[0])
         self.variables = self.description.modelVariables
-        self.inputs = [v for v in self.variables if v.causality == "input" and v.type in REALS]
+        reals = [v for v in self.variables if v.type in REALS]
+        self.inputs = [v for v in reals if v.causality == "input"]
+        self.parameters = [v for v in reals if v.causality == "parameter"]
         self.outputs = [v for v in self.variables if v.causality == "output"]
         experiment = self.description.defaultExperiment
         start, stop, size = (getattr(experiment, key, None) for key in ("startTime", "stopTime", "stepSize"))

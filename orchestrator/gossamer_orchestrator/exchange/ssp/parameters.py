@@ -30,12 +30,10 @@ class Given:
     gain: float = 1.0
     bias: float = 0.0
 
-    def converted(self, unit: Any) -> Value:  # noqa: ANN401
-        """Return the value for a receiver with a unit."""
-        if not isinstance(self.value, float):
-            return self.value
+    def converted(self, unit: Any) -> float:  # noqa: ANN401
+        """Return a Real for a receiver with a unit."""
         factor, offset = conversion(self.unit, unit) or (1.0, 0.0)
-        return self.gain * (factor * self.value + offset) + self.bias
+        return self.gain * (factor * float(self.value) + offset) + self.bias
 
 
 def read_bindings(files: SspFiles, bindings: Iterable[Any] | None, owner: str) -> dict[str, Given]:
