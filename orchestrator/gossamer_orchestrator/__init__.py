@@ -1,73 +1,36 @@
-"""Co-simulation of FMUs: scenarios, master, results."""
+"""Co-simulation of FMUs: scenarios, master, results.
+
+``__init__.pyi`` says the same to type checkers.
+"""
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from .errors import FmuError, OrchestratorError, ResultsError, ScenarioError, SimulationError
-    from .exchange.container import build_container
-    from .exchange.ssp.reader import open_ssp
-    from .exchange.ssp.writer import export_ssp
-    from .fmi.file import FmuFile
-    from .results.files import load_results, save_results
-    from .results.judgements import Judgement, judge
-    from .run.master import Observer, Simulation
-    from .run.progress import ProgressBar
-    from .run.recorder import Recorder
-    from .run.runner import run_scenario
-    from .scenario.load import load_scenario, parse_scenario
-    from .scenario.plan import Plan, make_plan
-    from .scenario.schema import Scenario
-
-__all__ = [
-    # from a scenario to results
-    "Scenario",
-    "load_scenario",
-    "parse_scenario",
-    "run_scenario",
-    "load_results",
-    "save_results",
-    # to and from other tools
-    "export_ssp",
-    "open_ssp",
-    "build_container",
-    # step by step
-    "FmuFile",
-    "Plan",
-    "make_plan",
-    "Simulation",
-    "Observer",
-    "Recorder",
-    "ProgressBar",
-    # what the detector found
-    "Judgement",
-    "judge",
-    # errors
-    "OrchestratorError",
-    "ScenarioError",
-    "FmuError",
-    "SimulationError",
-    "ResultsError",
-]
+from typing import Any
 
 _HOMES = {
-    "errors": ("OrchestratorError", "ScenarioError", "FmuError", "SimulationError", "ResultsError"),
-    "exchange.container": ("build_container",),
-    "exchange.ssp.reader": ("open_ssp",),
-    "exchange.ssp.writer": ("export_ssp",),
-    "fmi.file": ("FmuFile",),
-    "results.files": ("load_results", "save_results"),
-    "results.judgements": ("Judgement", "judge"),
-    "run.master": ("Observer", "Simulation"),
-    "run.progress": ("ProgressBar",),
-    "run.recorder": ("Recorder",),
-    "run.runner": ("run_scenario",),
-    "scenario.load": ("load_scenario", "parse_scenario"),
-    "scenario.plan": ("Plan", "make_plan"),
+    # from a scenario to results
     "scenario.schema": ("Scenario",),
+    "scenario.load": ("load_scenario", "parse_scenario"),
+    "run.runner": ("run_scenario",),
+    "results.files": ("load_results", "save_results"),
+    # to and from other tools
+    "exchange.ssp.writer": ("export_ssp",),
+    "exchange.ssp.reader": ("open_ssp",),
+    "exchange.container": ("build_container",),
+    # step by step
+    "fmi.file": ("FmuFile",),
+    "scenario.plan": ("Plan", "make_plan"),
+    "run.master": ("Simulation", "Observer"),
+    "run.recorder": ("Recorder",),
+    "run.progress": ("ProgressBar",),
+    # what the detector found
+    "results.judgements": ("Judgement", "judge"),
+    # errors
+    "errors": ("OrchestratorError", "ScenarioError", "FmuError", "SimulationError", "ResultsError"),
 }
+
+__all__ = [name for names in _HOMES.values() for name in names]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401

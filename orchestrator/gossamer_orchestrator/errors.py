@@ -4,6 +4,12 @@ One root, ``OrchestratorError``; every leaf is also the built-in it resembles. A
 component or the number at fault and ends in what to do next.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class OrchestratorError(Exception):
     """Root of every error that the orchestrator raises on purpose."""
@@ -39,3 +45,13 @@ class SimulationError(OrchestratorError, RuntimeError):
 
 class ResultsError(OrchestratorError, ValueError):
     """A results file that is missing, truncated or of another program, or that lacks what a plot needs."""
+
+
+@contextmanager
+def writing(path: Path, kind: type[OrchestratorError] = OrchestratorError) -> Iterator[None]:
+    """Raise an error of a kind if a file or folder cannot be written inside the ``with`` block."""
+    try:
+        yield
+    except OSError as error:
+        msg = f"cannot write {path}: {error.strerror or error}. Name another place with --out."
+        raise kind(msg) from error

@@ -15,10 +15,8 @@ corrected here, so that a build is reproducible.
 from __future__ import annotations
 
 import hashlib
-import logging
 import uuid
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,13 +24,14 @@ from typing import Any
 from fmu_manipulation_toolbox.container import FMUContainer, FMUContainerError
 from fmu_manipulation_toolbox.operations import FMUError
 from lxml import etree
+from pyssp_standard.unit import Units
 
 from ..errors import ScenarioError
 from ..fmi.archive import check_target, write_archive
-from ..fmi.units import conversion, powers
+from ..fmi.fmutool import collect_errors
 from ..scenario.plan import Plan, make_plan
 from ..scenario.schema import Scenario
-from ..scenario.source import Problems
+from .limits import declare_unit, inexpressible
 
 _NAMESPACE = uuid.UUID("6c0ac8a6-6d8d-5a15-8f0e-6ed3a6a0c1b4")
 _REAL = {2: "Real", 3: "Float64"}
@@ -84,14 +83,9 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
 
 def _refuse_inexpressible(plan: Plan) -> None:
     """Report every key that a container cannot express."""
-    problems = Problems(plan.scenario.source)
-    for i, _ in enumerate(plan.scenario.events):
-        problems.add(("events", i), "a container has no events. Remove it; let the host change the container's input.")
-    for i, connection in enumerate(plan.scenario.connections):
-        for key, neutral in (("gain", 1.0), ("bias", 0.0), ("noise", None), ("dropout", None)):
-            if getattr(connection, key) not in (None, neutral):
-                problems.add(("connections", i, key), f"a container's connections have no {key}. Remove it.")
-    problems.raise_if_any()
+    neutral = {"gain": 1.0, "bias": 0.0, "noise": None, "dropout": None}
+    advice = "and let the host change the container's input"
+    inexpressible(plan.scenario, "a container", neutral, advice).raise_if_any()
 
 
 class _Container(FMUContainer):  # type: ignore[misc]
@@ -125,7 +119,7 @@ class _Container(FMUContainer):  # type: ignore[misc]
 
 def _build(plan: Plan, folder: Path, name: str, fmi: int) -> dict[str, bytes]:
     """Let fmucontainer merge the FMUs, and return the files of the archive."""
-    with _complaints() as complaints:
+    with collect_errors() as complaints:
         try:
             container = _Container(name, folder, plan, fmi)
             _connect(container, plan)
@@ -179,7 +173,7 @@ def _complete(folder: Path, plan: Plan, fmi: int) -> None:
     names = ", ".join(f"{c.name} ({c.fmu.name})" for c in plan.components)
     root.set("description", f"{plan.scenario.title or plan.scenario.name}: {names}")
     root.set("generationTool", f"Gossamer with {root.get('generationTool')}")
-    units: dict[str, Any] = {}
+    units = Units()
     for variable in root.find("ModelVariables"):
         component, _, name = variable.get("name").partition(".")
         if not name:
@@ -191,35 +185,21 @@ def _complete(folder: Path, plan: Plan, fmi: int) -> None:
         if real is None:
             continue
         unit = fmu.unit(name)
-        definition = fmu.unit_definition(name)
-        if unit is not None and (
-            units.setdefault(unit, definition) is definition or conversion(units[unit], definition) == (1.0, 0.0)
-        ):
+        if unit is not None and declare_unit(units, unit, fmu.unit_definition(name)):
             real.set("unit", unit)
         for key in ("min", "max", "nominal"):
             value = getattr(fmu.variables[name], key)
             if value is not None:
                 real.set(key, value)
-    if units:
-        root.insert(root.index(root.find("LogCategories")), _definitions(units))
+    if not units.is_empty():
+        root.insert(root.index(root.find("LogCategories")), units.element("fmi"))
     _structure(root, fmi)
     key = "guid" if fmi == 2 else "instantiationToken"
     root.set(key, "")
     tree.write(path, encoding="utf-8", xml_declaration=True, pretty_print=True)
-    root.set(key, f"{{{uuid.uuid5(_NAMESPACE, _digest(folder))}}}")
+    content = "".join(f"{name} {hashlib.sha256(data).hexdigest()}\n" for name, data in _members(folder).items())
+    root.set(key, f"{{{uuid.uuid5(_NAMESPACE, content)}}}")
     tree.write(path, encoding="utf-8", xml_declaration=True, pretty_print=True)
-
-
-def _definitions(units: dict[str, Any]) -> Any:  # noqa: ANN401
-    """Write unit definitions, the same in FMI 2 and 3."""
-    element = etree.Element("UnitDefinitions")
-    for name, base in units.items():
-        unit = etree.SubElement(element, "Unit", name=name)
-        if base is not None:
-            exponents = {name: str(power) for name, power in powers(base).items()}
-            scale = {k: repr(getattr(base, k)) for k, d in (("factor", 1.0), ("offset", 0.0)) if getattr(base, k) != d}
-            etree.SubElement(unit, "BaseUnit", exponents | scale)
-    return element
 
 
 def _structure(root: Any, fmi: int) -> None:  # noqa: ANN401
@@ -240,30 +220,3 @@ def _members(folder: Path) -> dict[str, bytes]:
     """Return every file by its name in the archive, the model description first."""
     files = {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
     return dict(sorted(files.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0])))
-
-
-def _digest(folder: Path) -> str:
-    digest = hashlib.sha256()
-    for name, content in _members(folder).items():
-        digest.update(name.encode() + b"\0" + hashlib.sha256(content).digest())
-    return digest.hexdigest()
-
-
-@contextmanager
-def _complaints() -> Iterator[list[str]]:
-    """Keep fmucontainer quiet, and collect its errors."""
-    found: list[str] = []
-
-    class Collect(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            found.append(record.getMessage())
-
-    logger = logging.getLogger("fmu_manipulation_toolbox")
-    handler, propagate = Collect(logging.ERROR), logger.propagate
-    logger.addHandler(handler)
-    logger.propagate = False
-    try:
-        yield found
-    finally:
-        logger.removeHandler(handler)
-        logger.propagate = propagate

@@ -1,6 +1,6 @@
 """Unpack archives that are not trusted, and write archives.
 
-What an archive declares is checked first; then its bytes are counted while they are unpacked.
+What an archive declares is checked first, and no more than that is unpacked.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
+from typing import NamedTuple
 
-from ..errors import FmuError, OrchestratorError
+from ..errors import FmuError, OrchestratorError, writing
 from ..file_kinds import explain_file
 from ..names import suggest
 
@@ -20,56 +21,52 @@ MAX_BYTES = 2 * 1024**3
 _ENCRYPTED = 0x1
 
 
-def check_archive(
-    path: Path,
-    *,
-    kind: str = "FMU",
-    needs: str = "modelDescription.xml",
-    failure: type[OrchestratorError] = FmuError,
-) -> None:
-    """Refuse a file that is not a ZIP archive, leaves its folder when unpacked, is ambiguous, or is absurdly large.
+class Kind(NamedTuple):
+    """What an archive should be: its name for messages, the member that makes it one, and the error if it is none."""
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    kind, needs : str
-        What it should be, and the member that makes it one.
-    failure : type
-        The error to raise.
+    name: str
+    needs: str
+    failure: type[OrchestratorError]
+
+
+FMU = Kind("FMU", "modelDescription.xml", FmuError)
+
+
+def check_archive(path: Path, kind: Kind = FMU) -> None:
+    """Refuse a file that is not a ZIP archive, leaves its folder when unpacked, is ambiguous, or is absurdly large.
 
     Raises
     ------
     FmuError
-        Or ``failure``, with the name or number at fault.
+        Or what ``kind`` says, with the name or number at fault.
     """
     if not path.exists():
         known = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))
         msg = f"there is no file {path}. {suggest(path.name, known) if known else ''}".rstrip()
-        raise failure(msg)
+        raise kind.failure(msg)
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
     except (OSError, zipfile.BadZipFile):
-        msg = f"{path} is not an {kind}. {explain_file(path)}"
-        raise failure(msg) from None
+        msg = f"{path} is not an {kind.name}. {explain_file(path)}"
+        raise kind.failure(msg) from None
     size = sum(member.file_size for member in members)
     if len(members) > MAX_FILES or size > MAX_BYTES:
         msg = (
             f"{path} holds {len(members)} files of {size / 1024**2:.0f} MiB unpacked, more than {MAX_FILES} files or "
             f"{MAX_BYTES // 1024**2} MiB. It is not unpacked; ask its author for a smaller one."
         )
-        raise failure(msg)
+        raise kind.failure(msg)
     seen: set[PurePosixPath] = set()
     for member in members:
         what = _explain_member(member, seen)
         if what is not None:
             msg = f"{path}: its member {member.filename!r} {what}. Such an archive is not unpacked; do not trust it."
-            raise failure(msg)
+            raise kind.failure(msg)
         seen.add(PurePosixPath(member.filename))
-    if PurePosixPath(needs) not in seen:
-        msg = f"{path} is not an {kind}: it holds no {needs}. {explain_file(path)}"
-        raise failure(msg)
+    if PurePosixPath(kind.needs) not in seen:
+        msg = f"{path} is not an {kind.name}: it holds no {kind.needs}. {explain_file(path)}"
+        raise kind.failure(msg)
 
 
 def _explain_member(member: zipfile.ZipInfo, seen: set[PurePosixPath]) -> str | None:
@@ -86,36 +83,21 @@ def _explain_member(member: zipfile.ZipInfo, seen: set[PurePosixPath]) -> str | 
     return None
 
 
-def unpack(path: Path, folder: Path, *, failure: type[OrchestratorError] = FmuError) -> None:
-    """Unpack a checked archive, and stop if it grows beyond the limit.
+def unpack(path: Path, folder: Path, kind: Kind = FMU) -> None:
+    """Check an archive and unpack it; ``zipfile`` unpacks no more of a member than was declared and checked.
 
     Raises
     ------
     FmuError
-        Or ``failure``: a member is damaged, or larger than declared.
+        Or what ``kind`` says: see ``check_archive``; or a member is damaged, or larger than declared.
     """
-    left = MAX_BYTES
+    check_archive(path, kind)
     try:
         with zipfile.ZipFile(path) as archive:
-            for member in archive.infolist():
-                place = folder / member.filename
-                if member.is_dir():
-                    place.mkdir(parents=True, exist_ok=True)
-                    continue
-                place.parent.mkdir(parents=True, exist_ok=True)
-                with archive.open(member) as source, place.open("wb") as target:
-                    while piece := source.read(1024**2):
-                        left -= len(piece)
-                        if left < 0:
-                            limit = f"{MAX_BYTES // 1024**2} MiB"
-                            msg = f"{path}: more than {limit} are unpacked from it, and it declares less. Do not trust it."
-                            raise failure(msg)
-                        target.write(piece)
+            archive.extractall(folder)
     except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error) as error:
-        if isinstance(error, OrchestratorError):
-            raise
         msg = f"{path} cannot be unpacked: {error}. Build or copy it again."
-        raise failure(msg) from error
+        raise kind.failure(msg) from error
 
 
 def describe_fmu(path: Path) -> str:
@@ -153,7 +135,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
         It cannot be written there.
     """
     partial = path.with_suffix(".partial")
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with zipfile.ZipFile(partial, "w") as archive:
@@ -166,6 +148,3 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
-    except OSError as error:
-        msg = f"cannot write {path}: {error.strerror or error}. Name another place with --out."
-        raise OrchestratorError(msg) from error

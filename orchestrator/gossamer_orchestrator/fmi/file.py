@@ -65,19 +65,10 @@ class FmuFile:
         return self.path.stem
 
     @property
-    def guid(self) -> str:
-        """Identifier of the interface, from the model description."""
-        return str(self.description.guid)
-
-    @property
-    def can_restore(self) -> bool:
-        """True if instances can save and restore their state."""
-        return bool(self.description.coSimulation.canGetAndSetFMUstate)
-
-    @property
-    def can_vary_step(self) -> bool:
-        """True if instances accept steps of different sizes."""
-        return bool(self.description.coSimulation.canHandleVariableCommunicationStepSize)
+    def can_repeat(self) -> bool:
+        """True if instances can restore their state and repeat a step in parts."""
+        can = self.description.coSimulation
+        return bool(can.canGetAndSetFMUstate and can.canHandleVariableCommunicationStepSize)
 
     @cached_property
     def units(self) -> dict[str, Any]:
@@ -119,19 +110,6 @@ class FmuFile:
             unpack(self.path, Path(self._folder.name))
         return Path(self._folder.name)
 
-    def library(self) -> Path:
-        """Unpack it and return its binary for this machine.
-
-        Raises
-        ------
-        FmuError
-            It has none.
-        """
-        library = library_path(self.folder(), self.description)
-        if not library.is_file():
-            raise FmuError(explain_platforms(self.folder(), library))
-        return library
-
     def close(self) -> None:
         """Remove the temporary folder."""
         if self._folder is not None:
@@ -146,8 +124,13 @@ def library_path(folder: Path, description: Any) -> Path:  # noqa: ANN401
     return folder / "binaries" / str(platform) / name
 
 
+def platforms(folder: Path) -> list[str]:
+    """List the platforms for which an unpacked FMU has a binary."""
+    return sorted(p.name for p in (folder / "binaries").glob("*") if p.is_dir())
+
+
 def explain_platforms(folder: Path, library: Path) -> str:
     """Explain which binary an unpacked FMU lacks, and which it has."""
-    there = sorted(p.name for p in (folder / "binaries").glob("*") if p.is_dir())
+    there = platforms(folder)
     has = f"binaries for {', '.join(there)}" if there else "no binaries"
     return f"It has no {library.relative_to(folder).as_posix()}, which this machine needs; it has {has}."

@@ -74,7 +74,6 @@ class Instance:
         self._initialized = False
         self._component: Any = None
         try:
-            fmu.library()
             self._slave = start_slave(fmu.description, fmu.folder(), name, self.log)
         except Exception as error:
             # FMPy raises bare exceptions here

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import itertools
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -11,12 +10,14 @@ from typing import Any
 from fmpy import fmi2, fmi3
 from fmpy.logging import addLoggerProxy
 
+from ..errors import FmuError
+from .file import explain_platforms, library_path
+
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 
 # FMPy's proxy, which expands printf formats, calls the function installed last, whoever logs. So there is one function for
 # all instances of FMI 2.0, and the environment pointer tells their logs apart.
 _logs: dict[int, Log] = {}
-_keys = itertools.count(1)
 
 
 class Log:
@@ -30,8 +31,7 @@ class Log:
 
     def __init__(self) -> None:
         self.messages: deque[tuple[int, str]] = deque(maxlen=1000)
-        self.key = next(_keys)
-        _logs[self.key] = self
+        _logs[id(self)] = self
 
     def add(self, _environment: int, status: int, _category: bytes, message: bytes) -> None:
         """Append a message; has the signature of FMI 3.0's callback."""
@@ -45,7 +45,7 @@ class Log:
 
     def close(self) -> None:
         """Take no more messages from FMI 2.0."""
-        _logs.pop(self.key, None)
+        _logs.pop(id(self), None)
 
 
 def _add2(environment: int, _name: bytes, status: int, category: bytes, message: bytes) -> None:
@@ -81,8 +81,17 @@ def start_slave(description: Any, folder: Path, name: str, log: Log, *, token: s
     -------
     fmpy.fmi2.FMU2Slave or fmpy.fmi3.FMU3Slave
         The instance. FMPy raises bare exceptions if there is none.
+
+    Raises
+    ------
+    FmuError
+        The FMU has no binary for this machine.
     """
-    kind = fmi2.FMU2Slave if description.fmiVersion.startswith("2") else fmi3.FMU3Slave
+    library = library_path(folder, description)
+    if not library.is_file():
+        raise FmuError(explain_platforms(folder, library))
+    two = description.fmiVersion.startswith("2")
+    kind = fmi2.FMU2Slave if two else fmi3.FMU3Slave
     slave = kind(
         guid=token or description.guid,
         unzipDirectory=str(folder),
@@ -90,10 +99,8 @@ def start_slave(description: Any, folder: Path, name: str, log: Log, *, token: s
         instanceName=name,
     )
     try:
-        if kind is fmi3.FMU3Slave:
-            slave.instantiate(loggingOn=True, logMessage=log.add)
-        else:
-            slave.instantiate(loggingOn=True, callbacks=_callbacks(log, proxy=not is_python(folder)))
+        listener = {"callbacks": _callbacks(log, proxy=not is_python(folder))} if two else {"logMessage": log.add}
+        slave.instantiate(loggingOn=True, **listener)
     except Exception:
         slave.freeLibrary()  # pythonfmu 0.7.0 may abort the process at its end if it is still loaded
         raise
@@ -105,7 +112,7 @@ def _callbacks(log: Log, *, proxy: bool) -> Any:  # noqa: ANN401
     callbacks.logger = _LOGGER
     callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
     callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
-    callbacks.componentEnvironment = log.key
+    callbacks.componentEnvironment = id(log)
     if proxy:
         addLoggerProxy(ctypes.byref(callbacks))
     return callbacks

@@ -17,6 +17,16 @@ def powers(unit: Any) -> dict[str, int]:  # noqa: ANN401
     return {name: getattr(unit, name) for name in POWERS if getattr(unit, name)}
 
 
+def scale(unit: Any) -> dict[str, float]:  # noqa: ANN401
+    """Return what defines a unit: its SI exponents, and its factor and offset if they change anything."""
+    defined: dict[str, float] = {**powers(unit)}
+    if unit.factor != 1.0:
+        defined["factor"] = unit.factor
+    if unit.offset:
+        defined["offset"] = unit.offset
+    return defined
+
+
 def conversion(a: Any, b: Any) -> tuple[float, float] | None:  # noqa: ANN401
     """Return gain and bias that convert a value from unit ``a`` to unit ``b``; None if no finite numbers do."""
     if a is None or b is None or powers(a) != powers(b) or b.factor == 0.0:

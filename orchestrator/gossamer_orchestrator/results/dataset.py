@@ -71,7 +71,7 @@ def _provenance(component: ComponentPlan) -> dict[str, Any]:
     return {
         "file": fmu.path.name,
         "model": fmu.description.modelName,
-        "guid": fmu.guid,
+        "guid": fmu.description.guid,
         "start": start,
         "parameters": {v: float(value) for v, value in values.items() if value is not None},
     }

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from ..errors import ResultsError
+from ..errors import ResultsError, writing
 from .dataset import SCHEMA, VERSION, arrange
 
 NETCDF, CSV = "results.nc", "results.csv"
@@ -28,22 +28,16 @@ def save_results(data: xr.Dataset, folder: Path) -> tuple[Path, Path]:
     """
     make_folder(folder)
     netcdf, table = folder / NETCDF, folder / CSV
-    try:
+    with writing(folder, ResultsError):
         data.to_netcdf(netcdf, engine="scipy", format="NETCDF3_64BIT")
         _write_csv(data, table)
-    except OSError as error:
-        msg = f"cannot write results into {folder}: {error.strerror or error}. Name another folder with --out."
-        raise ResultsError(msg) from error
     return netcdf, table
 
 
 def make_folder(folder: Path) -> None:
     """Make a folder for results; raise ``ResultsError`` if that is not possible."""
-    try:
+    with writing(folder, ResultsError):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        msg = f"cannot make the folder {folder}: {error.strerror or error}. Name another one with --out."
-        raise ResultsError(msg) from error
 
 
 def _write_csv(data: xr.Dataset, path: Path) -> None:

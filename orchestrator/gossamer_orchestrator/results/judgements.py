@@ -77,11 +77,6 @@ def windows(data: xr.Dataset) -> list[Judgement]:
     ]
 
 
-def judgements(data: xr.Dataset) -> list[Judgement]:
-    """List the valid judgements of a run, in order of time."""
-    return [window for window in windows(data) if window.valid]
-
-
 def judge(data: xr.Dataset) -> Judgement:
     """Return the last valid judgement of a run.
 

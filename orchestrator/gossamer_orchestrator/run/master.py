@@ -80,7 +80,7 @@ class Simulation:
         self._every = plan.scenario.record.every
         self._ticks = plan.scenario.ticks
         self._unit = plan.scenario.step / MAX_PARTS
-        self._can_repeat = all(f.can_restore and f.can_vary_step for f in plan.files)
+        self._can_repeat = all(file.can_repeat for file in plan.files)
 
     @property
     def time(self) -> float:
@@ -210,7 +210,7 @@ class Simulation:
             how = f"even in {parts} parts of {self.scenario.step / parts:.3g} s"
             advice = "Correct its inputs or parameters, or start from smaller loads."
         else:
-            unable = [f.name for f in self.plan.files if not (f.can_restore and f.can_vary_step)]
+            unable = [file.name for file in self.plan.files if not file.can_repeat]
             why = f"{', '.join(unable)} cannot restore its state or vary its step"
             how = f"and the step cannot be repeated in parts, because {why}"
             advice = "Use a smaller 'step'."
@@ -233,13 +233,11 @@ def _deferred_interrupt() -> Iterator[threading.Event]:
         interrupted.set()
         signal.signal(signal.SIGINT, previous)
 
-    if threading.current_thread() is not threading.main_thread():
-        yield interrupted
-        return
     previous = signal.getsignal(signal.SIGINT)
-    signal.signal(signal.SIGINT, remember)
+    with suppress(ValueError):  # only the main thread can handle signals
+        signal.signal(signal.SIGINT, remember)
     try:
         yield interrupted
     finally:
-        with suppress(TypeError):
+        with suppress(TypeError, ValueError):
             signal.signal(signal.SIGINT, previous)

@@ -37,7 +37,6 @@ class ProgressBar:
             auto_refresh=False,
             disable=not self._console.is_terminal,
         )
-        self._label = label
         self._task = self._progress.add_task(label, now=0.0, rate=0.0)
         self._begun = self._drawn = 0.0
 

@@ -68,13 +68,10 @@ def run_scenario(
     recorder = Recorder(plan)
     if out is not None:
         make_folder(Path(out))
-    ended, begun, divided = "interrupted", time.perf_counter(), 0
+    simulation, ended, begun = Simulation(plan), "interrupted", time.perf_counter()
     try:
-        with Simulation(plan) as simulation:
-            try:
-                simulation.run([recorder, *observers])
-            finally:
-                divided = simulation.divided
+        with simulation:
+            simulation.run([recorder, *observers])
         ended = "complete"
     except SimulationError as error:
         ended = str(error)
@@ -83,7 +80,8 @@ def run_scenario(
         raise
     finally:
         wall = time.perf_counter() - begun
-        data = make_dataset(plan, recorder.time, recorder.table, ended=ended, wall_time=wall, divided_steps=divided)
+        how = {"ended": ended, "wall_time": wall, "divided_steps": simulation.divided}
+        data = make_dataset(plan, recorder.time, recorder.table, **how)
         if out is not None and len(recorder.time):
             save_results(data, Path(out))
     return data

@@ -17,6 +17,14 @@ from ..names import suggest
 from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Noise, Recording, Scenario, Table
 from .source import Location, Problems, Source
 
+_TABLES: dict[str | int, type[Table]] = {
+    "components": Component,
+    "connections": Connection,
+    "noise": Noise,
+    "dropout": Dropout,
+    "events": Event,
+    "record": Recording,
+}
 _VALUE_DEPTH = 5  # components, name, table, key and the type that a value could not be taken for
 
 
@@ -92,7 +100,9 @@ def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | 
 def _explain(kind: str, location: Location, message: str, value: Any) -> str:  # noqa: ANN401
     """Turn one error of pydantic into a sentence."""
     key, table = str(location[-1]), ".".join(part for part in location[:-1] if isinstance(part, str))
-    known = [field.alias or name for name, field in _owner(location).model_fields.items()]
+    around = (*location[2:-1], location[0])  # without the name of a component or the number of an element
+    owner = next((_TABLES[part] for part in around if part in _TABLES), Scenario)
+    known = [field.alias or name for name, field in owner.model_fields.items()]
     place = f" in {table!r}" if table else ""
     if kind == "extra_forbidden":
         return f"unknown key {key!r}{place}. {suggest(key, known)}"
@@ -103,20 +113,6 @@ def _explain(kind: str, location: Location, message: str, value: Any) -> str:  #
     if kind == "string_pattern_mismatch" and key in ("from", "to"):
         return f"{key!r}{place}: write component.variable, not {value!r}."
     return f"{key!r}{place}: {message[0].lower()}{message[1:]}, not {value!r}."
-
-
-def _owner(location: Location) -> type[Table]:
-    """Return the table in which the key at a location stands."""
-    inner: dict[str | int, type[Table]] = {"noise": Noise, "dropout": Dropout}
-    outer: dict[str | int, type[Table]] = {
-        "components": Component,
-        "connections": Connection,
-        "events": Event,
-        "record": Recording,
-    }
-    if len(location) == 1:
-        return Scenario
-    return inner.get(location[-2]) or outer.get(location[0], Scenario)
 
 
 def _check_time(scenario: Scenario, problems: Problems) -> None:

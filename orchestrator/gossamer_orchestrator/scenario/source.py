@@ -1,23 +1,22 @@
 """The text of a scenario file and the line on which each of its keys stands.
 
-``tomllib`` gives values without positions. This scan finds tables and keys by their line starts, which is all that an
-error message needs: a key inside an inline table is looked for below the line where its table begins.
+``tomllib`` gives values without positions. So it parses the file once more when an error message needs a line, a statement
+at a time; an array over several lines is closed after each of them to see what has been added.
 """
 
 from __future__ import annotations
 
-import re
+import tomllib
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from ..errors import ScenarioError
 
 Location = tuple[str | int, ...]
-
-_HEADER = re.compile(r"\s*(\[\[?)([^\[\]]+(?:\"[^\"]*\")?)\]\]?\s*(?:#.*)?$")
-_KEY = re.compile(r"""\s*((?:"[^"]*"|'[^']*'|[A-Za-z0-9_-]+)(?:\s*\.\s*(?:"[^"]*"|'[^']*'|[A-Za-z0-9_-]+))*)\s*=""")
-_TOKEN = re.compile(r"""#|"(?:[^"\\]|\\.)*"|'[^']*'|[\[\]{},]|[^\s\[\]{},"'#]+""")
-_PART = re.compile(r"""("[^"]*"|'[^']*'|[A-Za-z0-9_-]+)""")
 
 
 @dataclass(frozen=True)
@@ -37,64 +36,52 @@ class Source:
 
     @cached_property
     def _lines(self) -> dict[Location, int]:
+        """The line on which each table, key and element of an array begins."""
         found: dict[Location, int] = {}
-        counts: dict[tuple[str, ...], int] = {}
+        counts: Counter[Location] = Counter()
         table: Location = ()
+        statement = ""
         for number, line in enumerate(self.text.splitlines(), start=1):
-            if header := _HEADER.match(line):
-                parts = tuple(part.strip("\"'") for part in _PART.findall(header[2]))
-                table = parts
-                if header[1] == "[[":
-                    found.setdefault(parts, number)
-                    counts[parts] = counts.get(parts, -1) + 1
-                    table = (*parts, counts[parts])
-                found.setdefault(table, number)
-            elif key := _KEY.match(line):
-                parts = tuple(part.strip("\"'") for part in _PART.findall(key[1]))
-                found.setdefault((*table, *parts), number)
+            statement += f"{line}\n"
+            content, complete = _parse(statement)
+            header = statement.lstrip().startswith("[")
+            inside = [place if header else (*table, *place) for place in _locations(content)]
+            if header:
+                *outer, table = inside
+                if table[-1] == 0:  # one more of an array of tables
+                    counts[table] += 1
+                    table = (*table[:-1], counts[table] - 1)
+                inside = [*outer, table]
+            for place in inside:
+                found.setdefault(place, number)
+            statement = "" if complete else statement
         return found
 
     def line(self, location: Location) -> int | None:
         """Return the line of a key, or of the innermost table around it that can be found; None for the whole file."""
-        for size in range(len(location), 0, -1):
-            start = self._lines.get(location[:size])
-            if start is None:
-                continue
-            if size < len(location) and isinstance(location[size], int):
-                return self._element(start, int(location[size]))
-            return self._below(start, str(location[-1])) if size < len(location) else start
-        return None
-
-    def _element(self, start: int, index: int) -> int:
-        """Find the line on which an element of an inline array begins; the array's key stands on line ``start``."""
-        depth, commas, begun = 0, 0, False
-        for number, line in enumerate(self.text.splitlines()[start - 1 :], start=start):
-            text = line.partition("=")[2] if number == start else line
-            for token in _TOKEN.findall(text):
-                if token.startswith("#"):
-                    break
-                if depth == 1 and token == ",":
-                    commas, begun = commas + 1, False
-                elif depth == 1 and token != "]" and not begun:
-                    begun = True
-                    if commas == index:
-                        return number
-                depth += (token in "[{") - (token in "]}")
-                if depth == 0:
-                    return start
-        return start
-
-    def _below(self, start: int, key: str) -> int:
-        """Look for a key from its table's line to the next line that is known to begin something else."""
-        end = min((n for n in self._lines.values() if n > start), default=start + 1)
-        for number, line in enumerate(self.text.splitlines()[start - 1 : end - 1], start=start):
-            if re.search(rf"(?<![\w]){re.escape(key)}[\"']?\s*=", line):
-                return number
-        return start
+        around = (location[:size] for size in range(len(location), 0, -1))
+        return next((self._lines[place] for place in around if place in self._lines), None)
 
     def where(self, location: Location) -> str:
         """Return ``file:line`` for a key, its first line for what is not there."""
         return f"{self.name}:{self.line(location) or 1}" if self.text else self.name
+
+
+def _parse(statement: str) -> tuple[dict[str, Any], bool]:
+    """Parse a statement as far as it goes: its content, and whether it is complete or an array in it is still open."""
+    for end in ("", "]", "]]"):
+        with suppress(tomllib.TOMLDecodeError):
+            return tomllib.loads(statement + end), not end
+    return {}, False
+
+
+def _locations(value: Any) -> Iterator[Location]:  # noqa: ANN401
+    """List the locations of everything inside a value, outer ones first."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        yield (key,)
+        for location in _locations(inner):
+            yield (key, *location)
 
 
 @dataclass

@@ -6,15 +6,13 @@ import math
 import os
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from ..fmi.slave import DISCARD, ERROR, FATAL, OK, WARNING
-from .findings import FAILED, NOT_APPLICABLE, PASSED, REMARK
-from .registry import Checks, Outcome, listed
+from .registry import FAILED, NOT_APPLICABLE, PASSED, REMARK, Outcome, check, none_of
 from .subject import REALS, STEPS, Subject, Trial, length, swing
-
-check = Checks()
 
 _WORDS = {OK: "accepted", WARNING: "accepted with a warning", DISCARD: "discarded", ERROR: "refused with an error"}
 _STATE = ("canGetAndSetFMUstate",)
@@ -47,18 +45,16 @@ def _token(subject: Subject) -> Outcome:
 def _first_outputs(subject: Subject) -> Outcome:
     with subject.instance() as one:
         strange = one.not_finite()
-    if strange:
-        return FAILED, f"Not finite after initialization: {listed(strange)}."
-    return PASSED, f"All {len(subject.outputs)} outputs are finite after initialization."
+    good = f"All {len(subject.outputs)} outputs are finite after initialization."
+    return none_of(strange, "Not finite after initialization", good)
 
 
 @check("readable")
 def _readable(subject: Subject) -> Outcome:
     with subject.instance() as one:
         unreadable = [v.name for v in subject.variables if one.attempt(one.get, v) > WARNING]
-    if unreadable:
-        return FAILED, f"Cannot be read after initialization: {listed(unreadable)}."
-    return PASSED, f"All {len(subject.variables)} variables can be read after initialization."
+    good = f"All {len(subject.variables)} variables can be read after initialization."
+    return none_of(unreadable, "Cannot be read after initialization", good)
 
 
 @check("steps")
@@ -74,10 +70,8 @@ def _steps(subject: Subject) -> Outcome:
 
 
 def _equal(first: list[str], second: list[str], good: str, bad: str) -> Outcome:
-    for k, (a, b) in enumerate(zip(first, second, strict=True)):
-        if a != b:
-            return FAILED, f"{bad}, the outputs differ from step {k} on."
-    return PASSED, good
+    differ = [k for k, (a, b) in enumerate(zip(first, second, strict=True)) if a != b]
+    return (FAILED, f"{bad}, the outputs differ from step {differ[0]} on.") if differ else (PASSED, good)
 
 
 @check("save and restore", needs=_STATE)
@@ -101,13 +95,9 @@ def _serialize(subject: Subject) -> Outcome:
         data = one.slave.serializeFMUState(state)
         one.slave.freeFMUState(state)
         first = one.excite(STEPS // 2, STEPS)
-        if subject.can.canBeInstantiatedOnlyOncePerProcess:
-            one.restore(one.slave.deserializeFMUState(data))
-            second = one.excite(STEPS // 2, STEPS)
-        else:
-            with subject.instance() as other:
-                other.restore(other.slave.deserializeFMUState(data))
-                second = other.excite(STEPS // 2, STEPS)
+        with nullcontext(one) if subject.can.canBeInstantiatedOnlyOncePerProcess else subject.instance() as other:
+            other.restore(other.slave.deserializeFMUState(data))
+            second = other.excite(STEPS // 2, STEPS)
     good = f"{len(data)} bytes carry the state to another instance, which continues to the bit."
     return _equal(first, second, good, "Continued in another instance from a serialized state")
 
@@ -139,10 +129,8 @@ def _two(subject: Subject) -> Outcome:
 
 @check("fixed parameter")
 def _fixed(subject: Subject) -> Outcome:
-    for variable in subject.variables:
-        if variable.causality == "parameter" and variable.variability == "fixed" and variable.type in REALS:
-            break
-    else:
+    variable = next((v for v in subject.parameters if v.variability == "fixed"), None)
+    if variable is None:
         return NOT_APPLICABLE, "It has no fixed Real parameter."
     with subject.instance() as one:
         before = one.get(variable)
@@ -178,28 +166,29 @@ def _nan(subject: Subject) -> Outcome:
 
 @check("wrong state")
 def _wrong_state(subject: Subject) -> Outcome:
-    def terminated(one: Trial) -> None:
-        one.initialize()
+    def step(one: Trial) -> None:
+        one.step(0)
+
+    def terminate(one: Trial) -> None:
         one.slave.terminate()
 
-    cases: dict[str, tuple[Callable[[Trial], None], Callable[[Trial], None]]] = {
-        "a step before initialization": (lambda _one: None, lambda one: one.step(0)),
-        "the end of an initialization that never began": (
-            lambda _one: None,
-            lambda one: one.slave.exitInitializationMode(),
-        ),
-        "a second initialization": (Trial.initialize, Trial.initialize),
-        "a step after termination": (terminated, lambda one: one.step(0)),
+    def finish(one: Trial) -> None:
+        one.slave.exitInitializationMode()
+
+    cases: dict[str, list[Callable[[Trial], None]]] = {
+        "a step before initialization": [step],
+        "the end of an initialization that never began": [finish],
+        "a second initialization": [Trial.initialize, Trial.initialize],
+        "a step after termination": [Trial.initialize, terminate, step],
     }
     accepted = []
-    for name, (prepare, misuse) in cases.items():
+    for name, (*prepare, misuse) in cases.items():
         with subject.instance(initialize=False) as one:
-            prepare(one)
+            for call in prepare:
+                call(one)
             if one.attempt(misuse, one) <= WARNING:
                 accepted.append(name)
-    if accepted:
-        return REMARK, f"Accepted: {listed(accepted)}."
-    return PASSED, f"Refused: {', '.join(cases)}."
+    return none_of(accepted, "Accepted", f"Refused: {', '.join(cases)}.", verdict=REMARK)
 
 
 @check("log messages")

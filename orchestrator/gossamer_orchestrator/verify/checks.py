@@ -3,6 +3,5 @@
 To add a check, write its function, decorated with ``check``, in the file of its theme.
 """
 
-from . import archive_checks, behaviour_checks
-
-CHECKS = archive_checks.check | behaviour_checks.check
+from . import archive_checks, behaviour_checks  # noqa: F401  each registers its checks
+from .registry import CHECKS as CHECKS

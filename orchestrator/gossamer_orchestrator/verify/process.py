@@ -13,25 +13,19 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 
 from ..errors import FmuError
-from ..fmi.archive import check_archive, unpack
+from ..fmi.archive import unpack
 from .checks import CHECKS
-from .findings import FAILED, NOT_APPLICABLE, PASSED, Finding
+from .registry import FAILED, NOT_APPLICABLE, PASSED, Finding
 
 LIMIT = 30.0  # [s]
 
 
-def verify(
-    path: Path,
-    *,
-    only: Collection[str] | None = None,
-    limit: float = LIMIT,
-    progress: Callable[[Finding], None] = lambda _finding: None,
-) -> list[Finding]:
+def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LIMIT) -> list[Finding]:
     """Check an FMU, FMI 2.0 or 3.0 for co-simulation.
 
     Parameters
@@ -42,53 +36,33 @@ def verify(
         Names of checks to make, besides those that others depend on; all of them by default.
     limit : float
         Time that one check may take [s]; an FMU that takes longer is stopped.
-    progress : callable, optional
-        Called with every finding as it is made.
 
     Returns
     -------
     list of Finding
         One per check. A check that an earlier failure makes meaningless is not applicable.
     """
-    findings: list[Finding] = []
-
-    def add(check: str, verdict: str, why: str) -> None:
-        findings.append(Finding(check=check, verdict=verdict, why=why))
-        progress(findings[-1])
-
     # The FMU may leave anything behind, and on Windows its library may still be open.
     with tempfile.TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True) as scratch:
         folder = Path(scratch) / "fmu"
         try:
-            check_archive(path)
             unpack(path, folder)
         except FmuError as error:
-            add("archive", FAILED, str(error))
-            return findings
-        add("archive", PASSED, f"{sum(p.is_file() for p in folder.rglob('*'))} files, none damaged or misplaced.")
-        _run_checks(path.resolve(), Path(scratch), only, limit, add)
+            return [Finding("archive", FAILED, str(error))]
+        files = sum(p.is_file() for p in folder.rglob("*"))
+        findings = [Finding("archive", PASSED, f"{files} files, none damaged or misplaced.")]
+        names = [name for name, check in CHECKS.items() if check.gate or only is None or name in only]
+        while names:
+            findings += _run_process(path.resolve(), Path(scratch), limit, names)
+            last, names = findings[-1], names[names.index(findings[-1].check) + 1 :]
+            if last.verdict == FAILED and CHECKS[last.check].gate:
+                why = f"The check {last.check!r} failed."
+                return findings + [Finding(name, NOT_APPLICABLE, why) for name in names]
     return findings
 
 
-def _run_checks(
-    path: Path, scratch: Path, only: Collection[str] | None, limit: float, add: Callable[[str, str, str], None]
-) -> None:
-    """Run all checks, in as many processes as it takes."""
-    names = [name for name, check in CHECKS.items() if check.gate or only is None or name in only]
-    while names:
-        found, death = _run_process(path, scratch, limit, names)
-        if len(found) < len(names) and death is not None:
-            found.append((FAILED, death))
-        for verdict, why in found:
-            name = names.pop(0)
-            add(name, verdict, why)
-            if verdict == FAILED and CHECKS[name].gate:
-                while names:
-                    add(names.pop(0), NOT_APPLICABLE, f"The check {name!r} failed.")
-
-
-def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> tuple[list[tuple[str, str]], str | None]:
-    """Run checks in one process; return its findings, and why it ended if some are missing."""
+def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> list[Finding]:
+    """Run checks in one process; return its findings, the last one that it died or hung if it did."""
     report, late = scratch / "report", scratch / "late"
     for file in (report, late):
         file.write_bytes(b"")
@@ -106,20 +80,15 @@ def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> t
             timeout=limit * (len(names) + 1),
         ).returncode
     lines = report.read_text("utf-8").split("\n")[:-1]  # without a line cut short by the end of the process
-    found = [(str(verdict), str(why)) for verdict, why in map(json.loads, lines)]
+    findings = [Finding(name, *json.loads(line)) for name, line in zip(names, lines, strict=False)]
     death = None
     if code is None or late.stat().st_size:
         death = f"The FMU did not answer within {limit:g} s."
     elif code < 0:
-        death = f"The FMU crashed its process: {_signal_name(-code)}."
-    elif code or not found:
+        name = next((each.name for each in signal.Signals if each == -code), f"signal {-code}")  # some have no name
+        death = f"The FMU crashed its process: {name}."
+    elif code or not findings:
         death = f"The FMU ended its process with exit code {code:#x}."
-    return found, death
-
-
-def _signal_name(number: int) -> str:
-    """Name a signal; real-time signals have no name of their own."""
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return signal.strsignal(number) or f"signal {number}"
+    if death is not None and len(findings) < len(names):
+        findings.append(Finding(names[len(findings)], FAILED, death))
+    return findings

@@ -1,77 +1,83 @@
-"""What a check is, and how one is registered."""
+"""What a check is, how one is registered, and what it finds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from ..fmi.slave import Log
-from .findings import FAILED, NOT_APPLICABLE
 from .subject import Subject
 
+PASSED, FAILED, REMARK, NOT_APPLICABLE = "passed", "failed", "remark", "not applicable"
 Outcome = tuple[str, str]  # verdict and sentence
+Function = Callable[[Any], Outcome]
 
 
-class Context:
-    """What a check may inspect."""
-
-    def __init__(self, path: Path, folder: Path) -> None:
-        self.path = path
-        self.folder = folder
-        self.log = Log()
-
-    @cached_property
-    def subject(self) -> Subject:
-        """The FMU; raises what FMPy raises if its model description cannot be read."""
-        return Subject(self.folder, self.log)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Check:
-    """A check of the FMU (``Subject``) or of its files (``Context``).
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Outcome of one check.
 
     Attributes
     ----------
+    check : str
+        Its name.
+    verdict : str
+        "passed", "failed", "remark" (allowed, but worth knowing) or "not applicable".
+    why : str
+        A sentence.
+    """
+
+    check: str
+    verdict: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A check of an FMU.
+
+    Attributes
+    ----------
+    function : callable
+        Takes the ``Subject``. An exception means that the check has failed.
     needs : tuple of str
         Capabilities without which it is not applicable.
     gate : bool
         If it fails, no check after it means anything.
     """
 
-    function: Callable[[Any], Outcome]
-    files: bool
+    function: Function
     needs: tuple[str, ...]
     gate: bool
 
-    def __call__(self, context: Context) -> Outcome:
-        """Check."""
-        missing = [name for name in self.needs if not getattr(context.subject.can, name)]
-        if missing:
-            return NOT_APPLICABLE, f"It does not declare {', '.join(missing)}."
+    def __call__(self, subject: Callable[[], Subject], log: Log) -> Outcome:
+        """Check what ``subject`` returns; it raises what FMPy raises if the model description cannot be read."""
         try:
-            return self.function(context if self.files else context.subject)
+            missing = [name for name in self.needs if not getattr(subject().can, name)]
+            if missing:
+                return NOT_APPLICABLE, f"It does not declare {', '.join(missing)}."
+            return self.function(subject())
         except Exception as error:  # FMPy, lxml and xmlschema raise exceptions of any class
-            return FAILED, f"{' '.join(str(error).split()) or type(error).__name__}.{context.log.tail()}"
+            return FAILED, f"{' '.join(str(error).split()) or type(error).__name__}.{log.tail()}"
 
 
-class Checks(dict[str, Check]):
-    """Checks by name, in the order of the report; an instance is the decorator that adds one."""
-
-    def __call__(
-        self, name: str, *, files: bool = False, needs: tuple[str, ...] = (), gate: bool = False
-    ) -> Callable[[Callable[[Any], Outcome]], Callable[[Any], Outcome]]:
-        """Add a check."""
-
-        def add(function: Callable[[Any], Outcome]) -> Callable[[Any], Outcome]:
-            self[name] = Check(function=function, files=files, needs=needs, gate=gate)
-            return function
-
-        return add
+CHECKS: dict[str, Check] = {}  # by name, in the order of the report
 
 
-def listed(items: list[str], most: int = 4) -> str:
-    """Join words, the first few of them."""
-    return ", ".join(items[:most]) + (f" and {len(items) - most} more" if len(items) > most else "")
+def check(name: str, *, needs: tuple[str, ...] = (), gate: bool = False) -> Callable[[Function], Function]:
+    """Register a check, as a decorator of its function."""
+
+    def add(function: Function) -> Function:
+        CHECKS[name] = Check(function, needs, gate)
+        return function
+
+    return add
+
+
+def none_of(wrong: list[str], complaint: str, good: str, *, verdict: str = FAILED) -> Outcome:
+    """Pass if nothing is wrong; otherwise give the verdict, with the first few items after the complaint."""
+    if not wrong:
+        return PASSED, good
+    more = f" and {len(wrong) - 4} more" if len(wrong) > 4 else ""
+    return verdict, f"{complaint}: {', '.join(wrong[:4])}{more}."

@@ -22,18 +22,20 @@ STEPS = 100
 
 
 class Subject:
-    """An unpacked FMU for co-simulation.
+    """An FMU for co-simulation.
 
     Attributes
     ----------
+    path, folder : Path
+        The file, and where it is unpacked.
     log : Log
         What all its instances log.
     description : fmpy.model_description.ModelDescription
         As read by FMPy, not validated.
     version : int
         2 or 3.
-    inputs, outputs : list
-        Real inputs, and outputs of every type.
+    inputs, parameters, outputs : list
+        Real inputs and parameters, and outputs of every type.
     start, size : float
         Start [s] of its runs and their step size [s]: those of its default experiment if there are any.
     fatal : bool
@@ -42,20 +44,21 @@ class Subject:
         Its capabilities; ``differentiates`` is one that FMPy does not read.
     """
 
-    def __init__(self, folder: Path, log: Log) -> None:
+    def __init__(self, path: Path, folder: Path, log: Log) -> None:
+        self.path = path
         self.folder = folder
         self.log = log
         self.description: Any = fmpy.read_model_description(str(folder), validate=False)
         self.version = int(self.description.fmiVersion[0])
         self.variables = self.description.modelVariables
-        self.inputs = [v for v in self.variables if v.causality == "input" and v.type in REALS]
+        reals = [v for v in self.variables if v.type in REALS]
+        self.inputs = [v for v in reals if v.causality == "input"]
+        self.parameters = [v for v in reals if v.causality == "parameter"]
         self.outputs = [v for v in self.variables if v.causality == "output"]
         experiment = self.description.defaultExperiment
-        texts = (getattr(experiment, key, None) for key in ("startTime", "stopTime", "stepSize"))
-        start, stop, size = (math.nan if text is None else float(text) for text in texts)
-        self.start = 0.0 if math.isnan(start) else start
-        span = 1.0 if math.isnan(stop) else stop - self.start
-        self.size = span / STEPS if math.isnan(size) else size
+        start, stop, size = (getattr(experiment, key, None) for key in ("startTime", "stopTime", "stepSize"))
+        self.start = float(start or 0.0)
+        self.size = float(size or (float(stop or self.start + 1.0) - self.start) / STEPS)
         self.fatal = False
         self.can: Any = self.description.coSimulation
         capabilities = ElementTree.parse(folder / "modelDescription.xml").find("CoSimulation")
@@ -101,13 +104,11 @@ class Trial:
 
     def get(self, variable: Any) -> list[Any]:  # noqa: ANN401
         """Read one variable of any type."""
-        kind, reference = variable.type, [variable.valueReference]
-        if self.subject.version == 2:
-            return list(getattr(self.slave, "getInteger" if kind == "Enumeration" else f"get{kind}")(reference))
-        if kind == "Clock":
-            return list(self.slave.getClock(reference))
-        get = getattr(self.slave, "getInt64" if kind == "Enumeration" else f"get{kind}")
-        return list(get(reference, length(variable)))
+        two = self.subject.version == 2
+        integer = "Integer" if two else "Int64"
+        get = getattr(self.slave, f"get{integer if variable.type == 'Enumeration' else variable.type}")
+        count = [] if two or variable.type == "Clock" else [length(variable)]
+        return list(get([variable.valueReference], *count))
 
     def set(self, variable: Any, values: Sequence[float]) -> None:  # noqa: ANN401
         """Set one Real variable."""
@@ -160,10 +161,8 @@ class Trial:
 
     def derivative(self, output: Any, known: Any, seed: Sequence[float]) -> list[float]:  # noqa: ANN401
         """Differentiate an output in a direction of an input."""
-        references = [output.valueReference], [known.valueReference]
-        if self.subject.version == 2:
-            return list(self.slave.getDirectionalDerivative(*references, seed))
-        return list(self.slave.getDirectionalDerivative(*references, seed, length(output)))
+        count = [] if self.subject.version == 2 else [length(output)]
+        return list(self.slave.getDirectionalDerivative([output.valueReference], [known.valueReference], seed, *count))
 
 
 def length(variable: Any) -> int:  # noqa: ANN401

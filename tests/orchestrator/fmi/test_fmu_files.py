@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import stat
+import struct
 import zipfile
 
 import pytest
@@ -14,7 +15,7 @@ def make_archive(path, name="modelDescription.xml", content="<fmiModelDescriptio
     with zipfile.ZipFile(path, "w") as file:
         member = zipfile.ZipInfo(name)
         member.external_attr = mode << 16
-        file.writestr(member, content)
+        file.writestr(member, content, zipfile.ZIP_DEFLATED)
     return path
 
 
@@ -47,12 +48,21 @@ def test_what_a_file_is_instead_of_an_fmu_is_said(fmus, tmp_path):
         load_scenario(fmus / "gain.fmu")
 
 
-def test_an_fmu_is_unpacked_only_as_far_as_it_said(fmus, monkeypatch):
+def test_an_fmu_is_checked_again_when_it_is_unpacked(fmus, monkeypatch):
     file = FmuFile(fmus / "gain.fmu")
     monkeypatch.setattr(archive, "MAX_BYTES", 10)
-    with pytest.raises(FmuError, match="are unpacked from it"):
+    with pytest.raises(FmuError, match="It is not unpacked"):
         file.folder()
     file.close()
+
+
+def test_no_more_is_unpacked_than_was_declared(tmp_path):
+    make_archive(tmp_path / "bomb.fmu", content="0" * 1_000_000)
+    lie = (tmp_path / "bomb.fmu").read_bytes().replace(struct.pack("<L", 1_000_000), struct.pack("<L", 10))
+    (tmp_path / "bomb.fmu").write_bytes(lie)
+    with pytest.raises(FmuError, match=r"cannot be unpacked: .*CRC"):
+        archive.unpack(tmp_path / "bomb.fmu", tmp_path / "x")
+    assert sum(path.stat().st_size for path in (tmp_path / "x").rglob("*")) <= 10
 
 
 @pytest.mark.parametrize("name", ["../../evil.so", "/etc/evil", "a\\b", "C:evil"])

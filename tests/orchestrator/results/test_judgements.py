@@ -7,13 +7,13 @@ import io
 import numpy as np
 import pytest
 from gossamer_orchestrator import ResultsError, judge
-from gossamer_orchestrator.results.judgements import doubts, judgements, windows
+from gossamer_orchestrator.results.judgements import doubts, windows
 from gossamer_orchestrator.results.tables import history_table, zone_table
 from rich.console import Console
 
 
 def test_a_judgement_is_made_when_a_window_ends(data):
-    found = judgements(data)
+    found = windows(data)
     assert [judgement.time for judgement in found] == [4.0, 8.0]
     last = judge(data)
     assert last.time == 8.0
@@ -54,7 +54,7 @@ def test_doubts_name_sensors_out_of_range_and_a_last_window_that_is_not_valid(da
 
 def test_tables_show_the_membrane_as_it_is_seen(data):
     console = Console(file=io.StringIO(), width=100)
-    console.print(zone_table(judge(data)), history_table(judgements(data)))
+    console.print(zone_table(judge(data)), history_table(windows(data)))
     lines = console.file.getvalue().splitlines()
     rows = [line.split() for line in lines if "zone" in line and "│" in line]
     assert [row.count("zone") for row in rows[:4]] == [4] * 4
@@ -74,9 +74,9 @@ def test_the_table_of_judgements_marks_windows_that_are_not_valid(data, later_wi
 
 
 def test_the_history_puts_estimate_and_truth_under_their_headings(data):
-    table = history_table(judgements(data))
+    table = history_table(windows(data))
     cells = {str(column.header): list(column.cells) for column in table.columns}
-    for row, judgement in enumerate(judgements(data)):
+    for row, judgement in enumerate(windows(data)):
         zone = int(np.argmax(judgement.estimated))
         assert cells["estimated [%]"][row] == f"{100 * judgement.estimated[zone]:.1f}"
         assert cells["true there [%]"][row] == f"{100 * judgement.true[zone]:.0f}"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gossamer_orchestrator import judge, load_results, load_scenario, make_plan, parse_scenario, run_scenario
-from gossamer_orchestrator.results.judgements import judgements
+from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.scenario.shipped import shipped_scenarios
 
 
@@ -38,7 +38,7 @@ def test_the_damaged_membrane_is_found_out(real_fmus, tmp_path):
 
 def test_damage_that_begins_half_way_is_seen_in_the_windows_after_it(real_fmus):
     data = run_scenario(shipped_scenarios()["damage_begins"], real_fmus)
-    found = judgements(data)
+    found = [window for window in windows(data) if window.valid]
     assert [judgement.time for judgement in found] == pytest.approx([0.2532 * k for k in range(1, 7)])
     assert max(judgement.estimated.max() for judgement in found[:3]) < 0.05
     assert [int(judgement.estimated.argmax()) for judgement in found[3:]] == [0, 0, 0]

@@ -11,8 +11,10 @@ from lxml import etree
 from pyssp_standard.ssd import SSD
 
 from ...errors import ScenarioError
+from ...fmi.archive import Kind
 
 STRUCTURE = "SystemStructure.ssd"
+SSP = Kind("SSP", STRUCTURE, ScenarioError)
 ANNOTATION = "gossamer.scenario"  # type of the annotation that holds what SSP has no place for:
 KEPT = {"master", "order", "record"}
 
@@ -64,12 +66,11 @@ class SspFiles:
         """Read an XML file with one of pyssp-standard's classes.
 
         It is parsed here first and written back without what could do harm and what pyssp-standard 0.9 cannot read:
-        comments, and a default experiment that does not state both times.
+        comments, and a default experiment, which need not state both times.
         """
         tree = self.parse(path)
-        for experiment in tree.getroot().iterfind("{*}DefaultExperiment"):
-            for key in ("startTime", "stopTime"):
-                experiment.set(key, experiment.get(key, "nan"))
+        for experiment in tree.getroot().findall("{*}DefaultExperiment"):
+            tree.getroot().remove(experiment)
         tree.write(path, encoding="utf-8", xml_declaration=True)
         try:
             return kind(path, mode="r")

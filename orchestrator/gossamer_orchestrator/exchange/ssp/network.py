@@ -55,8 +55,8 @@ class Network:
 
     Attributes
     ----------
-    names, sources, fmus : dict
-        Name in the scenario, path in the archive, and FMU of every component, by place.
+    names, fmus : dict
+        Name in the scenario and FMU of every component, by place.
     kinds, units, feeds, values : dict
         Kind of connector, definition of its unit, what feeds it and what it is given, by node.
     """
@@ -64,16 +64,21 @@ class Network:
     def __init__(self, files: SspFiles, ssd: Any, root: Any) -> None:  # noqa: ANN401
         self.files = files
         self.names: dict[Place, str] = {}
-        self.sources: dict[Place, str] = {}
         self.fmus: dict[Place, FmuFile] = {}
         self.kinds: dict[Node, str] = {}
         self.units: dict[Node, Any] = {}
         self.feeds: dict[Node, Feed] = {}
         self.values: dict[Node, Given] = {}
-        self._systems: list[Place] = []
+        self._bound: list[tuple[str, Given]] = []
         self._read_system(ssd.system, root.find("{*}System"), (), definitions(files, ssd.units))
         if not self.fmus:
             files.refuse("it holds no FMU", "Add one")
+        nodes = {dotted(node): node for node in self.kinds}
+        for name, given in self._bound:
+            if name in nodes:
+                self.values[nodes[name]] = given
+            else:
+                logger.warning("%s: a value is given to %r, which is not there; it is ignored", files.name, name)
 
     def chain(self, node: Node) -> list[Node]:
         """List the nodes from one back to where its signal begins."""
@@ -107,15 +112,13 @@ class Network:
             return None if start is None else convert(variable.type, start)
         if variable.type == "Enumeration":
             self.files.refuse(f"{dotted(node)!r} is an enumeration", "Leave it at the FMU's start value")
-        value = given.converted(self.units.get(chain[-1]))
-        if not isinstance(value, float):
-            return value
+        if not isinstance(given.value, float):
+            return given.value
         gain, bias = self.transfer(chain)
-        return gain * value + bias
+        return gain * given.converted(self.units.get(chain[-1])) + bias
 
     def _read_system(self, system: Any, element: Any, place: Place, units: dict[str, Any]) -> None:  # noqa: ANN401
         """Read a system, its elements first: bindings of a higher level replace those of a lower one."""
-        self._systems.append(place)
         self._read_connectors(system.connectors, place, units)
         for child, xml in zip(system.elements, element.iterfind("{*}Elements/*"), strict=True):
             if isinstance(child, System):
@@ -127,7 +130,7 @@ class Network:
                 self.files.refuse(f"it has a {what}", "Connect its signals directly")
         for connection, xml in zip(system.connections, element.iterfind("{*}Connections/*"), strict=True):
             self._read_connection(connection, xml, place)
-        self._set(read_bindings(self.files, system.parameter_bindings, ".".join(place) or "the root system"), place)
+        self._bind(system.parameter_bindings, place, ".".join(place) or "the root system")
 
     def _read_component(self, component: Any, place: Place, units: dict[str, Any]) -> None:  # noqa: ANN401
         label, kind, source = ".".join(place), component.component_type, component.source or ""
@@ -137,7 +140,6 @@ class Network:
         path = self.files.find(source, f"the source of component {label!r}")
         same = [fmu for fmu in self.fmus.values() if fmu.path == path]
         fmu = self.fmus[place] = same[0] if same else FmuFile(path)
-        self.sources[place] = path.relative_to(self.files.folder.resolve()).as_posix()
         name = re.sub(r"\W", "_", "_".join(place), flags=re.ASCII)
         name = f"_{name}" if name[0].isdigit() else name
         while name in self.names.values():
@@ -151,7 +153,7 @@ class Network:
             unit = fmu.unit_definition(variable)
             if unit is not None:
                 self.units[place, variable] = unit
-        self._set(read_bindings(self.files, component.parameter_bindings, f"component {label!r}"), place)
+        self._bind(component.parameter_bindings, place, f"component {label!r}")
 
     def _read_connectors(self, connectors: Iterable[Any], place: Place, units: dict[str, Any]) -> None:
         for connector in connectors:
@@ -192,22 +194,10 @@ class Network:
     def _child(self, place: Place, element: str | None) -> Place:
         return (*place, element) if element else place
 
-    def _set(self, found: dict[str, Given], place: Place) -> None:
-        """Give values to nodes by their hierarchical names below a place."""
-        for name, given in found.items():
-            node = self._node(place, name)
-            if node is None:
-                label = ".".join((*place, name))
-                logger.warning("%s: a value is given to %r, which is not there; it is ignored", self.files.name, label)
-            else:
-                self.values[node] = given
-
-    def _node(self, place: Place, name: str) -> Node | None:
-        if (place, name) in self.kinds:
-            return place, name
-        below = [p for p in (*self._systems, *self.fmus) if p[:-1] == place != p and name.startswith(f"{p[-1]}.")]
-        found = [self._node(p, name.removeprefix(f"{p[-1]}.")) for p in below]
-        return next((node for node in found if node is not None), None)
+    def _bind(self, bindings: Iterable[Any] | None, place: Place, owner: str) -> None:
+        """Keep the values that the bindings of a component or system give, by their names from the root system."""
+        found = read_bindings(self.files, bindings, owner)
+        self._bound += [(dotted((place, name)), given) for name, given in found.items()]
 
 
 def dotted(node: Node) -> str:

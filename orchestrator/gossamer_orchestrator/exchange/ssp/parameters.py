@@ -6,13 +6,12 @@ import logging
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any
 
 from pyssp_standard.ssm import SSM, SSMElem
 from pyssp_standard.ssv import SSV
 
-from ...fmi.units import POWERS, conversion
+from ...fmi.units import conversion
 from ...scenario.schema import Value
 from .files import SspFiles
 
@@ -31,12 +30,10 @@ class Given:
     gain: float = 1.0
     bias: float = 0.0
 
-    def converted(self, unit: Any) -> Value:  # noqa: ANN401
-        """Return the value for a receiver with a unit."""
-        if not isinstance(self.value, float):
-            return self.value
+    def converted(self, unit: Any) -> float:  # noqa: ANN401
+        """Return a Real for a receiver with a unit."""
         factor, offset = conversion(self.unit, unit) or (1.0, 0.0)
-        return self.gain * (factor * self.value + offset) + self.bias
+        return self.gain * (factor * float(self.value) + offset) + self.bias
 
 
 def read_bindings(files: SspFiles, bindings: Iterable[Any] | None, owner: str) -> dict[str, Given]:
@@ -58,17 +55,10 @@ def read_bindings(files: SspFiles, bindings: Iterable[Any] | None, owner: str) -
 
 
 def definitions(files: SspFiles, units: Iterable[Any] | None) -> dict[str, Any]:
-    """Return pyssp-standard's unit definitions by name, in the form of FMPy's; refuse one that converts nothing."""
-    found = {
-        unit.name: SimpleNamespace(
-            **{name: getattr(unit.base_unit, name) or 0 for name in POWERS},
-            factor=1.0 if unit.base_unit.factor is None else unit.base_unit.factor,
-            offset=unit.base_unit.offset or 0.0,
-        )
-        for unit in units or ()
-        if unit.base_unit is not None
-    }
+    """Return the definitions of units by name, with FMPy's defaults; refuse one that converts nothing."""
+    found = {unit.name: unit.base_unit for unit in units or () if unit.base_unit is not None}
     for name, unit in found.items():
+        unit.factor, unit.offset = 1.0 if unit.factor is None else unit.factor, unit.offset or 0.0
         if unit.factor == 0.0 or not math.isfinite(unit.factor) or not math.isfinite(unit.offset):
             files.refuse(f"unit {name!r} has the factor {unit.factor:g}, offset {unit.offset:g}", "Correct the unit")
     return found

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,14 +16,14 @@ from typing import Any
 
 from pyssp_standard.ssd import SSD
 
-from ...errors import OrchestratorError, ScenarioError
-from ...fmi.archive import check_archive, unpack
+from ...errors import OrchestratorError
+from ...fmi.archive import unpack
 from ...names import split_endpoint
 from ...scenario.graph import find_cycle, sort_components
 from ...scenario.load import make_scenario
 from ...scenario.schema import Scenario, Value
 from ...scenario.source import Source
-from .files import ANNOTATION, KEPT, STRUCTURE, SspFiles
+from .files import ANNOTATION, KEPT, SSP, STRUCTURE, SspFiles
 from .network import Network, dotted
 
 logger = logging.getLogger(__name__)
@@ -52,9 +51,8 @@ def open_ssp(path: Path, *, step: float | None = None, stop: float | None = None
         The archive is dangerous or damaged, or needs what this program cannot do; the message names the part.
     """
     path = Path(path)
-    check_archive(path, kind="SSP", needs=STRUCTURE, failure=ScenarioError)
     with TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True) as name:
-        unpack(path, Path(name), failure=ScenarioError)
+        unpack(path, Path(name), SSP)
         files = SspFiles(path.name, Path(name))
         try:
             scenario = _read_scenario(files, step, stop)
@@ -69,19 +67,18 @@ def open_ssp(path: Path, *, step: float | None = None, stop: float | None = None
 
 def _read_scenario(files: SspFiles, step: float | None, stop: float | None) -> Scenario:
     """Read the structure and put the scenario together."""
+    root = files.parse(files.folder / STRUCTURE).getroot()
     ssd = files.read(SSD, files.folder / STRUCTURE)
     if ssd.system is None:
         files.refuse("its system structure holds no system", "Ask its author for a complete one")
-    root = files.parse(files.folder / STRUCTURE).getroot()
     network = Network(files, ssd, root)
     content = _annotation(files, root)
     connections = _connections(network)
     if "order" not in content and content.get("master") != "jacobi":
         content |= _order(network, connections)
-    experiment = ssd.default_experiment
-    start = 0.0 if experiment is None or math.isnan(experiment.start_time) else experiment.start_time
-    if stop is None and experiment is not None and not math.isnan(experiment.stop_time):
-        stop = experiment.stop_time
+    times = {key: float(text) for e in root.findall("{*}DefaultExperiment") for key, text in e.items() if "Time" in key}
+    start = times.get("startTime", 0.0)
+    stop = times.get("stopTime") if stop is None else stop
     content |= {
         "title": ssd.base_element.description or "",
         "start": start,
@@ -126,7 +123,8 @@ def _components(network: Network, connected: set[str]) -> dict[str, Any]:
                 value = network.value((place, variable))
                 if value is not None and f"{network.names[place]}.{variable}" not in connected:
                     tables[table][variable] = value
-        components[network.names[place]] = {"fmu": network.sources[place], **tables}
+        source = fmu.path.relative_to(network.files.folder.resolve()).as_posix()
+        components[network.names[place]] = {"fmu": source, **tables}
     return components
 
 

@@ -20,15 +20,13 @@ from pyssp_standard.parameter_types import ParameterType
 from pyssp_standard.ssd import SSD, Component, Connection, Connector, DefaultExperiment, ParameterBinding, System
 from pyssp_standard.ssv import Parameter, SSVElem
 from pyssp_standard.transformation_types import Transformation
-from pyssp_standard.unit import BaseUnit, Unit
 from pyssp_standard.utils import register_namespaces
 
 from ...fmi.archive import check_target, write_archive
 from ...fmi.file import FmuFile
-from ...fmi.units import powers
 from ...scenario import schema
 from ...scenario.plan import ComponentPlan, Plan, make_plan
-from ...scenario.source import Problems
+from ..limits import declare_unit, inexpressible
 from .files import ANNOTATION, KEPT, STRUCTURE
 
 _OSP = "com.opensimulationplatform"
@@ -70,14 +68,8 @@ def export_ssp(scenario: schema.Scenario, fmus: Path, out: Path) -> Path:
 
 def _refuse_inexpressible(plan: Plan) -> None:
     """Report every key that SSP cannot express."""
-    scenario = plan.scenario
-    problems = Problems(scenario.source)
-    for i, _ in enumerate(scenario.events):
-        problems.add(("events", i), "SSP has no events. Remove it, or give its value as an input from the start.")
-    for i, connection in enumerate(scenario.connections):
-        for key in ("noise", "dropout"):
-            if getattr(connection, key) is not None:
-                problems.add(("connections", i, key), f"SSP connections have no {key}. Remove it from this scenario.")
+    advice = "or give its value as an input from the start"
+    problems = inexpressible(plan.scenario, "SSP", {"noise": None, "dropout": None}, advice)
     for component in plan.components:
         for name, value in component.start.items():
             variable = component.fmu.variables[name]
@@ -114,7 +106,10 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     ssd.system = System(name=_identifier(scenario.name))
     by_name = {c.name: c for c in plan.components}
     ssd.system.elements = [_component(by_name[name], sources, ssd.units) for name in scenario.components]
-    ssd.system.connections = [_connection(connection) for connection in scenario.connections]
+    ssd.system.connections = [
+        Connection(start_element=c.sender, start_connector=c.output, end_element=c.receiver, end_connector=c.input)
+        for c in scenario.connections
+    ]
     rest = scenario.model_dump(include=KEPT, exclude_defaults=True)
     annotation = Annotation(ANNOTATION)
     annotation.add_text(json.dumps({"version": 1, **rest}))
@@ -123,6 +118,8 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     ssd.default_experiment.start_time, ssd.default_experiment.stop_time = scenario.start, scenario.stop
     ssd.default_experiment.annotations.add_annotation(_osp_step(scenario.step))
     ssd.__write__()
+    for element, connection in zip(ssd.root.iter("{*}Connection"), scenario.connections, strict=True):
+        _transform(element, connection)
     ssd.root.append(ssd.root.find("ssd:DefaultExperiment", ssd.namespaces))  # after the units, as the schema wants it
     namespaces = {prefix: ssd.namespaces[prefix] for prefix in ("ssd", "ssc", "ssv")} | {"osp": _OSP_NAMESPACE}
     # libcosim wants them declared at the top, under these names
@@ -141,9 +138,10 @@ def _component(plan: ComponentPlan, sources: dict[FmuFile, str], units: Any) -> 
         *(v for v in plan.fmu.names("parameter", kind="Real") if v in plan.start),
     ]
     for name in shown:
+        unit, base = plan.fmu.unit(name), plan.fmu.unit_definition(name)
+        known = unit is not None and base is not None and declare_unit(units, unit, base)
         kind = plan.fmu.variables[name].causality
-        unit = _declare_unit(plan.fmu, plan.fmu.unit(name), units)
-        component.connectors.append(Connector(name=name, kind=kind, type_=TypeReal(unit)))
+        component.connectors.append(Connector(name=name, kind=kind, type_=TypeReal(unit if known else None)))
     start = {name: float(value) for name, value in plan.start.items() if plan.fmu.variables[name].type == "Real"}
     if start:
         values = SSVElem(name="initialValues")
@@ -155,44 +153,13 @@ def _component(plan: ComponentPlan, sources: dict[FmuFile, str], units: Any) -> 
     return component
 
 
-def _declare_unit(fmu: FmuFile, unit: str | None, units: Any) -> str | None:  # noqa: ANN401
-    """Define a unit in the system structure; None if it has no definition or means something else there already."""
-    base = fmu.units.get(unit or "")
-    if unit is None or base is None:
-        return None
-    definition = BaseUnit(powers(base))
-    if base.factor != 1.0:
-        definition.factor = base.factor
-    if base.offset:
-        definition.offset = base.offset
-    try:
-        units.add_unit(Unit(unit, definition))
-    except ValueError:
-        return None
-    return unit
-
-
-def _connection(connection: schema.Connection) -> Any:  # noqa: ANN401
-    """Describe one connection."""
-
-    class Transformed(Connection):  # type: ignore[misc]
-        """A connection whose transformation is written; pyssp-standard 0.9 forgets it."""
-
-        def as_element(self) -> etree._Element:
-            element = super().as_element()
-            if connection.gain is not None or connection.bias is not None:
-                factor = 1.0 if connection.gain is None else connection.gain
-                values = {"factor": repr(factor), "offset": repr(connection.bias or 0.0)}
-                element.append(Transformation("LinearTransformation", values).element())
-                element.set("suppressUnitConversion", "true")  # gain and bias convert units too
-            return element
-
-    return Transformed(
-        start_element=connection.sender,
-        start_connector=connection.output,
-        end_element=connection.receiver,
-        end_connector=connection.input,
-    )
+def _transform(element: Any, connection: schema.Connection) -> None:  # noqa: ANN401
+    """Add gain and bias to a written connection; pyssp-standard 0.9 forgets its transformation."""
+    if connection.gain is not None or connection.bias is not None:
+        factor = 1.0 if connection.gain is None else connection.gain
+        values = {"factor": repr(factor), "offset": repr(connection.bias or 0.0)}
+        element.append(Transformation("LinearTransformation", values).element())
+        element.set("suppressUnitConversion", "true")  # gain and bias convert units too
 
 
 def _osp_step(step: float) -> Any:  # noqa: ANN401

@@ -11,7 +11,6 @@ from ...errors import ResultsError
 from ..judgements import doubts, judge, windows
 from ..roles import find, need
 from .axes import COLORS, GREY, axes_or_new, side
-from .pages import Page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,7 +100,4 @@ def _history(data: xr.Dataset, figure: Figure) -> None:
     plot_damage_history(data, ax=figure.subplots())
 
 
-PAGES = {
-    "damage": Page(draw=_damage, size=(9.0, 4.7), roles=("membrane", "detector")),
-    "damage_history": Page(draw=_history, size=(9.0, 4.6), roles=("membrane", "detector")),
-}
+PAGES = {"damage": (_damage, (9.0, 4.7)), "damage_history": (_history, (9.0, 4.6))}

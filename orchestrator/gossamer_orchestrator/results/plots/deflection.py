@@ -9,7 +9,6 @@ import xarray as xr
 
 from ..roles import find, need
 from .axes import COLORS, axes_or_new, side
-from .pages import Page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,6 +61,4 @@ def _deflection(data: xr.Dataset, figure: Figure) -> None:
     plot_deflection_history(data, ax=right)
 
 
-PAGES = {
-    "deflection": Page(draw=_deflection, size=(11.0, 4.4), roles=("membrane",)),
-}
+PAGES = {"deflection": (_deflection, (11.0, 4.4))}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import Any
 
 import xarray as xr
 
@@ -13,18 +12,9 @@ from . import damage, deflection, sensors
 
 logger = logging.getLogger(__name__)
 
+# by file name: a function that draws into a figure, and the figure's size [inch]
 PAGES = sensors.PAGES | damage.PAGES | deflection.PAGES
-STYLE: dict[Any, Any] = {
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "font.size": 10,
-    "axes.titlesize": 10,
-    "legend.frameon": False,
-    "figure.constrained_layout.use": True,
-    "savefig.dpi": 150,
-}
+STYLE = Path(__file__).with_name("pictures.mplstyle")
 
 
 def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
@@ -39,13 +29,13 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     written: list[Path] = []
     reasons: list[str] = []
-    for name, page in PAGES.items():
-        with mpl.rc_context(STYLE):
-            figure = Figure(figsize=page.size)
+    for name, (draw, size) in PAGES.items():
+        with mpl.rc_context(fname=STYLE):
+            figure = Figure(figsize=size)
             FigureCanvasAgg(figure)
             path = folder / f"{name}.png"
             try:
-                page(data, figure)
+                draw(data, figure)
             except ResultsError as error:
                 path.unlink(missing_ok=True)  # of an earlier run
                 reasons.append(str(error))

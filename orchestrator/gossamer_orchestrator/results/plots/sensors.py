@@ -14,7 +14,6 @@ from ...errors import ResultsError
 from ..judgements import windows
 from ..roles import compensators, find, need, sensors
 from .axes import COLORS, axes_or_new
-from .pages import Page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,19 +72,20 @@ def plot_strain_error(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = No
 
 
 def _sensors(data: xr.Dataset, figure: Figure) -> None:
-    for number, part in _parts(figure, sensors(data)):
+    for number, part in _parts(figure, sensors(data), "sensor"):
         plot_sensor_loop(data, number, ax=part.subplots())
 
 
 def _strains(data: xr.Dataset, figure: Figure) -> None:
-    for number, part in _parts(figure, compensators(data)):
+    for number, part in _parts(figure, compensators(data), "compensator"):
         upper, lower = part.subplots(2, 1, sharex=True, height_ratios=(3, 1))
         plot_strain(data, number, ax=upper).set(xlabel="")
         plot_strain_error(data, number, ax=lower)
 
 
-def _parts(figure: Figure, components: dict[int, str]) -> Iterator[tuple[int, SubFigure]]:
+def _parts(figure: Figure, components: dict[int, str], role: str) -> Iterator[tuple[int, SubFigure]]:
     """Divide a page among components; give their numbers and parts."""
+    _pick(components, min(components, default=1), role)
     columns = min(len(components), 2)
     parts = figure.subfigures(math.ceil(len(components) / columns), columns, squeeze=False)
     return zip(components, np.ravel(parts), strict=False)
@@ -120,7 +120,4 @@ def _true_and_compensated(data: xr.Dataset, sensor: int) -> tuple[NDArray[np.flo
     return true, compensated.to_numpy(), float(np.ptp(true)) or 1.0
 
 
-PAGES = {
-    "sensors": Page(draw=_sensors, size=(9.0, 7.0), roles=("membrane", "sensor")),
-    "strains": Page(draw=_strains, size=(11.0, 7.5), roles=("membrane", "compensator")),
-}
+PAGES = {"sensors": (_sensors, (9.0, 7.0)), "strains": (_strains, (11.0, 7.5))}

@@ -1,0 +1,45 @@
+"""What other formats cannot express of a scenario, and how they define its units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pyssp_standard.unit import BaseUnit, Unit
+
+from ..fmi.units import scale
+from ..scenario.schema import Scenario
+from ..scenario.source import Problems
+
+
+def inexpressible(scenario: Scenario, what: str, keys: Mapping[str, float | None], advice: str) -> Problems:
+    """List the events and the keys of connections that a format does not have.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What is to be expressed.
+    what : str
+        The format, for messages.
+    keys : mapping of str to float or None
+        Keys that it does not have, with the value that changes nothing.
+    advice : str
+        What to do about an event, besides removing it.
+    """
+    problems = Problems(scenario.source)
+    for i, _ in enumerate(scenario.events):
+        problems.add(("events", i), f"{what} has no events. Remove it, {advice}.")
+    for i, connection in enumerate(scenario.connections):
+        for key, neutral in keys.items():
+            if getattr(connection, key) not in (None, neutral):
+                problems.add(("connections", i, key), f"{what} has no {key} in its connections. Remove it.")
+    return problems
+
+
+def declare_unit(units: Any, name: str, base: Any) -> bool:  # noqa: ANN401
+    """Define a unit by FMPy's ``BaseUnit`` or None among pyssp-standard's; False if the name has another meaning there."""
+    try:
+        units.add_unit(Unit(name, None if base is None else BaseUnit(scale(base))))
+    except ValueError:
+        return False
+    return True
