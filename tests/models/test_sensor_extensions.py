@@ -11,8 +11,8 @@ from gossamer_models.replay import predict_resistance, recover_strain
 from gossamer_models.sensor import DirectInverse, RelaxationTerm, SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.drives import FALLING, GAIN, Drive
 from gossamer_models.sensor.fit import fit_preisach
-from gossamer_models.sensor.fit.model import preisach_model
 from gossamer_models.sensor.fit.regression import prepare, relaxed
+from gossamer_models.sensor.fit.weights import weight_function
 from oracles.preisach import drive, start
 from oracles.records import QUICK, everything, fit_like, record, zigzag
 from scipy.integrate import solve_ivp
@@ -139,14 +139,14 @@ def test_the_constraint_of_the_exact_inverse_is_on_the_weights_that_the_sensor_g
     """Operators wider than the fitted strain give the elastic line their weight and their eta."""
     settings = replace(QUICK, extension="falling")
     regression = prepare((known,), everything(known), settings, 3.0)
-    model = preisach_model(settings, regression)
+    function = weight_function(settings, regression)
     N = settings.n_lines
-    names = [b.name for b in model.blocks for _ in range(b.size)]
+    names = [b.name for b in function.blocks for _ in range(b.size)]
     x = np.random.default_rng(2).uniform(0.1, 0.4, len(names))
     jump = {name: x[[name == each for each in names]].sum() for name in ("g_falling", "k_falling")}
     falling = jump["g_falling"] + jump["k_falling"] * (np.arange(N) + 1.0) / N
-    nu = regression.stretches[0].split(model.weights(x)).nu[:N]
-    steep = model.function(x)[1].full()[-N:, 0]
+    nu = function(x).nu[:N]
+    steep = function.evaluate(x)[1].full()[-N:, 0]
     assert steep == pytest.approx(nu - settings.least_slope - falling)
 
 

@@ -29,7 +29,7 @@ from ..arrays import Matrix, Rows, Vector
 Derivative = tuple[
     NDArray[np.int_], Matrix
 ]  # the columns that an element of theta moves, (k,), and by how much, (m, k)
-Columns = Callable[[Vector], tuple[Matrix, list[Derivative]]]
+ColumnFunction = Callable[[Vector], tuple[Matrix, list[Derivative]]]
 TINY = 1e-300  # in place of the length of a column of zeros
 
 
@@ -55,7 +55,7 @@ class SeparableProblem:
 
     def __init__(
         self,
-        columns: Columns,
+        columns: ColumnFunction,
         y: Vector,
         *,
         weights: Vector | float = 1.0,

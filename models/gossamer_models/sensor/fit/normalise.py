@@ -15,9 +15,9 @@ from ...arrays import Vector
 from ...errors import ConvergenceError
 from ...modes import exponential_sum
 from ..artifact import MIN_SPRING_WEIGHT, RelaxationTerm, SensorArtifact
-from .model import PreisachModel, by_block
 from .regression import Regression, Stretch, relaxed
 from .settings import PreisachSettings
+from .weights import WeightFunction, by_block
 
 SHORTEST, LONGEST = 1e-2, 1e4  # [s]; kernels hold between these times at least
 TOLERANCES = (1e-6, 1e-5, 1e-4)  # of a kernel [1]; tried in order, the loosest is rarely needed
@@ -25,7 +25,7 @@ SMALL = 1e-6  # amplitude [1] of a term that is left out
 
 
 def normalised_sensor(
-    settings: PreisachSettings, model: PreisachModel, x: Vector, regression: Regression
+    settings: PreisachSettings, function: WeightFunction, x: Vector, regression: Regression
 ) -> tuple[SensorArtifact, float, float]:
     """Normalise the fitted weights.
 
@@ -33,8 +33,8 @@ def normalised_sensor(
     ----------
     settings : PreisachSettings
         How they were fitted.
-    model : PreisachModel
-        The model of the fit.
+    function : WeightFunction
+        Weights of the fit.
     x : ndarray, shape (n,)
         Its parameters.
     regression : Regression
@@ -48,7 +48,7 @@ def normalised_sensor(
         Resistance in units of its fitted range [1] = y0 + rise * normalised output.
     """
     N = settings.n_lines
-    fitted = regression.stretches[0].split(model.weights(x))
+    fitted = function(x)
     tables = np.zeros((2, N, N))
     for table, part in zip(tables, (fitted.mu, fitted.nu), strict=True):
         table[np.triu_indices(N)] = np.maximum(part, 0.0)
@@ -56,7 +56,7 @@ def normalised_sensor(
     tables /= rise
     for table in tables:
         table[0] = np.maximum(table[0], MIN_SPRING_WEIGHT)
-    p = {name: part.full()[:, 0] for name, part in by_block(model.blocks, ca.DM(x)).items()}
+    p = {name: part.full()[:, 0] for name, part in by_block(function.blocks, ca.DM(x)).items()}
     shortest = min(SHORTEST, float(regression.kernels.times[1]))
     longest = max(LONGEST, *(2.0 * float(s.record.time[-1]) for s in regression.stretches))
     terms = []

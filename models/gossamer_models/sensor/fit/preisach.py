@@ -19,13 +19,13 @@ from ...fitting.errors import Errors, stretch_errors
 from ...fitting.records import Record, check_rest, strain_range
 from ..artifact import DirectInverse, Scales, SensorArtifact
 from .inverse import inverse_settings, turn
-from .model import preisach_model
 from .normalise import normalised_output, normalised_sensor
 from .parameters import Block
 from .regression import Stretch, prepare
 from .ridge import choose_ridge
 from .settings import PreisachSettings
 from .solve import Watch, solve
+from .weights import weight_function
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,10 +126,10 @@ def fit_preisach(
             records, train, settings, full_scale=full_scale, rest_resistance=rest_resistance, watch=watch
         )
     regression = prepare(records, train, settings, full_scale)
-    model = preisach_model(settings, regression, rest_resistance)
-    solver, solutions = solve(model, regression, settings, watch)
+    weights = weight_function(settings, regression, rest_resistance)
+    solver, solutions = solve(weights, regression, settings, watch)
     x, unit = solutions[0].x, regression.unit
-    artifact, y0, rise = normalised_sensor(settings, model, x, regression)
+    artifact, y0, rise = normalised_sensor(settings, weights, x, regression)
     if settings.direct_inverse or not settings.invertible:
         artifact = replace(artifact, inverse=_direct_inverse(regression.stretches, y0, rise, settings))
     if y0 > 0.0:  # a resistance, not a signal
@@ -137,7 +137,7 @@ def fit_preisach(
             rest_resistance=y0 * unit, full_scale_resistance_change=rise * unit, full_scale_strain=full_scale
         )
         artifact = replace(artifact, scales=scales)
-    earlier = regression.stretches[0].split(model.weights(x)).v
+    earlier = weights(x).v
     return PreisachFit(
         artifact=artifact,
         settings=settings,
@@ -152,7 +152,7 @@ def fit_preisach(
         train=train,
         solutions=solutions,
         solver=solver,
-        blocks=model.blocks,
+        blocks=weights.blocks,
     )
 
 

@@ -76,11 +76,6 @@ class Stretch:
         """Return the modelled resistance over the range of what is fitted [1], shape (m,)."""
         return np.asarray(self.U @ c.mu - self.D @ c.nu + self.Z @ c.w + self.V @ c.v + c.y0)
 
-    def split(self, weights: Vector) -> Weights:
-        """Name the parts of the weights of all columns."""
-        sizes = [part.shape[1] for part in (self.U, self.D, self.Z, self.V)]
-        return Weights(*np.split(weights, np.cumsum(sizes)))
-
 
 @dataclass(frozen=True, kw_only=True)
 class Regression:

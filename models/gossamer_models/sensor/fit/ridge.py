@@ -14,10 +14,10 @@ import numpy as np
 from ...arrays import Rows
 from ...errors import DataError
 from ...fitting.records import Record
-from .model import preisach_model
 from .regression import moves, prepare
 from .settings import PreisachSettings
 from .solve import Watch, solve
+from .weights import weight_function
 
 RIDGES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 PARTS = 4
@@ -63,10 +63,10 @@ def choose_ridge(
                 )
                 raise DataError(msg)
             part = replace(regression, stretches=parts)
-            model = preisach_model(trial, part, rest_resistance)
-            weights = model.weights(solve(model, part, trial)[1][0].x)
+            function = weight_function(trial, part, rest_resistance)
+            weights = function(solve(function, part, trial)[1][0].x)
             for s, rows in zip(parts, held, strict=True):
-                squares += ((s.columns[rows] @ weights - s.y[rows]) ** 2).tolist()
+                squares += ((s.response(weights) - s.y)[rows] ** 2).tolist()
         errors.append(float(np.mean(squares)))
         if watch is not None:
             watch(f"ridge {ridge:g}, predicted within the training stretch", number + 1, 100.0 * np.sqrt(errors[-1]))

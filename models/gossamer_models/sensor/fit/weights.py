@@ -1,4 +1,4 @@
-r"""The modified Preisach model as a CasADi function of its parameters.
+r"""Weights of the columns of a regression as a CasADi function of the parameters: the modified Preisach model of a fit.
 
 Symbols: ``x`` parameters of ``parameters.py``; ``mu``, ``eta`` densities on the cells, ``nu = eta*mu``; per kernel
 :math:`\tau, c` and the amplitudes :math:`g, k` of :math:`A(\zeta) = g + k\zeta`; ``f`` coefficients, ``basis @ f`` the
@@ -18,38 +18,41 @@ from scipy import sparse
 from ...arrays import Vector
 from .densities import bin_places, elastic_field, hat_functions, modal_field, reversible_beyond
 from .parameters import Block, parameter_blocks
-from .regression import Regression
+from .regression import Regression, Weights
 from .settings import PreisachSettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class PreisachModel:
-    """The model of a fit.
+class WeightFunction:
+    """Weights of the columns, constraints and regularisation as functions of the parameters.
 
     Attributes
     ----------
-    function : casadi.Function
+    evaluate : casadi.Function
         ``x -> (f, constraints, soft)``, shapes (n,) -> (K,), (G,), (S,): coefficients, constraints (not negative), and
         regularisation.
     basis : scipy.sparse.csr_array, shape (columns, K)
         Weights of cells and modes for every coefficient.
     blocks : tuple of Block
         The parameters in order.
+    ends : tuple of int
+        Where the parts of ``Weights`` end among the columns.
     """
 
-    function: ca.Function
+    evaluate: ca.Function
     basis: sparse.csr_array
     blocks: tuple[Block, ...]
+    ends: tuple[int, ...]
 
-    def weights(self, x: Vector) -> Vector:
-        """Return the weights of cells and modes in the order of the columns."""
-        return np.asarray(self.basis @ self.function(x)[0].full()[:, 0], dtype=float)
+    def __call__(self, x: Vector) -> Weights:
+        """Return the weights for parameters, shape (n,)."""
+        return Weights(*np.split(self.basis @ self.evaluate(x)[0].full()[:, 0], self.ends))
 
 
-def preisach_model(
+def weight_function(
     settings: PreisachSettings, regression: Regression, rest_resistance: float | None = None
-) -> PreisachModel:
-    """Build the model of some records; the resistance at rest [ohm] is fitted where it is None."""
+) -> WeightFunction:
+    """Build the weights for some records; the resistance at rest [ohm] is fitted where it is None."""
     blocks = parameter_blocks(settings, regression, rest_resistance)
     x = ca.MX.sym("x", sum(b.size for b in blocks))
     p = by_block(blocks, x)
@@ -79,7 +82,9 @@ def preisach_model(
     f = ca.vertcat(amplitudes, eta * amplitudes, others)
     function = ca.Function("model", [x], [f, ca.vertcat(*constraints), np.sqrt(regression.samples) * ca.vertcat(*soft)])
     basis = sparse.block_diag([functions, functions, sparse.eye_array(others.numel())], format="csr")
-    return PreisachModel(function=function, basis=basis, blocks=blocks)
+    first = regression.stretches[0]
+    ends = np.cumsum([part.shape[1] for part in (first.U, first.D, first.Z, first.V)])
+    return WeightFunction(evaluate=function, basis=basis, blocks=blocks, ends=tuple(ends.tolist()))
 
 
 def by_block(blocks: tuple[Block, ...], x: ca.MX | ca.DM) -> dict[str, ca.MX | ca.DM]:
