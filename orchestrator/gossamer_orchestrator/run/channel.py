@@ -56,12 +56,6 @@ class Channel:
             self._lost = lost
             self._hold = dropout.hold
 
-    @classmethod
-    def if_needed(cls, connection: Connection, ticks: int) -> Channel | None:
-        """Return a channel, or None for a plain wire."""
-        plain = (connection.gain, connection.bias, connection.noise, connection.dropout) == (None, None, None, None)
-        return None if plain else cls(connection, ticks)
-
     def __call__(self, value: float, tick: int) -> float:
         """Return what arrives of a sample sent for communication point ``tick``."""
         if self._lost is not None and self._lost[tick]:
