@@ -8,12 +8,12 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable
+from fnmatch import fnmatchcase
 
 
 def matches(pattern: str, name: str) -> bool:
     """Tell whether a name fits a pattern in which ``*`` stands for any text and ``?`` for one character."""
-    expression = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
-    return re.fullmatch(expression, name) is not None
+    return fnmatchcase(name, pattern.replace("[", "[[]"))
 
 
 def is_pattern(text: str) -> bool:

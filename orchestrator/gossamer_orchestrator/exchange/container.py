@@ -34,7 +34,7 @@ from ..scenario.schema import Scenario
 from .limits import declare_unit, inexpressible
 
 _NAMESPACE = uuid.UUID("6c0ac8a6-6d8d-5a15-8f0e-6ed3a6a0c1b4")
-_REAL = {2: "Real", 3: "Float64"}
+_NEUTRAL = {"gain": 1.0, "bias": 0.0, "noise": None, "dropout": None}  # what a container's connections do not have
 
 
 def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) -> Path:
@@ -63,7 +63,7 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
     """
     out = Path(out)
     check_target(out, ".fmu")
-    if fmi not in _REAL:
+    if fmi not in (2, 3):
         msg = f"a container can be FMI 2 or 3 outside, not {fmi}. Choose one of them."
         raise ScenarioError(msg)
     if not out.stem.isidentifier() or not out.stem.isascii():
@@ -75,17 +75,11 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
         if out.resolve() in [file.path.resolve() for file in plan.files]:
             msg = f"{out} is one of the scenario's FMUs. Name another file with --out."
             raise ScenarioError(msg)
-        _refuse_inexpressible(plan)
+        advice = "and let the host change the container's input"
+        inexpressible(scenario, "a container", _NEUTRAL, advice).raise_if_any()
         with TemporaryDirectory(prefix="gossamer-") as folder:
             write_archive(out, _build(plan, Path(folder), out.stem, fmi))
     return out
-
-
-def _refuse_inexpressible(plan: Plan) -> None:
-    """Report every key that a container cannot express."""
-    neutral = {"gain": 1.0, "bias": 0.0, "noise": None, "dropout": None}
-    advice = "and let the host change the container's input"
-    inexpressible(plan.scenario, "a container", neutral, advice).raise_if_any()
 
 
 class _Container(FMUContainer):  # type: ignore[misc]

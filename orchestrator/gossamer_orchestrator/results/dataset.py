@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from os.path import commonprefix
 from typing import Any
@@ -81,21 +81,17 @@ def arrange(
     time: NDArray[np.float64], table: NDArray[np.float64], labels: Iterable[tuple[str, str, str]]
 ) -> xr.Dataset:
     """Group the columns of a table into variables; ``labels`` are name, unit and description of each column."""
-    groups: dict[str, list[tuple[tuple[int, ...], int]]] = {}
-    units: dict[str, str] = {}
-    descriptions: dict[str, list[str]] = {}
+    groups: dict[str, list[tuple[tuple[int, ...], int, str, str]]] = {}
     for column, (name, unit, description) in enumerate(labels):
-        base, indices = split_indices(name)
-        if base in groups and len(groups[base][0][0]) != len(indices):
+        base, place = split_indices(name)
+        if base in groups and len(groups[base][0][0]) != len(place):
             base = name
-        groups.setdefault(base, []).append((indices, column))
-        units.setdefault(base, unit)
-        descriptions.setdefault(base, []).append(description)
+        groups.setdefault(base, []).append((place, column, unit, description))
     coordinates: dict[str, Any] = {"time": ("time", time, {"units": "s", "long_name": "time"})}
     variables: dict[str, Any] = {}
     for base, members in groups.items():
-        rank = len(members[0][0])
-        axes = [sorted({indices[axis] for indices, _ in members}) for axis in range(rank)]
+        places, columns, units, descriptions = zip(*members, strict=True)
+        axes, rank = [sorted(set(indices)) for indices in zip(*places, strict=True)], len(places[0])
         dims = []
         for axis, values in enumerate(axes):
             suffix = "index" if rank == 1 else "ijk"[axis] if rank <= 3 else str(axis)
@@ -105,19 +101,18 @@ def arrange(
             coordinates[dim] = (dim, np.array(values, dtype=np.int32))
             dims.append(dim)
         array = np.full((len(time), *(len(values) for values in axes)), np.nan)
-        for indices, column in members:
-            place: tuple[Any, ...] = (slice(None), *(axes[axis].index(i) for axis, i in enumerate(indices)))
-            array[place] = table[:, column]
-        attributes = {"units": units[base], "long_name": _common(descriptions[base])}
-        variables[base] = (("time", *dims), array, attributes)
+        for place, column in zip(places, columns, strict=True):
+            element: list[Any] = [values.index(i) for values, i in zip(axes, place, strict=True)]
+            array[(slice(None), *element)] = table[:, column]
+        variables[base] = (("time", *dims), array, {"units": units[0], "long_name": _common(descriptions)})
     return xr.Dataset(variables, coords=coordinates)
 
 
-def _common(descriptions: list[str]) -> str:
+def _common(descriptions: Sequence[str]) -> str:
     """Return what the descriptions of all elements begin with, in whole words."""
     if len(set(descriptions)) == 1:
         return descriptions[0]
-    common = commonprefix(descriptions)  # noqa: RUF071
+    common = commonprefix(list(descriptions))  # noqa: RUF071
     begin = re.sub(r"[^\w)]+$", "", common[: common.rfind(" ") + 1])
     return f"{begin} .." if begin else ""
 

@@ -44,23 +44,16 @@ class Channel:
         self._noise: NDArray[np.float64] | None = None
         self._lost: NDArray[np.bool_] | None = None
         self._hold = True
+        size = ticks + 1
         if noise is not None:
             generator = np.random.default_rng([noise.seed, name, 0])
-            unit = (
-                generator.uniform(-1.0, 1.0, ticks + 1) if noise.kind == "uniform" else generator.normal(size=ticks + 1)
-            )
+            unit = generator.uniform(-1.0, 1.0, size) if noise.kind == "uniform" else generator.normal(size=size)
             self._noise = noise.amplitude * unit
         if dropout is not None:
-            lost = np.random.default_rng([dropout.seed, name, 1]).random(ticks + 1) < dropout.probability
+            lost = np.random.default_rng([dropout.seed, name, 1]).random(size) < dropout.probability
             lost[0] &= not dropout.hold  # there is nothing to hold yet
             self._lost = lost
             self._hold = dropout.hold
-
-    @classmethod
-    def if_needed(cls, connection: Connection, ticks: int) -> Channel | None:
-        """Return a channel, or None for a plain wire."""
-        plain = (connection.gain, connection.bias, connection.noise, connection.dropout) == (None, None, None, None)
-        return None if plain else cls(connection, ticks)
 
     def __call__(self, value: float, tick: int) -> float:
         """Return what arrives of a sample sent for communication point ``tick``."""

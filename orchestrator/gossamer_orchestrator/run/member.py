@@ -49,8 +49,7 @@ class Member:
         self.instance = instance
         self.sent: Port = instance.port(plan.sent, y[: len(plan.sent)])
         self.outputs: Port = instance.port([*plan.sent, *plan.recorded], y)
-        channels = [Channel.if_needed(connection, ticks) for connection in plan.connections]
-        self.channels = [(i, channel) for i, channel in enumerate(channels) if channel is not None]
+        self.channels = [(i, Channel(c, ticks)) for i, c in enumerate(plan.connections) if not c.is_plain]
         sources = np.array([places[c.sender, c.output] for c in plan.connections], dtype=np.intp)
         inputs = [connection.input for connection in plan.connections]
         side_by_side = bool((np.diff(sources) == 1).all())

@@ -23,10 +23,8 @@ def check_connections(
             "to": _explain_endpoint(connection.target, "input", files),
         }
         if all(explained.values()) and _is_swapped(connection, files):
-            problems.add(
-                ("connections", i, "from"),
-                f"{connection.origin!r} is an input and {connection.target!r} an output. Swap from and to.",
-            )
+            text = f"{connection.origin!r} is an input and {connection.target!r} an output. Swap from and to."
+            problems.add(("connections", i, "from"), text)
             fed.setdefault(connection.origin, i)
             continue
         for key, problem in explained.items():
@@ -36,10 +34,8 @@ def check_connections(
             continue
         if connection.target in fed:
             line = scenario.source.where(("connections", fed[connection.target], "to"))
-            problems.add(
-                ("connections", i, "to"),
-                f"input {connection.target!r} is connected twice, first at {line}. Remove one of the connections.",
-            )
+            text = f"input {connection.target!r} is connected twice, first at {line}. Remove one of the connections."
+            problems.add(("connections", i, "to"), text)
             continue
         fed[connection.target] = i
         if explained["from"]:
@@ -83,6 +79,5 @@ def _check_units(i: int, connection: Connection, files: Mapping[str, FmuFile], p
     if converted:
         gain, bias = converted
         advice = f"Convert with gain = {gain:g}{f', bias = {bias:g}' if bias else ''}."
-    problems.add(
-        ("connections", i, "to"), f"units of {connection.origin!r} and {connection.target!r}: {difference}. {advice}"
-    )
+    text = f"units of {connection.origin!r} and {connection.target!r}: {difference}. {advice}"
+    problems.add(("connections", i, "to"), text)

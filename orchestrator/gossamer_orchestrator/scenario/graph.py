@@ -59,7 +59,14 @@ def order_components(
     feeds = {name: [other for other in files if (name, other) in pairs] for name in files}
     loop = _find_loop(files, connections)
     if loop:
-        _report_loop(loop, scenario, problems)
+        path = [".".join(node) for node in loop]
+        edges = list(pairwise(path))
+        first = next(i for i, c in enumerate(scenario.connections) if (c.origin, c.target) in edges)
+        problems.add(
+            ("connections", first),
+            f"algebraic loop: {' -> '.join(path)}. Cut one of these connections, or declare in an FMU that its output does "
+            "not depend on that input at the same instant.",
+        )
     if scenario.order is not None:
         _check_stated_order(scenario.order, scenario, feeds, problems)
     elif not loop and scenario.master == "gauss-seidel" and (cycle := find_cycle(feeds)):
@@ -82,18 +89,6 @@ def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) 
             for source in inputs:
                 signals.setdefault((name, source), []).append((name, output))
     return find_cycle(signals)
-
-
-def _report_loop(loop: list[tuple[str, str]], scenario: Scenario, problems: Problems) -> None:
-    """Report an algebraic loop with its path, at the first of its connections."""
-    path = [".".join(node) for node in loop]
-    edges = list(pairwise(path))
-    first = next(i for i, c in enumerate(scenario.connections) if (c.origin, c.target) in edges)
-    problems.add(
-        ("connections", first),
-        f"algebraic loop: {' -> '.join(path)}. Cut one of these connections, or declare in an FMU that its output does not "
-        "depend on that input at the same instant.",
-    )
 
 
 def _check_stated_order(

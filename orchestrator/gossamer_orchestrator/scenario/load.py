@@ -140,7 +140,5 @@ def _check_time(scenario: Scenario, problems: Problems) -> None:
         )
     for i, event in enumerate(scenario.events):
         if not start <= event.time <= stop:
-            problems.add(
-                ("events", i, "time"),
-                f"the event at {event.time:g} s lies outside the run, {start:g} to {stop:g} s. Move it or the run's end.",
-            )
+            text = f"the event at {event.time:g} s lies outside the run, {start:g} to {stop:g} s. Move it or the run's end."
+            problems.add(("events", i, "time"), text)

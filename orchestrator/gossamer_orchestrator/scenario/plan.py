@@ -142,13 +142,11 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems) -> dict[st
         if path not in found:
             found[path] = _read_file(component.fmu, path, place, problems)
         file = found[path]
-        if file is None:
-            continue
-        if file.description.coSimulation.canBeInstantiatedOnlyOncePerProcess and file in files.values():
-            problems.add(
-                place, f"FMU {component.fmu!r} can be used by one component only. Make a copy under another name."
-            )
-        files[name] = file
+        if file is not None:
+            if file.description.coSimulation.canBeInstantiatedOnlyOncePerProcess and file in files.values():
+                text = f"FMU {component.fmu!r} can be used by one component only. Make a copy under another name."
+                problems.add(place, text)
+            files[name] = file
     return files
 
 

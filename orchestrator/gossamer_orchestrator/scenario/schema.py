@@ -129,6 +129,11 @@ class Connection(Table):
     dropout: Dropout | None = None
 
     @property
+    def is_plain(self) -> bool:
+        """True if what is sent arrives as it is."""
+        return (self.gain, self.bias, self.noise, self.dropout) == (None, None, None, None)
+
+    @property
     def sender(self) -> str:
         """Component that sends."""
         return split_endpoint(self.origin)[0]

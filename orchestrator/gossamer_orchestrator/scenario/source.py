@@ -57,14 +57,11 @@ class Source:
             statement = "" if complete else statement
         return found
 
-    def line(self, location: Location) -> int | None:
-        """Return the line of a key, or of the innermost table around it that can be found; None for the whole file."""
-        around = (location[:size] for size in range(len(location), 0, -1))
-        return next((self._lines[place] for place in around if place in self._lines), None)
-
     def where(self, location: Location) -> str:
-        """Return ``file:line`` for a key, its first line for what is not there."""
-        return f"{self.name}:{self.line(location) or 1}" if self.text else self.name
+        """Return ``file:line`` for a key, or for the innermost table around it that is there, or the file's first line."""
+        around = (location[:size] for size in range(len(location), 0, -1))
+        line = next((self._lines[place] for place in around if place in self._lines), 1)
+        return f"{self.name}:{line}" if self.text else self.name
 
 
 def _parse(statement: str) -> tuple[dict[str, Any], bool]:

@@ -170,17 +170,12 @@ def length(variable: Any) -> int:  # noqa: ANN401
     return int(np.prod(variable.shape)) if variable.shape else 1
 
 
-def start_values(variable: Any) -> list[float]:  # noqa: ANN401
-    """Return the start values of a Real variable, one per element."""
-    texts = str(variable.start if variable.start is not None else 0.0).split()
-    return [float(text) for text in (texts if len(texts) == length(variable) else texts[:1] * length(variable))]
-
-
 def swing(variable: Any, by: float) -> list[float]:  # noqa: ANN401
     """Return values near the start values of a Real variable and in its range, for ``by`` from -1 to 1."""
-    low, high, nominal = (
-        float(text) if text is not None else default
-        for text, default in ((variable.min, -math.inf), (variable.max, math.inf), (variable.nominal, 1.0))
-    )
+    texts = str(variable.start if variable.start is not None else 0.0).split()
+    start = [float(text) for text in (texts if len(texts) == length(variable) else texts[:1] * length(variable))]
+    low = -math.inf if variable.min is None else float(variable.min)
+    high = math.inf if variable.max is None else float(variable.max)
+    nominal = 1.0 if variable.nominal is None else float(variable.nominal)
     change = 0.01 * min(abs(nominal), high - low) * by
-    return [value + change if low <= value + change <= high else value - change for value in start_values(variable)]
+    return [value + change if low <= value + change <= high else value - change for value in start]

@@ -80,6 +80,10 @@ class Network:
             else:
                 logger.warning("%s: a value is given to %r, which is not there; it is ignored", files.name, name)
 
+    def endpoint(self, node: Node) -> str:
+        """Return the name of an FMU's variable in the scenario."""
+        return f"{self.names[node[0]]}.{node[1]}"
+
     def chain(self, node: Node) -> list[Node]:
         """List the nodes from one back to where its signal begins."""
         chain = [node]

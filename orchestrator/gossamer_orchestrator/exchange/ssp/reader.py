@@ -18,10 +18,9 @@ from pyssp_standard.ssd import SSD
 
 from ...errors import OrchestratorError
 from ...fmi.archive import unpack
-from ...names import split_endpoint
 from ...scenario.graph import find_cycle, sort_components
 from ...scenario.load import make_scenario
-from ...scenario.schema import Scenario, Value
+from ...scenario.schema import Connection, Scenario, Value
 from ...scenario.source import Source
 from .files import ANNOTATION, KEPT, SSP, STRUCTURE, SspFiles
 from .network import Network, dotted
@@ -84,13 +83,13 @@ def _read_scenario(files: SspFiles, step: float | None, stop: float | None) -> S
         "start": start,
         "step": _step(network, root) if step is None else step,
         "stop": _preferred(network, "stopTime", "stop time", max, above=start) if stop is None else stop,
-        "components": _components(network, {c["to"] for c in connections}),
+        "components": _components(network, {c.target for c in connections}),
         "connections": connections,
     }
     return make_scenario(content, source=Source(files.name, ""), folder=files.folder)
 
 
-def _connections(network: Network) -> list[dict[str, Any]]:
+def _connections(network: Network) -> list[Connection]:
     """Follow every FMU's input back to the output that feeds it."""
     connections = []
     for node, feed in network.feeds.items():
@@ -102,11 +101,10 @@ def _connections(network: Network) -> list[dict[str, Any]]:
             label = f"{dotted(first)!r} to {dotted(node)!r}"
             network.files.refuse(f"connection {label} sets a parameter", "Give the parameter a value instead")
         gain, bias = network.transfer(chain)
-        ends = ((end, f"{network.names[place]}.{v}") for end, (place, v) in (("from", first), ("to", node)))
-        connection: dict[str, Any] = dict(ends)
+        content: dict[str, Any] = {"from": network.endpoint(first), "to": network.endpoint(node)}
         if (gain, bias) != (1.0, 0.0) or not feed.converts:
-            connection |= ({"gain": gain} if gain != 1.0 or not bias else {}) | ({"bias": bias} if bias else {})
-        connections.append(connection)
+            content |= {"gain": gain if gain != 1.0 or not bias else None, "bias": bias or None}
+        connections.append(Connection.model_validate(content))
     return connections
 
 
@@ -121,18 +119,17 @@ def _components(network: Network, connected: set[str]) -> dict[str, Any]:
         for table, causality in (("parameters", "parameter"), ("inputs", "input")):
             for variable in fmu.names(causality):
                 value = network.value((place, variable))
-                if value is not None and f"{network.names[place]}.{variable}" not in connected:
+                if value is not None and network.endpoint((place, variable)) not in connected:
                     tables[table][variable] = value
         source = fmu.path.relative_to(network.files.folder.resolve()).as_posix()
         components[network.names[place]] = {"fmu": source, **tables}
     return components
 
 
-def _order(network: Network, connections: list[dict[str, Any]]) -> dict[str, Any]:
+def _order(network: Network, connections: list[Connection]) -> dict[str, Any]:
     """Choose an order if FMUs feed each other in a circle, because SSP does not state one."""
-    feeds: dict[str, list[str]] = {name: [] for name in network.names.values()}
-    for connection in connections:
-        feeds[split_endpoint(connection["from"])[0]].append(split_endpoint(connection["to"])[0])
+    names = network.names.values()
+    feeds = {name: [c.receiver for c in connections if c.sender == name] for name in names}
     if not find_cycle(feeds):
         return {}
     order = sort_components(feeds, feeds)
