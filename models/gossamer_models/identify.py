@@ -92,9 +92,9 @@ def settings_for(model: str, **chosen: Any) -> Settings:  # noqa: ANN401
     for name in given:
         others = models_with(name)
         if model not in others:
-            words = name.replace("_", " ")
             advice = f", or choose --model {' or '.join(others)}" if others else ""
-            msg = f"{model} has no {words}. Leave --{name.replace('_', '-')} out{advice}."
+            flag = f"--{name.replace('_', '-')}"
+            msg = f"{model} has no {name.replace('_', ' ')}. Leave {flag} out{advice}."
             raise ParameterError(msg)
     return known[model](**given)
 
@@ -194,14 +194,15 @@ def save_pictures(result: Identified, folder: Path) -> list[Path]:
     import matplotlib.pyplot as plt
 
     folder.mkdir(parents=True, exist_ok=True)
-    pictures: dict[str, Any] = {
-        f"{Path(record.name).stem}_{name}": plot(record, predicted, train)
+    pictures: dict[str, Callable[[], Any]] = {
+        f"{Path(record.name).stem}_{name}": partial(plot, record, predicted, train)
         for record, predicted, train in zip(result.fit.records, result.fit.predicted, result.fit.train, strict=True)
         for name, plot in RECORD_PICTURES.items()
     }
     if isinstance(result.fit, PreisachFit):
-        pictures |= {name: plot(result.fit.artifact) for name, plot in SENSOR_PICTURES.items()}
-    for name, ax in pictures.items():
+        pictures |= {name: partial(plot, result.fit.artifact) for name, plot in SENSOR_PICTURES.items()}
+    for name, plot in pictures.items():
+        ax = plot()
         ax.figure.savefig(folder / f"{name}.png", dpi=130)
         plt.close(ax.figure)
     return [folder / f"{name}.png" for name in pictures]

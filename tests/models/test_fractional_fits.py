@@ -45,7 +45,7 @@ def dense(derivative, n):
 def test_derivatives_of_the_columns_are_those_of_finite_differences(model):
     n_fading = 2 if model == "model-1" else 0
     chosen = FractionalSettings(model=model, terms=2, fading=n_fading)
-    columns = RecordColumns(STRAIN / 0.075, H, np.arange(STRAIN.size) < 300, chosen, rest=False)
+    columns = RecordColumns(STRAIN / 0.075, H, np.arange(STRAIN.size) < 300, chosen, rest_fitted=False)
     theta = np.array([0.3, 0.8, 0.05, 2.0, 0.7, 1.8][: 2 + 2 * n_fading])
     _, slopes = columns.evaluate(theta)
     for k in range(theta.size):
@@ -161,8 +161,13 @@ def test_the_reduced_jacobian_is_exact_where_the_fit_is():
     """Kaufman's neglect vanishes with the residual."""
     s = STRAIN / 0.075
     change = (predict(INTEGRALS, STRAIN, H) - 1000.0) / 300.0
-    columns = RecordColumns(s, H, EVERYTHING, FractionalSettings(model="sub-model-1", terms=2), rest=False)
-    problem = SeparableProblem(columns.evaluate, change, nonnegative=False)
+    columns = RecordColumns(s, H, EVERYTHING, FractionalSettings(model="sub-model-1", terms=2), rest_fitted=False)
+
+    def evaluate(theta):
+        Phi, derivatives = columns.evaluate(theta)
+        return Phi, lambda: derivatives
+
+    problem = SeparableProblem(evaluate, change, nonnegative=False)
     theta = np.array([0.3, 0.8])
     J = problem.jacobian(theta)
     assert np.abs(problem.residual(theta)).max() < 1e-10

@@ -30,7 +30,9 @@ def test_modes_driven_by_falling_strain_solve_their_differential_equation():
     exact = [0.0]
     for i in range(strain.size - 1):
         exact.append(solve_ivp(slope, (i * h, (i + 1) * h - 1e-12), [exact[-1]], rtol=1e-11, atol=1e-13).y[0, -1])
-    constant, linear = (relaxed(h * np.arange(strain.size), strain, np.array([rate]), drive)[:, 0] for drive in FALLING)
+    constant, linear = (
+        relaxed(h * np.arange(strain.size), strain, np.array([rate]), (drive,))[:, 0] for drive in FALLING
+    )
     found = g * constant + k * linear
     assert found == pytest.approx(exact, abs=1e-9)
 
@@ -99,10 +101,10 @@ def gaining(amplitude=-0.2, rate=0.5):
 def test_a_gain_adds_its_modes_times_the_present_strain(amplitude):
     strain, h, rate = zigzag(seed=3), 0.2, 0.5
     without = drive(start(sensor_model()), strain, h)
-    modes = relaxed(h * np.arange(strain.size), strain, np.array([rate]), Drive())[:, 0]
+    modes = relaxed(h * np.arange(strain.size), strain, np.array([rate]), (Drive(),))[:, 0]
     found = drive(start(sensor_model(gaining(amplitude, rate))), strain, h)
     assert found == pytest.approx(without + amplitude * strain * modes, abs=1e-12)
-    columns = relaxed(h * np.arange(strain.size), strain, np.array([rate]), GAIN)[:, 0]
+    columns = relaxed(h * np.arange(strain.size), strain, np.array([rate]), (GAIN,))[:, 0]
     assert columns == pytest.approx(strain * modes, abs=1e-15)
 
 

@@ -40,10 +40,18 @@ def option(
 
 
 def numbers(text: str) -> tuple[float, ...]:
-    """Read a list of numbers: ``3,100``; raise ``ValueError`` for anything else."""
-    return tuple(float(part) for part in text.split(","))
+    """Read a list of numbers, ``3,100``; raise ``ValueError`` with what to write for anything else."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        msg = "as numbers. Write them with commas: 3,100."
+        raise ValueError(msg) from None
 
 
 def number_or_auto(text: str) -> float | str:
-    """Read a number or the word ``auto``; raise ``ValueError`` for anything else."""
-    return text if text == "auto" else float(text)
+    """Read a number or the word ``auto``; raise ``ValueError`` with what to write for anything else."""
+    try:
+        return text if text == "auto" else float(text)
+    except ValueError:
+        msg = "as a number. Write one number such as 0.01, or auto."
+        raise ValueError(msg) from None

@@ -4,9 +4,8 @@ Rules, each with the line of the file named where it applies:
 
 - Records of one fit have different names.
 - Options name the columns, or the names of the columns identify them (``TIME``, ``STRAIN``, ``RESISTANCE`` below).
-Units
-  come from an option, else from the name of the column (``t_ms``, ``strain [%]``, ``R_kohm``), else they are s, 1 and
-  ohm. Two different units for one column are refused.
+  Units come from an option, else from the name of the column (``t_ms``, ``strain [%]``, ``R_kohm``), else they are s, 1
+  and ohm. Two different units for one column are refused.
 - Lines with more cells than the header has names are refused: a decimal comma divides a number.
 - Samples with a missing value or no finite number are left out; more than ``MOST_MISSING`` of them are refused.
 - Samples with the same time are averaged. Times that go backwards are refused; ``sort`` sorts them instead.

@@ -103,8 +103,8 @@ def strain_range(records: Sequence[Record], full_scale: float | None) -> float:
         msg = "there is no record to fit. Give at least one."
         raise DataError(msg)
     if full_scale is None:
-        return max(float(r.strain.max()) for r in records)
-    if not 0.0 < full_scale <= LARGEST_STRAIN:
+        full_scale = max(float(r.strain.max()) for r in records)
+    elif not 0.0 < full_scale <= LARGEST_STRAIN:
         msg = (
             f"the full scale is {full_scale:g}; give the strain at the end of the range as a ratio [1], 0.2 for 20 %, or "
             "leave it out"

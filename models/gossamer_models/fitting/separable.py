@@ -26,10 +26,9 @@ from scipy.optimize import nnls
 
 from ..arrays import Matrix, Rows, Vector
 
-Derivative = tuple[
-    NDArray[np.int_], Matrix
-]  # the columns that an element of theta moves, (k,), and by how much, (m, k)
-ColumnFunction = Callable[[Vector], tuple[Matrix, list[Derivative]]]
+# the columns that an element of theta moves, shape (k,), and their derivatives, shape (m, k)
+Derivative = tuple[NDArray[np.int_], Matrix]
+ColumnFunction = Callable[[Vector], tuple[Matrix, Callable[[], list[Derivative]]]]
 TINY = 1e-300  # in place of the length of a column of zeros
 
 
@@ -39,8 +38,8 @@ class SeparableProblem:
     Parameters
     ----------
     columns : callable
-        :math:`\theta` to the columns, shape (m, n), and the derivative by each element of :math:`\theta`: which columns it
-        moves, shape (k,), and their derivatives, shape (m, k).
+        :math:`\theta` to the columns, shape (m, n), and a function that returns the derivatives by each element of
+        :math:`\theta`: which columns it moves, shape (k,), and their derivatives, shape (m, k).
     y : ndarray, shape (m,)
         Measurement that the columns add up to.
     weights : ndarray, shape (m,), or float
@@ -68,24 +67,23 @@ class SeparableProblem:
         self._root = np.broadcast_to(np.sqrt(weights), y.shape)
         self.y = self._root * y
         self._wanted = np.append(self.y, restraint * np.linalg.norm(self.y))
-        self._last: tuple[Vector, Matrix, list[Derivative], Vector] | None = None
+        self._last: tuple[Vector, Callable[[], list[Derivative]], Matrix, Vector] | None = None
 
-    def solve(self, theta: Vector) -> tuple[Matrix, list[Derivative], Vector]:
-        """Return the weighted columns, their derivatives and the best coefficients."""
-        if self._last is None or not np.array_equal(self._last[0], theta):
-            columns, derivatives = self._columns(theta)
-            w = self._root[:, None]
-            Phi = w * columns
-            self._last = theta.copy(), Phi, [(where, w * each) for where, each in derivatives], self._best(Phi)
-        return self._last[1:]
+    def solve(self, theta: Vector) -> tuple[Matrix, Vector]:
+        """Return the weighted columns and the best coefficients."""
+        return self._solved(theta)[2:]
+
+    def derivatives(self, theta: Vector) -> list[Derivative]:
+        """Return the derivatives of the weighted columns."""
+        return [(where, self._root[:, None] * each) for where, each in self._solved(theta)[1]()]
 
     def coefficients(self, theta: Vector) -> Vector:
         """Return the best coefficients, shape (n,)."""
-        return self.solve(theta)[2]
+        return self.solve(theta)[1]
 
     def residual(self, theta: Vector) -> Vector:
         """Return the residuals and, last, the penalty [1]."""
-        Phi, _, c = self.solve(theta)
+        Phi, c = self.solve(theta)
         return np.asarray(np.vstack([Phi, self._cancelling(Phi, c)]) @ c - self._wanted)
 
     def jacobian(self, theta: Vector, *, released: bool = False) -> Matrix:
@@ -94,15 +92,26 @@ class SeparableProblem:
         Columns whose coefficient is held at zero do not count; with ``released`` they do, which converges faster where
         columns are so alike that one takes up what another leaves.
         """
-        Phi, slopes, c = self.solve(theta)
+        Phi, c = self.solve(theta)
         row = self._cancelling(Phi, c)
         acting = (c != 0.0) | ~(self._nonnegative | (self._restraint > 0.0)) | released
         basis, _ = np.linalg.qr(np.vstack([Phi, row])[:, acting])
         growth = row / np.maximum(np.einsum("ij,ij->j", Phi, Phi), TINY)
         change = np.column_stack(
-            [np.append(slope @ c[k], growth[k] * np.einsum("ij,ij->j", Phi[:, k], slope) @ c[k]) for k, slope in slopes]
+            [
+                np.append(slope @ c[k], growth[k] * np.einsum("ij,ij->j", Phi[:, k], slope) @ c[k])
+                for k, slope in self.derivatives(theta)
+            ]
         )
         return np.asarray(change - basis @ (basis.T @ change))
+
+    def _solved(self, theta: Vector) -> tuple[Vector, Callable[[], list[Derivative]], Matrix, Vector]:
+        """Return the last solution where it is that of the same point."""
+        if self._last is None or not np.array_equal(self._last[0], theta):
+            columns, derive = self._columns(theta)
+            Phi = self._root[:, None] * columns
+            self._last = theta.copy(), derive, Phi, self._best(Phi)
+        return self._last
 
     def _cancelling(self, Phi: Matrix, c: Vector) -> Vector:
         """Return the row that adds up the sizes of the columns, shape (n,)."""

@@ -31,14 +31,14 @@ class RecordColumns:
         Samples to return.
     settings : FractionalSettings
         Model, numbers of terms and times of the memory.
-    rest : bool
+    rest_fitted : bool
         Whether a constant is among the columns.
     """
 
-    def __init__(self, s: Vector, h: float, rows: Rows, settings: FractionalSettings, *, rest: bool) -> None:
+    def __init__(self, s: Vector, h: float, rows: Rows, settings: FractionalSettings, *, rest_fitted: bool) -> None:
         model, kernels = settings.model, PowerLawKernels(settings.shortest, settings.longest)
         covering(s, h, kernels)
-        self._strain, self._step, self._rows, self._rest = s, h, rows, rest
+        self._strain, self._step, self._rows, self._rest_fitted = s, h, rows, rest_fitted
         self._n_terms, self._n_fading, self._first_fading = settings.terms, settings.n_fading, settings.first_fading
         parts = (s,) if model == "sub-model-1" else (s, quadrature(s))
         self._memories = [_memory(part, h, model, kernels.rates)[rows] for part in parts]
@@ -49,7 +49,7 @@ class RecordColumns:
     @property
     def count(self) -> int:
         """Number of columns."""
-        return self._first_fading + self._n_fading + self._rest
+        return self._first_fading + self._n_fading + self._rest_fitted
 
     def evaluate(self, theta: Vector) -> tuple[Matrix, list[Derivative]]:
         r"""Return the columns, shape (m, n), and their derivatives by each element of :math:`\theta`, shape (N + 2 L,)."""
@@ -70,7 +70,7 @@ class RecordColumns:
             Phi[:, column] = value
             by_rate.append((column, dp))
             by_exponent.append((column, dq))
-        if self._rest:
+        if self._rest_fitted:
             Phi[:, -1] = 1.0
         return Phi, [*by_order, *by_rate, *by_exponent]
 

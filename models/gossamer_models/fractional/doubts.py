@@ -6,10 +6,11 @@ from math import inf
 
 import numpy as np
 
-from ..fitting.errors import alike, rest_doubt
 from ..fitting.records import Record, in_equal_steps
+from ..fitting.uncertainty import alike, rest_doubt
 from .fit import FractionalFit
 
+RESTED = 0.01  # of the range of resistance that counts as another resistance at rest, which was fitted
 AT_BOUND = 1e-6  # of the width of the box
 UNEVEN = 0.01  # of the median step: larger differences of steps are reported
 
@@ -20,7 +21,7 @@ def doubts(fit: FractionalFit) -> tuple[str, ...]:
     if any(each.name == "R_0" for each in fit.parameters):
         advice = "If the sensor was at rest, give the resistance at rest (--rest-resistance)."
         rest, full_scale = fit.rest_resistance, fit.artifact.full_scale_strain
-        sentences += [rest_doubt(record, rest, full_scale, advice) for record in fit.records]
+        sentences += [rest_doubt(record, rest, full_scale, RESTED, advice) for record in fit.records]
     loose = [each.name for each in fit.parameters if not each.determined]
     if loose:
         sentences.append(

@@ -24,8 +24,9 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Rows, Vector
-from ..fitting.errors import Errors, Parameter, stretch_errors
+from ..fitting.errors import Errors, stretch_errors
 from ..fitting.records import Record, in_equal_steps
+from ..fitting.uncertainty import Parameter
 from .artifact import FractionalArtifact
 from .model import predict
 from .parameters import parameters

@@ -19,7 +19,6 @@ from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
-from scipy.signal import hilbert, lfilter
 from scipy.special import gamma
 
 from ..arrays import Matrix, Vector
@@ -88,12 +87,14 @@ def quadrature(u: Vector) -> Vector:
     The Hilbert transform: :math:`\epsilon_{Ph}` of Eq. (3.18) of [1]_ for b = -1. It needs the whole record and takes it as
     one period: not causal, offline only.
     """
+    from scipy.signal import hilbert  # slow to import
+
     return np.asarray(np.imag(hilbert(u)))
 
 
 def integral_modes(u: Vector, h: float, rates: Vector) -> Matrix:
     r"""Return the modes :math:`\int_0^t e^{-\lambda_q (t-\tau)} u\,d\tau` [unit of u times s] of a record, shape (m, n)."""
-    return responses(h, h, u, rates, 1)
+    return responses(h, u, rates, [(h, 1)])
 
 
 def slope_modes(u: Vector, h: float, rates: Vector) -> Matrix:
@@ -102,7 +103,7 @@ def slope_modes(u: Vector, h: float, rates: Vector) -> Matrix:
     :math:`z_q(t) = u_0 e^{-\lambda_q t} + \int_0^t e^{-\lambda_q (t - \tau)} \dot u\,d\tau` [unit of u].
     """
     jump = u[0] * np.exp(-h * np.outer(np.arange(u.size), rates)) if u[0] else 0.0
-    return responses(h, np.diff(u), u, rates) + jump
+    return responses(h, u, rates, [(np.diff(u), 0)]) + jump
 
 
 def fading_integral(s: Vector, h: float, rate: float, exponent: float) -> tuple[Vector, Vector, Vector]:
@@ -116,6 +117,8 @@ def fading_integral(s: Vector, h: float, rate: float, exponent: float) -> tuple[
     value, by_exponent = (integral_modes(u, h, np.array([rate]))[:, 0] for u in (power, logs * power))
     slope_1, slope_2 = (float(each) for each in _PHI_SLOPES(x))
     left = np.exp(-rate * h)
+    from scipy.signal import lfilter  # slow to import
+
     gained = h**2 * ((slope_1 - slope_2) * power[:-1] + slope_2 * power[1:]) - h * left * value[:-1]
     return value, np.concatenate([[0.0], lfilter([1.0], [1.0, -left], gained)]), by_exponent
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Matrix, Vector
-from ..fitting.errors import Parameter, covariance
+from ..fitting.uncertainty import Parameter, covariance
 from .problem import FractionalProblem
 
 
@@ -20,8 +20,8 @@ def parameters(problem: FractionalProblem, theta: Vector) -> tuple[tuple[Paramet
     """
     artifact, model = problem.artifact(theta), problem.settings.model
     N, L = len(artifact.terms), len(artifact.fading)
-    Phi, slopes, c = problem.separable.solve(theta)
-    by_theta = [slope @ c[columns] for columns, slope in slopes]
+    Phi, c = problem.separable.solve(theta)
+    by_theta = [slope @ c[columns] for columns, slope in problem.separable.derivatives(theta)]
     residual = Phi @ c - problem.separable.y
     rows = [("C_0", artifact.direct, Phi[:, 0])]
     for k, term in enumerate(artifact.terms):
@@ -36,7 +36,7 @@ def parameters(problem: FractionalProblem, theta: Vector) -> tuple[tuple[Paramet
             rows.append((f"b_{k + 1}", term.phase, -0.5 * np.pi * term.coefficient * turned))
     for k, fading in enumerate(artifact.fading):
         rows += [
-            (f"C_{N + k + 1}", fading.coefficient, Phi[:, 1 + 2 * N + k]),
+            (f"C_{N + k + 1}", fading.coefficient, Phi[:, problem.settings.first_fading + k]),
             (f"p_{k + 1}", fading.rate, by_theta[N + k]),
             (f"q_{k + 1}", fading.exponent, by_theta[N + L + k]),
         ]

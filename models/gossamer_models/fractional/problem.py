@@ -6,6 +6,7 @@ on the strain and on its quadrature.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,24 +93,25 @@ def prepare(
     changes = [(r.resistance - rest)[kept] for r, kept in zip(even, rows, strict=True)]
     scale = max(float(np.ptp(change)) for change in changes)
     columns = [
-        RecordColumns(r.strain / full_scale, h, kept, settings, rest=fitted)
+        RecordColumns(r.strain / full_scale, h, kept, settings, rest_fitted=fitted)
         for r, h, kept in zip(even, steps, rows, strict=True)
     ]
     weights = np.concatenate([np.full(part.size, r.weight) for part, r in zip(changes, records, strict=True)])
-    separable = _separable(columns, np.concatenate(changes) / scale, weights, settings, rest=fitted)
+    separable = _separable(columns, np.concatenate(changes) / scale, weights, settings, rest_fitted=fitted)
     return FractionalProblem(settings, separable, full_scale, scale, rest, fitted)
 
 
 def _separable(
-    columns: list[RecordColumns], y: Vector, weights: Vector, settings: FractionalSettings, *, rest: bool
+    columns: list[RecordColumns], y: Vector, weights: Vector, settings: FractionalSettings, *, rest_fitted: bool
 ) -> SeparableProblem:
-    def evaluate(theta: Vector) -> tuple[Matrix, list[Derivative]]:
+    def evaluate(theta: Vector) -> tuple[Matrix, Callable[[], list[Derivative]]]:
         parts = [each.evaluate(theta) for each in columns]
-        derivatives = [
-            (pairs[0][0], np.vstack([slope for _, slope in pairs]))
-            for pairs in zip(*(derivative for _, derivative in parts), strict=True)
-        ]
-        return np.vstack([Phi for Phi, _ in parts]), derivatives
+
+        def derive() -> list[Derivative]:
+            of_all = zip(*(derivatives for _, derivatives in parts), strict=True)
+            return [(of_each[0][0], np.vstack([slope for _, slope in of_each])) for of_each in of_all]
+
+        return np.vstack([Phi for Phi, _ in parts]), derive
 
     # with C_k >= 0, b_k in -1..1 leaves the sine parts free, and b_k in -2..0 the cosine parts
     nonnegative = np.full(columns[0].count, settings.nonnegative)
@@ -117,7 +119,7 @@ def _separable(
         first = 1 if settings.model == "model-1" else 1 + settings.terms
         nonnegative[first : first + settings.terms] = False
     restrained = np.ones(nonnegative.size, dtype=bool)
-    if rest:
+    if rest_fitted:
         nonnegative[-1] = restrained[-1] = False
     return SeparableProblem(
         evaluate,

@@ -13,10 +13,11 @@ Eq. (4.13) of the thesis; with :math:`r = \Delta`, power 0, the modes of a fract
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from ..arrays import Matrix, Vector
 
@@ -38,35 +39,39 @@ def phi_2(x: ca.MX) -> ca.MX:
     return ca.if_else(x < SERIES_BELOW, 0.5 * series, (1.0 - phi_1(x)) / x)
 
 
-def responses(steps: ArrayLike, sizes: ArrayLike, u: Vector, rates: Vector, power: int = 0) -> Matrix:
+def responses(steps: ArrayLike, u: Vector, rates: Vector, excitations: Sequence[tuple[ArrayLike, int]]) -> Matrix:
     r"""Return the modes of a record at its samples; all are zero at the first one.
 
     Parameters
     ----------
     steps : array_like, shape (m - 1,) or scalar
-        Steps between samples [s]; a scalar for equal steps, which cost less.
-    sizes : array_like, shape (m - 1,) or scalar
-        Excitation :math:`r` over each step.
+        Steps between samples [s]; a scalar for equal ones, which cost less.
     u : ndarray, shape (m,)
         Record.
     rates : ndarray, shape (n,)
         Decay rates [1/s].
-    power : {0, 1}
-        Power of the record in the excitation.
+    excitations : sequence of (array_like, {0, 1}), length d
+        Sizes :math:`r` over each step, shape (m - 1,) or scalar, and power of the record.
 
     Returns
     -------
-    ndarray, shape (m, n)
+    ndarray, shape (m, d n)
+        All rates of the first excitation first.
     """
     x = np.asarray(steps, dtype=float).reshape(-1, 1) * rates
-    gained = phi_1(ca.DM(x)).full()
-    if power:
-        gained = u[:-1, None] * gained + np.diff(u)[:, None] * phi_2(ca.DM(x)).full()
-    gained = np.broadcast_to(sizes, (u.size - 1,))[:, None] * gained
-    left = np.exp(-x)
-    Z = np.zeros((u.size, rates.size))
+    kernels = [phi_1(ca.DM(x)).full()]
+    if any(power for _, power in excitations):
+        kernels.append(u[:-1, None] * kernels[0] + np.diff(u)[:, None] * phi_2(ca.DM(x)).full())
+    sizes = [np.broadcast_to(size, (u.size - 1,))[:, None] for size, _ in excitations]
+    gained = np.hstack(
+        [np.empty((u.size - 1, 0)), *(r * kernels[p] for r, (_, p) in zip(sizes, excitations, strict=True))]
+    )
+    left = np.tile(np.exp(-x), len(excitations))
+    Z = np.zeros((u.size, gained.shape[1]))
     if len(left) == 1:
-        for q in range(rates.size):
+        from scipy.signal import lfilter  # slow to import
+
+        for q in range(Z.shape[1]):
             Z[1:, q] = lfilter([1.0], [1.0, -left[0, q]], gained[:, q])
     else:
         for k in range(u.size - 1):

@@ -11,6 +11,7 @@ the few rates that its own kernel needs: ``exponential_sum``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -106,10 +107,10 @@ def exponential_sum(
         return np.array([rate]), np.array([1.0])
     times = np.concatenate([[0.0], np.geomspace(shortest, longest, 300)])
 
-    def columns(logarithms: Vector) -> tuple[Matrix, list[Derivative]]:
-        Phi = np.exp(-np.outer(times, np.exp(logarithms)))
-        slopes = -np.outer(times, np.exp(logarithms)) * Phi
-        return Phi, [(np.array([q]), slopes[:, [q]]) for q in range(logarithms.size)]
+    def columns(logarithms: Vector) -> tuple[Matrix, Callable[[], list[Derivative]]]:
+        powers = -np.outer(times, np.exp(logarithms))
+        Phi = np.exp(powers)
+        return Phi, lambda: [(np.array([q]), powers[:, [q]] * Phi[:, [q]]) for q in range(logarithms.size)]
 
     problem = SeparableProblem(columns, np.exp(-rate * times**exponent))
     last = min(longest, (-np.log(tolerance) / rate) ** (1.0 / exponent))  # past it the function is zero

@@ -52,8 +52,7 @@ def everett(artifact: SensorArtifact) -> tuple[Matrix, Matrix]:
     up, down : ndarray, shape (N + 1, N + 1)
         Element [a, b]: rise of the output [1] when strain rises from b/N, at rest or after falling from full scale, to a/N
         >= b/N, and its fall on the way back from a/N to b/N, Eqs. (5.3) and (5.4) of the thesis without
-        relaxation; not a number for
-        a < b.
+        relaxation; not a number for a < b.
     """
     N = artifact.n_lines
     surfaces = np.full((2, N + 1, N + 1), np.nan)

@@ -177,6 +177,6 @@ def _read(name: str, value: Any, reader: Any) -> Any:  # noqa: ANN401
     """Return the value of an option, from its text where the option has a reader."""
     try:
         return reader(value) if reader else value
-    except ValueError:
-        msg = f"cannot read --{name.replace('_', '-')} {value!r} as numbers. Write them with commas: 3,100."
+    except ValueError as error:
+        msg = f"cannot read --{name.replace('_', '-')} {value!r} {error}"
         raise OrchestratorError(msg) from None

@@ -108,7 +108,7 @@ def test_what_a_fractional_fit_assumed_of_steps_and_of_rest_is_said(measured, tm
     assert result.exit_code == 0, result.output
     told = " ".join(result.stderr.split())
     assert "samples 0.5 to 1 s apart were brought to steps of 0.5 s" in told
-    assert "begins unstrained with an output of 100" in told
+    assert "begins unstrained with a resistance of 100" in told
     assert "give the resistance at rest" in told
 
 

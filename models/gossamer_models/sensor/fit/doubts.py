@@ -7,13 +7,14 @@ from collections import Counter
 import numpy as np
 
 from ...arrays import Matrix, Rows
-from ...fitting.errors import Parameter, alike, covariance, rest_doubt
 from ...fitting.records import Record
+from ...fitting.uncertainty import Parameter, alike, covariance, rest_doubt
 from .preisach import PreisachFit
 
 DETERMINED = 0.5  # share of a parameter's information that must come from the data
 HOLD_RATE = 0.02  # of the fastest strain rate: slower is a hold
 LEAST_HOLD = 0.05  # of the training stretch
+RESTED = 0.1  # of the range of resistance that counts as another resistance at rest
 REST_ADVICE = "Check it and its unit, or fit the earlier relaxation too (--earlier)."
 
 
@@ -31,8 +32,8 @@ def determination(fit: PreisachFit) -> tuple[Matrix, Matrix]:
     return C, R
 
 
-def parameters(fit: PreisachFit) -> tuple[Parameter, ...]:
-    """Return the fitted parameters; those with a fixed value count as determined."""
+def parameters(fit: PreisachFit) -> tuple[tuple[Parameter, ...], Matrix]:
+    """Return the parameters and their covariance, shape (n, n); parameters with a fixed value count as determined."""
     C, R = determination(fit)
     deviations = np.sqrt(np.maximum(np.diag(C), 0.0))
     fitted = fit.solver.problem.lower < fit.solver.problem.upper
@@ -40,7 +41,7 @@ def parameters(fit: PreisachFit) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(name=name, value=float(value), deviation=float(deviation), determined=bool(known))
         for name, value, deviation, known in zip(fit.names, fit.x, deviations, determined, strict=True)
-    )
+    ), C
 
 
 def doubts(fit: PreisachFit) -> tuple[str, ...]:
@@ -56,21 +57,22 @@ def doubts(fit: PreisachFit) -> tuple[str, ...]:
             "The errors include the relaxation from before a record began. FMUs start at rest and do not include it."
         )
     else:
-        sentences += [rest_doubt(r, fit.rest_resistance, fit.full_scale, REST_ADVICE) for r in fit.records]
+        sentences += [rest_doubt(r, fit.rest_resistance, fit.full_scale, RESTED, REST_ADVICE) for r in fit.records]
     held = [_held(record, rows) for record, rows in zip(fit.records, fit.train, strict=True) if rows.any()]
     if fit.settings.relaxations and max(held) < LEAST_HOLD:
         sentences.append(
             f"The strain is at rest for {100.0 * max(held):.1f} % of the training stretch: without holds, the data do "
             "not separate eta from slow relaxation. Add a hold to the record, or treat eta as an assumption."
         )
-    weak = Counter(p.name.split("[")[0] for p in parameters(fit) if not p.determined)
+    known, covariances = parameters(fit)
+    weak = Counter(p.name.split("[")[0] for p in known if not p.determined)
     sizes = {b.name: b.size for b in fit.blocks}
     if weak:
         which = ", ".join(f"{count} of {sizes[name]} {name}" for name, count in weak.items())
         sentences.append(
             f"{which} are set by regularisation or a bound, not by the data. Fewer modes or relaxations would do."
         )
-    sentences.append(alike(fit.names, determination(fit)[0], "Fix one of them."))
+    sentences.append(alike(fit.names, covariances, "Fix one of them."))
     return tuple(filter(None, sentences))
 
 

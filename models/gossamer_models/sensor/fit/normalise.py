@@ -15,6 +15,7 @@ from ...arrays import Vector
 from ...errors import ConvergenceError
 from ...modes import exponential_sum
 from ..artifact import MIN_SPRING_WEIGHT, RelaxationTerm, SensorArtifact
+from ..relaxation import ModeBank
 from .regression import Regression, Stretch, relaxed
 from .settings import PreisachSettings
 from .weights import WeightFunction, by_block
@@ -90,10 +91,9 @@ def normalised_output(sensor: SensorArtifact, stretch: Stretch) -> Vector:
     """Return the normalised output [1] of a sensor over the strain of a stretch, shape (m,), starting at rest."""
     mu, nu = (table[np.triu_indices(sensor.n_lines)] for table in sensor.tables())
     output = stretch.U @ mu - stretch.D @ nu
-    for term in sensor.relaxation:
-        rates, weights = np.array(term.decay_rates), term.amplitude * np.array(term.weights)
-        output = output + relaxed(stretch.record.time, stretch.strain, rates, term.excitation) @ weights
-    return np.asarray(output)
+    bank = ModeBank.of(sensor.relaxation)
+    Z = relaxed(stretch.record.time, stretch.strain, bank.decay_rates, tuple(bank.amplitudes))
+    return np.asarray(output + Z @ np.concatenate([np.empty(0), *bank.amplitudes.values()]))
 
 
 def _exponentials(b: float, c: float, shortest: float, longest: float) -> tuple[Vector, Vector]:

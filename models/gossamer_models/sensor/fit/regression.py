@@ -132,7 +132,7 @@ def prepare(
         U, D = switched(s, settings.n_lines)
         Z = V = np.empty((s.size, 0))
         if settings.relaxations:
-            Z = np.hstack([relaxed(r.time, s, kernels.rates, drive) for drive in settings.drives])
+            Z = relaxed(r.time, s, kernels.rates, settings.drives)
         if settings.earlier:
             decays = np.exp(-np.outer(r.time - r.time[0], earlier_rates(kernels)))
             V = np.hstack([decays * (k == j) for j in own])
@@ -169,8 +169,8 @@ def switched(strain: Vector, n_lines: int) -> tuple[Matrix, Matrix]:
     return up, down
 
 
-def relaxed(time: Vector, strain: Vector, rates: Vector, drive: Drive) -> Matrix:
-    """Return the responses [1], shape (m, R), of modes of unit weight to one drive.
+def relaxed(time: Vector, strain: Vector, rates: Vector, drives: tuple[Drive, ...]) -> Matrix:
+    """Return the responses [1], shape (m, d R), of modes of unit weight to d drives, all rates of the first drive first.
 
     Parameters
     ----------
@@ -178,11 +178,13 @@ def relaxed(time: Vector, strain: Vector, rates: Vector, drive: Drive) -> Matrix
         Time [s], increasing, and normalised strain [1], linear between samples; no mode is excited before the first.
     rates : ndarray, shape (R,)
         Decay rates [1/s].
-    drive : Drive
+    drives : tuple of Drive
         What excites the modes.
     """
-    Z = responses(np.diff(time), drive.sizes(np.diff(strain)), strain, rates, drive.power)
-    return strain[:, None] * Z if drive.gain else Z
+    change = np.diff(strain)
+    Z = responses(np.diff(time), strain, rates, [(drive.sizes(change), drive.power) for drive in drives])
+    gains = np.repeat([drive.gain for drive in drives], rates.size).astype(bool)
+    return np.where(gains, strain[:, None] * Z, Z)
 
 
 def moves(strain: Vector) -> bool:

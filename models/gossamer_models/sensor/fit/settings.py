@@ -120,10 +120,12 @@ class PreisachSettings:
 
     @classmethod
     def of(cls, model: str, **chosen: Any) -> PreisachSettings:  # noqa: ANN401
-        """Return the settings of a model and, where one is chosen, of an extension; ``chosen`` fields override both."""
-        extension = chosen.get("extension", "none")
-        _known(extension, tuple(EXTENSIONS))
-        return cls(**{**PRESETS[_known(model, MODELS)], **EXTENSIONS[extension].settings, **chosen})
+        """Return the settings of a model and, if one is chosen, of an extension; ``chosen`` fields override both."""
+        if model not in PRESETS:
+            msg = f"there is no model {model!r}; choose one of {', '.join(PRESETS)}"
+            raise ParameterError(msg)
+        extension = EXTENSIONS.get(chosen.get("extension", "none"), EXTENSIONS["none"])
+        return cls(**{**PRESETS[model], **extension.settings, **chosen})
 
     @property
     def drives(self) -> tuple[Drive, ...]:
@@ -131,9 +133,12 @@ class PreisachSettings:
         return EXTENSIONS[self.extension].drives
 
     def __post_init__(self) -> None:
-        if isinstance(self.ridge, float):
+        if self.extension not in EXTENSIONS:
+            msg = f"there is no extension {self.extension!r}; choose one of {', '.join(EXTENSIONS)}"
+            raise ParameterError(msg)
+        if self.ridge not in (None, "auto"):
             for name in ("density_ridge", "relaxation_ridge"):
-                object.__setattr__(self, name, self.ridge)
+                object.__setattr__(self, name, float(self.ridge))
         if self.modes < 1 or self.relaxations < 0 or self.starts < 1 or self.n_lines < 4:
             msg = (
                 f"cannot fit {self.modes} modes, {self.relaxations} relaxations, {self.n_lines} lines from {self.starts} "
@@ -141,14 +146,14 @@ class PreisachSettings:
             )
             raise ParameterError(msg)
         if not all(0.0 <= ridge < inf for ridge in (self.density_ridge, self.relaxation_ridge)):
-            both = f"{self.density_ridge:g}, {self.relaxation_ridge:g} for relaxation"
-            msg = f"the ridge is {both}: take a finite one of 0 or more"
+            ridges = f"{self.density_ridge:g} for densities and {self.relaxation_ridge:g} for relaxation"
+            msg = f"the ridge is {ridges}: take a finite one of 0 or more"
             raise ParameterError(msg)
         if self.seed < 0:
             msg = f"the seed is {self.seed}: it must not be negative"
             raise ParameterError(msg)
         if self.extension != "none" and self.relaxations < 1:
-            msg = f"the extension {self.extension} needs relaxation, but relaxations is 0. Take 1 or more."
+            msg = f"the extension {self.extension} needs relaxation, but relaxations is 0. Take 1 relaxation or more."
             raise ParameterError(msg)
         if not self.fit_kernels and (self.tau is not None or self.exponents is not None):
             msg = (
@@ -170,10 +175,3 @@ class PreisachSettings:
         if self.density == "hats" and not 2 <= self.knots < self.n_lines:
             msg = f"cannot lay {self.knots} knots over {self.n_lines} lines: take 2 or more knots, and fewer than lines"
             raise ParameterError(msg)
-
-
-def _known(name: str, known: tuple[str, ...]) -> str:
-    if name not in known:
-        msg = f"there is no {name!r}; it is one of {', '.join(known)}"
-        raise ParameterError(msg)
-    return name
