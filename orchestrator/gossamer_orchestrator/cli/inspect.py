@@ -58,6 +58,7 @@ def verify(
 
     from rich.markup import escape
     from rich.table import Table
+    from rich.text import Text
 
     from ..verify import FAILED, verify
 
@@ -69,10 +70,8 @@ def verify(
             reports[str(path)] = findings = verify(path, limit=limit)
         table = Table("check", "verdict", "why", title=escape(str(path)), expand=False)
         for finding in findings:
-            style = colours.get(finding.verdict)
-            table.add_row(
-                finding.check, f"[{style}]{finding.verdict}" if style else finding.verdict, escape(finding.why)
-            )
+            verdict = Text(finding.verdict, colours.get(finding.verdict, ""))
+            table.add_row(finding.check, verdict, escape(finding.why))
         if not as_json:
             console.print(table)
     if as_json:

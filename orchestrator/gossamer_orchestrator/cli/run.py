@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -12,9 +12,6 @@ from ..errors import ResultsError
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .common import FMUS, FmuFolder
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 DEMO = ("damaged", "damage_begins")
 
@@ -66,8 +63,10 @@ def demo(
 def _run(
     scenario: Path, fmus: Path, out: Path, *, pictures: bool, step: float | None = None, stop: float | None = None
 ) -> None:
-    """Run one scenario, write everything, and show the judgements."""
+    """Run one scenario, write everything, and print the judgements as tables on stderr, if there is a detector."""
     from ..results.files import CSV, NETCDF
+    from ..results.judgements import doubts, windows
+    from ..results.tables import history_table, zone_table
     from ..run.progress import ProgressBar
     from ..run.runner import run_scenario
 
@@ -83,14 +82,6 @@ def _run(
 
         for path in save_pictures(data, out):
             typer.echo(path)
-    _show(data)
-
-
-def _show(data: xr.Dataset) -> None:
-    """Print the judgements as tables on stderr, if there is a detector."""
-    from ..results.judgements import doubts, windows
-    from ..results.tables import history_table, zone_table
-
     console = Console(stderr=True)
     try:
         ended = windows(data)

@@ -118,9 +118,11 @@ def check_target(path: Path, ending: str) -> None:
     OrchestratorError
         It cannot be written there.
     """
-    if path.suffix != ending or path.is_dir():
-        why = "it is a folder" if path.suffix == ending else f"its name must end in {ending}"
-        msg = f"cannot write {path}: {why}. Name another file with --out."
+    if path.suffix != ending:
+        msg = f"cannot write {path}: its name must end in {ending}. Name another file with --out."
+        raise OrchestratorError(msg)
+    if path.is_dir():
+        msg = f"cannot write {path}: it is a folder. Name a file in it with --out."
         raise OrchestratorError(msg)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -70,11 +69,6 @@ class FmuFile:
         can = self.description.coSimulation
         return bool(can.canGetAndSetFMUstate and can.canHandleVariableCommunicationStepSize)
 
-    @cached_property
-    def units(self) -> dict[str, Any]:
-        """FMPy's ``BaseUnit`` (or None) by unit name."""
-        return {unit.name: unit.baseUnit for unit in self.description.unitDefinitions}
-
     def names(self, *causalities: str, kind: str | None = None) -> list[str]:
         """List variables of some causalities, and of one type if given, in the order of the model description."""
         return [v.name for v in self.variables.values() if v.causality in causalities and kind in (None, v.type)]
@@ -87,7 +81,8 @@ class FmuFile:
 
     def unit_definition(self, name: str) -> Any:  # noqa: ANN401
         """Return FMPy's ``BaseUnit`` of a variable's unit, or None."""
-        return self.units.get(self.unit(name) or "")
+        unit = self.unit(name)
+        return next((each.baseUnit for each in self.description.unitDefinitions if each.name == unit), None)
 
     def feedthrough(self) -> dict[str, list[str]]:
         """List, for each output, the inputs it depends on at the same instant; undeclared means all of them."""

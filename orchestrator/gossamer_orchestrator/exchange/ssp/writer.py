@@ -9,6 +9,7 @@ order and record in one of type ``ANNOTATION``.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
@@ -103,7 +104,7 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     ssd.top_level_metadata.generationTool = "Gossamer"
     ssd.top_level_metadata.generationDateAndTime = ""  # the same scenario gives the same bytes
     ssd.base_element.description = scenario.title
-    ssd.system = System(name=_identifier(scenario.name))
+    ssd.system = System(name=re.sub(r"\W", "_", scenario.name, flags=re.ASCII))
     by_name = {c.name: c for c in plan.components}
     ssd.system.elements = [_component(by_name[name], sources, ssd.units) for name in scenario.components]
     ssd.system.connections = [
@@ -168,8 +169,3 @@ def _osp_step(step: float) -> Any:  # noqa: ANN401
     algorithm = etree.SubElement(annotation.root, f"{{{_OSP_NAMESPACE}}}Algorithm", nsmap={"osp": _OSP_NAMESPACE})
     etree.SubElement(algorithm, f"{{{_OSP_NAMESPACE}}}FixedStepAlgorithm", baseStepSize=repr(step))
     return annotation
-
-
-def _identifier(name: str) -> str:
-    """Make a name that every tool accepts."""
-    return "".join(c if c.isascii() and c.isalnum() else "_" for c in name)

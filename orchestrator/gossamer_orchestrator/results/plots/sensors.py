@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +32,9 @@ def plot_sensor_loop(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = Non
     strains, resistance = need(data, f"{find(data, 'membrane')}.strain", f"{component}.resistance")
     ax, time = axes_or_new(ax), data["time"].to_numpy()
     points = np.column_stack([_element(strains, sensor), resistance.to_numpy()])
-    ends = _window_ends(data)
+    ends: list[float] = []
+    with suppress(ResultsError):  # there may be no detector
+        ends = [window.time for window in windows(data)]
     many = len(ends) > 2
     drawn = (time[1:] <= ends[0]) | ((time[1:] > ends[-2]) & (time[1:] <= ends[-1])) if many else time[1:] >= time[0]
     lines = LineCollection(list(np.stack([points[:-1], points[1:]], axis=1)[drawn]), cmap="viridis", linewidths=1.0)
@@ -102,14 +105,6 @@ def _pick(components: dict[int, str], number: int, role: str) -> str:
         msg = f"there is no {role} {number}; there are {', '.join(map(str, components)) or 'none'}."
         raise ResultsError(msg)
     return components[number]
-
-
-def _window_ends(data: xr.Dataset) -> list[float]:
-    """Return when windows of the detector ended, if there is one."""
-    try:
-        return [window.time for window in windows(data)]
-    except ResultsError:
-        return []
 
 
 def _true_and_compensated(data: xr.Dataset, sensor: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
