@@ -96,13 +96,12 @@ class SeparableProblem:
         row = self._cancelling(Phi, c)
         acting = (c != 0.0) | ~(self._nonnegative | (self._restraint > 0.0)) | released
         basis, _ = np.linalg.qr(np.vstack([Phi, row])[:, acting])
-        growth = row / np.maximum(np.einsum("ij,ij->j", Phi, Phi), TINY)
-        change = np.column_stack(
-            [
-                np.append(slope @ c[k], growth[k] * np.einsum("ij,ij->j", Phi[:, k], slope) @ c[k])
-                for k, slope in self.derivatives(theta)
-            ]
-        )
+        growth = row * c / np.maximum(np.einsum("ij,ij->j", Phi, Phi), TINY)
+        derivatives = self.derivatives(theta)
+        change = np.empty((len(basis), len(derivatives)))
+        for i, (k, slope) in enumerate(derivatives):
+            change[:-1, i] = slope @ c[k]
+            change[-1, i] = growth[k] @ np.einsum("ij,ij->j", Phi[:, k], slope)
         return np.asarray(change - basis @ (basis.T @ change))
 
     def _solved(self, theta: Vector) -> tuple[Vector, Callable[[], list[Derivative]], Matrix, Vector]:

@@ -140,20 +140,20 @@ def exponential_sum(
 
 def _search(problem: SeparableProblem, logarithms: Vector) -> Vector:
     """Return better logarithms of the rates: damped Gauss-Newton that stops early, in a fraction of SciPy's time."""
-    error, damping, sizes = problem.residual(logarithms), 1e-4, [np.inf] * PATIENCE
+    error, J, damping, sizes = problem.residual(logarithms), None, 1e-4, [np.inf] * PATIENCE
     for _ in range(MOST_ITERATIONS):
         size = float(np.linalg.norm(error))
         if size > 0.9 * sizes[-PATIENCE] or damping > 1e6:
             break
         sizes.append(size)
-        J = problem.jacobian(logarithms, released=True)
+        J = problem.jacobian(logarithms, released=True) if J is None else J
         scale = np.linalg.norm(J, axis=0) + 1e-14
         system = np.vstack([J, np.sqrt(damping) * np.diag(scale)])
         change = np.linalg.lstsq(system, np.concatenate([-error, np.zeros(scale.size)]), rcond=None)[0]
         trial = logarithms + np.clip(change, -0.5, 0.5)
         found = problem.residual(trial)
         if found @ found < error @ error:
-            logarithms, error = trial, found
+            logarithms, error, J = trial, found, None
             damping *= 0.3
         else:
             damping *= 5.0
