@@ -69,7 +69,7 @@ class Simulation:
         self.scenario = plan.scenario
         self.tick = 0
         self.divided = 0
-        self.members: dict[str, Member] = {}
+        self.members: list[Member] = []
         self._instances: list[Instance] = []
         names = [(c.name, v) for c in plan.components for v in (*c.sent, *c.recorded)]
         self.places = {name: i for i, name in enumerate(names)}
@@ -140,19 +140,19 @@ class Simulation:
             See ``run``.
         """
         for name, values in self.plan.events.get(self.tick, ()):
-            self.members[name].instance.set_start(values)
+            self._member(name).instance.set_start(values)
         if self._can_repeat:
-            for member in self.members.values():
+            for member in self.members:
                 member.instance.save_state()
             self._before[:] = self.values
-        channels = [channel for member in self.members.values() for _, channel in member.channels]
+        channels = [channel for member in self.members for _, channel in member.channels]
         held = [channel.held for channel in channels]
         parts = 1
         while (refused := self._try(parts)) is not None:
             if not self._can_repeat or parts == MAX_PARTS:
                 raise self._refusal(refused, parts)
             parts *= 2
-            for member in self.members.values():
+            for member in self.members:
                 member.instance.restore_state()
             for channel, value in zip(channels, held, strict=True):
                 channel.held = value
@@ -171,10 +171,10 @@ class Simulation:
             self._instances.append(instance)
             end = begin + len(component.sent) + len(component.recorded)
             y = self.values[begin:end]
-            self.members[component.name] = Member(component, instance, y, self._arrived, self.places, scenario.ticks)
+            self.members.append(Member(component, instance, y, self._arrived, self.places, scenario.ticks))
             begin = end
         for name in self.plan.start_order:
-            member = self.members[name]
+            member = self._member(name)
             instance = member.instance
             instance.set_start(self.plan.component(name).start)
             instance.enter_initialization(scenario.stop)
@@ -198,7 +198,7 @@ class Simulation:
             last = full and part == parts - 1
             if self._jacobi:
                 self._arrived[:] = self.values
-            for member in self.members.values():
+            for member in self.members:
                 member.receive(tick + 1)
                 if not member.advance(time, size, full=last):
                     return member
@@ -219,6 +219,9 @@ class Simulation:
             f"{member.instance.log.tail()} {advice}"
         )
         return SimulationError(msg, component=member.name, time=self.time)
+
+    def _member(self, name: str) -> Member:
+        return next(member for member in self.members if member.name == name)
 
 
 @contextmanager
