@@ -1,42 +1,24 @@
 """Co-simulation of FMUs: scenarios, master, results.
 
-``__init__.pyi`` says the same to type checkers.
+The public names stand in ``__init__.pyi``, which type checkers read too; each is imported when it is first used.
 """
 
 from __future__ import annotations
 
+import ast
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
-_HOMES = {
-    # from a scenario to results
-    "scenario.schema": ("Scenario",),
-    "scenario.load": ("load_scenario", "parse_scenario"),
-    "run.runner": ("run_scenario",),
-    "results.files": ("load_results", "save_results"),
-    # to and from other tools
-    "exchange.ssp.writer": ("export_ssp",),
-    "exchange.ssp.reader": ("open_ssp",),
-    "exchange.container": ("build_container",),
-    # step by step
-    "fmi.file": ("FmuFile",),
-    "scenario.plan": ("Plan", "make_plan"),
-    "run.master": ("Simulation", "Observer"),
-    "run.recorder": ("Recorder",),
-    "run.progress": ("ProgressBar",),
-    # what the detector found
-    "results.judgements": ("Judgement", "judge"),
-    # errors
-    "errors": ("OrchestratorError", "ScenarioError", "FmuError", "SimulationError", "ResultsError"),
-}
+_STUB = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+_HOMES = {name.name: line.module for line in _STUB.body if isinstance(line, ast.ImportFrom) for name in line.names}
 
-__all__ = [name for names in _HOMES.values() for name in names]
+__all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401
-    """Import a public name when it is first used, so that ``gossamer --help`` loads neither FMPy nor xarray."""
-    for home, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f".{home}", __name__), name)
-    msg = f"module {__name__!r} has no attribute {name!r}"
-    raise AttributeError(msg)
+    """Import a public name, so that ``gossamer --help`` loads neither FMPy nor xarray."""
+    if name not in _HOMES:
+        msg = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(msg)
+    return getattr(import_module(f".{_HOMES[name]}", __name__), name)

@@ -158,6 +158,7 @@ def test_help_loads_nothing_heavy():
 
 def test_every_public_name_can_be_imported():
     package = importlib.import_module("gossamer_orchestrator")
+    assert {"Scenario", "run_scenario", "Simulation", "OrchestratorError"} <= set(package.__all__)
     for name in package.__all__:
         assert getattr(package, name).__name__ == name
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
