@@ -274,7 +274,7 @@ class Stepper:
             high = math.inf if variable.maximum is None else variable.maximum
             if not (math.isfinite(value) and low <= value <= high):
                 msg = (
-                    f"{variable.causality} {variable.name!r} of model {self.model.name!r} is {value:g} {_unit(variable)};"
+                    f"{variable.causality} {variable.name!r} of model {self.model.name!r} is {value:g}{_unit(variable)};"
                     f" it must be a finite number from {low:g} to {high:g}. Correct it and call again."
                 )
                 raise error(msg)
@@ -286,7 +286,7 @@ class Stepper:
 
 
 def _unit(variable: Variable) -> str:
-    return "" if variable.unit == "1" else variable.unit
+    return "" if variable.unit == "1" else f" {variable.unit}"
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:

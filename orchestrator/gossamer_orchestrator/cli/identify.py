@@ -24,7 +24,8 @@ class CommandWithFields(TyperCommand):
 
     def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401
         """Return all options."""
-        return [*super().get_params(ctx), *field_options()]
+        *own, help_option = super().get_params(ctx)
+        return [*own, *field_options(), help_option]
 
     def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
         """Call the command."""

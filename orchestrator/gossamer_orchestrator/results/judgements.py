@@ -134,6 +134,7 @@ def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
     ]
     if beyond:
         sentences.append(
-            f"Saturated during the run: {', '.join(beyond)}. Strain and damage that follow from them are lower bounds."
+            f"Outside their identified range during the run: {', '.join(beyond)}. Do not trust the strain and damage that "
+            "follow from them."
         )
     return sentences

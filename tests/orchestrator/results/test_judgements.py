@@ -49,7 +49,7 @@ def test_doubts_name_sensors_out_of_range_and_a_last_window_that_is_not_valid(da
     assert unknown == (
         "The last window, ended at 8.0000 s, was not valid (similarity 0.28); the judgement shown is that at 4.0000 s."
     )
-    assert beyond.startswith("Saturated during the run: sensor2.")
+    assert beyond.startswith("Outside their identified range during the run: sensor2.")
 
 
 def test_tables_show_the_membrane_as_it_is_seen(data):
