@@ -35,8 +35,8 @@ LIMITS = (  # pattern of a metric, and why it misses its target; the first match
     ),
     (
         r"faster than",
-        "The iterations take half of the time of the fit, and they are more than 30 times faster than those of "
-        "least_squares. In the other half, the fit builds the model and its derivatives and computes sums of "
+        "The iterations take a third to a half of the time of the fit, and they are more than 30 times faster than those of "
+        "least_squares. In the rest, the fit builds the model and its derivatives and computes sums of "
         "exponentials for the artifact; the time of least_squares includes none of this. Faster expressions, built for "
         "this comparison, made least_squares faster too. From starts that differ by rounding, its time differs by a "
         "factor of five; the median counts.",
