@@ -1,22 +1,17 @@
 """Compile the C sources of an FMU for any platform with zig.
 
-One compiler for all platforms keeps the numbers the same: IEEE arithmetic in the order of the expressions, no contraction
-to fused multiply-adds, no reordering. Only functions such as ``sin`` come from the C library of each platform. The
-compiling tool provides the headers of the FMI standard, as the standard requires; here they come from FMPy.
+The compiling tool provides the headers of the FMI standard, as the standard requires; here they come from FMPy.
 """
 
 from __future__ import annotations
 
 import struct
-import subprocess
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from gossamer_models import ParameterError
+from gossamer_models.compiler import compile_shared, require_compiler
 
 from .catalogue import package_folder
 from .description import FmiVersion
@@ -52,14 +47,6 @@ PLATFORMS = {
     "aarch64-linux": Platform(suffix=".so", targets={"aarch64-linux": "aarch64-linux-gnu.2.17"}, in_fmi_2=False),
 }
 _PROCESSORS = {"amd64": "x86_64", "arm64": "aarch64"}  # other names of the same processors
-FLAGS = (
-    "-std=c11",
-    "-O2",
-    "-fPIC",
-    "-fvisibility=hidden",
-    "-ffp-contract=off",
-    "-fno-math-errno",  # inline square roots; no code reads errno
-)
 
 
 def choose_platforms(names: Iterable[str], fmi: FmiVersion) -> list[str]:
@@ -110,16 +97,10 @@ def compile_library(files: dict[str, bytes], name: str, fmi: FmiVersion, platfor
     ModuleNotFoundError
         The compiler is not installed.
     """
-    if find_spec("ziglang") is None:
-        msg = "native FMUs need the compiler ziglang. Install it with make, or: pip install -e '.[native]'"
-        raise ModuleNotFoundError(msg)
+    require_compiler("native FMUs")
     file = f"{name}{PLATFORMS[platform].suffix}"
     targets = PLATFORMS[platform].targets
-    with TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        for source, content in files.items():
-            (folder / source).write_bytes(content)
-        libraries = {place: _compile(folder, f"fmi{fmi}.c", file, target) for place, target in targets.items()}
+    libraries = {place: _compile(files, f"fmi{fmi}.c", file, target) for place, target in targets.items()}
     if fmi == 2:
         libraries = {platform: universal(list(libraries.values()))}
     return {f"binaries/{place}/{file}": content for place, content in libraries.items()}
@@ -146,16 +127,9 @@ def universal(libraries: list[bytes]) -> bytes:
     return head.ljust(page, b"\0") + body
 
 
-def _compile(folder: Path, source: str, library: str, target: str) -> bytes:
-    compiler = [sys.executable, "-m", "ziglang", "cc", "-target", target]
-    command = [*compiler, *FLAGS, "-I", str(fmi_headers()), "-g0", "-s", "-shared", "-o", library, source]
-    if "windows" not in target:
-        command.append("-lm")
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode:
-        msg = f"the compiler failed for {target}:\n{done.stderr[-2000:]}"
-        raise RuntimeError(msg)
-    return (folder / library).read_bytes()
+def _compile(files: dict[str, bytes], source: str, library: str, target: str) -> bytes:
+    mathematics = [] if "windows" in target else ["-lm"]
+    return compile_shared(files, source, library, ["-target", target, "-I", str(fmi_headers()), *mathematics], target)
 
 
 def _this_platform() -> str:

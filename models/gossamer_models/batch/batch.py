@@ -1,0 +1,182 @@
+"""Advance many cases of one model at once.
+
+Symbols: ``x`` states, ``u`` inputs, ``p`` parameters, ``y`` recorded results and step limit, one row per case; ``h`` step
+[s].
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..compiler import has_compiler
+from ..errors import InputError, StateError
+from ..step_model import StepModel
+from . import code
+from .cases import BatchRun, BatchState, Table, count_cases
+from .kernel import Kernel, Task
+from .library import library
+from .one_by_one import OneByOne
+
+log = logging.getLogger(__name__)
+
+
+class Batch:
+    """A model that runs for many cases at once.
+
+    Eight cases stand in the lanes of one vector, and the C code of the model's own ``init`` and ``step`` works on them with
+    strict arithmetic: each case has the numbers that ``Stepper`` gives it up to the round-off of CasADi's own ways of
+    writing an expression, and they do not depend on the other cases, their number or the number of workers. The code is
+    compiled once for each model and set of results, which may take half a minute, and kept in the user's cache folder.
+    Without a compiler ``Stepper`` runs the cases one after the other; the log says so.
+
+    Parameters
+    ----------
+    model : StepModel
+        Model. One with the option ``compiled`` runs faster with it where its code is long; see ``code.py``.
+    results : sequence of str
+        Outputs and locals to record.
+    inputs : sequence of str
+        Inputs that vary in time.
+
+    Raises
+    ------
+    InputError
+        A name is not that of a result or an input, or comes twice.
+
+    Notes
+    -----
+    An instance can be pickled into processes on the same machine: it carries the path of the compiled library, not the
+    model.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gossamer_models.sensor import sensor_model
+    >>> batch = Batch(sensor_model(), ["resistance"], ["strain"])
+    >>> strain = np.outer([1.0, 5.0], np.arange(100) / 1e4)
+    >>> batch.run(100, 3e-4, inputs={"strain": strain}).results.shape
+    (2, 1, 100)
+    """
+
+    def __init__(self, model: StepModel, results: Sequence[str], inputs: Sequence[str] = ()) -> None:
+        p, u, y = model.slices()
+        _require(model, results, model.names[y], "result")
+        _require(model, inputs, model.names[u], "input")
+        self.results, self.inputs = tuple(results), tuple(inputs)
+        self._table = Table(model=model.name, parameters=model.variables[p], inputs=model.variables[u])
+        self._n_x, self._recorded = model.n_states, code.recorded(model, results)
+        self._identity = " ".join([model.digest, *self._recorded])
+        self._engine = _compiled(model, self.results) or OneByOne(model, self._recorded)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether compiled code runs the cases, eight at once."""
+        return isinstance(self._engine, Kernel)
+
+    def run(
+        self,
+        steps: int,
+        h: float,
+        start: Mapping[str, ArrayLike] | None = None,
+        inputs: Mapping[str, ArrayLike] | None = None,
+        *,
+        every: int = 1,
+        state: BatchState | None = None,
+        workers: int = 1,
+    ) -> BatchRun:
+        """Run all cases over ``steps`` steps.
+
+        Parameters
+        ----------
+        steps : int
+            Number of steps; 0 for the initial results alone.
+        h : float
+            Step [s]; divided as ``Stepper`` divides it where a case needs shorter steps.
+        start : mapping of str to array_like
+            Parameters and inputs that differ from the model's table: scalars, or shape (cases,). The name of an array,
+            ``damage``, stands for all its elements: shape (size,), or (cases, size).
+        inputs : mapping of str to array_like, shape (steps,) or (cases, steps)
+            Values at the end of each step of the inputs that vary in time. Until the first step they have the value of
+            ``start`` or of the table.
+        every : int
+            Record every so many steps.
+        state : BatchState or None
+            Where to go on; ``start`` then holds inputs only. The state itself stays as it is.
+        workers : int
+            Number of threads.
+
+        Raises
+        ------
+        InputError, ParameterError
+            A value is not finite, is out of range or has another shape. The message names the variable and the case.
+        StateError
+            The saved state is of another model, or a parameter is given beside it.
+        """
+        _check_numbers(steps, h, every, workers)
+        start, inputs = start or {}, inputs or {}
+        table, n_p = self._table, len(self._table.parameters)
+        if state is not None and state.model != self._identity:
+            msg = f"this saved state is of another model than {table.model!r}, or of other recorded results"
+            raise StateError(msg)
+        cases = count_cases(table, start, inputs, None if state is None else len(state.x))
+        n_given, n_y = len(table.variables), len(self._recorded)
+        given = table.start(start, cases, None if state is None else state.values[:, :n_given])
+        task = Task(
+            steps=steps,
+            every=every,
+            h=float(h),
+            records=[
+                (table.places(name)[0] - n_p, values)
+                for name, values in zip(self.inputs, table.records(inputs, self.inputs, steps, cases), strict=True)
+            ],
+            starts=state is None,
+            p=given[:, :n_p].copy(),
+            u=given[:, n_p:].copy(),
+            x=np.zeros((cases, self._n_x)) if state is None else state.x.copy(),
+            y=np.zeros((cases, n_y)) if state is None else state.values[:, n_given:].copy(),
+            initial=np.empty((cases, n_y)),
+            results=np.empty((cases, len(self.results), steps // every)),
+        )
+        self._engine.run(task, workers)
+        values = np.concatenate([task.p, task.u, task.y], axis=1)
+        return BatchRun(
+            results=task.results,
+            initial=task.initial[:, : len(self.results)],
+            state=BatchState(x=task.x, values=values, model=self._identity),
+        )
+
+
+def _compiled(model: StepModel, results: Sequence[str]) -> Kernel | None:
+    if not has_compiler():
+        log.warning(
+            "the cases of model '%s' run one after the other, because the compiler ziglang is not installed; with it they "
+            "are some hundred times as fast. Install it with make, or: pip install -e '.[native]'",
+            model.name,
+        )
+        return None
+    parts = [model.digest, *results, *(code.own_sources().values()), str(code.MAX_EXPANDED)]
+    key = hashlib.sha256(repr(parts).encode()).hexdigest()
+    return Kernel(library(key, lambda: code.sources(model, results), f"model '{model.name}'"))
+
+
+def _require(model: StepModel, names: Sequence[str], known: Sequence[str], what: str) -> None:
+    for name in names:
+        if name not in known or list(names).count(name) > 1:
+            msg = f"model {model.name!r} has no {what} {name!r}, or it is named twice. It has {', '.join(known[:12])}."
+            raise InputError(msg)
+
+
+def _check_numbers(steps: int, h: float, every: int, workers: int) -> None:
+    for name, number, least in (("steps", steps, 0), ("every", every, 1), ("workers", workers, 1)):
+        if not isinstance(number, int | np.integer) or number < least:
+            msg = f"{name} must be a whole number, {least} or more, not {number!r}"
+            raise InputError(msg)
+    if not (isinstance(h, int | float | np.floating) and math.isfinite(h) and h > 0.0):
+        msg = f"the step h must be a positive time [s], not {h!r}"
+        raise InputError(msg)

@@ -1,0 +1,136 @@
+"""Call a compiled kernel: the Python side of ``batch.c``."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Matrix
+from ..errors import StateError
+from .cases import Cube
+from .library import is_whole, processor
+
+LANES = 8
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+class _Record(ctypes.Structure):
+    _fields_ = (("input", ctypes.c_int64), ("stride", ctypes.c_int64), ("values", _DOUBLES))
+
+
+class _Run(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_int64) for name in ("cases", "steps", "every", "n_records", "starts")),
+        ("h", ctypes.c_double),
+        ("records", ctypes.POINTER(_Record)),
+        *((name, _DOUBLES) for name in ("p", "u", "x", "y", "initial", "results")),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """The arrays of a run, one row per case, contiguous.
+
+    Attributes
+    ----------
+    steps, every : int
+        Number of steps, and how many make one column of ``results``.
+    h : float
+        Step [s].
+    records : sequence of (int, ndarray, shape (1, steps) or (cases, steps))
+        Place among the inputs, and values, of each input that varies.
+    starts : bool
+        Whether the cases begin with their initialization; else they go on from ``x`` and ``y``.
+    p, u : ndarray, shape (cases, n)
+        Parameters and inputs.
+    x, y : ndarray, shape (cases, n)
+        States, and recorded results and step limit; hold the end of the run afterwards, as ``u`` does.
+    initial : ndarray, shape of y
+        Filled with ``y`` before the first step.
+    results : ndarray, shape (cases, number of results, steps // every)
+        Filled with the recorded results.
+    """
+
+    steps: int
+    every: int
+    h: float
+    records: Sequence[tuple[int, Matrix]]
+    starts: bool
+    p: Matrix
+    u: Matrix
+    x: Matrix
+    y: Matrix
+    initial: Matrix
+    results: Cube
+
+
+class Kernel:
+    """A compiled kernel.
+
+    Parameters
+    ----------
+    file : Path
+        The library, compiled for this machine's processor.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._processor = processor()
+        self._open()
+
+    def _open(self) -> None:
+        if self._processor != processor() or not is_whole(self._file):
+            msg = (
+                f"the compiled kernel {self._file} is not on this machine, is damaged, or is for another processor. "
+                "Make the Batch on this machine."
+            )
+            raise StateError(msg)
+        self._function = ctypes.CDLL(str(self._file)).run_blocks
+        self._function.argtypes = (ctypes.POINTER(_Run), ctypes.c_int64, ctypes.c_int64)
+
+    def __getstate__(self) -> tuple[Path, str]:
+        return self._file, self._processor
+
+    def __setstate__(self, state: tuple[Path, str]) -> None:
+        self._file, self._processor = state
+        self._open()
+
+    def run(self, task: Task, workers: int) -> None:
+        """Fill the arrays of a run, blocks of eight cases in parallel threads.
+
+        Raises
+        ------
+        MemoryError
+            There is no memory for a block.
+        """
+        cases = len(task.x)
+        records = (_Record * max(1, len(task.records)))(
+            *(_Record(place, 0 if len(values) == 1 else task.steps, _at(values)) for place, values in task.records)
+        )
+        arrays = (_at(a) for a in (task.p, task.u, task.x, task.y, task.initial, task.results))
+        run = _Run(cases, task.steps, task.every, len(task.records), task.starts, task.h, records, *arrays)
+        blocks = -(-cases // LANES)
+
+        def block(i: int) -> None:  # without the interpreter's lock
+            if self._function(ctypes.byref(run), i, i + 1):
+                msg = "no memory for a block of eight cases. Use fewer workers."
+                raise MemoryError(msg)
+
+        if workers == 1 or blocks == 1:
+            for i in range(blocks):
+                block(i)
+        else:
+            with ThreadPoolExecutor(min(workers, blocks)) as pool:
+                list(pool.map(block, range(blocks)))
+
+
+def _at(array: Cube) -> ctypes._Pointer[ctypes.c_double]:
+    if not (array.flags.c_contiguous and array.dtype == np.float64):
+        msg = "the arrays of a run must be contiguous doubles"
+        raise TypeError(msg)
+    return array.ctypes.data_as(_DOUBLES)

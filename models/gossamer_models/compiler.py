@@ -1,0 +1,80 @@
+"""Run zig, the C compiler of every platform.
+
+One compiler for all platforms keeps the numbers the same: IEEE arithmetic in the order of the expressions, no contraction
+to fused multiply-adds, no reordering. Only functions such as ``sin`` come from the C library of each platform.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+FLAGS = (
+    "-std=c11",
+    "-O2",
+    "-fPIC",
+    "-fvisibility=hidden",
+    "-ffp-contract=off",
+    "-fno-math-errno",  # inline square roots; no code reads errno
+)
+
+
+def has_compiler() -> bool:
+    """Return whether the compiler is installed."""
+    return find_spec("ziglang") is not None
+
+
+def require_compiler(what: str) -> None:
+    """Raise ``ModuleNotFoundError`` if the compiler that ``what`` (plural) need is not installed."""
+    if not has_compiler():
+        msg = f"{what} need the compiler ziglang. Install it with make, or: pip install -e '.[native]'"
+        raise ModuleNotFoundError(msg)
+
+
+def compiler_version() -> str:
+    """Return the version of the compiler, for example 0.17.0."""
+    return version("ziglang")
+
+
+def compile_shared(files: Mapping[str, bytes], source: str, library: str, options: Sequence[str], what: str) -> bytes:
+    """Compile C sources to a shared library.
+
+    Parameters
+    ----------
+    files : mapping
+        Sources and headers by file name.
+    source : str
+        The file to compile, which includes the others.
+    library : str
+        File name of the library, which Windows stores in it.
+    options : sequence of str
+        Options of the compiler beside ``FLAGS``.
+    what : str
+        What is compiled, or for what, for the message.
+
+    Returns
+    -------
+    bytes
+        The library; the same sources, options and compiler give the same bytes.
+
+    Raises
+    ------
+    RuntimeError
+        The compiler is not installed or refused the sources; its message is quoted.
+    """
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        for name, content in files.items():
+            (folder / name).write_bytes(content)
+        compiler = [sys.executable, "-m", "ziglang", "cc", *FLAGS, *options]
+        command = [*compiler, "-g0", "-s", "-shared", "-o", library, source]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode:
+            msg = f"the compiler failed for {what}:\n{done.stderr[-2000:]}"
+            raise RuntimeError(msg)
+        return (folder / library).read_bytes()
