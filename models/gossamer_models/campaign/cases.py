@@ -1,0 +1,144 @@
+r"""Cases of a campaign: damage, load, material and sensors of each, from the seed and the number of the case alone.
+
+Symbols: ``N`` cases, ``u`` points of the unit cube [1], one row per case, one column per quantity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Matrix, Vector
+from ..membrane.mesh import N_ZONES
+from ..membrane.strain import SENSOR_POINTS
+from .description import SENSOR_GAIN, Campaign
+from .ranges import Vary
+
+SENSORS = len(SENSOR_POINTS)
+_CASES, _STRATA, _NOISE = range(3)  # what random numbers are for
+_BELOW_ONE = np.nextafter(1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Cases:
+    """What distinguishes some cases of a campaign.
+
+    Attributes
+    ----------
+    numbers : sequence of int, length n
+        Their numbers, from 0.
+    damage : ndarray, shape (n, 16)
+        Lost fraction of Young's modulus of each zone [1].
+    varied : dict of ndarray, shape (n,)
+        Quantities that vary, by name, in the unit of the membrane's table; ``noise`` is a factor [1].
+    sensor_gain : ndarray, shape (n, 4)
+        Ratio of a sensor's reading to the right one [1].
+    """
+
+    numbers: Sequence[int]
+    damage: Matrix
+    varied: dict[str, Vector]
+    sensor_gain: Matrix
+
+
+def draw_cases(campaign: Campaign, numbers: Sequence[int]) -> Cases:
+    """Draw cases.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What to draw from.
+    numbers : sequence of int, length n
+        Numbers of the cases, 0 to ``campaign.count`` - 1.
+
+    Returns
+    -------
+    Cases
+        The same for a number whatever other numbers are drawn with it.
+
+    Notes
+    -----
+    Philox [1]_ keyed by seed and number. A Latin hypercube [2]_ puts, in every column, one case in each of N equal
+    strata; the permutation of the strata is a function of seed and column.
+
+    References
+    ----------
+    .. [1] J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, Parallel random numbers: as easy as 1, 2, 3, SC11, 2011,
+       doi:10.1145/2063384.2063405.
+    .. [2] M. D. McKay, R. J. Beckman, W. J. Conover, Technometrics 21(2), 239-245, 1979, doi:10.2307/1268522.
+    """
+    vary = dict(sorted(campaign.vary.items()))
+    gain = vary.pop(SENSOR_GAIN, Vary(range=(1.0, 1.0)))
+    u = unit_points(campaign, numbers, 1 + 2 * N_ZONES + SENSORS + len(vary))
+    count, order, depth, gains, rest = np.split(u, np.cumsum([1, N_ZONES, N_ZONES, SENSORS]), axis=1)
+    return Cases(
+        numbers=numbers,
+        damage=_listed(campaign, numbers) if campaign.damage.cases else _drawn(campaign, count, order, depth),
+        varied={name: _spread(v, campaign.base(name), rest[:, i]) for i, (name, v) in enumerate(vary.items())},
+        sensor_gain=_spread(gain, 1.0, gains),
+    )
+
+
+def unit_points(campaign: Campaign, numbers: Sequence[int], columns: int) -> Matrix:
+    """Draw points of the unit cube, shape (n, columns) [1], as the campaign samples: at random or one per stratum."""
+    u = np.array([generator(campaign.seed, _CASES, number).random(columns) for number in numbers]).reshape(-1, columns)
+    if campaign.sampling == "random":
+        return u
+    N = campaign.count
+    strata = np.column_stack([_strata(campaign.seed, N, column)[list(numbers)] for column in range(columns)])
+    return np.asarray(np.minimum((strata + u) / N, _BELOW_ONE))
+
+
+def generator(seed: int, *key: int) -> np.random.Generator:
+    """Return the random generator of a seed and a key; other keys give independent ones."""
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=key)))
+
+
+def noise_generator(seed: int, number: int, draw: int, kind: int) -> np.random.Generator:
+    """Return the generator of the noise of a case: of its first, second, ... draw, and of a kind of signal."""
+    return generator(seed, _NOISE, number, draw, kind)
+
+
+@lru_cache(maxsize=256)
+def _strata(seed: int, cases: int, column: int) -> NDArray[np.int64]:
+    return generator(seed, _STRATA, column).permutation(cases)
+
+
+def _listed(campaign: Campaign, numbers: Sequence[int]) -> Matrix:
+    listed = campaign.damage.cases
+    damage = np.zeros((len(numbers), N_ZONES))
+    for row, number in zip(damage, numbers, strict=True):
+        for zone, value in listed[number % len(listed)].items():
+            row[zone - 1] = value
+    return damage
+
+
+def _drawn(campaign: Campaign, count: Matrix, order: Matrix, depth: Matrix) -> Matrix:
+    r"""Turn points of the unit cube into damages, shape (n, 16).
+
+    The first column tells how many zones: below the share h of healthy cases none, the rest divided equally. The zones are
+    those with the smallest points of the second block, so that every set of zones is as likely.
+    """
+    law = campaign.damage
+    (fewest, most), (low, high) = law.zones, law.depth
+    left = (count - law.healthy) / max(1.0 - law.healthy, np.finfo(float).tiny)
+    zones = np.where(count < law.healthy, 0, np.minimum(fewest + np.floor(left * (most - fewest + 1)), most))
+    rank = order.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
+    return np.where(rank < zones, low + (high - low) * depth, 0.0)
+
+
+def _spread(vary: Vary, base: float, u: Matrix) -> Matrix:
+    """Turn points of the unit interval into values of a range: uniform, or with a uniform logarithm for a factor.
+
+    Powers are taken one by one: NumPy's depend on the place of a number in its array, in the last bit.
+    """
+    if vary.factor is not None:
+        low, high = vary.factor
+        powers = np.array([(high / low) ** x for x in u.ravel().tolist()]).reshape(u.shape)
+        return np.asarray(base * np.clip(low * powers, low, high))
+    low, high = vary.range or (1.0, 1.0)
+    return np.asarray(np.clip(low + (high - low) * u, low, high))

@@ -1,0 +1,147 @@
+"""Sensors and compensators of a campaign: from strain to resistance, with noise, and back to strain.
+
+Symbols: ``n`` cases of a chunk, ``T`` samples. A sensor is a lane of its kernel, so a chunk has 4 n of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import Matrix, Vector
+from ..batch import Batch
+from ..compensator import compensator_model
+from ..membrane.params import stretch
+from ..sensor import SensorArtifact, default_artifact, sensor_model
+from ..step_model import StepModel
+from .cases import Cases
+from .description import NOISE, Campaign, Chain
+from .measured import unit_noise
+from .mistakes import CampaignError, Mistake
+
+FULL_SCALE = "full_scale_resistance_change"
+
+
+@dataclass(frozen=True)
+class ChainKernels:
+    """The compiled sensor and compensator of a campaign.
+
+    Attributes
+    ----------
+    sensor, compensator : Batch
+        Kernels.
+    settings : Chain
+        What the campaign asks for.
+    full_scale_change : float
+        Change of resistance at full scale [ohm] of a sensor of gain 1.
+    """
+
+    sensor: Batch
+    compensator: Batch
+    settings: Chain
+    full_scale_change: float
+
+
+def chain_models(chain: Chain) -> tuple[StepModel, StepModel]:
+    """Build the models of sensor and compensator.
+
+    Raises
+    ------
+    CampaignError
+        There is no such parameter.
+    GossamerError
+        The artifact cannot be read, or the compensator cannot follow its sensor.
+    """
+    artifact = default_artifact() if chain.artifact is None else SensorArtifact.read(Path(chain.artifact))
+    sensor, compensator = sensor_model(artifact), compensator_model(artifact, chain.compensator)
+    mistakes = []
+    for model, table in ((sensor, "sensor_parameters"), (compensator, "compensator_parameters")):
+        known = tuple(v.name for v in model.variables if v.causality == "parameter")
+        for name in getattr(chain, table):
+            if name not in known:
+                text = f"the {model.name} has no parameter {name!r}."
+                mistakes.append(Mistake(("chain", table, name), text, name, known))
+    if mistakes:
+        raise CampaignError(*mistakes)
+    return sensor, compensator
+
+
+def chain_kernels(chain: Chain, sensor: StepModel, compensator: StepModel) -> ChainKernels:
+    """Compile sensor and compensator."""
+    starts = {v.name: v.start for v in sensor.variables if v.start is not None}
+    return ChainKernels(
+        sensor=Batch(sensor, ("resistance",), ("strain",)),
+        compensator=Batch(compensator, ("strain",), ("resistance",)),
+        settings=chain,
+        full_scale_change=float({**starts, **chain.sensor_parameters}[FULL_SCALE]),
+    )
+
+
+def run_chain(
+    campaign: Campaign, kernels: ChainKernels, cases: Cases, strain: Matrix
+) -> tuple[dict[str, Matrix], NDArray[np.bool_]]:
+    """Turn strain into resistance and back.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What is run.
+    kernels : ChainKernels
+        Its sensor and compensator.
+    cases : Cases
+        Cases of the chunk.
+    strain : ndarray, shape (n, 4, T)
+        Strain of the membrane [1]; not a number where that failed.
+
+    Returns
+    -------
+    dict of ndarray, shape (n, 4, T)
+        ``resistance`` [ohm] without noise and ``compensated_strain`` [1], with the noise of draw 0.
+    ndarray of bool, shape (n,)
+        Cases that failed.
+
+    Notes
+    -----
+    The gain of a sensor multiplies its change of resistance; its compensator does not know. A sensor rests at the strain
+    of its own prestressed membrane; its compensator assumes that of the constant parameters.
+    """
+    rest = np.broadcast_to(np.reshape(_prestrain(campaign, cases.varied), (-1, 1)), strain.shape[:2])
+    failed: NDArray[np.bool_] = np.asarray(np.isnan(strain).any(axis=(1, 2)))
+    usable = np.where(failed[:, None, None], rest[:, :, None], strain)
+    sensors: dict[str, ArrayLike] = {
+        "rest_strain": rest.ravel(),
+        **kernels.settings.sensor_parameters,
+        FULL_SCALE: kernels.full_scale_change * cases.sensor_gain.ravel(),
+    }
+    resistance, broken = _run(campaign, kernels.sensor, sensors, "strain", usable)
+    failed |= broken
+    noise = unit_noise(campaign.noise.resistance, "resistance", (campaign.seed, 0), cases.numbers, campaign.steps)
+    scale = kernels.full_scale_change * np.reshape(cases.varied.get(NOISE, 1.0), (-1, 1, 1))
+    noisy = np.where(failed[:, None, None], 0.0, resistance + scale * noise)
+    compensators: dict[str, ArrayLike] = {
+        "rest_strain": _prestrain(campaign, {}),
+        **kernels.settings.compensator_parameters,
+    }
+    compensated, broken = _run(campaign, kernels.compensator, compensators, "resistance", noisy)
+    return {"resistance": resistance, "compensated_strain": compensated}, failed | broken
+
+
+def _prestrain(campaign: Campaign, varied: Mapping[str, Vector]) -> Vector | float:
+    """Return the strain [1] of the undamaged, unloaded membrane, of every case or of the constant parameters."""
+    values = {name: varied.get(name, campaign.base(name)) for name in ("edge_displacement", "side_length")}
+    prestrain: Vector | float = stretch(SimpleNamespace(**values)) - 1.0
+    return prestrain
+
+
+def _run(
+    campaign: Campaign, kernel: Batch, start: Mapping[str, ArrayLike], name: str, signal: Matrix
+) -> tuple[Matrix, NDArray[np.bool_]]:
+    """Run a signal, shape (n, 4, T), through sensors or compensators; return their result and the cases that failed."""
+    run = kernel.run(campaign.steps, campaign.step, start, {name: signal.reshape(-1, signal.shape[-1])})
+    failed: NDArray[np.bool_] = np.asarray(run.failed.reshape(signal.shape[:2]).any(axis=1))
+    return np.reshape(run.results, signal.shape), failed

@@ -1,0 +1,251 @@
+"""What a campaign is: how many cases, drawn from which damage, load, material, sensors and noise.
+
+Every class is one table of ``campaign.toml``; ``docs/campaigns.md`` describes the keys. Ranges are pairs (low, high).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Literal
+
+from ..membrane.mesh import N_ZONES, ZONES_PER_SIDE
+from ..membrane.model import INPUTS
+from ..membrane.params import PARAMETERS
+from ..variables import Variable
+from .mistakes import Mistake, disordered, raise_any
+from .ranges import Distribution, Pair, Vary
+
+MOST_STEPS = 1_000_000
+MOST_CASES_PER_CHUNK = 4096
+DEEPEST = 0.95  # largest damage that the membrane takes [1]
+SENSOR_GAIN, NOISE = "sensor_gain", "noise"  # what can vary and is no variable of the membrane
+SETTABLE: dict[str, Variable] = {v.name: v for v in (*PARAMETERS, *INPUTS) if not v.name.startswith("damage[")}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mesh:
+    """Membrane of a campaign.
+
+    Attributes
+    ----------
+    elements_per_side, order : int
+        As in ``membrane_model``.
+    parameters : mapping of str to float
+        Parameters and constant inputs by name; the others keep their start values.
+    """
+
+    elements_per_side: int = 8
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        mistakes = [m for name, value in self.parameters.items() for m in _outside(("parameters", name), value)]
+        if self.elements_per_side < ZONES_PER_SIDE or self.elements_per_side % ZONES_PER_SIDE:
+            text = (
+                f"'elements_per_side' is {self.elements_per_side}. Write a multiple of {ZONES_PER_SIDE}: 4, 8, 12, ..."
+            )
+            mistakes.append(Mistake(("elements_per_side",), text))
+        raise_any(mistakes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Damage:
+    """Damage of the cases: drawn, or a list.
+
+    Attributes
+    ----------
+    zones : tuple of int
+        Fewest and most damaged zones; every number between is as likely.
+    depth : tuple of float
+        Range of the damage of each [1], uniform.
+    healthy : float
+        Share of cases without damage [1].
+    cases : tuple of dict
+        In place of these: damage [1] by zone, 1 to 16, for every case; longer campaigns go through the list again.
+    """
+
+    zones: tuple[int, int] = (1, 4)
+    depth: Pair = (0.05, 0.5)
+    healthy: float = 0.0
+    cases: tuple[dict[int, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        mistakes = [*disordered("zones", self.zones, 0, N_ZONES), *disordered("depth", self.depth, 0.0, DEEPEST)]
+        if not 0.0 <= self.healthy <= 1.0:
+            mistakes.append(Mistake(("healthy",), f"'healthy' is {self.healthy:g}. Write a share from 0 to 1."))
+        for i, case in enumerate(self.cases):
+            for zone, value in case.items():
+                if not (1 <= zone <= N_ZONES and 0.0 <= value <= DEEPEST):
+                    text = f"damage {value:g} in zone {zone}: zones are 1 to {N_ZONES}, damages 0 to {DEEPEST:g}."
+                    mistakes.append(Mistake(("cases", i), text))
+        drawn = [row for row in fields(self) if row.name != "cases" and getattr(self, row.name) != row.default]
+        if self.cases and drawn:
+            text = f"'cases' lists the damages, so {drawn[0].name!r} has no meaning. Remove one of them."
+            mistakes.append(Mistake((drawn[0].name,), text))
+        raise_any(mistakes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """White noise of the measurement, one draw per sample.
+
+    Attributes
+    ----------
+    strain : Distribution or None
+        Added to strain [1] where it is read without the chain.
+    resistance : Distribution or None
+        Added to the resistance, in units of the sensor's full-scale change [1]; what the compensator gets.
+    """
+
+    strain: Distribution | None = None
+    resistance: Distribution | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chain:
+    """Sensors and compensators behind the membrane.
+
+    Attributes
+    ----------
+    compensator : {"inverse", "estimator"}
+        Method of ``compensator_model``.
+    artifact : str or None
+        File of an identified sensor; None for the one that ships with the package.
+    sensor_parameters, compensator_parameters : mapping of str to float
+        Parameters by name; the rest strain is that of the prestressed membrane if it is not given.
+    """
+
+    compensator: Literal["inverse", "estimator"] = "inverse"
+    artifact: str | None = None
+    sensor_parameters: Mapping[str, float] = field(default_factory=dict)
+    compensator_parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Campaign:
+    """Many simulations of one membrane. A case is a function of ``seed``, its number, and what else stands here.
+
+    Attributes
+    ----------
+    title : str
+        One line.
+    cases : int or None
+        How many; None is the length of the list of damages.
+    seed : int
+        Of everything that is drawn.
+    step, stop : float
+        Sampling step and last time [s]; the first sample is taken one step after the start.
+    sampling : {"random", "latin-hypercube"}
+        Independent draws, or one in each of ``cases`` equal strata of every quantity.
+    chunk : int
+        Cases of one task and of one file, 64 to 256 are good.
+    membrane, damage, vary, noise, chain
+        See there; ``vary`` takes parameters and constant inputs of the membrane, ``sensor_gain`` and ``noise`` (a factor).
+
+    Raises
+    ------
+    CampaignError
+        Values that do not go together.
+    """
+
+    title: str = ""
+    cases: int | None = None
+    seed: int = 0
+    step: float = 3e-4
+    stop: float = 0.3
+    sampling: Literal["random", "latin-hypercube"] = "random"
+    chunk: int = 128
+    membrane: Mesh = field(default_factory=Mesh)
+    damage: Damage = field(default_factory=Damage)
+    vary: Mapping[str, Vary] = field(default_factory=dict)
+    noise: Noise = field(default_factory=Noise)
+    chain: Chain | None = None
+
+    def __post_init__(self) -> None:
+        raise_any([*self._mistakes()])
+
+    def _mistakes(self) -> Iterator[Mistake]:
+        if self.cases is None and not self.damage.cases:
+            yield Mistake(("cases",), "'cases' is missing. Write how many cases there are.")
+        for name, low, high in (("cases", 1, 10**9), ("chunk", 1, MOST_CASES_PER_CHUNK), ("seed", 0, 2**63 - 1)):
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                yield Mistake((name,), f"{name!r} is {value}. Write a whole number from {low} to {high}.")
+        yield from self._time_mistakes()
+        if self.noise.resistance is not None and self.chain is None:
+            text = "there is noise on the resistance and no [chain] of sensors. Add [chain], or remove it."
+            yield Mistake(("noise", "resistance"), text)
+        for name, vary in self.vary.items():
+            yield from (Mistake(("vary", *m.place), *m[1:]) for m in self._vary_mistakes(name, vary))
+
+    def _time_mistakes(self) -> Iterator[Mistake]:
+        for name in ("step", "stop"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                yield Mistake((name,), f"{name!r} is {getattr(self, name):g} s. Write a positive time.")
+                return
+        ratio = self.stop / self.step
+        if ratio > MOST_STEPS:
+            text = f"'step' = {self.step:g} s makes {ratio:.3g} steps, more than {MOST_STEPS:.0e}. Use a longer one."
+            yield Mistake(("step",), text)
+        elif abs(ratio - max(round(ratio), 1)) > 1e-6:
+            nearest = max(round(ratio), 1) * self.step
+            text = f"'stop' = {self.stop:g} s is no whole number of steps of {self.step:g} s. The nearest is {nearest:.12g}."
+            yield Mistake(("stop",), text)
+
+    def _vary_mistakes(self, name: str, vary: Vary) -> Iterator[Mistake]:
+        if name in (SENSOR_GAIN, NOISE):
+            if vary.limits(1.0)[0] < 0.0:
+                yield Mistake((name,), f"{name!r} begins below 0. Write a range from 0 or a factor.")
+            if name == NOISE and self.noise == Noise():
+                yield Mistake((name,), "there is no noise to vary. Add [noise], or remove it.")
+            return
+        if name not in SETTABLE:
+            yield Mistake((name,), f"the membrane has no {name!r} to vary.", name, (*SETTABLE, SENSOR_GAIN, NOISE))
+            return
+        if vary.range is not None and name in self.membrane.parameters:
+            text = f"{name!r} has a range and a constant value in [membrane]. Remove one of them, or write a factor."
+            yield Mistake((name,), text)
+        if vary.factor is not None and self.base(name) == 0.0:
+            yield Mistake((name,), f"{name!r} is 0, so a factor does not vary it. Write a range.")
+        for value in vary.limits(self.base(name)):
+            yield from _outside((name,), value)
+
+    def base(self, name: str) -> float:
+        """Return the constant value of a quantity that can vary."""
+        if name in (SENSOR_GAIN, NOISE):
+            return 1.0
+        return float(self.membrane.parameters.get(name, SETTABLE[name].start or 0.0))
+
+    @property
+    def count(self) -> int:
+        """Number of cases."""
+        return len(self.damage.cases) if self.cases is None else self.cases
+
+    @property
+    def steps(self) -> int:
+        """Number of samples of a history."""
+        return round(self.stop / self.step)
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks; the last one may be shorter."""
+        return -(-self.count // self.chunk)
+
+    def numbers(self, chunk: int) -> range:
+        """Return the cases of a chunk."""
+        return range(chunk * self.chunk, min((chunk + 1) * self.chunk, self.count))
+
+
+def _outside(place: tuple[str, ...], value: float) -> Iterator[Mistake]:
+    """Refuse an unknown variable of the membrane, the last part of a place, or a value out of its range."""
+    name = place[-1]
+    if name not in SETTABLE:
+        yield Mistake(place, f"the membrane has no {name!r}.", name, tuple(SETTABLE))
+        return
+    row = SETTABLE[name]
+    low, high = (end if limit is None else limit for limit, end in ((row.minimum, -math.inf), (row.maximum, math.inf)))
+    if not low <= value <= high:
+        yield Mistake(
+            place, f"{name!r} reaches {value:g}; the membrane takes {low:g} to {high:g} {row.unit}. Correct it."
+        )

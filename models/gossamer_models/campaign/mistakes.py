@@ -1,0 +1,59 @@
+"""Mistakes of a campaign: where they are, so that a file's reader can name the line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from ..errors import ParameterError
+
+
+class Mistake(NamedTuple):
+    """One thing that is wrong with a campaign.
+
+    Attributes
+    ----------
+    place : tuple of str or int
+        Keys that lead to it, from the table that was being made.
+    text : str
+        A sentence or two.
+    name : str
+        The name that is not known, if that is the mistake.
+    known : tuple of str
+        The names that are.
+    """
+
+    place: tuple[str | int, ...]
+    text: str
+    name: str = ""
+    known: tuple[str, ...] = ()
+
+
+class CampaignError(ParameterError):
+    """A campaign whose values do not go together.
+
+    Attributes
+    ----------
+    mistakes : tuple of Mistake
+        All that were found.
+    """
+
+    def __init__(self, *mistakes: Mistake) -> None:
+        super().__init__("\n".join(m.text + f" Known: {', '.join(m.known)}." * bool(m.known) for m in mistakes))
+        self.mistakes = mistakes
+
+
+def disordered(name: str, pair: tuple[float, float], low: float, high: float) -> Iterator[Mistake]:
+    """Refuse a pair that is not in order or reaches beyond its limits."""
+    if not low <= pair[0] <= pair[1] <= high:
+        within = f" from {low:g} to {high:g}" * math.isfinite(high)
+        yield Mistake(
+            (name,), f"{name!r} is [{pair[0]:g}, {pair[1]:g}]. Write two numbers{within}, the lower one first."
+        )
+
+
+def raise_any(mistakes: list[Mistake]) -> None:
+    """Raise ``CampaignError`` with all mistakes, if there are any."""
+    if mistakes:
+        raise CampaignError(*mistakes)

@@ -1,0 +1,243 @@
+"""Run a campaign: the chunks that are missing, on the cores of this machine or on a Dask cluster.
+
+A task is one chunk; its worker writes what it has computed. Numbers depend on nothing but the campaign, so workers, their
+order and their deaths leave no trace in them.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import version
+from multiprocessing import get_context, parent_process
+from pathlib import Path
+
+from ..errors import GossamerError, StateError
+from .chunk import Kernels, build_kernels, run_chunk
+from .description import Campaign
+from .store import count_failed, create_store, missing_chunks, open_store, remove_leftovers, write_cases
+
+DEATHS = 3  # workers lost in a row, without a finished chunk between, after which a campaign stops
+SCHEDULER_PATIENCE = 10.0  # [s] for a scheduler to answer
+
+
+class CampaignStoppedError(GossamerError, RuntimeError):
+    """A campaign that ended before its last chunk; what is finished stays."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a run of a campaign did.
+
+    Attributes
+    ----------
+    cases, failed : int
+        Cases in the store, and those of them whose simulation broke.
+    simulated : int
+        Cases that this run added.
+    seconds : float
+        Wall time of the simulations [s], without compilation.
+    """
+
+    cases: int
+    failed: int
+    simulated: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker needs for any chunk of a campaign.
+
+    Attributes
+    ----------
+    campaign, path
+        Campaign, and the folder of its store.
+    kernels : bytes
+        Its compiled models, pickled: only paths of libraries, which another machine may not have.
+    version : str
+        Of Gossamer; a worker of another one refuses.
+    """
+
+    campaign: Campaign
+    kernels: bytes
+    path: Path
+    version: str
+
+
+def run_campaign(
+    campaign: Campaign,
+    path: Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    source: str = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> Summary:
+    """Run the chunks of a campaign that its store does not have yet.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What to run.
+    path : Path
+        Folder of the store; created if it is not there.
+    workers : int, optional
+        Processes; all cores by default.
+    scheduler : str, optional
+        Address of a Dask scheduler, ``tcp://host:8786``, to run there; its workers need this version of Gossamer
+        and the same folders.
+    source : str
+        Text of the file that the campaign was read from; kept in the store.
+    progress : callable, optional
+        Called with the number of finished and of all cases.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    CampaignStoppedError
+        A disk is full, workers keep dying, or the scheduler is lost; run it again to go on.
+    DataError
+        The folder holds something else.
+    OSError
+        The folder cannot be created.
+    """
+    path = Path(path).resolve()
+    kernels = build_kernels(campaign)
+    task = Task(campaign, pickle.dumps(kernels), path, version("gossamer"))
+    if not path.exists():
+        create_store(path, campaign, kernels, source)
+    group = open_store(path, campaign, kernels)
+    missing = missing_chunks(group, campaign)
+    simulated = sum(len(campaign.numbers(chunk)) for chunk in missing)
+    done = campaign.count - simulated
+    begun = time.perf_counter()
+    if progress is not None:
+        progress(done, campaign.count)
+    finished = _on_cluster(task, missing, scheduler) if scheduler else _on_cores(task, missing, workers or _cores())
+    for chunk in finished:
+        done += len(campaign.numbers(chunk))
+        if progress is not None:
+            progress(done, campaign.count)
+    seconds = time.perf_counter() - begun
+    lost = len(missing_chunks(group, campaign))
+    if lost:
+        msg = f"{lost} chunks did not arrive in {path}: the workers see another folder there. Name a shared one with --out."
+        raise CampaignStoppedError(msg)
+    remove_leftovers(path)
+    return Summary(campaign.count, count_failed(group), simulated, seconds)
+
+
+def write_chunk(task: Task, chunk: int) -> int:
+    """Simulate a chunk and write it, in a worker; return its number.
+
+    Raises
+    ------
+    CampaignStoppedError
+        It cannot be written, or the worker has another version of Gossamer.
+    """
+    from threadpoolctl import threadpool_limits
+
+    if version("gossamer") != task.version:
+        msg = f"a worker has Gossamer {version('gossamer')}, this is {task.version}. Install one version everywhere."
+        raise CampaignStoppedError(msg)
+    with threadpool_limits(1):
+        kernels = _kernels(task.kernels) or build_kernels(task.campaign)
+        content = run_chunk(task.campaign, kernels, chunk)
+    try:
+        group = open_store(task.path, task.campaign, kernels)
+        write_cases(group, task.campaign.numbers(chunk), content)
+    except OSError as error:
+        msg = (
+            f"cannot write to {task.path}: {error.strerror or error}. Finished chunks are kept: make room, and run it again "
+            "to go on."
+        )
+        raise CampaignStoppedError(msg) from error
+    return chunk
+
+
+@lru_cache(maxsize=4)
+def _kernels(pickled: bytes) -> Kernels | None:
+    """Return the compiled models; None on another machine than the one that compiled them."""
+    try:
+        kernels: Kernels = pickle.loads(pickled)
+    except StateError:
+        return None
+    return kernels
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _on_cores(task: Task, chunks: Sequence[int], workers: int) -> Iterator[int]:
+    """Run chunks in processes of this machine and yield each that is finished; replace workers that die."""
+    left = list(chunks)
+    deaths = 0
+    while left:
+        pool = ProcessPoolExecutor(min(workers, len(left)), get_context("spawn"), initializer=_begin_worker)
+        try:
+            for future in as_completed([pool.submit(write_chunk, task, chunk) for chunk in left]):
+                left.remove(future.result())
+                deaths = 0
+                yield future.result()
+        except BrokenProcessPool as error:
+            deaths += 1
+            if deaths == DEATHS:
+                msg = (
+                    f"workers died {deaths} times in a row, for want of memory perhaps. Finished chunks are kept: run it "
+                    "again with fewer workers."
+                )
+                raise CampaignStoppedError(msg) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _begin_worker() -> None:
+    """Leave Ctrl-C to the parent, which lets chunks finish, and end with it if it is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _on_cluster(task: Task, chunks: Sequence[int], scheduler: str) -> Iterator[int]:
+    """Run chunks on a Dask cluster and yield each that is finished; Dask gives those of a dead worker to another."""
+    from distributed import CancelledError, Client, KilledWorker
+    from distributed import as_completed as as_completed_there
+    from distributed.comm.core import CommClosedError
+
+    try:
+        client = Client(scheduler, timeout=SCHEDULER_PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        msg = f"there is no Dask scheduler at {scheduler}: {error}. Start one with 'dask scheduler'."
+        raise CampaignStoppedError(msg) from error
+    with client:
+        name = f"gossamer-{uuid.uuid4().hex}"
+        try:
+            futures = [client.submit(write_chunk, task, chunk, key=f"{name}-{chunk}", pure=False) for chunk in chunks]
+            for future in as_completed_there(futures):
+                yield future.result()
+        except KilledWorker as error:
+            msg = f"workers of the cluster keep dying: {error}. Finished chunks are kept: run it again to go on."
+            raise CampaignStoppedError(msg) from error
+        except (CancelledError, CommClosedError, TimeoutError) as error:
+            msg = f"the Dask scheduler at {scheduler} is gone. Finished chunks are kept: start it and run it again."
+            raise CampaignStoppedError(msg) from error
