@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 
 from ..errors import OrchestratorError
 from .build import build
+from .campaign import campaign
 from .exchange import container, export
 from .identify import CommandWithFields, identify
 from .inspect import info, verify
@@ -77,4 +78,5 @@ app.command()(demo)
 app.command()(verify)
 app.command()(info)
 app.command()(train)
+app.command()(campaign)
 app.command(cls=CommandWithFields)(identify)

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from ..errors import ScenarioError
-from ..file_kinds import explain_file
-from ..names import suggest
 from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Noise, Recording, Scenario, Table
 from .source import Location, Problems, Source
+from .toml_file import explain, parse_toml, read_text
 
 _TABLES: dict[str | int, type[Table]] = {
     "components": Component,
@@ -44,15 +40,7 @@ def load_scenario(path: Path, *, step: float | None = None, stop: float | None =
         The file cannot be read, is not TOML, or has unknown, missing or meaningless keys; one line per mistake.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        near = suggest(path.name, sorted(p.name for p in path.parent.glob("*.toml")))
-        msg = f"there is no scenario file {path}. {near}"
-        raise ScenarioError(msg) from None
-    except (OSError, UnicodeDecodeError):
-        msg = f"{path} is not a scenario (a TOML file in UTF-8). {explain_file(path)}"
-        raise ScenarioError(msg) from None
+    text = read_text(path, "scenario")
     return parse_scenario(text, name=path.name, folder=path.parent, step=step, stop=stop)
 
 
@@ -65,16 +53,7 @@ def parse_scenario(
     stop: float | None = None,
 ) -> Scenario:
     """Check the text of a scenario; ``name`` stands in messages, paths of FMUs are relative to ``folder``."""
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        found = re.fullmatch(r"(.*) \(at line (\d+), (column \d+)\)", str(error))
-        what, line, column = found.groups() if found else (str(error), len(text.splitlines()), "")
-        msg = f"{name}:{line}: {what}{', ' * bool(column)}{column}. Correct the TOML syntax there."
-        raise ScenarioError(msg) from None
-    except RecursionError:
-        msg = f"{name}: its tables or arrays are nested too deeply. A scenario needs four levels."
-        raise ScenarioError(msg) from None
+    content = parse_toml(text, name, "scenario")
     content |= {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
     return make_scenario(content, source=Source(name, text), folder=folder)
 
@@ -89,7 +68,7 @@ def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | 
             kind, place, message = item["type"], item["loc"], item["msg"]
             if place[2:3] in (("parameters",), ("inputs",)) and len(place) == _VALUE_DEPTH:
                 kind, place, message = "value", place[:-1], "should be a finite number, true, false or a text"
-            problems.add(place, _explain(kind, place, message, item["input"]))
+            problems.add(place, explain(kind, place, message, item["input"], _known(place)))
         problems.raise_if_any()
         raise
     _check_time(scenario, problems)
@@ -97,22 +76,11 @@ def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | 
     return scenario
 
 
-def _explain(kind: str, location: Location, message: str, value: Any) -> str:  # noqa: ANN401
-    """Turn one error of pydantic into a sentence."""
-    key, table = str(location[-1]), ".".join(part for part in location[:-1] if isinstance(part, str))
+def _known(location: Location) -> list[str]:
+    """List the keys of the table around a location."""
     around = (*location[2:-1], location[0])  # without the name of a component or the number of an element
     owner = next((_TABLES[part] for part in around if part in _TABLES), Scenario)
-    known = [field.alias or name for name, field in owner.model_fields.items()]
-    place = f" in {table!r}" if table else ""
-    if kind == "extra_forbidden":
-        return f"unknown key {key!r}{place}. {suggest(key, known)}"
-    if kind == "missing":
-        return f"key {key!r}{place} is missing. Add it."
-    if key == "[key]":
-        return f"{location[-2]!r} cannot be a name. Use letters, digits and underscores, and no digit at the start."
-    if kind == "string_pattern_mismatch" and key in ("from", "to"):
-        return f"{key!r}{place}: write component.variable, not {value!r}."
-    return f"{key!r}{place}: {message[0].lower()}{message[1:]}, not {value!r}."
+    return [field.alias or name for name, field in owner.model_fields.items()]
 
 
 def _check_time(scenario: Scenario, problems: Problems) -> None:
