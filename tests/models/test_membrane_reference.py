@@ -28,8 +28,7 @@ def equations():
 
 
 def centre(equations):
-    middle = equations.mesh.elements_per_side // 2 - 1
-    return 3 * int(equations.mesh.interior_grid[middle, middle]) + 2
+    return 3 * equations.mesh.centre + 2
 
 
 def errors(equations, name, damage, steps, **method):

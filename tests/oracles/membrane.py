@@ -14,10 +14,17 @@ from gossamer_models import Stepper
 from gossamer_models.membrane import MembraneEquations, membrane_model
 from gossamer_models.membrane.params import stretch
 
-CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
 
-membrane = cache(membrane_model)
-equations = cache(MembraneEquations)
+
+@cache
+def membrane(elements_per_side, order=1):
+    return membrane_model(elements_per_side, order)
+
+
+@cache
+def equations(elements_per_side, order=1):
+    return MembraneEquations(elements_per_side, order)
 
 
 def started(model, damage=None, **start):

@@ -64,7 +64,7 @@ def unseen_cases() -> Vector:
 
 @functools.cache
 def _membrane() -> StepModel:
-    return membrane_model()
+    return membrane_model(8, 1)
 
 
 def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAMPLING_STEP) -> Vector:

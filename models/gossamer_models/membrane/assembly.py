@@ -3,11 +3,11 @@ r"""The membrane's equations of motion in space: elements assembled on a mesh.
 Symbols: ``q`` displacements [m] of the interior nodes from the homogeneously stretched plane, node by node as (x, y, z),
 shape (n_q,); ``damage`` of the 16 zones [1]: Young's modulus of a zone is ``E (1 - damage)``, Section 7.1 of the thesis;
 ``pressure`` [Pa]; ``p`` parameters by name; ``f`` nodal forces [N]; ``K`` tangent [N/m]; ``M`` masses [kg]; ``c`` mass
-damping [1/s]; ``x`` node positions in units of two element sizes [1]::
+damping [1/s]; ``x`` node positions from the centre in units of the size of an element [1]::
 
     M (q'' + c q' + a_base e_z) = f(q, damage, pressure; p)
 
-The undamaged, unloaded membrane rests at ``q = 0`` exactly, since a bilinear mesh represents a homogeneous stretch.
+The undamaged, unloaded membrane rests at ``q = 0`` exactly, since the elements represent a homogeneous stretch.
 """
 
 from __future__ import annotations
@@ -21,10 +21,12 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
+from ..arrays import Vector
 from ..variables import by_name
-from .element import element_force, element_mass, gauss_points
+from .element import element_force, element_force_function, element_mass, element_tangent_function, make_element
 from .mesh import N_ZONES, dofs, square_mesh
 from .params import PARAMETERS, MembraneParams, stretch
+from .quadrature import lobatto_points
 
 
 class MembraneEquations:
@@ -34,75 +36,110 @@ class MembraneEquations:
     ----------
     elements_per_side : int
         Multiple of 4.
+    order : int
+        Order of the elements: 1 for bilinear, 2 and more for spectral ones.
     compiled : bool
-        True: write forces as a loop over elements, one and a half times as fast as compiled C. False: as one expression of
-        columns, two and a half times as fast in CasADi's virtual machine. The numbers are the same.
+        True: write forces as a loop over elements, faster as compiled C. False: as one expression of matrices with a column
+        per element, faster in CasADi's virtual machine. The numbers are the same but for round-off.
 
     Notes
     -----
     All elements are the same square. The tangent maps the ``ca.jacobian`` of one element over the mesh. The element works
-    in units of two element sizes, in which ``F`` is found without a multiplication, and its forces are multiplied by that
-    unit and the thickness.
+    in units of its size, in which the deformation gradient is the parent derivative, and its forces are multiplied by
+    that unit and the thickness.
     """
 
-    def __init__(self, elements_per_side: int, *, compiled: bool = False) -> None:
+    def __init__(self, elements_per_side: int = 4, order: int = 4, *, compiled: bool = False) -> None:
         self._compiled = compiled
-        mesh = self.mesh = square_mesh(elements_per_side)
+        mesh = self.mesh = square_mesh(elements_per_side, order)
+        self.element = make_element(order)
         self.n_q = 3 * mesh.interior.size
-        self._units_per_side = elements_per_side / 2.0
-        self._points = gauss_points(mesh.nodes[mesh.elements[0]] * self._units_per_side)
+        self._units_per_side = float(elements_per_side)
         interior_of = np.full(3 * len(mesh.nodes), -1)
         interior_of[dofs(mesh.interior)] = np.arange(self.n_q)
-        self._row = interior_of[dofs(mesh.elements)]  # place in q of each element force, -1 where the edge holds it
+        # element by element: x of its nodes, y, z
+        self._place = (3 * mesh.elements[:, None, :] + np.arange(3)[:, None]).reshape(len(mesh.elements), -1)
+        self._row = interior_of[self._place]  # place in q of each element force, -1 where the edge holds it
 
     def positions(self, q: ca.MX, p: SimpleNamespace) -> ca.MX:
-        """Return the positions of all nodes from the centre in units of two element sizes [1], shape (3 nodes,)."""
+        """Return the positions of all nodes from the centre in units of the size of an element [1], shape (3 nodes,)."""
         plane = np.column_stack([self.mesh.nodes - 0.5, np.zeros(len(self.mesh.nodes))]) * self._units_per_side
         x = stretch(p) * ca.MX(ca.DM(plane.reshape(-1)))
         x[dofs(self.mesh.interior).tolist()] += self._units_per_side / p.side_length * q
         return x
 
-    def force_expression(self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: SimpleNamespace) -> tuple[ca.MX, ca.MX]:
-        """Write the forces [N] on the interior nodes, shape (n_q,), and the largest rho c^2 [Pa] of any Gauss point."""
+    def force_expression(
+        self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: SimpleNamespace
+    ) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Write the forces [N] on the interior nodes, shape (n_q,), and what ``element_force`` finds over all points.
+
+        Returns
+        -------
+        f : casadi.MX, shape (n_q,)
+            Forces [N].
+        wave : casadi.MX, scalar
+            Largest rho c^2 [Pa].
+        strain : casadi.MX, scalar
+            Twice the largest principal Green-Lagrange strain [1].
+        """
         x, E, nu, load, scale = self._element_arguments(q, damage, pressure, p)
         if self._compiled:
-            f, wave = self._element_force.map(E.numel(), [False, False, True, True])(x, E.T, nu, load)
+            f, wave, strain = element_force_function(self.element).map(E.numel(), [False, False, True, True])(
+                x, E, nu, load
+            )
         else:
-            columns, wave = ca.cse([*element_force(x.T, self._points, E, nu, load)])
-            f = columns.T
-        free = np.flatnonzero(self._row >= 0)
-        gather = _selection(self._row[free], free, (self.n_q, self._row.size))
-        return scale * ca.mtimes(gather, ca.vec(f)), ca.mmax(wave)
+            positions = ca.vertsplit(x, len(self.element.nodes))
+            f, wave, strain = ca.cse([*element_force(positions, self.element, E, nu, load)])
+        free = np.flatnonzero(self._row.reshape(-1) >= 0)
+        gather = _selection(self._row.reshape(-1)[free], free, (self.n_q, self._row.size))
+        return scale * ca.mtimes(gather, ca.vec(f)), ca.mmax(wave), ca.mmax(strain)
 
     @cached_property
     def force(self) -> ca.Function:
-        """``force(q, damage, pressure, p) -> (f [N], rho c^2 [Pa])``, ``p`` as ``MembraneParams.vector``."""
+        """``force(q, damage, pressure, p) -> f [N]``, ``p`` as ``MembraneParams.vector``."""
         symbols, arguments = self._symbols()
-        return ca.Function("force", symbols, self.force_expression(*arguments))
+        return ca.Function("force", symbols, [self.force_expression(*arguments)[0]])
 
     @cached_property
     def tangent(self) -> ca.Function:
         """``tangent(q, damage, pressure, p) -> K = -df/dq`` [N/m], sparse; not symmetric under pressure."""
         symbols, arguments = self._symbols()
-        x, E, nu, load, scale = self._element_arguments(*arguments)
-        n = len(self.mesh.elements)
-        blocks = self._element_tangent.map(n, "serial")(x, E.T, ca.repmat(nu, 1, n), ca.repmat(load, 1, n))
-        per_metre = self._units_per_side / arguments[3].side_length
-        return ca.Function("tangent", symbols, [-scale * per_metre * self._assemble(blocks)])
+        return ca.Function("tangent", symbols, [self.tangent_expression(*arguments)])
+
+    def tangent_expression(self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: SimpleNamespace, axes: int = 3) -> ca.MX:
+        """Write the tangent ``K = -df/dq`` [N/m], sparse, shape (n_q axes/3, n_q axes/3), along the first 2 or 3 axes."""
+        x, E, nu, load, scale = self._element_arguments(q, damage, pressure, p)
+        n, size = len(self.mesh.elements), axes * len(self.element.nodes)
+        tangent = element_tangent_function(self.element, axes).map(n, "serial")
+        blocks = tangent(x, E, ca.repmat(nu, 1, n), ca.repmat(load, 1, n))
+        row = self._row[:, :size]
+        row = np.where(row >= 0, row // 3 * axes + row % 3, -1)
+        return -scale * self._units_per_side / p.side_length * self._assemble(blocks, row, self.n_q * axes // 3)
+
+    @cached_property
+    def node_area(self) -> Vector:
+        """Share of each interior node in the area of the square [1], shape (n_q / 3,): the weights of Gauss-Lobatto."""
+        _, w = lobatto_points(self.mesh.order + 1)
+        area = np.zeros(len(self.mesh.nodes))
+        np.add.at(area, self.mesh.elements.reshape(-1), np.tile(np.kron(w, w), len(self.mesh.elements)))
+        return area[self.mesh.interior] / self._units_per_side**2
 
     def node_mass(self, p: SimpleNamespace | MembraneParams) -> Any:  # noqa: ANN401
-        """Return the lumped mass [kg] of one interior node: all are alike on a regular mesh."""
-        return p.density * p.thickness * (p.side_length / self.mesh.elements_per_side) ** 2
+        """Return the masses [kg] of the interior nodes, once for each of x, y, z, shape (n_q,)."""
+        return p.density * p.thickness * p.side_length**2 * np.repeat(self.node_area, 3)
 
     def lumped_mass(self, p: MembraneParams) -> scipy.sparse.csc_matrix:
-        """Return the lumped mass matrix [kg] of the interior nodes, shape (n_q, n_q)."""
-        return scipy.sparse.identity(self.n_q, format="csc") * self.node_mass(p)
+        """Return the diagonal mass matrix [kg] of the interior nodes, shape (n_q, n_q)."""
+        return scipy.sparse.diags(self.node_mass(p), format="csc")
 
     def consistent_mass(self, p: MembraneParams) -> scipy.sparse.csc_matrix:
-        """Return the consistent mass matrix [kg] of the interior nodes, shape (n_q, n_q)."""
-        blocks = np.tile(element_mass(self._points), len(self.mesh.elements))
+        """Return the mass matrix [kg] by the element's own quadrature, shape (n_q, n_q); diagonal for spectral elements."""
+        m = len(self.element.nodes)
+        by_axis = np.arange(3 * m).reshape(m, 3).T.reshape(-1)
+        block = element_mass(self.element)[np.ix_(by_axis, by_axis)]
+        blocks = np.tile(block, len(self.mesh.elements))
         unit = p.side_length / self._units_per_side
-        return p.density * p.thickness * unit**2 * self._assemble(ca.DM(blocks)).sparse()
+        return p.density * p.thickness * unit**2 * self._assemble(ca.DM(blocks), self._row, self.n_q).sparse()
 
     def _symbols(self) -> tuple[list[ca.MX], tuple[ca.MX, ca.MX, ca.MX, SimpleNamespace]]:
         """Make the arguments of a function: as vectors, and with the parameters by name."""
@@ -110,37 +147,23 @@ class MembraneEquations:
         p = ca.MX.sym("p", len(PARAMETERS))
         return [q, damage, pressure, p], (q, damage, pressure, by_name(PARAMETERS, p))
 
-    @cached_property
-    def _element_force(self) -> ca.Function:
-        """Force on the nodes of one element, shape (12,), and its largest rho c^2."""
-        x, E, nu, load = symbols = ca.SX.sym("x", 12), ca.SX.sym("E"), ca.SX.sym("nu"), ca.SX.sym("load")
-        f, wave = element_force(x.T, self._points, E, nu, load)
-        return ca.Function("element_force", symbols, ca.cse([f.T, wave]))
-
-    @cached_property
-    def _element_tangent(self) -> ca.Function:
-        """Derivative of the force on one element's nodes by their positions, 12 x 12."""
-        symbols = self._element_force.sx_in()
-        f, _ = self._element_force(*symbols)
-        return ca.Function("element_tangent", symbols, ca.cse([ca.jacobian(f, symbols[0])]))
-
     def _element_arguments(
         self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: SimpleNamespace
     ) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX, ca.MX]:
         """Return what ``element_force`` takes, one column per element, and the factor that makes its forces newtons."""
-        x = ca.reshape(self.positions(q, p)[dofs(self.mesh.elements).tolist()], 12, -1)
-        E = (p.youngs_modulus * (1.0 - damage))[self.mesh.zone.tolist()]
+        x = ca.reshape(self.positions(q, p)[self._place.reshape(-1).tolist()], -1, len(self.mesh.elements))
+        E = (p.youngs_modulus * (1.0 - damage))[self.mesh.zone.tolist()].T
         unit = p.side_length / self._units_per_side
         return x, E, p.poisson_ratio, pressure * unit / p.thickness, unit * p.thickness
 
-    def _assemble(self, blocks: ca.MX | ca.DM) -> ca.MX | ca.DM:
-        """Sum the 12 x 12 matrices of all elements, side by side, into a sparse matrix, shape (n_q, n_q)."""
-        n = len(self.mesh.elements)
-        row = np.repeat(self._row.reshape(n, 1, 12), 12, axis=1).reshape(-1)  # CasADi stores column by column
-        column = np.repeat(self._row.reshape(n, 12, 1), 12, axis=2).reshape(-1)
+    def _assemble(self, blocks: ca.MX | ca.DM, rows: NDArray[np.int64], size: int) -> ca.MX | ca.DM:
+        """Sum square matrices of all elements, side by side, into a sparse matrix, shape (size, size)."""
+        n, m = rows.shape
+        row = np.repeat(rows.reshape(n, 1, m), m, axis=1).reshape(-1)  # CasADi stores column by column
+        column = np.repeat(rows.reshape(n, m, 1), m, axis=2).reshape(-1)
         free = np.flatnonzero((row >= 0) & (column >= 0))
-        key, place = np.unique(column[free] * self.n_q + row[free], return_inverse=True)
-        pattern = ca.Sparsity.triplet(self.n_q, self.n_q, (key % self.n_q).tolist(), (key // self.n_q).tolist())
+        key, place = np.unique(column[free] * size + row[free], return_inverse=True)
+        pattern = ca.Sparsity.triplet(size, size, (key % size).tolist(), (key // size).tolist())
         return type(blocks)(pattern, ca.mtimes(_selection(place, free, (key.size, row.size)), ca.vec(blocks)))
 
 

@@ -1,108 +1,133 @@
-r"""The bilinear membrane element: the one place where its forces are written.
+r"""The membrane element: the one place where its forces are written.
 
-Symbols: ``X``, ``x`` reference and current node positions, ``N`` bilinear shape functions [1], ``a`` four times the modes
-of the positions, ``s``, ``t`` parent coordinates [1], ``H`` the four bilinear modes 1, s, t, st and ``dH`` their parent
-derivatives, ``J`` Jacobian of the reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the Green-Lagrange strain,
-``S`` second Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu`` Poisson's ratio [1], ``D``
-= E/(1 - nu^2). Lengths are in any one unit; forces are per thickness. Explicit steps, statics, implicit steps and
-frequencies all evaluate these expressions or their ``ca.jacobian``.
+Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1] from -1/2 to 1/2, ``N`` shape functions [1] and ``D_s``, ``D_t``
+their parent derivatives at the quadrature points, ``w`` weights of the points [1], ``J`` Jacobian of the reference map,
+``F`` deformation gradient (3 x 2), ``e`` twice the Green-Lagrange strain, ``S`` second and ``P`` first Piola-Kirchhoff
+stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu`` Poisson's ratio [1], ``D`` = E/(1 - nu^2). Lengths are in
+any one unit; forces are per thickness. Explicit steps, statics, implicit steps and frequencies all evaluate these
+expressions or their derivatives.
 
-Matrices are NumPy arrays whose entries are CasADi columns with a row per element. So the same lines serve one element (SX)
-and, at a fraction of the cost in CasADi's virtual machine, all elements of a mesh at once (MX). CasADi leaves out
-multiplications by one and zero and additions of zero.
+Matrices of small size, such as F, are NumPy arrays whose entries are CasADi matrices with a row per quadrature point and a
+column per element. So the same lines serve one element (SX) and, at a fraction of the cost in CasADi's virtual machine, all
+elements of a mesh at once (MX). CasADi leaves out multiplications by one and zero and additions of zero.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import reduce
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
+from .quadrature import derivative_matrix, gauss_points, lobatto_points, value_matrix
 
-Column: TypeAlias = ca.MX  # or ca.SX
-Matrix: TypeAlias = NDArray[np.object_]  # of columns
-
-CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-MODES = np.column_stack([np.ones(4), CORNERS, CORNERS.prod(axis=1)])  # 1, s, t, st at the nodes
-
-# at the Gauss points, modes and their derivatives are signs times these
-_GAUSS = 1.0 / np.sqrt(3.0)
-_VALUE = np.array([1.0, _GAUSS, _GAUSS, _GAUSS**2])
-_SLOPE = np.array([1.0, 1.0, 1.0, _GAUSS])
+Entry: TypeAlias = ca.MX  # or ca.SX
+Matrix: TypeAlias = NDArray[np.object_]  # of entries
+Operator: TypeAlias = tuple[ca.DM, ...]  # factors, the first one acts first
 
 # keeps the derivative of the larger principal strain finite where both are equal; 1e-12 relative to a stretch
 _TINY = 1e-24
 
 
 @dataclass(frozen=True, eq=False)
-class GaussPoint:
-    """What a Gauss point knows of the reference element.
+class Element:
+    """Shape functions and quadrature of one element.
 
     Attributes
     ----------
-    H : ndarray, shape (4,)
-        Signs of the modes [1].
-    dH : ndarray, shape (4, 2)
-        Signs of their parent derivatives [1].
-    J_inverse : ndarray, shape (2, 2)
-        Derivative of a quarter of the parent coordinates by reference coordinates [1/length].
-    dA : float
-        Reference area [length^2] that it stands for: the determinant of J, since the weights of the 2 x 2 rule are 1.
+    order : int
+        Polynomial order of the shape functions along a side.
+    nodes : ndarray, shape (m, 2)
+        Parent coordinates of the nodes [1], s fastest.
+    N, D_s, D_t : tuple of casadi.DM
+        Factors of the matrices, points x nodes, of the shape functions and their parent derivatives.
+    w : ndarray, shape (points,)
+        Weights of the quadrature in the parent square [1].
+    J : float or casadi.DM
+        Determinant of the reference map [length^2], one number or one for every point.
+    J_inverse : ndarray of float or casadi.DM, shape (2, 2)
+        Derivative of the parent coordinates by the reference coordinates [1/length], likewise.
     """
 
-    H: Vector
-    dH: Vector
-    J_inverse: Vector
-    dA: float
+    order: int
+    nodes: Vector
+    N: Operator
+    D_s: Operator
+    D_t: Operator
+    w: Vector
+    J: float | ca.DM
+    J_inverse: Matrix
 
 
-def modes(s: float, t: float) -> tuple[Vector, Vector]:
-    """Evaluate the modes 1, s, t, st and their parent derivatives, shapes (4,) and (4, 2)."""
-    return np.array([1.0, s, t, s * t]), np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [t, s]])
+def make_element(order: int, X: Vector | None = None) -> Element:
+    r"""Make the bilinear element (order 1) or a spectral element of higher order.
+
+    Parameters
+    ----------
+    order : int
+        1: four nodes and the 2 x 2 Gauss rule, the membrane element of finite element programs. 2 and more: Lagrange shape
+        functions through Gauss-Lobatto-Legendre nodes, which are the quadrature points too [1]_, so that the mass matrix
+        is diagonal without lumping.
+    X : ndarray, shape ((order + 1)^2, 2), optional
+        Reference positions of the nodes, s fastest [length]; by default the parent square itself.
+
+    Returns
+    -------
+    Element
+
+    References
+    ----------
+    .. [1] D. Komatitsch, J. Tromp, Geophysical Journal International 139(3), 806-822, 1999,
+       doi:10.1046/j.1365-246x.1999.00967.x.
+    """
+    nodes, weights = lobatto_points(order + 1)
+    points, weights = gauss_points(2) if order == 1 else (nodes, weights)
+    value, slope = value_matrix(nodes, points), derivative_matrix(nodes, points)
+    I = np.eye(order + 1)
+    grid = np.column_stack([np.tile(nodes, order + 1), np.repeat(nodes, order + 1)])
+    N = _operator(np.kron(I, value), np.kron(value, I))
+    D_s = _operator(np.kron(I, slope), np.kron(value, I))
+    D_t = _operator(np.kron(slope, I), np.kron(I, value))
+    J, J_inverse = (1.0, np.eye(2)) if X is None else _reference_map(X, D_s, D_t)
+    return Element(order, grid, N, D_s, D_t, np.kron(weights, weights), J, J_inverse)
 
 
-def gauss_points(X: Vector) -> list[GaussPoint]:
-    """Describe the 2 x 2 Gauss points of an element with reference node positions ``X``, shape (4, 2) [length]."""
-    points = []
-    for s, t in CORNERS:
-        H, dH = modes(s, t)
-        J = np.round(X.T @ MODES * _SLOPE @ dH, 14)  # four times J, and zeros and ones in place of round-off
-        points.append(GaussPoint(H, dH, np.asarray(np.linalg.inv(J)), float(np.linalg.det(J)) / 16.0))
-    return points
-
-
-def element_mass(points: list[GaussPoint]) -> Vector:
-    """Integrate the consistent mass matrix per density and thickness [length^2], shape (12, 12)."""
-    N = np.array([point.H for point in points]) * _VALUE @ MODES.T / 4.0
-    return np.kron(N.T @ np.diag([point.dA for point in points]) @ N, np.eye(3))
+def element_mass(element: Element) -> Vector:
+    """Integrate the consistent mass matrix per density and thickness [length^2], shape (3 m, 3 m)."""
+    N = np.asarray(_dense(element.N, len(element.nodes)))
+    dA = element.w * np.asarray(element.J).ravel()
+    return np.kron(N.T @ (dA[:, None] * N), np.eye(3))
 
 
 def element_force(
-    x: Column, points: list[GaussPoint], modulus: Column, poisson_ratio: Column, pressure_over_thickness: Column
-) -> tuple[Column, Column]:
+    x: Sequence[Entry], element: Element, modulus: Entry, poisson_ratio: Entry, pressure_over_thickness: Entry
+) -> tuple[Entry, Entry, Entry]:
     r"""Write the forces of pressure and stress on the nodes of n elements.
 
     Parameters
     ----------
-    x : casadi.SX or MX, shape (n, 12)
-        Current node positions [length], node by node as (x, y, z).
-    points : list of GaussPoint
-        Gauss points, the same for all elements.
-    modulus, poisson_ratio : casadi.SX or MX, shape (n, 1) or scalar
-        Young's modulus [Pa] and Poisson's ratio [1].
-    pressure_over_thickness : casadi.SX or MX, shape (n, 1) or scalar
-        Pressure over thickness [Pa/length], positive along :math:`x_{,s} \times x_{,t}`.
+    x : sequence of casadi.SX or MX, shape (m, n)
+        Current node positions [length] along x, y and z.
+    element : Element
+        Shape functions and quadrature, the same for all elements.
+    modulus : casadi.SX or MX, shape (1, n)
+        Young's modulus [Pa].
+    poisson_ratio, pressure_over_thickness : casadi.SX or MX, scalar
+        Poisson's ratio [1]; pressure over thickness [Pa/length], positive along :math:`x_{,s} \times x_{,t}`.
 
     Returns
     -------
-    casadi.SX or MX, shape (n, 12)
-        Force per thickness [Pa length] on each node: pressure minus internal force.
-    casadi.SX or MX, shape (n, 1)
-        Largest :math:`\rho c^2` [Pa] of a plane wave along the larger principal stretch, over the points.
+    casadi.SX or MX, shape (3 m, n)
+        Force per thickness [Pa length] on each node along x, then y, then z: pressure minus internal force.
+    casadi.SX or MX, shape (points, n)
+        :math:`\rho c^2` [Pa] of a plane wave along the larger principal stretch.
+    casadi.SX or MX, shape (points, n)
+        Twice the larger principal Green-Lagrange strain [1].
 
     Notes
     -----
@@ -111,9 +136,8 @@ def element_force(
 
     .. math:: f_I = \int N_I\,p\; x_{,s} \times x_{,t}\,\mathrm{d}s\,\mathrm{d}t - \int F S\,\nabla N_I\,\mathrm{d}A,
 
-    the total Lagrangian form of [1]_ with the consistent follower load of [2]_, both by the 2 x 2 Gauss rule (exact for the
-    load of a plane element). Positions and forces are split into the four modes 1, s, t, st, since
-    :math:`N_I = \tfrac14 (1 + s_I s)(1 + t_I t)`; this halves the operations. Compression is carried: no wrinkling.
+    the total Lagrangian form of [1]_ with the consistent follower load of [2]_, both by the quadrature of the element.
+    Compression is carried: no wrinkling.
 
     References
     ----------
@@ -121,45 +145,150 @@ def element_force(
        2nd ed., Wiley, 2014, Section 4.9.
     .. [2] K. Schweizerhof, E. Ramm, Computers & Structures 18(6), 1099-1114, 1984, doi:10.1016/0045-7949(84)90154-8.
     """
-    nu, D = poisson_ratio, modulus / (1.0 - poisson_ratio**2)
-    columns = ca.horzsplit(x)
-    a = _matrix([columns[i::3] for i in range(3)]) @ MODES * _SLOPE  # four times the modes of the position
-    load, stress, wave = np.zeros((3, 4)), np.zeros((3, 4)), 0.0
-    for point in points:
-        tangents = a @ point.dH  # four times x_,s and x_,t
-        F = tangents @ point.J_inverse
-        e = F.T @ F - np.eye(2)
-        S = _stress(e, point.dA * D, nu)
-        load = load + np.outer(np.cross(tangents[:, 0], tangents[:, 1]), point.H)
-        stress = stress + F @ S @ (point.dH @ point.J_inverse).T
-        wave = ca.fmax(wave, _wave_modulus(e, D, nu))
-    p = pressure_over_thickness / 64.0
-    f = (load * _matrix([[p * value for value in _VALUE]]) - stress * _SLOPE) @ MODES.T
-    return ca.horzcat(*f.T.flat), wave
+    n = x[0].shape[1]
+    w, E = ca.repmat(ca.DM(element.w), 1, n), ca.repmat(modulus, len(element.w), 1)
+    P, load, wave, strain = _points(_tangents(x, element), element, w, E, poisson_ratio, pressure_over_thickness)
+    return _balance(P, load, element), wave, strain
 
 
-def _matrix(rows: list[list[Column]]) -> Matrix:
-    """Make a matrix of columns; NumPy by itself would look into them."""
+def element_force_function(element: Element) -> ca.Function:
+    """Make ``f(x, E, nu, load) -> (f, wave, strain)`` for one element, as ``element_force``, in a form for compilation.
+
+    Three functions without branches, of which the middle one is a loop over the points: twice as fast as one expression, which
+    would hold the stresses of all points at once.
+    """
+    m, points = len(element.nodes), len(element.w)
+    x = ca.SX.sym("x", 3 * m)
+    tangents = ca.Function("tangents", [x], [ca.horzcat(*_tangents(ca.vertsplit(x, m), element).flat).T])
+    law = _law_function(element)
+    P, load = ca.SX.sym("P", 6, points), ca.SX.sym("load", 3, points)
+    rows = _matrix([[P[2 * i + a, :].T for a in range(2)] for i in range(3)])
+    balance = ca.Function("balance", [P, load], [_balance(rows, [load[i, :].T for i in range(3)], element)])
+    positions, E, nu, pressure = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("E"), ca.MX.sym("nu"), ca.MX.sym("load")]
+    all_points = law.map(points, [False, False, True, True, True])
+    P, load, wave, strain = all_points(tangents(positions), ca.DM(element.w).T, E, nu, pressure)
+    return ca.Function("element_force", symbols, [balance(P, load), ca.mmax(wave), ca.mmax(strain)])
+
+
+def element_tangent_function(element: Element, axes: int) -> ca.Function:
+    """Make ``K(x, E, nu, load)``, the derivative of the force by the node positions, both along the first ``axes`` axes.
+
+    The chain rule: derivatives of stress and load at the points, between the operators of the element.
+    """
+    m, points = len(element.nodes), len(element.w)
+    law = _law_function(element)
+    inputs = law.sx_in()
+    P, load, *_ = law(*inputs)
+    by_tangents = ca.Function("law_derivative", inputs, [ca.densify(ca.jacobian(ca.vertcat(P, load), inputs[0]))])
+    N, *slopes = (_dense(operator, m) for operator in (element.N, element.D_s, element.D_t))
+    x, E, nu, pressure = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("E"), ca.MX.sym("nu"), ca.MX.sym("load")]
+    T = _tangents(ca.vertsplit(x, m), element)
+    derivatives = by_tangents.map(points, [False, False, True, True, True])
+    A = ca.reshape(derivatives(ca.horzcat(*T.flat).T, ca.DM(element.w).T, E, nu, pressure), 9, -1)  # 6 columns a point
+
+    def at_points(row: int, k: int, b: int) -> ca.MX:
+        return ca.diag(A[row, 2 * k + b :: 6].T)
+
+    def block(i: int, k: int) -> ca.MX:
+        sides = (
+            ca.mtimes(N.T, at_points(6 + i, k, b))
+            - sum(ca.mtimes(slope.T, at_points(2 * i + a, k, b)) for a, slope in enumerate(slopes))
+            for b in range(2)
+        )
+        return sum(ca.mtimes(side, slope) for side, slope in zip(sides, slopes, strict=True))
+
+    K = ca.vertcat(*(ca.horzcat(*(block(i, k) for k in range(axes))) for i in range(axes)))
+    return ca.Function("element_tangent", symbols, [ca.densify(K)])
+
+
+def _tangents(x: Sequence[Entry], element: Element) -> Matrix:
+    """Return the tangents x,s and x,t at the points, shape (3, 2)."""
+    return _matrix([[_apply(operator, column) for operator in (element.D_s, element.D_t)] for column in x])
+
+
+def _points(
+    tangents: Matrix, element: Element, w: Entry, E: Entry, nu: Entry, pressure: Entry
+) -> tuple[Matrix, list[Entry], Entry, Entry]:
+    """Return what each point adds: stress, load, and its wave modulus and strain as ``element_force`` does."""
+    D = E / (1.0 - nu**2)
+    F = tangents @ element.J_inverse
+    e = F.T @ F - np.eye(2)
+    P = F @ _stress(e, w * element.J * D, nu) @ element.J_inverse.T
+    normal = np.cross(tangents[:, 0], tangents[:, 1])
+    strain, wave = _largest(e, nu)
+    return P, [w * pressure * component for component in normal], D * wave, strain
+
+
+def _balance(P: Matrix, load: Sequence[Entry], element: Element) -> Entry:
+    """Gather load minus stress on the nodes, shape (3 m, n)."""
+    return ca.vertcat(
+        *(
+            _apply_transposed(element.N, load[i])
+            - _apply_transposed(element.D_s, P[i, 0])
+            - _apply_transposed(element.D_t, P[i, 1])
+            for i in range(3)
+        )
+    )
+
+
+def _law_function(element: Element) -> ca.Function:
+    """Make ``law(tangents, w, E, nu, load) -> (P, load, wave, strain)`` of one point, row by row; equal points only."""
+    T, w, E, nu, pressure = symbols = [
+        ca.SX.sym(name, size) for name, size in zip("TwEnp", (6, 1, 1, 1, 1), strict=True)
+    ]
+    tangents = _matrix([[T[2 * i + a] for a in range(2)] for i in range(3)])
+    P, load, wave, strain = _points(tangents, element, w, E, nu, pressure)
+    return ca.Function("law", symbols, ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), wave, strain]))
+
+
+def _operator(*factors: Vector) -> Operator:
+    """Make an operator of its factors, leaving out those that change nothing."""
+    kept = [ca.sparsify(ca.DM(factor)) for factor in factors if not np.array_equal(factor, np.eye(len(factor)))]
+    return tuple(kept)
+
+
+def _reference_map(X: Vector, D_s: Operator, D_t: Operator) -> tuple[ca.DM, Matrix]:
+    """Return the determinant of the reference map at every point, and the inverse of its Jacobian."""
+    J = np.stack([np.asarray(_apply(operator, ca.DM(X))) for operator in (D_s, D_t)], axis=-1)
+    inverse = np.linalg.inv(J)
+    return ca.DM(np.linalg.det(J)), _matrix([[ca.DM(inverse[:, a, b]) for b in range(2)] for a in range(2)])
+
+
+def _dense(operator: Operator, nodes: int) -> ca.DM:
+    """Multiply the factors of an operator, shape (points, nodes)."""
+    return _apply(operator, ca.DM.eye(nodes))
+
+
+def _apply(operator: Operator, x: Any) -> Any:  # noqa: ANN401
+    return reduce(lambda value, factor: ca.mtimes(factor, value), operator, x)
+
+
+def _apply_transposed(operator: Operator, x: Any) -> Any:  # noqa: ANN401
+    return reduce(lambda value, factor: ca.mtimes(factor.T, value), reversed(operator), x)
+
+
+def _matrix(rows: list[list[Entry]]) -> Matrix:
+    """Make a matrix of CasADi matrices; NumPy by itself would look into them."""
     matrix = np.empty((len(rows), len(rows[0])), dtype=object)
     for place in np.ndindex(matrix.shape):
         matrix[place] = rows[place[0]][place[1]]
     return matrix
 
 
-def _stress(e: Matrix, D: Column, nu: Column) -> Matrix:
+def _stress(e: Matrix, D: Entry, nu: Entry) -> Matrix:
     """Return the second Piola-Kirchhoff stress [Pa], St Venant-Kirchhoff's law in plane stress."""
     shear = D / 2.0 * (1.0 - nu) * e[0, 1]
     return _matrix([[D / 2.0 * (e[0, 0] + nu * e[1, 1]), shear], [shear, D / 2.0 * (e[1, 1] + nu * e[0, 0])]])
 
 
-def _wave_modulus(e: Matrix, D: Column, nu: Column) -> Column:
-    r"""Return :math:`\rho_0 c_0^2` [Pa] of the longitudinal wave along the larger principal stretch.
+def _largest(e: Matrix, nu: Entry) -> tuple[Entry, Entry]:
+    r"""Return twice the larger principal strain and :math:`\rho_0 c_0^2/D` [1] of the longitudinal wave along it.
 
     Notes
     -----
-    Along the principal stretch :math:`\lambda` it is :math:`\lambda^2 D + S`, :math:`c_0` in reference lengths; a transverse
+    Along the principal stretch :math:`\lambda` it is :math:`\lambda^2 + S/D`, :math:`c_0` in reference lengths; a transverse
     wave has :math:`S` alone. The principal values of e are half of trace plus and minus spread.
     """
     trace = e[0, 0] + e[1, 1]
     spread = ca.sqrt((e[0, 0] - e[1, 1]) ** 2 + 4.0 * e[0, 1] ** 2 + _TINY)
-    return D * (1.0 + (3.0 + nu) / 4.0 * trace + (3.0 - nu) / 4.0 * spread)
+    return (trace + spread) / 2.0, 1.0 + (3.0 + nu) / 4.0 * trace + (3.0 - nu) / 4.0 * spread

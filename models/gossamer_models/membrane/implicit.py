@@ -105,7 +105,7 @@ def integrate_implicit(
     Q, V = np.zeros((steps + 1, equations.n_q)), np.zeros((steps + 1, equations.n_q))
 
     def force(q: Vector, pressure: float) -> Vector:
-        return np.asarray(equations.force(q, damage, pressure, p)[0]).ravel()
+        return np.asarray(equations.force(q, damage, pressure, p)).ravel()
 
     def system(
         q: Vector, pressure: float, q_free: Vector, v_free: Vector, old: Vector

@@ -13,13 +13,15 @@ import casadi as ca
 import numpy as np
 
 from ..step_model import StepModel
-from ..variables import Results, Values, Variable, input_, local, output
+from ..variables import Results, Values, input_, local, output
 from .assembly import MembraneEquations
-from .mesh import N_ZONES, ZONES_PER_SIDE, SquareMesh
+from .mesh import N_ZONES, ZONES_PER_SIDE
 from .params import PARAMETERS
 from .prestress import prestress
 from .stability import max_step_expression
 from .strain import SENSOR_POINTS, sensor_strains_expression
+
+GRID_STEPS = 8  # deflections are results on a grid of 7 x 7 points, whatever the mesh
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +41,15 @@ class MembraneState:
     phase: ca.MX
 
 
-def membrane_model(elements_per_side: int = 8, *, compiled: bool = False) -> StepModel:
+def membrane_model(elements_per_side: int = 4, order: int = 4, *, compiled: bool = False) -> StepModel:
     r"""Build the step model of a prestressed square membrane under pressure, with damage in 16 zones.
 
     Parameters
     ----------
     elements_per_side : int
         Multiple of 4, at least 4.
+    order : int
+        Order of the elements: 1 for bilinear, 2 to 12 for spectral ones.
     compiled : bool
         True if the step is to become C code rather than to run in CasADi's virtual machine; the numbers are the same.
 
@@ -57,7 +61,7 @@ def membrane_model(elements_per_side: int = 8, *, compiled: bool = False) -> Ste
     Raises
     ------
     ParameterError
-        ``elements_per_side`` does not fit the 4 x 4 damage zones.
+        ``elements_per_side`` does not fit the 4 x 4 damage zones, or ``order`` is out of range.
 
     Notes
     -----
@@ -80,7 +84,7 @@ def membrane_model(elements_per_side: int = 8, *, compiled: bool = False) -> Ste
        2nd ed., Wiley, 2014, Section 6.2.
     .. [2] E. Hairer, C. Lubich, G. Wanner, Acta Numerica 12, 399-450, 2003, doi:10.1017/S0962492902000144.
     """
-    equations = MembraneEquations(elements_per_side, compiled=compiled)
+    equations = MembraneEquations(elements_per_side, order, compiled=compiled)
     n = equations.n_q
     normal = ca.DM(np.tile([0.0, 0.0, 1.0], n // 3))
 
@@ -90,31 +94,32 @@ def membrane_model(elements_per_side: int = 8, *, compiled: bool = False) -> Ste
         drag, mass = p.mass_damping * h / 2.0, equations.node_mass(p)
 
         q = x.q + h / 2.0 * x.v  # half a step
-        f, wave = equations.force_expression(q, u.damage, pressure, p)
+        f, wave, strain = equations.force_expression(q, u.damage, pressure, p)
         v = ((1.0 - drag) * x.v + h * (f / mass - u.base_acceleration * normal)) / (1.0 + drag)
         q = q + h / 2.0 * v  # the other half
 
-        return MembraneState(q, v, phase_end - ca.floor(phase_end)), results(q, wave, p)
+        return MembraneState(q, v, phase_end - ca.floor(phase_end)), results(q, wave, strain, p)
 
     def init(u: Values, p: Values) -> tuple[MembraneState, Results]:
-        q, wave = prestress(equations, u.damage, p)
+        q, wave, strain = prestress(equations, u.damage, p)
         phase = p.pressure_phase / (2.0 * np.pi)
-        return MembraneState(q, ca.MX.zeros(n), phase - ca.floor(phase)), results(q, wave, p)
+        return MembraneState(q, ca.MX.zeros(n), phase - ca.floor(phase)), results(q, wave, strain, p)
 
-    def results(q: ca.MX, wave: ca.MX, p: Values) -> Results:
+    def results(q: ca.MX, wave: ca.MX, strain: ca.MX, p: Values) -> Results:
         mesh = equations.mesh
-        grid, middle = 3 * mesh.interior_grid + 2, elements_per_side // 2 - 1
+        deflections = q[2::3]
         return {
             "strain": sensor_strains_expression(mesh, equations.positions(q, p)),
-            "deflection": q[int(grid[middle, middle])],
-            "w": q[grid.reshape(-1).tolist()],
+            "deflection": deflections[mesh.centre],
+            "w": ca.mtimes(mesh.interpolation(GRID)[:, mesh.interior.tolist()], deflections),
+            "largest_strain": ca.sqrt(1.0 + strain) - 1.0,
             "max_step": max_step_expression(mesh, wave, p),
         }
 
     return StepModel.written(
         name="membrane",
-        description=f"Prestressed square membrane with damage zones, {elements_per_side} x {elements_per_side} elements",
-        variables=(*PARAMETERS, *INPUTS, *OUTPUTS, *_locals(equations.mesh)),
+        description=f"Prestressed square membrane with damage zones, {elements_per_side} x {elements_per_side} elements of order {order}",
+        variables=(*PARAMETERS, *INPUTS, *OUTPUTS, *LOCALS),
         init=init,
         step=step,
         step_limit="max_step",
@@ -159,13 +164,18 @@ OUTPUTS = (
     ),
     output("deflection", "m", "Deflection of the centre", nominal=0.1),
 )
-
-
-def _locals(mesh: SquareMesh) -> list[Variable]:
-    interior = range(1, mesh.elements_per_side)
-    deflections = [
-        local(f"w[{i},{j}]", "m", f"Deflection of interior node {i} along x, {j} along y", nominal=0.1)
-        for i in interior
-        for j in interior
-    ]
-    return [*deflections, local("max_step", "s", "Largest internal step; longer communication steps are divided")]
+GRID = [(i / GRID_STEPS, j / GRID_STEPS) for i in range(1, GRID_STEPS) for j in range(1, GRID_STEPS)]
+LOCALS = (
+    *(
+        local(
+            f"w[{round(GRID_STEPS * X)},{round(GRID_STEPS * Y)}]",
+            "m",
+            f"Deflection at {round(GRID_STEPS * X)}/{GRID_STEPS} of the side along x, "
+            f"{round(GRID_STEPS * Y)}/{GRID_STEPS} along y",
+            nominal=0.1,
+        )
+        for X, Y in GRID
+    ),
+    local("largest_strain", "1", "Largest principal nominal strain of all points of the membrane", nominal=0.1),
+    local("max_step", "s", "Largest internal step; longer communication steps are divided"),
+)

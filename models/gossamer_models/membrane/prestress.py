@@ -18,7 +18,7 @@ NEWTON_STEPS = 8
 TOLERANCE = 1e-11
 
 
-def prestress(equations: MembraneEquations, damage: ca.MX, p: SimpleNamespace) -> tuple[ca.MX, ca.MX]:
+def prestress(equations: MembraneEquations, damage: ca.MX, p: SimpleNamespace) -> tuple[ca.MX, ca.MX, ca.MX]:
     r"""Write the in-plane equilibrium with damaged zones.
 
     Parameters
@@ -36,6 +36,8 @@ def prestress(equations: MembraneEquations, damage: ca.MX, p: SimpleNamespace) -
         Displacements [m] from the homogeneous stretch; not a number where a force stays above ``TOLERANCE``.
     casadi.MX, scalar
         Largest :math:`\rho c^2` [Pa] there.
+    casadi.MX, scalar
+        Twice the largest principal Green-Lagrange strain [1] there.
 
     Notes
     -----
@@ -45,8 +47,9 @@ def prestress(equations: MembraneEquations, damage: ca.MX, p: SimpleNamespace) -
     in_plane = [3 * k + axis for k in range(equations.n_q // 3) for axis in (0, 1)]
     symbols = [ca.MX.sym("q", equations.n_q), ca.MX.sym("damage", damage.numel()), ca.MX.sym("p", len(PARAMETERS))]
     q, d, vector = symbols
-    f, _ = equations.force_expression(q, d, 0.0, by_name(PARAMETERS, vector))
-    K = equations.tangent(q, d, 0.0, vector)[in_plane, in_plane]
+    named = by_name(PARAMETERS, vector)
+    f, *_ = equations.force_expression(q, d, 0.0, named)
+    K = equations.tangent_expression(q, d, 0.0, named, axes=2)
     q_next = q + 0.0
     q_next[in_plane] += ca.solve(K, f[in_plane], "ldl")
     newton = ca.Function("newton", symbols, [q_next])
@@ -54,6 +57,6 @@ def prestress(equations: MembraneEquations, damage: ca.MX, p: SimpleNamespace) -
     q = ca.MX.zeros(equations.n_q)
     for _ in range(NEWTON_STEPS):
         q = newton(q, damage, in_order(PARAMETERS, vars(p)))
-    f, wave = equations.force_expression(q, damage, 0.0, p)
+    f, wave, strain = equations.force_expression(q, damage, 0.0, p)
     scale = p.youngs_modulus * p.thickness * p.side_length / equations.mesh.elements_per_side * stretch(p) ** 3
-    return ca.if_else(ca.norm_inf(f) <= TOLERANCE * scale, q, float("nan")), wave
+    return ca.if_else(ca.norm_inf(f) <= TOLERANCE * scale, q, float("nan")), wave, strain

@@ -54,7 +54,7 @@ def static_deflection(
     p = params.vector()
 
     def system(q: Vector, load: float) -> tuple[Vector, scipy.sparse.csc_matrix]:
-        f, _ = equations.force(q, damage, load, p)
+        f = equations.force(q, damage, load, p)
         return np.asarray(f).ravel(), -equations.tangent(q, damage, load, p).sparse()
 
     q = np.zeros(equations.n_q)

@@ -1,6 +1,6 @@
 r"""Strain of a material line along y, which the sensors read.
 
-Symbols: ``x`` node positions in units of two element sizes [1], ``F`` deformation gradient [1]; its second column
+Symbols: ``x`` node positions in units of the size of an element [1], ``F`` deformation gradient [1]; its second column
 :math:`\partial x/\partial Y` is what a unit line along y has become. The points are those of
 Section 7.5 of the thesis, where the normal strain along y is measured.
 """
@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from .element import MODES, modes
-from .mesh import SquareMesh, dofs
+from .mesh import SquareMesh
 
 # fractions of the side along x and y; (0.2, 0.2), (0.4, 0.2), (0.2, 0.4), (0.4, 0.4) m of the prestressed 0.6 m square
 SENSOR_POINTS = ((1 / 3, 1 / 3), (2 / 3, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 2 / 3))
@@ -18,12 +17,11 @@ SENSOR_POINTS = ((1 / 3, 1 / 3), (2 / 3, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 2 / 3))
 
 def deformation_gradient_expression(mesh: SquareMesh, x: ca.MX, point: tuple[float, float]) -> ca.MX:
     """Write the deformation gradient [1], shape (3, 2), at a material point given by fractions of the side."""
-    element, (s, t) = mesh.locate(point)
-    _, dH = modes(s, t)
-    return ca.reshape(x[dofs(mesh.elements[element]).tolist()], 3, 4) @ ca.DM(MODES @ dH)
+    slopes = ca.vertcat(*(mesh.interpolation([point], axis) for axis in "xy"))
+    return ca.mtimes(ca.reshape(x, 3, -1), slopes.T)
 
 
 def sensor_strains_expression(mesh: SquareMesh, x: ca.MX) -> ca.MX:
     r"""Write the nominal strains :math:`|\partial x/\partial Y| - 1` [1] that strain gauges along y read, shape (4,)."""
-    lines = [deformation_gradient_expression(mesh, x, point)[:, 1] for point in SENSOR_POINTS]
-    return ca.vertcat(*(ca.sqrt(ca.dot(line, line)) for line in lines)) - 1.0
+    lines = ca.mtimes(mesh.interpolation(SENSOR_POINTS, "y"), ca.reshape(x, 3, -1).T)
+    return ca.sqrt(ca.sum2(lines**2)) - 1.0
