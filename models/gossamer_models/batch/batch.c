@@ -27,8 +27,6 @@
 #endif
 
 #define MAX_INTERNAL_STEPS 100000.0
-#define DONE 0
-#define NO_MEMORY 1
 
 /* An input that varies in time. */
 typedef struct {
@@ -168,13 +166,12 @@ static void run_block(const Run *run, Block *b, int64_t first) {
   store(run->y, b->y[now], N_Y, row, used);
 }
 
+/* Bytes of memory that run_blocks needs, of any alignment. */
+EXPORT int64_t memory_size(void) { return sizeof(Block) + sizeof(lanes); }
+
 /* Run the blocks of eight cases from number begin up to, not including, number end. */
-EXPORT int run_blocks(const Run *run, int64_t begin, int64_t end) {
-  char *memory = malloc(sizeof(Block) + sizeof(lanes));
-  if (!memory) return NO_MEMORY;
-  Block *b = (Block *)(((uintptr_t)memory + sizeof(lanes) - 1) / sizeof(lanes) * sizeof(lanes));
-  memset(b, 0, sizeof(Block));
+EXPORT void run_blocks(const Run *run, char *memory, int64_t begin, int64_t end) {
+  uintptr_t address = (uintptr_t)memory + sizeof(lanes) - 1;
+  Block *b = (Block *)(address - address % sizeof(lanes));
   for (int64_t i = begin; i < end; i++) run_block(run, b, i * LANES);
-  free(memory);
-  return DONE;
 }

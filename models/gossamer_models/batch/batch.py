@@ -153,16 +153,20 @@ class Batch:
 
 
 def _compiled(model: StepModel, results: Sequence[str]) -> Kernel | None:
+    """Return the compiled kernel, or None and a warning where there is none."""
+    slow = "the cases of model '%s' run one after the other, some tens of times as slow as compiled: %s"
     if not has_compiler():
         log.warning(
-            "the cases of model '%s' run one after the other, because the compiler ziglang is not installed; with it they "
-            "are some hundred times as fast. Install it with make, or: pip install -e '.[native]'",
-            model.name,
+            slow, model.name, "the compiler ziglang is missing. Install it with make, or: pip install -e '.[native]'"
         )
         return None
-    parts = [model.digest, *results, *(code.own_sources().values()), str(code.MAX_EXPANDED)]
+    parts = [model.digest, *results, *code.own_sources().values(), code.MAX_EXPANDED]
     key = hashlib.sha256(repr(parts).encode()).hexdigest()
-    return Kernel(library(key, lambda: code.sources(model, results), f"model '{model.name}'"))
+    try:
+        return Kernel(library(key, lambda: code.sources(model, results), f"model '{model.name}'"))
+    except RuntimeError as error:  # an operation that lanes.h does not know
+        log.warning(slow, model.name, error)
+        return None
 
 
 def _require(model: StepModel, names: Sequence[str], known: Sequence[str], what: str) -> None:

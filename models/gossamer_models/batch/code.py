@@ -22,7 +22,7 @@ import casadi as ca
 
 from ..step_model import StepModel
 
-MAX_EXPANDED = 40_000
+MAX_EXPANDED = 100_000  # half a minute of compiling
 
 
 def sources(model: StepModel, results: Sequence[str]) -> dict[str, bytes]:
@@ -108,6 +108,7 @@ _SELECT = re.compile(rf"(=\s*)\(({_VALUE})\?({_VALUE}):0\)")
 _LOOK_UP = re.compile(r"\{ i=\(int\) \*cr\+\+; \*rr = i>=0 && i<(\d+) \? (\w+)\[i\] : casadi_nan; \}")
 _ARGUMENT = re.compile(r"(arg\[\d+\])\s*\?\s*(arg\[\d+\]\[\d+\])\s*:\s*0;")
 _CONSTANTS = re.compile(r"static const casadi_real (casadi_c\d+)\[(\d+)\] =\s*(\{[^}]*\});")
+_FACTORS = re.compile(r"(casadi_real lt\[\d+\], d\[\d+\], w\[\d+\];)")  # too large for the stack of a thread
 _SIGN = re.compile(r"casadi_real casadi_sign\(casadi_real x\) \{[^}]*\}")
 
 
@@ -118,6 +119,7 @@ def _safe_for_lanes(code: str) -> str:
     code = _SELECT.sub(r"\1where_holds(\2, \3)", code)
     code = _LOOK_UP.sub(r"*rr = looked_up(\2, \1, *cr++);", code)
     code = _ARGUMENT.sub(r"\1 ? \2 : (lanes)(0.0);", code)
+    code = _FACTORS.sub(r"static _Thread_local \1", code)
     code = _SIGN.sub("casadi_real casadi_sign(casadi_real x) { return lanes_sign(x); }", code)
     return _CONSTANTS.sub(_spread, code)
 

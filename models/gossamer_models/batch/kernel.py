@@ -90,8 +90,11 @@ class Kernel:
                 "Make the Batch on this machine."
             )
             raise StateError(msg)
-        self._function = ctypes.CDLL(str(self._file)).run_blocks
-        self._function.argtypes = (ctypes.POINTER(_Run), ctypes.c_int64, ctypes.c_int64)
+        library = ctypes.CDLL(str(self._file))
+        self._run_blocks, memory_size = library.run_blocks, library.memory_size
+        self._run_blocks.argtypes = (ctypes.POINTER(_Run), ctypes.c_char_p, ctypes.c_int64, ctypes.c_int64)
+        self._run_blocks.restype, memory_size.restype = None, ctypes.c_int64
+        self._memory_size = memory_size()
 
     def __getstate__(self) -> tuple[Path, str]:
         return self._file, self._processor
@@ -101,32 +104,31 @@ class Kernel:
         self._open()
 
     def run(self, task: Task, workers: int) -> None:
-        """Fill the arrays of a run, blocks of eight cases in parallel threads.
-
-        Raises
-        ------
-        MemoryError
-            There is no memory for a block.
-        """
+        """Fill the arrays of a run, blocks of eight cases in parallel threads; an interrupt waits for one block each."""
         cases = len(task.x)
-        records = (_Record * max(1, len(task.records)))(
+        records = (_Record * len(task.records))(
             *(_Record(place, 0 if len(values) == 1 else task.steps, _at(values)) for place, values in task.records)
         )
         arrays = (_at(a) for a in (task.p, task.u, task.x, task.y, task.initial, task.results))
         run = _Run(cases, task.steps, task.every, len(task.records), task.starts, task.h, records, *arrays)
-        blocks = -(-cases // LANES)
+        blocks = iter(range(-(-cases // LANES)))
 
-        def block(i: int) -> None:  # without the interpreter's lock
-            if self._function(ctypes.byref(run), i, i + 1):
-                msg = "no memory for a block of eight cases. Use fewer workers."
-                raise MemoryError(msg)
+        def work() -> None:
+            memory = ctypes.create_string_buffer(self._memory_size)
+            for i in blocks:  # shared by the threads
+                self._run_blocks(ctypes.byref(run), memory, i, i + 1)  # without the interpreter's lock
 
-        if workers == 1 or blocks == 1:
-            for i in range(blocks):
-                block(i)
-        else:
-            with ThreadPoolExecutor(min(workers, blocks)) as pool:
-                list(pool.map(block, range(blocks)))
+        threads = min(workers, len(range(0, cases, LANES)))
+        if threads == 1:
+            work()
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            try:
+                for each in [pool.submit(work) for _ in range(threads)]:
+                    each.result()
+            finally:
+                for _ in blocks:  # after an interrupt: leave the others nothing to do
+                    pass
 
 
 def _at(array: Cube) -> ctypes._Pointer[ctypes.c_double]:
