@@ -1,11 +1,11 @@
 r"""The membrane element: the one place where its forces are written.
 
-Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1] from -1/2 to 1/2, ``N`` shape functions [1] and ``D_s``, ``D_t``
-their parent derivatives at the quadrature points, ``w`` weights of the points [1], ``J`` Jacobian of the reference map,
-``F`` deformation gradient (3 x 2), ``e`` twice the Green-Lagrange strain, ``S`` second and ``P`` first Piola-Kirchhoff
-stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu`` Poisson's ratio [1], ``D`` = E/(1 - nu^2). Lengths are in
-any one unit; forces are per thickness. Explicit steps, statics, implicit steps and frequencies all evaluate these
-expressions or their derivatives.
+Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1] from -1/2 to 1/2, ``N`` shape functions [1] and
+``D_s``, ``D_t`` their parent derivatives at the quadrature points, ``w`` weights of the points [1], ``J`` determinant of the
+reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the Green-Lagrange strain, ``S`` second and ``P`` first
+Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu`` Poisson's ratio [1], ``D`` =
+E/(1 - nu^2). Lengths are in any one unit; forces are per thickness. Explicit steps, statics, implicit steps and frequencies
+all evaluate these expressions or their derivatives.
 
 Matrices of small size, such as F, are NumPy arrays whose entries are CasADi matrices with a row per quadrature point and a
 column per element. So the same lines serve one element (SX) and, at a fraction of the cost in CasADi's virtual machine, all
@@ -50,7 +50,7 @@ class Element:
         Weights of the quadrature in the parent square [1].
     J : float or casadi.DM
         Determinant of the reference map [length^2], one number or one for every point.
-    J_inverse : ndarray of float or casadi.DM, shape (2, 2)
+    J_inverse : ndarray of objects: float or casadi.DM, shape (2, 2)
         Derivative of the parent coordinates by the reference coordinates [1/length], likewise.
     """
 
@@ -88,13 +88,10 @@ def make_element(order: int, X: Vector | None = None) -> Element:
     nodes, weights = lobatto_points(order + 1)
     points, weights = gauss_points(2) if order == 1 else (nodes, weights)
     value, slope = value_matrix(nodes, points), derivative_matrix(nodes, points)
-    I = np.eye(order + 1)
     grid = np.column_stack([np.tile(nodes, order + 1), np.repeat(nodes, order + 1)])
-    N = _operator(np.kron(I, value), np.kron(value, I))
-    D_s = _operator(np.kron(I, slope), np.kron(value, I))
-    D_t = _operator(np.kron(slope, I), np.kron(I, value))
-    J, J_inverse = (1.0, np.eye(2)) if X is None else _reference_map(X, D_s, D_t)
-    return Element(order, grid, N, D_s, D_t, np.kron(weights, weights), J, J_inverse)
+    N, D_s, D_t = _operator(value, value), _operator(slope, value), _operator(value, slope)
+    J, J_inverse = (1.0, _matrix([[1.0, 0.0], [0.0, 1.0]])) if X is None else _reference_map(X, D_s, D_t)
+    return Element(order, grid, N, D_s, D_t, np.outer(weights, weights).ravel(), J, J_inverse)
 
 
 def element_mass(element: Element) -> Vector:
@@ -154,8 +151,8 @@ def element_force(
 def element_force_function(element: Element) -> ca.Function:
     """Make ``f(x, E, nu, load) -> (f, wave, strain)`` for one element, as ``element_force``, in a form for compilation.
 
-    Three functions without branches, of which the middle one is a loop over the points: twice as fast as one expression, which
-    would hold the stresses of all points at once.
+    Three functions without branches, of which the middle one is a loop over the points: twice as fast as one expression,
+    which would hold the stresses of all points at once.
     """
     m, points = len(element.nodes), len(element.w)
     x = ca.SX.sym("x", 3 * m)
@@ -241,10 +238,11 @@ def _law_function(element: Element) -> ca.Function:
     return ca.Function("law", symbols, ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), wave, strain]))
 
 
-def _operator(*factors: Vector) -> Operator:
-    """Make an operator of its factors, leaving out those that change nothing."""
-    kept = [ca.sparsify(ca.DM(factor)) for factor in factors if not np.array_equal(factor, np.eye(len(factor)))]
-    return tuple(kept)
+def _operator(along_s: Vector, along_t: Vector) -> Operator:
+    """Make an operator from one along each side, shapes (points, nodes), leaving out a factor that changes nothing."""
+    I = np.eye(len(along_s))
+    factors = np.kron(I, along_s), np.kron(along_t, I)
+    return tuple(ca.sparsify(ca.DM(factor)) for factor in factors if not np.array_equal(factor, np.eye(len(factor))))
 
 
 def _reference_map(X: Vector, D_s: Operator, D_t: Operator) -> tuple[ca.DM, Matrix]:
@@ -267,8 +265,8 @@ def _apply_transposed(operator: Operator, x: Any) -> Any:  # noqa: ANN401
     return reduce(lambda value, factor: ca.mtimes(factor.T, value), reversed(operator), x)
 
 
-def _matrix(rows: list[list[Entry]]) -> Matrix:
-    """Make a matrix of CasADi matrices; NumPy by itself would look into them."""
+def _matrix(rows: Sequence[Sequence[Any]]) -> Matrix:
+    """Make a matrix of numbers or CasADi matrices; NumPy by itself would look into those."""
     matrix = np.empty((len(rows), len(rows[0])), dtype=object)
     for place in np.ndindex(matrix.shape):
         matrix[place] = rows[place[0]][place[1]]

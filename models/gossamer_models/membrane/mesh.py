@@ -1,8 +1,8 @@
 """A square of square elements, in units of its side.
 
-Symbols: ``n`` elements per side, ``m`` nodes of an element, ``i``, ``j`` nodes or elements along x and y, ``s``, ``t`` parent
-coordinates in an element [1]. Nodes, elements and the nodes of an element are numbered row by row from the corner nearest
-to the origin, x fastest, as are the damage zones of Section 7.1 of the thesis.
+Symbols: ``n`` elements per side, ``m`` nodes of an element, ``i``, ``j`` nodes or elements along x and y, ``s``, ``t``
+parent coordinates in an element [1]. Nodes, elements and the nodes of an element are numbered row by row from the corner
+nearest to the origin, x fastest, as are the damage zones of Section 7.1 of the thesis.
 """
 
 from __future__ import annotations

@@ -118,7 +118,8 @@ def membrane_model(elements_per_side: int = 4, order: int = 4, *, compiled: bool
 
     return StepModel.written(
         name="membrane",
-        description=f"Prestressed square membrane with damage zones, {elements_per_side} x {elements_per_side} elements of order {order}",
+        description="Prestressed square membrane with damage zones, "
+        f"{elements_per_side} x {elements_per_side} elements of order {order}",
         variables=(*PARAMETERS, *INPUTS, *OUTPUTS, *LOCALS),
         init=init,
         step=step,

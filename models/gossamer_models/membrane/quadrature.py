@@ -14,7 +14,7 @@ from ..arrays import Vector
 def gauss_points(n: int) -> tuple[Vector, Vector]:
     """Return nodes and weights of the Gauss-Legendre rule [1], shapes (n,); exact to degree 2 n - 1."""
     points, weights = legendre.leggauss(n)
-    return points / 2.0, weights / 2.0
+    return np.asarray(points / 2.0, dtype=np.float64), np.asarray(weights / 2.0, dtype=np.float64)
 
 
 def lobatto_points(n: int) -> tuple[Vector, Vector]:
@@ -30,7 +30,7 @@ def lobatto_points(n: int) -> tuple[Vector, Vector]:
     .. [1] M. Abramowitz, I. A. Stegun, Handbook of Mathematical Functions, National Bureau of Standards, 1964.
     """
     P = Legendre.basis(n - 1)
-    inner = np.sort(P.deriv().roots())
+    inner = np.sort(np.asarray(P.deriv().roots(), dtype=np.float64))
     points = np.concatenate([[-1.0], (inner - inner[::-1]) / 2.0, [1.0]])  # symmetric to the last bit
     return points / 2.0, 1.0 / (n * (n - 1) * P(points) ** 2)
 
