@@ -32,13 +32,14 @@ class Batch:
     Eight cases stand in the lanes of one vector, and the C code of the model's own ``init`` and ``step`` works on them with
     strict arithmetic: each case has the numbers that ``Stepper`` gives it up to the round-off of CasADi's own ways of
     writing an expression, and they do not depend on the other cases, their number or the number of workers. The code is
-    compiled once for each model and set of results, which may take half a minute, and kept in the user's cache folder.
+    compiled once for each model and set of results, in seconds, or half a minute for a fine mesh, and kept in the user's
+    cache folder.
     Without a compiler ``Stepper`` runs the cases one after the other; the log says so.
 
     Parameters
     ----------
     model : StepModel
-        Model. One with the option ``compiled`` runs faster with it where its code is long; see ``code.py``.
+        Model, created with ``compiled=True`` if it has that option.
     results : sequence of str
         Outputs and locals to record.
     inputs : sequence of str
