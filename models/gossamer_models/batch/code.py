@@ -67,11 +67,13 @@ def _with_results(function: ca.Function, rows: list[int]) -> ca.Function:
 
 
 def _expanded(function: ca.Function) -> ca.Function:
-    """Write a function as scalar operations, if that is possible and they are not too many."""
+    """Write a function as scalar operations, each once, if that is possible and they are not too many."""
     try:
         expanded = function.expand()
     except RuntimeError:
         return function
+    symbols = expanded.sx_in()
+    expanded = ca.Function(function.name(), symbols, ca.cse(expanded.call(symbols)))
     return expanded if expanded.n_instructions() <= MAX_EXPANDED else function
 
 
