@@ -37,12 +37,15 @@ class Cases:
         Quantities that vary, by name, in the unit of the membrane's table; ``noise`` is a factor [1].
     sensor_gain : ndarray, shape (n, 4)
         Ratio of a sensor's reading to the right one [1].
+    onset : ndarray, shape (n,)
+        When damage begins [s]; 0: it is there from the start.
     """
 
     numbers: Sequence[int]
     damage: Matrix
     varied: dict[str, Vector]
     sensor_gain: Matrix
+    onset: Vector
 
 
 def draw_cases(campaign: Campaign, numbers: Sequence[int]) -> Cases:
@@ -73,13 +76,15 @@ def draw_cases(campaign: Campaign, numbers: Sequence[int]) -> Cases:
     """
     vary = dict(sorted(campaign.vary.items()))
     gain = vary.pop(SENSOR_GAIN, Vary(range=(1.0, 1.0)))
-    u = unit_points(campaign, numbers, 1 + 2 * N_ZONES + SENSORS + len(vary))
-    count, order, depth, gains, rest = np.split(u, np.cumsum([1, N_ZONES, N_ZONES, SENSORS]), axis=1)
+    u = unit_points(campaign, numbers, 1 + 2 * N_ZONES + SENSORS + len(vary) + 1)
+    count, order, depth, gains, rest, when = np.split(u, np.cumsum([1, N_ZONES, N_ZONES, SENSORS, len(vary)]), axis=1)
+    first, last = campaign.damage.onset
     return Cases(
         numbers=numbers,
         damage=_listed(campaign, numbers) if campaign.damage.cases else _drawn(campaign, count, order, depth),
         varied={name: _spread(v, campaign.base(name), rest[:, i]) for i, (name, v) in enumerate(vary.items())},
         sensor_gain=_spread(gain, 1.0, gains),
+        onset=np.maximum(first + (last - first) * when[:, 0], 0.0),
     )
 
 

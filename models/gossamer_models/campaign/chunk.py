@@ -10,13 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Matrix
 from ..batch import Batch
+from ..compiler import has_compiler
 from ..membrane import membrane_model
-from .cases import SENSORS, draw_cases
+from ..membrane.mesh import N_ZONES
+from .cases import SENSORS, Cases, draw_cases
 from .chain import ChainKernels, chain_kernels, chain_models, run_chain
-from .description import NOISE, SENSOR_GAIN, Campaign
+from .description import NOISE, ONSET, SENSOR_GAIN, Campaign
 
 STRAINS = tuple(f"strain[{i}]" for i in range(1, SENSORS + 1))
+DAMAGES = tuple(f"damage[{z}]" for z in range(1, N_ZONES + 1))
 
 
 @dataclass(frozen=True)
@@ -48,11 +52,11 @@ def build_kernels(campaign: Campaign) -> Kernels:
     GossamerError
         A model or its artifact cannot be used.
     """
-    membrane = membrane_model(campaign.membrane.elements_per_side)
+    membrane = membrane_model(campaign.membrane.elements_per_side, campaign.membrane.order, compiled=has_compiler())
     chain = campaign.chain
     models = () if chain is None else chain_models(chain)
     return Kernels(
-        membrane=Batch(membrane, STRAINS),
+        membrane=Batch(membrane, STRAINS, DAMAGES if campaign.begins else ()),
         chain=None if chain is None else chain_kernels(chain, *models),
         digests={model.name: model.digest for model in (membrane, *models)},
     )
@@ -79,16 +83,33 @@ def run_chunk(campaign: Campaign, kernels: Kernels, chunk: int) -> dict[str, NDA
     """
     cases = draw_cases(campaign, campaign.numbers(chunk))
     varied = {name: value for name, value in cases.varied.items() if name != NOISE}
-    start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **varied, "damage": cases.damage}
-    run = kernels.membrane.run(campaign.steps, campaign.step, start)
+    start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **varied, "damage": _damage_at(0.0, cases)}
+    run = kernels.membrane.run(campaign.steps, campaign.step, start, _damage_histories(campaign, cases))
     histories, failed = {"strain": run.results}, run.failed
     if kernels.chain is not None:
         more, broken = run_chain(campaign, kernels.chain, cases, run.results)
         histories, failed = histories | more, failed | broken
     return {
         "damage": cases.damage,
+        **({ONSET: cases.onset} if campaign.begins else {}),
         SENSOR_GAIN: cases.sensor_gain,
         **cases.varied,
         "failed": failed,
         **{name: np.where(failed[:, None, None], np.nan, h).astype(np.float32) for name, h in histories.items()},
     }
+
+
+def _damage_at(time: float, cases: Cases) -> Matrix:
+    """Return the damage [1] that is there at a time [s], shape (n, 16)."""
+    return np.where(cases.onset[:, None] <= time, cases.damage, 0.0)
+
+
+def _damage_histories(campaign: Campaign, cases: Cases) -> dict[str, ArrayLike]:
+    """Return the damage of each zone over the steps, shape (n, T), where it begins within the run."""
+    if not campaign.begins:
+        return {}
+    ends = campaign.step * np.arange(1, campaign.steps + 1)
+    there = (
+        ends > cases.onset[:, None] + 1e-6 * campaign.step
+    )  # from the first step that begins then or later, or holds it
+    return {name: np.where(there, cases.damage[:, [zone]], 0.0) for zone, name in enumerate(DAMAGES)}

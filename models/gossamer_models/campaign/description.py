@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Literal
 
-from ..membrane.mesh import N_ZONES, ZONES_PER_SIDE
+from ..membrane.mesh import MAX_ORDER, N_ZONES, ZONES_PER_SIDE
 from ..membrane.model import INPUTS
 from ..membrane.params import PARAMETERS
 from ..variables import Variable
@@ -21,6 +21,7 @@ MOST_STEPS = 1_000_000
 MOST_CASES_PER_CHUNK = 4096
 DEEPEST = 0.95  # largest damage that the membrane takes [1]
 SENSOR_GAIN, NOISE = "sensor_gain", "noise"  # what can vary and is no variable of the membrane
+ONSET = "onset"
 SETTABLE: dict[str, Variable] = {v.name: v for v in (*PARAMETERS, *INPUTS) if not v.name.startswith("damage[")}
 
 
@@ -36,7 +37,8 @@ class Mesh:
         Parameters and constant inputs by name; the others keep their start values.
     """
 
-    elements_per_side: int = 8
+    elements_per_side: int = 4
+    order: int = 4
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -46,6 +48,9 @@ class Mesh:
                 f"'elements_per_side' is {self.elements_per_side}. Write a multiple of {ZONES_PER_SIDE}: 4, 8, 12, ..."
             )
             mistakes.append(Mistake(("elements_per_side",), text))
+        if not 1 <= self.order <= MAX_ORDER:
+            text = f"'order' is {self.order}. Write 1 for bilinear elements, or 2 to {MAX_ORDER} for spectral ones."
+            mistakes.append(Mistake(("order",), text))
         raise_any(mistakes)
 
 
@@ -63,15 +68,19 @@ class Damage:
         Share of cases without damage [1].
     cases : tuple of dict
         In place of these: damage [1] by zone, 1 to 16, for every case; longer campaigns go through the list again.
+    onset : tuple of float
+        Range of the time [s] at which all damage of a case begins, uniform; before 0 it is there from the start.
     """
 
     zones: tuple[int, int] = (1, 4)
     depth: Pair = (0.05, 0.5)
     healthy: float = 0.0
     cases: tuple[dict[int, float], ...] = ()
+    onset: Pair = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         mistakes = [*disordered("zones", self.zones, 0, N_ZONES), *disordered("depth", self.depth, 0.0, DEEPEST)]
+        mistakes += disordered("onset", self.onset, -math.inf, math.inf)
         if not 0.0 <= self.healthy <= 1.0:
             mistakes.append(Mistake(("healthy",), f"'healthy' is {self.healthy:g}. Write a share from 0 to 1."))
         for i, case in enumerate(self.cases):
@@ -79,7 +88,9 @@ class Damage:
                 if not (1 <= zone <= N_ZONES and 0.0 <= value <= DEEPEST):
                     text = f"damage {value:g} in zone {zone}: zones are 1 to {N_ZONES}, damages 0 to {DEEPEST:g}."
                     mistakes.append(Mistake(("cases", i), text))
-        drawn = [row for row in fields(self) if row.name != "cases" and getattr(self, row.name) != row.default]
+        drawn = [
+            row for row in fields(self) if row.name not in ("cases", "onset") and getattr(self, row.name) != row.default
+        ]
         if self.cases and drawn:
             text = f"'cases' lists the damages, so {drawn[0].name!r} has no meaning. Remove one of them."
             mistakes.append(Mistake((drawn[0].name,), text))
@@ -226,6 +237,11 @@ class Campaign:
     def steps(self) -> int:
         """Number of samples of a history."""
         return round(self.stop / self.step)
+
+    @property
+    def begins(self) -> bool:
+        """Whether damage begins within the run in some cases."""
+        return self.damage.onset[1] > 0.0
 
     @property
     def chunks(self) -> int:

@@ -28,6 +28,7 @@ from .store import count_failed, create_store, missing_chunks, open_store, remov
 
 DEATHS = 3  # workers lost in a row, without a finished chunk between, after which a campaign stops
 SCHEDULER_PATIENCE = 10.0  # [s] for a scheduler to answer
+WORKER_PATIENCE = 60.0  # [s] for its first worker
 
 
 class CampaignStoppedError(GossamerError, RuntimeError):
@@ -225,11 +226,16 @@ def _on_cluster(task: Task, chunks: Sequence[int], scheduler: str) -> Iterator[i
     from distributed.comm.core import CommClosedError
 
     try:
-        client = Client(scheduler, timeout=SCHEDULER_PATIENCE, set_as_default=False)
+        client = Client(scheduler, timeout=SCHEDULER_PATIENCE)
     except (OSError, ValueError) as error:
         msg = f"there is no Dask scheduler at {scheduler}: {error}. Start one with 'dask scheduler'."
         raise CampaignStoppedError(msg) from error
     with client:
+        try:
+            client.wait_for_workers(1, timeout=WORKER_PATIENCE)
+        except TimeoutError as error:
+            msg = f"the Dask scheduler at {scheduler} has no workers. Start some with 'dask worker {scheduler}'."
+            raise CampaignStoppedError(msg) from error
         name = f"gossamer-{uuid.uuid4().hex}"
         try:
             futures = [client.submit(write_chunk, task, chunk, key=f"{name}-{chunk}", pure=False) for chunk in chunks]

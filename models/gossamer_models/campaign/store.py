@@ -26,7 +26,7 @@ from ..errors import DataError
 from ..membrane.mesh import N_ZONES
 from .cases import SENSORS
 from .chunk import Kernels
-from .description import NOISE, SENSOR_GAIN, SETTABLE, Campaign
+from .description import NOISE, ONSET, SENSOR_GAIN, SETTABLE, Campaign
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -97,7 +97,7 @@ def _open(path: Path, mode: Any) -> zarr.Group:  # noqa: ANN401
     try:
         group = zarr.open_group(path, mode=mode)
         schema, number = group.attrs["schema"], group.attrs["version"]
-    except (FileNotFoundError, KeyError, ValueError) as error:
+    except (FileNotFoundError, FileExistsError, KeyError, ValueError) as error:
         msg = f"{path} is not the store of a campaign. Name its folder, or another one for a new campaign."
         raise DataError(msg) from error
     if (schema, number) != (SCHEMA, VERSION):
@@ -179,6 +179,8 @@ def _variables(campaign: Campaign) -> dict[str, tuple[tuple[str, ...], str, str,
     }
     if NOISE in campaign.vary:
         varied[NOISE] = (("case",), "f8", "1", "Factor on the noise")
+    if campaign.begins:
+        varied[ONSET] = (("case",), "f8", "s", "When damage begins; 0: it is there from the start")
     histories = {"strain": (HISTORY, "f4", "1", "Strain of the membrane along y, prestrain included, without noise")}
     if campaign.chain is not None:
         histories["resistance"] = (HISTORY, "f4", "ohm", "Resistance without noise")

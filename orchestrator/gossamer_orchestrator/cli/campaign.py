@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -59,6 +60,7 @@ def campaign(
         speed = bar.tasks[0].speed
         bar.update(shown, completed=done, total=total, rate=f"{speed:.0f} per s" if speed else "starting")
 
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
     try:
         with model_errors():
             wanted, source = load_campaign(file)

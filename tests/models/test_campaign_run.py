@@ -1,0 +1,316 @@
+"""A campaign is run, killed, resumed and refused; its numbers never differ by a bit."""
+
+import json
+import multiprocessing
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gossamer_models import DataError, Stepper, simulate
+from gossamer_models.campaign import (
+    Campaign,
+    CampaignStoppedError,
+    Chain,
+    Damage,
+    Distribution,
+    Mesh,
+    Noise,
+    Vary,
+    measured_resistance,
+    measured_strain,
+    read_campaign,
+    run_campaign,
+)
+from gossamer_models.compensator import compensator_model
+from gossamer_models.membrane import membrane_model
+from gossamer_models.sensor import sensor_model
+
+pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
+
+SINGLE = 2.0**-23  # rounding of stored histories, relative
+TINY = Campaign(
+    cases=160,
+    seed=5,
+    stop=0.03,
+    chunk=4,
+    membrane=Mesh(elements_per_side=4, order=1),
+    vary={"pressure_amplitude": Vary(factor=(0.9, 1.1)), "sensor_gain": Vary(range=(0.98, 1.02))},
+    noise=Noise(strain=Distribution(uniform=(0.0, 0.02))),
+)
+SCRIPT = """
+import sys
+from pathlib import Path
+from campaign_under_test import TINY
+from gossamer_models.campaign import run_campaign
+
+if __name__ == "__main__":
+    run_campaign(TINY, Path(sys.argv[1]), workers=2, scheduler=sys.argv[2] if len(sys.argv) > 2 else None)
+"""
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Folder of the tiny campaign, run without a disturbance by one worker."""
+    path = tmp_path_factory.mktemp("whole") / "tiny.zarr"
+    run_campaign(TINY, path, workers=1)
+    return path
+
+
+@pytest.fixture
+def script(tmp_path):
+    """Start a script that runs the tiny campaign; it is ended with the test."""
+    (tmp_path / "run_tiny.py").write_text(SCRIPT)
+    (tmp_path / "campaign_under_test.py").write_text(f"from gossamer_models.campaign import *\n\nTINY = {TINY!r}\n")
+    started = []
+
+    def start(*arguments):
+        command = [sys.executable, str(tmp_path / "run_tiny.py"), *map(str, arguments)]
+        started.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def finished(path):
+    """Count the finished chunks in a store."""
+    folder = path / "finished" / "c"
+    return len([f for f in folder.iterdir() if not f.name.endswith(".partial")]) if folder.is_dir() else 0
+
+
+def wait_for(condition, seconds=60.0):
+    patience = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < patience, "nothing happened for too long"
+        time.sleep(0.002)
+
+
+def content(path):
+    """All files that hold numbers, by their place."""
+    files = {file.relative_to(path): file.read_bytes() for file in path.rglob("*") if file.is_file()}
+    return {place: data for place, data in files.items() if place.name != "zarr.json"}
+
+
+def test_a_stored_history_is_that_of_the_stepper(whole):
+    data = read_campaign(whole).isel(case=[0, 17, 159])
+    assert data["case"].to_numpy().tolist() == [0, 17, 159]
+    model = membrane_model(4, 1)
+    names = [f"strain[{i}]" for i in range(1, 5)]
+    for number in data["case"]:
+        case = data.sel(case=number)
+        stepper = Stepper(model, pressure_amplitude=float(case["pressure_amplitude"]))
+        for zone in case["zone"].to_numpy():
+            stepper.set(f"damage[{zone}]", float(case["damage"].sel(zone=zone)))
+        stepper.initialize()
+        history = simulate(stepper, np.full(100, TINY.step), {}, names)
+        assert case["strain"].to_numpy() == pytest.approx(np.array(list(history.values())), rel=SINGLE)
+    assert data["time"].to_numpy() == pytest.approx(TINY.step * np.arange(1, 101), rel=1e-15)
+
+
+def test_what_is_stored_says_what_it_is(whole):
+    data = read_campaign(whole)
+    assert dict(data.sizes) == {"case": 160, "sensor": 4, "time": 100, "zone": 16}
+    assert data["pressure_amplitude"].attrs["units"] == "Pa"
+    assert data["strain"].dtype == np.float32
+    assert json.loads(data.attrs["campaign"])["seed"] == 5
+    assert not data["failed"].any()
+
+
+def test_workers_chunks_and_their_order_leave_no_trace(whole, tmp_path):
+    run_campaign(TINY, tmp_path / "a.zarr", workers=2)
+    assert content(tmp_path / "a.zarr") == content(whole)
+    run_campaign(replace(TINY, chunk=37, cases=100), tmp_path / "b.zarr", workers=1)
+    some = read_campaign(tmp_path / "b.zarr")
+    assert some.equals(read_campaign(whole).isel(case=slice(100)))
+
+
+def test_a_campaign_killed_half_way_goes_on_to_the_same_bits(whole, script, tmp_path):
+    path = tmp_path / "killed.zarr"
+    process = script(path)
+    wait_for(lambda: finished(path) >= 5)
+    process.kill()  # its workers end with it
+    process.wait()
+    begun = finished(path)
+    assert begun < TINY.chunks
+    part = read_campaign(path)
+    assert 0 < part.sizes["case"] < 160
+    assert part.equals(read_campaign(whole).sel(case=part["case"]))
+    summary = run_campaign(TINY, path, workers=2)
+    assert 0 < summary.simulated <= 160 - 4 * begun
+    assert content(path) == content(whole)
+
+
+def test_a_half_written_chunk_is_run_again(whole, tmp_path):
+    path = shutil.copytree(whole, tmp_path / "half.zarr")
+    for name in ("finished/c/3", "strain/c/3/0/0"):
+        (path / name).unlink()
+    (path / "strain/c/3/0/0.0123.partial").write_bytes(b"half")
+    assert 12 not in read_campaign(path)["case"].to_numpy()
+    assert run_campaign(TINY, path, workers=1).simulated == 4
+    assert content(path) == content(whole)
+
+
+def test_a_worker_that_dies_is_replaced(whole, tmp_path):
+    path = tmp_path / "worker.zarr"
+
+    def kill_once(done, total):
+        if done >= 20 and not killed:
+            killed.append(multiprocessing.active_children()[0])
+            killed[0].kill()
+
+    killed = []
+    run_campaign(TINY, path, workers=2, progress=kill_once)
+    assert killed
+    assert content(path) == content(whole)
+
+
+def test_ctrl_c_keeps_what_is_finished(whole, script, tmp_path):
+    path = tmp_path / "interrupted.zarr"
+    process = script(path)
+    wait_for(lambda: finished(path) >= 3)
+    os.killpg(process.pid, signal.SIGINT)
+    errors = process.communicate(timeout=30)[1]
+    assert process.returncode != 0
+    assert errors.count("Traceback") == 1  # that of the script, none of a worker
+    part = read_campaign(path)
+    assert part.equals(read_campaign(whole).sel(case=part["case"]))
+
+
+def test_the_store_of_another_campaign_is_refused_with_the_difference(whole):
+    other = replace(TINY, seed=6, vary={**TINY.vary, "pressure_amplitude": Vary(factor=(0.8, 1.1))})
+    with pytest.raises(DataError, match="holds another campaign") as refused:
+        run_campaign(other, whole)
+    for difference in ("seed: 5 there, 6 here", "vary.pressure_amplitude.factor: [0.9, 1.1] there, [0.8, 1.1] here"):
+        assert difference in str(refused.value)
+    assert "Name another folder with --out" in str(refused.value)
+
+
+def test_a_title_makes_no_other_campaign(whole):
+    assert run_campaign(replace(TINY, title="the same"), whole).simulated == 0
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [("version", 2, "holds 'gossamer.campaign' version 2"), ("schema", "images", "holds 'images' version 1")],
+)
+def test_a_store_of_another_version_is_refused(whole, tmp_path, key, value, message):
+    path = shutil.copytree(whole, tmp_path / "old.zarr")
+    card = json.loads((path / "zarr.json").read_text())
+    card["attributes"][key] = value
+    (path / "zarr.json").write_text(json.dumps(card))
+    with pytest.raises(DataError, match=message):
+        read_campaign(path)
+    with pytest.raises(DataError, match=message):
+        run_campaign(TINY, path)
+
+
+def test_numbers_of_another_version_of_gossamer_are_not_continued(whole, tmp_path):
+    path = shutil.copytree(whole, tmp_path / "old.zarr")
+    card = json.loads((path / "zarr.json").read_text())
+    card["attributes"]["identity"]["gossamer"] = "0.0.1"
+    (path / "zarr.json").write_text(json.dumps(card))
+    with pytest.raises(DataError, match=r"gossamer: 0\.0\.1 there"):
+        run_campaign(TINY, path)
+
+
+def test_what_is_no_store_is_refused(tmp_path):
+    (tmp_path / "file").write_text("text")
+    for path in (tmp_path, tmp_path / "file"):
+        with pytest.raises(DataError, match="is not the store of a campaign"):
+            run_campaign(TINY, path)
+    with pytest.raises(DataError, match="is not the store of a campaign"):
+        read_campaign(tmp_path / "nowhere")
+
+
+def test_a_folder_that_cannot_be_made_is_said(tmp_path):
+    (tmp_path / "file").write_text("text")
+    with pytest.raises(OSError, match="File exists"):
+        run_campaign(TINY, tmp_path / "file" / "tiny.zarr")
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_folder_is_said(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(PermissionError):
+        run_campaign(TINY, tmp_path / "tiny.zarr")
+
+
+def test_a_full_disk_is_said_and_finished_chunks_stay(whole, tmp_path, monkeypatch):
+    resource = pytest.importorskip("resource", reason="limits of a process are a matter of Unix")
+    path, most = tmp_path / "full.zarr", 2 * max(len(data) for data in content(whole).values())
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    long = replace(TINY, stop=0.3, cases=8)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, limits[1]))  # a history does not fit, all else does
+    try:
+        with pytest.raises(CampaignStoppedError, match=r"full\.zarr: File too large\. Finished chunks are kept"):
+            run_campaign(long, path, workers=1)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert finished(path) == 0
+    assert read_campaign(path).sizes["case"] == 0
+    assert run_campaign(long, path, workers=1).simulated == 8
+
+
+def test_a_case_that_breaks_is_marked_and_harms_no_other(tmp_path):
+    """A sensor that rests beyond full scale, a strain of 0.5, has no state."""
+    prestrain = {"edge_displacement": Vary(range=(0.1, 0.2))}
+    summary = run_campaign(replace(TINY, cases=8, chain=Chain(), vary=prestrain), tmp_path / "wild.zarr", workers=1)
+    data = read_campaign(tmp_path / "wild.zarr")
+    assert (data["failed"] == (data["edge_displacement"] / 0.294 > 0.5)).all()
+    assert 0 < summary.failed == int(data["failed"].sum()) < 8
+    for history in ("strain", "resistance", "compensated_strain"):
+        assert (data[history].isnull().any(("sensor", "time")) == data["failed"]).all()
+
+
+def test_noise_is_a_function_of_seed_case_and_draw(whole):
+    data = read_campaign(whole)
+    once, fresh = measured_strain(data), measured_strain(data, draw=1)
+    assert once.equals(measured_strain(data))
+    assert once.isel(case=[7, 3]).equals(measured_strain(data.isel(case=[7, 3])))
+    noise = (once - data["sensor_gain"] * data["strain"]).to_numpy()
+    assert -1e-7 < noise.min() < 1e-5
+    assert 0.02 - 1e-5 < noise.max() < 0.02 + 1e-7
+    assert noise.mean() == pytest.approx(0.01, abs=4 * 0.02 / np.sqrt(12 * noise.size))
+    other = (fresh - data["sensor_gain"] * data["strain"]).to_numpy()
+    assert abs(np.corrcoef(noise.ravel(), other.ravel())[0, 1]) < 4 / np.sqrt(noise.size)
+
+
+def test_a_campaign_without_chain_has_no_resistance(whole):
+    with pytest.raises(DataError, match=r"has no resistance. Add \[chain\]"):
+        measured_resistance(read_campaign(whole))
+
+
+def test_the_chain_is_that_of_the_steppers(tmp_path):
+    asked = replace(
+        TINY,
+        cases=3,
+        stop=0.015,
+        chain=Chain(),
+        damage=Damage(zones=(1, 1)),
+        noise=Noise(resistance=Distribution(normal=1e-3)),
+        vary={"sensor_gain": Vary(range=(0.9, 1.1)), "edge_displacement": Vary(factor=(0.9, 1.1))},
+    )
+    run_campaign(asked, tmp_path / "chain.zarr", workers=1)
+    data = read_campaign(tmp_path / "chain.zarr")
+    case, steps, change = data.isel(case=1, sensor=2), np.full(50, TINY.step), 100.0
+    own, assumed = float(case["edge_displacement"]) / 0.294, 0.006 / 0.294
+    sensor = Stepper(sensor_model(), rest_strain=own)
+    sensor.set("full_scale_resistance_change", change * float(case["sensor_gain"]))
+    sensor.initialize()
+    resistance = simulate(sensor, steps, {"strain": case["strain"].to_numpy()}, ["resistance"])["resistance"]
+    assert case["resistance"].to_numpy() == pytest.approx(resistance, rel=1e-5)
+    compensator = Stepper(compensator_model(), rest_strain=assumed)
+    compensator.initialize()
+    measured = measured_resistance(data).isel(case=1, sensor=2).to_numpy()
+    strain = simulate(compensator, steps, {"resistance": measured}, ["strain"])["strain"]
+    assert case["compensated_strain"].to_numpy() == pytest.approx(strain, abs=1e-5)
+    noise = (measured_resistance(data) - data["resistance"]).to_numpy()
+    assert noise.std() == pytest.approx(0.001 * change, rel=4 / np.sqrt(2 * noise.size))
