@@ -55,11 +55,11 @@ class MembraneEquations:
         self.element = make_element(order)
         self.n_q = 3 * mesh.interior.size
         self._units_per_side = float(elements_per_side)
-        interior_of = np.full(3 * len(mesh.nodes), -1)
+        interior_of = np.full(3 * len(mesh.nodes), self.n_q)
         interior_of[dofs(mesh.interior)] = np.arange(self.n_q)
         # element by element: x of its nodes, y, z
         self._place = (3 * mesh.elements[:, None, :] + np.arange(3)[:, None]).reshape(len(mesh.elements), -1)
-        self._row = interior_of[self._place]  # place in q of each element force, -1 where the edge holds it
+        self._row = interior_of[self._place]  # place in q of each element force, n_q where the edge holds it
 
     def positions(self, q: ca.MX, p: SimpleNamespace) -> ca.MX:
         """Return the positions of all nodes from the centre in units of the size of an element [1], shape (3 nodes,)."""
@@ -90,9 +90,7 @@ class MembraneEquations:
         else:
             positions = ca.vertsplit(x, len(self.element.nodes))
             f, wave, strain = ca.cse([*element_force(positions, self.element, E, nu, load)])
-        free = np.flatnonzero(self._row.reshape(-1) >= 0)
-        gather = _selection(self._row.reshape(-1)[free], free, (self.n_q, self._row.size))
-        return scale * ca.mtimes(gather, ca.vec(f)), ca.mmax(wave), ca.mmax(strain)
+        return scale * _sum_at(self._row.reshape(-1), ca.vec(f), self.n_q), ca.mmax(wave), ca.mmax(strain)
 
     @cached_property
     def force(self) -> ca.Function:
@@ -113,7 +111,7 @@ class MembraneEquations:
         tangent = element_tangent_function(self.element, axes).map(n, "serial")
         blocks = tangent(x, E, ca.repmat(nu, 1, n), ca.repmat(load, 1, n))
         row = self._row[:, :size]
-        row = np.where(row >= 0, row // 3 * axes + row % 3, -1)
+        row = row // 3 * axes + row % 3
         return -scale * self._units_per_side / p.side_length * self._assemble(blocks, row, self.n_q * axes // 3)
 
     @cached_property
@@ -139,7 +137,8 @@ class MembraneEquations:
         block = element_mass(self.element)[np.ix_(by_axis, by_axis)]
         blocks = np.tile(block, len(self.mesh.elements))
         unit = p.side_length / self._units_per_side
-        return p.density * p.thickness * unit**2 * self._assemble(ca.DM(blocks), self._row, self.n_q).sparse()
+        mass = ca.evalf(self._assemble(ca.MX(ca.DM(blocks)), self._row, self.n_q))
+        return p.density * p.thickness * unit**2 * mass.sparse()
 
     def _symbols(self) -> tuple[list[ca.MX], tuple[ca.MX, ca.MX, ca.MX, SimpleNamespace]]:
         """Make the arguments of a function: as vectors, and with the parameters by name."""
@@ -156,17 +155,19 @@ class MembraneEquations:
         unit = p.side_length / self._units_per_side
         return x, E, p.poisson_ratio, pressure * unit / p.thickness, unit * p.thickness
 
-    def _assemble(self, blocks: ca.MX | ca.DM, rows: NDArray[np.int64], size: int) -> ca.MX | ca.DM:
+    def _assemble(self, blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
         """Sum square matrices of all elements, side by side, into a sparse matrix, shape (size, size)."""
         n, m = rows.shape
         row = np.repeat(rows.reshape(n, 1, m), m, axis=1).reshape(-1)  # CasADi stores column by column
         column = np.repeat(rows.reshape(n, m, 1), m, axis=2).reshape(-1)
-        free = np.flatnonzero((row >= 0) & (column >= 0))
-        key, place = np.unique(column[free] * size + row[free], return_inverse=True)
+        held = (row == size) | (column == size)
+        key, place = np.unique(np.where(held, size**2, column * size + row), return_inverse=True)
+        key = key[key < size**2]
         pattern = ca.Sparsity.triplet(size, size, (key % size).tolist(), (key // size).tolist())
-        return type(blocks)(pattern, ca.mtimes(_selection(place, free, (key.size, row.size)), ca.vec(blocks)))
+        return ca.MX(pattern, _sum_at(place, ca.vec(blocks), key.size))
 
 
-def _selection(row: NDArray[np.int64], column: NDArray[np.int64], shape: tuple[int, int]) -> ca.DM:
-    """Make a sparse matrix of ones that adds up chosen entries of a vector."""
-    return ca.DM(ca.Sparsity.triplet(*shape, row.tolist(), column.tolist()), 1.0)
+def _sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
+    """Sum values at their places, shape (size,), and leave out those at place ``size``: the transpose of indexing."""
+    x = ca.MX.sym("x", size + 1)
+    return ca.jtimes(x[places.tolist()], x, values, True)[:size]

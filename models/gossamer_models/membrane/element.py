@@ -143,9 +143,9 @@ def element_force(
     .. [2] K. Schweizerhof, E. Ramm, Computers & Structures 18(6), 1099-1114, 1984, doi:10.1016/0045-7949(84)90154-8.
     """
     n = x[0].shape[1]
-    w, E = ca.repmat(ca.DM(element.w), 1, n), ca.repmat(modulus, len(element.w), 1)
-    P, load, wave, strain = _points(_tangents(x, element), element, w, E, poisson_ratio, pressure_over_thickness)
-    return _balance(P, load, element), wave, strain
+    w, D = ca.repmat(ca.DM(element.w), 1, n), ca.repmat(modulus / (1.0 - poisson_ratio**2), len(element.w), 1)
+    P, load, wave, strain = _points(_tangents(x, element), element, w, D, poisson_ratio, pressure_over_thickness)
+    return _balance(P, load, element), D * wave, strain
 
 
 def element_force_function(element: Element) -> ca.Function:
@@ -163,8 +163,9 @@ def element_force_function(element: Element) -> ca.Function:
     balance = ca.Function("balance", [P, load], [_balance(rows, [load[i, :].T for i in range(3)], element)])
     positions, E, nu, pressure = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("E"), ca.MX.sym("nu"), ca.MX.sym("load")]
     all_points = law.map(points, [False, False, True, True, True])
-    P, load, wave, strain = all_points(tangents(positions), ca.DM(element.w).T, E, nu, pressure)
-    return ca.Function("element_force", symbols, [balance(P, load), ca.mmax(wave), ca.mmax(strain)])
+    D = E / (1.0 - nu**2)
+    P, load, wave, strain = all_points(tangents(positions), ca.DM(element.w).T, D, nu, pressure)
+    return ca.Function("element_force", symbols, [balance(P, load), D * ca.mmax(wave), ca.mmax(strain)])
 
 
 def element_tangent_function(element: Element, axes: int) -> ca.Function:
@@ -181,7 +182,8 @@ def element_tangent_function(element: Element, axes: int) -> ca.Function:
     x, E, nu, pressure = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("E"), ca.MX.sym("nu"), ca.MX.sym("load")]
     T = _tangents(ca.vertsplit(x, m), element)
     derivatives = by_tangents.map(points, [False, False, True, True, True])
-    A = ca.reshape(derivatives(ca.horzcat(*T.flat).T, ca.DM(element.w).T, E, nu, pressure), 9, -1)  # 6 columns a point
+    D = E / (1.0 - nu**2)
+    A = ca.reshape(derivatives(ca.horzcat(*T.flat).T, ca.DM(element.w).T, D, nu, pressure), 9, -1)  # 6 columns a point
 
     def at_points(row: int, k: int, b: int) -> ca.MX:
         return ca.diag(A[row, 2 * k + b :: 6].T)
@@ -204,16 +206,15 @@ def _tangents(x: Sequence[Entry], element: Element) -> Matrix:
 
 
 def _points(
-    tangents: Matrix, element: Element, w: Entry, E: Entry, nu: Entry, pressure: Entry
+    tangents: Matrix, element: Element, w: Entry, D: Entry, nu: Entry, pressure: Entry
 ) -> tuple[Matrix, list[Entry], Entry, Entry]:
-    """Return what each point adds: stress, load, and its wave modulus and strain as ``element_force`` does."""
-    D = E / (1.0 - nu**2)
+    """Return what each point adds: stress, load, and as ``element_force`` does its wave modulus over D and strain."""
     F = tangents @ element.J_inverse
     e = F.T @ F - np.eye(2)
     P = F @ _stress(e, w * element.J * D, nu) @ element.J_inverse.T
     normal = np.cross(tangents[:, 0], tangents[:, 1])
     strain, wave = _largest(e, nu)
-    return P, [w * pressure * component for component in normal], D * wave, strain
+    return P, [w * pressure * component for component in normal], wave, strain
 
 
 def _balance(P: Matrix, load: Sequence[Entry], element: Element) -> Entry:
@@ -229,12 +230,12 @@ def _balance(P: Matrix, load: Sequence[Entry], element: Element) -> Entry:
 
 
 def _law_function(element: Element) -> ca.Function:
-    """Make ``law(tangents, w, E, nu, load) -> (P, load, wave, strain)`` of one point, row by row; equal points only."""
-    T, w, E, nu, pressure = symbols = [
-        ca.SX.sym(name, size) for name, size in zip("TwEnp", (6, 1, 1, 1, 1), strict=True)
+    """Make ``law(tangents, w, D, nu, load) -> (P, load, wave, strain)`` of one point, row by row; equal points only."""
+    T, w, D, nu, pressure = symbols = [
+        ca.SX.sym(name, size) for name, size in zip("TwDnp", (6, 1, 1, 1, 1), strict=True)
     ]
     tangents = _matrix([[T[2 * i + a] for a in range(2)] for i in range(3)])
-    P, load, wave, strain = _points(tangents, element, w, E, nu, pressure)
+    P, load, wave, strain = _points(tangents, element, w, D, nu, pressure)
     return ca.Function("law", symbols, ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), wave, strain]))
 
 

@@ -109,7 +109,7 @@ def membrane_model(elements_per_side: int = 4, order: int = 4, *, compiled: bool
         mesh = equations.mesh
         deflections = q[2::3]
         return {
-            "strain": sensor_strains_expression(mesh, equations.positions(q, p)),
+            "strain": sensor_strains_expression(mesh, q, p),
             "deflection": deflections[mesh.centre],
             "w": ca.mtimes(mesh.interpolation(GRID)[:, mesh.interior.tolist()], deflections),
             "largest_strain": ca.sqrt(1.0 + strain) - 1.0,
