@@ -62,6 +62,9 @@ def load_campaign(path: Path) -> tuple[Campaign, Source]:
             cause = item.get("ctx", {}).get("error")
             if isinstance(cause, CampaignError):
                 _note(cause, problems, place)
+            elif item["type"] == "too_long" or (item["type"] == "missing" and isinstance(place[-1], int)):
+                pair = place if item["type"] == "too_long" else place[:-1]
+                problems.add(pair, f"{pair[-1]!r} needs two numbers, [low, high].")
             else:
                 problems.add(place, explain(item["type"], place, item["msg"], item["input"], _known(place)))
         problems.raise_if_any()
