@@ -6,6 +6,7 @@ to fused multiply-adds, no reordering. Only functions such as ``sin`` come from 
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -41,7 +42,14 @@ def compiler_version() -> str:
     return version("ziglang")
 
 
-def compile_shared(files: Mapping[str, bytes], source: str, library: str, options: Sequence[str], what: str) -> bytes:
+def compile_shared(
+    files: Mapping[str, bytes],
+    source: str,
+    library: str,
+    options: Sequence[str],
+    what: str,
+    environment: Mapping[str, str] | None = None,
+) -> bytes:
     """Compile C sources to a shared library.
 
     Parameters
@@ -56,6 +64,8 @@ def compile_shared(files: Mapping[str, bytes], source: str, library: str, option
         Options of the compiler beside ``FLAGS``.
     what : str
         What is compiled, or for what, for the message.
+    environment : mapping of str to str, optional
+        Variables of the compiler's environment beside those of this process.
 
     Returns
     -------
@@ -73,7 +83,14 @@ def compile_shared(files: Mapping[str, bytes], source: str, library: str, option
             (folder / name).write_bytes(content)
         compiler = [sys.executable, "-m", "ziglang", "cc", *FLAGS, *options]
         command = [*compiler, "-g0", "-s", "-shared", "-o", library, source]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            command,
+            cwd=folder,
+            env={**os.environ, **(environment or {})},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if done.returncode:
             msg = f"the compiler failed for {what}:\n{done.stderr[-2000:]}"
             raise RuntimeError(msg)

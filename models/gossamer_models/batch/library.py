@@ -54,7 +54,9 @@ def library(key: str, write_sources: Callable[[], Mapping[str, bytes]], what: st
     log.info("compiling the batch kernel of %s; the result is kept in %s", what, folder)
     begin = time.perf_counter()
     options = [*OPTIONS, *([] if sys.platform == "win32" else ["-lm"])]
-    content = compile_shared(write_sources(), "batch.c", f"kernel{SUFFIX}", options, f"the batch kernel of {what}")
+    # zig keeps files in the user's cache folder too, and waits for ever where it cannot
+    own = {} if folder == _usual_folder() else {"ZIG_GLOBAL_CACHE_DIR": str(folder / "zig")}
+    content = compile_shared(write_sources(), "batch.c", f"kernel{SUFFIX}", options, f"the batch kernel of {what}", own)
     log.info("compiled the batch kernel of %s in %.1f s", what, time.perf_counter() - begin)
     return _write(folder, f"{name}.{_digest(content)}{SUFFIX}", content)
 
@@ -70,7 +72,7 @@ def is_whole(file: Path) -> bool:
 @functools.cache
 def cache_folder() -> Path:
     """Return the folder of the cache, or a temporary one where that cannot be written."""
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gossamer"
+    folder = _usual_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -79,6 +81,10 @@ def cache_folder() -> Path:
         temporary = Path(tempfile.mkdtemp(prefix="gossamer-"))
         log.warning("compiled kernels cannot be kept in %s (%s); they go to %s", folder, error.strerror, temporary)
         return temporary
+
+
+def _usual_folder() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gossamer"
 
 
 @functools.cache
