@@ -3,12 +3,14 @@
 import json
 import multiprocessing
 import os
+import pickle
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from dataclasses import replace
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -27,6 +29,8 @@ from gossamer_models.campaign import (
     read_campaign,
     run_campaign,
 )
+from gossamer_models.campaign.chunk import build_kernels
+from gossamer_models.campaign.run import Task, write_chunk
 from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import sensor_model
@@ -270,6 +274,22 @@ def test_a_case_that_breaks_is_marked_and_harms_no_other(tmp_path):
         assert (data[history].isnull().any(("sensor", "time")) == data["failed"]).all()
 
 
+def test_a_worker_of_another_version_refuses(whole):
+    task = Task(TINY, pickle.dumps(build_kernels(TINY)), whole, "0.0.1")
+    with pytest.raises(CampaignStoppedError, match=r"this is 0\.0\.1\. Install one version everywhere"):
+        write_chunk(task, 0)
+
+
+def test_a_worker_of_another_machine_compiles_for_itself(whole, tmp_path, monkeypatch):
+    path = shutil.copytree(whole, tmp_path / "far.zarr")
+    task = Task(TINY, pickle.dumps(build_kernels(TINY)), path, version("gossamer"))
+    for file in ("finished/c/3", "strain/c/3/0/0"):
+        (path / file).unlink()
+    monkeypatch.setattr("gossamer_models.batch.kernel.processor", lambda: "another")
+    write_chunk(task, 3)
+    assert content(path) == content(whole)
+
+
 def test_noise_is_a_function_of_seed_case_and_draw(whole):
     data = read_campaign(whole)
     once, fresh = measured_strain(data), measured_strain(data, draw=1)
@@ -312,5 +332,6 @@ def test_the_chain_is_that_of_the_steppers(tmp_path):
     measured = measured_resistance(data).isel(case=1, sensor=2).to_numpy()
     strain = simulate(compensator, steps, {"resistance": measured}, ["strain"])["strain"]
     assert case["compensated_strain"].to_numpy() == pytest.approx(strain, abs=1e-5)
+    assert data["compensated_strain"].attrs["delay"] == 0.0
     noise = (measured_resistance(data) - data["resistance"]).to_numpy()
     assert noise.std() == pytest.approx(0.001 * change, rel=4 / np.sqrt(2 * noise.size))

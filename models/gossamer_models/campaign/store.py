@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compensator.estimator import HALF_WIDTHS
 from ..errors import DataError
 from ..membrane.mesh import N_ZONES
 from .cases import SENSORS
@@ -165,6 +166,9 @@ def create_store(path: Path, campaign: Campaign, kernels: Kernels, source: str =
                 array[:] = steps * campaign.step if name == "time" else steps
             if name == "resistance" and kernels.chain is not None:
                 array.attrs["full_scale_change"] = kernels.chain.full_scale_change
+            if name == "compensated_strain" and campaign.chain is not None:
+                late = HALF_WIDTHS[-1] if campaign.chain.compensator == "estimator" else 0
+                array.attrs["delay"] = late * campaign.step  # [s]
         unfinished.rename(path)
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
