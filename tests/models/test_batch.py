@@ -310,8 +310,10 @@ def test_what_lanes_cannot_do_runs_one_by_one_and_the_log_says_why(caplog):
 @pytest.fixture
 def own_cache(tmp_path, monkeypatch):
     """A cache folder that is empty; that of the compiler stays."""
-    monkeypatch.setattr(library, "cache_folder", lambda: tmp_path)
-    return tmp_path
+    monkeypatch.setattr(library, "_usual_folder", lambda: tmp_path)
+    library.cache_folder.cache_clear()
+    yield tmp_path
+    library.cache_folder.cache_clear()
 
 
 def test_a_damaged_library_is_compiled_again(own_cache, caplog):
