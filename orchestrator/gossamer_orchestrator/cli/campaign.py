@@ -57,14 +57,16 @@ def campaign(
     )
 
     def show(done: int, total: int) -> None:
-        speed = bar.tasks[0].speed
-        bar.update(shown, completed=done, total=total, rate=f"{speed:.0f} per s" if speed else "starting")
+        if bar.tasks[0].total is None:
+            bar.reset(shown, total=total, completed=done, rate="starting")
+        else:
+            bar.update(shown, completed=done, rate=f"{bar.tasks[0].speed or 0.0:.0f} per s")
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
     try:
         with model_errors():
             wanted, source = load_campaign(file)
-            shown = bar.add_task(file.stem, total=wanted.count, rate="compiling")
+            shown = bar.add_task(file.stem, total=None, rate="compiling")
             with locating(source), bar:
                 summary = run_campaign(
                     wanted, path, workers=workers, scheduler=scheduler, source=source.text, progress=show
