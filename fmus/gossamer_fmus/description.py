@@ -15,6 +15,7 @@ FmiVersion = Literal[2, 3]
 # Two periods of the load in the demo, in steps that the membrane takes as one.
 _DEFAULT_EXPERIMENT = {"startTime": "0", "stopTime": "0.2532", "stepSize": "0.0003"}
 _LOG_CATEGORIES = {
+    "logStatusWarning": "Results that have left the range in which the model is valid; once each.",
     "logStatusDiscard": "Steps that were refused, and why.",
     "logStatusError": "Calls that were refused, and why.",
 }

@@ -73,6 +73,7 @@ class GossamerSlave(Fmi2Slave):
             sys.path.remove(self.resources)
         finalize_before_exit(self.resources)
         self.stepper = Stepper(load_model(self.resources))
+        self.stepper.warn = lambda text: self.complain(text, Fmi2Status.warning)
         self.values = self.stepper.values.data  # read in place: three times faster than get_values
         self.first_result = self.stepper.model.slices()[2].start
         self.initializing = False

@@ -8,10 +8,11 @@ steps. A method that raises leaves the state as it was.
 from __future__ import annotations
 
 import difflib
+import logging
 import math
 import struct
 import zlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import casadi as ca
 import numpy as np
@@ -20,6 +21,8 @@ from numpy.typing import NDArray
 from .errors import ConvergenceError, InputError, ParameterError, StateError
 from .step_model import StepModel
 from .variables import Variable
+
+logger = logging.getLogger(__name__)
 
 MAX_INTERNAL_STEPS = 100_000
 _STATE_MAGIC = b"GOSSAMER"
@@ -46,6 +49,8 @@ class Stepper:
         Current values in table order: a read-only view that every call updates in place.
     x : ndarray, shape (n_states,)
         Current state: another such view.
+    warn : callable
+        Receives a sentence when a result first leaves its range, once per result until ``reset``; by default the log.
 
     Examples
     --------
@@ -63,8 +68,7 @@ class Stepper:
         self._p, self._u, self._y = model.slices()
         self._limit = None if model.step_limit is None else self._index[model.step_limit]
         largest = np.finfo(float).max  # so that infinities are out of range, as NaN is
-        self._lower = np.array([-largest if v.minimum is None else v.minimum for v in model.variables])
-        self._upper = np.array([largest if v.maximum is None else v.maximum for v in model.variables])
+        self._lower, self._upper = np.clip(np.array([_range(v) for v in model.variables]).T, -largest, largest)
         n_x = model.n_states
         self._values = np.zeros(len(model.variables))
         self._x = np.zeros(n_x)
@@ -72,6 +76,7 @@ class Stepper:
         self._next = np.zeros(n_x + self._values[self._y].size)
         self._x_next, self._y_next = self._next[:n_x], self._next[n_x:]
         self._h = np.zeros(1)
+        self.warn: Callable[[str], None] = logger.warning
         self.values, self.x = _read_only(self._values), _read_only(self._x)
         u, p = self._values[self._u], self._values[self._p]
         self._run_init = _prepare(model.init, (u, p), (self._x_next, self._y_next))
@@ -86,6 +91,7 @@ class Stepper:
         self._x[:] = 0.0
         self.initialized = False
         self._checked = False
+        self._valid = self._lower[self._y].copy(), self._upper[self._y].copy()
 
     def index(self, name: str) -> int:
         """Return the place of a variable in the table; raise ``InputError`` with a suggestion if there is none."""
@@ -160,6 +166,7 @@ class Stepper:
         self._x[:] = self._x_next
         self._values[self._y] = self._y_next
         self.initialized = True
+        self._warn_of_results()
 
     def step(self, h: float) -> None:
         """Advance by ``h`` seconds with the inputs as set; a step beyond the model's own limit is divided.
@@ -203,6 +210,7 @@ class Stepper:
                     part = rest / remaining
         self._x[:] = self._x_next
         self._values[self._y] = self._y_next
+        self._warn_of_results()
 
     @property
     def state(self) -> bytes:
@@ -270,8 +278,7 @@ class Stepper:
         if ((given >= self._lower[part]) & (given <= self._upper[part])).all():
             return
         for variable, value in zip(self.model.variables[part], given, strict=True):
-            low = -math.inf if variable.minimum is None else variable.minimum
-            high = math.inf if variable.maximum is None else variable.maximum
+            low, high = _range(variable)
             if not (math.isfinite(value) and low <= value <= high):
                 msg = (
                     f"{variable.causality} {variable.name!r} of model {self.model.name!r} is {value:g}{_unit(variable)};"
@@ -279,10 +286,30 @@ class Stepper:
                 )
                 raise error(msg)
 
+    def _warn_of_results(self) -> None:
+        """Warn of every result that is out of its range for the first time."""
+        lower, upper = self._valid
+        within = (self._y_next >= lower) & (self._y_next <= upper)
+        if within.all():
+            return
+        for i in np.flatnonzero(~within):
+            lower[i], upper[i] = -math.inf, math.inf
+            variable = self.model.variables[self._y.start + i]
+            low, high = _range(variable)
+            self.warn(
+                f"{variable.name!r} of model {self.model.name!r} is {self._y_next[i]:g}{_unit(variable)}; "
+                f"the model is valid from {low:g} to {high:g}. The run goes on; this is logged once."
+            )
+
     def _require_finite(self, what: str) -> None:
         if not np.isfinite(self._next).all():
             msg = f"{what} of model {self.model.name!r} gave a result that is not finite. {self.model.advice}"
             raise ConvergenceError(msg)
+
+
+def _range(variable: Variable) -> tuple[float, float]:
+    low, high = variable.minimum, variable.maximum
+    return -math.inf if low is None else low, math.inf if high is None else high
 
 
 def _unit(variable: Variable) -> str:

@@ -12,7 +12,7 @@ typedef struct {
   fmi2Status last_step;
 } Instance;
 
-/* Log a refusal. Its text is a printf format for the host: a percent sign is doubled. */
+/* Log a refusal or a warning. Its text is a printf format for the host: a percent sign is doubled. */
 static void log_text(fmi2CallbackLogger logger, fmi2ComponentEnvironment environment, const char *name,
                      fmi2Status status, const char *text) {
   char format[2 * sizeof((Stepper *)0)->message];
@@ -23,13 +23,23 @@ static void log_text(fmi2CallbackLogger logger, fmi2ComponentEnvironment environ
     format[n++] = *text;
   }
   format[n] = '\0';
-  logger(environment, name, status, status == fmi2Discard ? "logStatusDiscard" : "logStatusError", format);
+  logger(environment, name, status,
+         status == fmi2Warning   ? "logStatusWarning"
+         : status == fmi2Discard ? "logStatusDiscard"
+                                 : "logStatusError",
+         format);
 }
 
 /* Log the stepper's message. */
 static fmi2Status fail(Instance *m, fmi2Status status) {
   log_text(m->logger, m->environment, m->name, status, m->stepper.message);
   return status;
+}
+
+/* Log the results that have left the range in which the model is valid. That refuses nothing. */
+static fmi2Status with_warnings(Instance *m) {
+  while (stepper_warns(&m->stepper)) fail(m, fmi2Warning);
+  return fmi2OK;
 }
 
 /* Log a call that the present mode does not allow. */
@@ -74,7 +84,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 
 void fmi2FreeInstance(fmi2Component c) { free(c); }
 
-/* Refusals are logged always: FMI 2.0 allows it, and they explain why a run ended. */
+/* Refusals and warnings are logged always: FMI 2.0 allows it, and they explain what a run did. */
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[]) {
   (void)on, (void)n, (void)categories;
   return c ? fmi2OK : fmi2Error;
@@ -101,7 +111,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
   if (!is_in(m, INITIALIZING)) return wrong(m, "fmi2ExitInitializationMode");
   if (!m->stepper.results_known && !stepper_initialize(&m->stepper)) return fail(m, fmi2Error);
   m->stepper.state.mode = RUNNING;
-  return fmi2OK;
+  return with_warnings(m);
 }
 
 fmi2Status fmi2Terminate(fmi2Component c) {
@@ -161,7 +171,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real h, fmi2Boolean no
   if (!is_in(m, RUNNING)) return wrong(m, "fmi2DoStep");
   if (!stepper_step(&m->stepper, h)) return fail(m, m->last_step = fmi2Discard);
   m->stepper.state.time = time + h;
-  return m->last_step = fmi2OK;
+  return m->last_step = with_warnings(m);
 }
 
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value) {

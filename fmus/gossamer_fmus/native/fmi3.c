@@ -14,10 +14,18 @@ typedef struct {
 
 /* Log the stepper's message: an error always, as the standard allows, anything else if the host wants it. */
 static fmi3Status fail(Instance *m, fmi3Status status) {
-  const char *category = status == fmi3Discard ? "logStatusDiscard" : "logStatusError";
+  const char *category = status == fmi3Warning   ? "logStatusWarning"
+                         : status == fmi3Discard ? "logStatusDiscard"
+                                                 : "logStatusError";
   bool wanted = m->logging || status >= fmi3Error;
   if (m->logger && wanted) m->logger(m->environment, status, category, m->stepper.message);
   return status;
+}
+
+/* Log the results that have left the range in which the model is valid. That refuses nothing. */
+static fmi3Status with_warnings(Instance *m) {
+  while (stepper_warns(&m->stepper)) fail(m, fmi3Warning);
+  return fmi3OK;
 }
 
 /* Log a call that the present mode does not allow. */
@@ -33,7 +41,7 @@ const char *fmi3GetVersion(void) { return fmi3Version; }
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String categories[]) {
   Instance *m = c;
-  (void)n, (void)categories; /* all or nothing: refusals are all that is logged */
+  (void)n, (void)categories; /* all or nothing: refusals and warnings are all that is logged */
   if (!m) return fmi3Error;
   m->logging = on;
   return fmi3OK;
@@ -84,7 +92,7 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {
   if (!is_in(m, INITIALIZING)) return wrong(m, "fmi3ExitInitializationMode");
   if (!m->stepper.results_known && !stepper_initialize(&m->stepper)) return fail(m, fmi3Error);
   m->stepper.state.mode = RUNNING;
-  return fmi3OK;
+  return with_warnings(m);
 }
 
 fmi3Status fmi3Terminate(fmi3Instance c) {
@@ -168,7 +176,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 h, fmi3Boole
   if (!stepper_step(&m->stepper, h)) return fail(m, fmi3Discard);
   m->stepper.state.time = time + h;
   if (last_successful_time) *last_successful_time = time + h;
-  return fmi3OK;
+  return with_warnings(m);
 }
 
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,

@@ -67,6 +67,7 @@ typedef struct {
   State state;
   bool checked;       /* the inputs are known to be in range */
   bool results_known; /* while initializing: results belong to the present parameters and inputs */
+  bool warned[N_RESULTS]; /* results that have left their range */
   double x[N_STATES], dx[N_STATES];
   double next[N_STATES + N_RESULTS], d_next[N_STATES + N_RESULTS]; /* x and y as one, as functions write them */
   double du[N_INPUTS];
@@ -100,6 +101,7 @@ static void stepper_reset(Stepper *s) {
   memset(&s->state, 0, sizeof s->state);
   for (int i = 0; i < N_VARIABLES; i++) s->state.values[i] = VARIABLES[i].start;
   s->checked = s->results_known = false;
+  memset(s->warned, 0, sizeof s->warned);
 }
 
 static bool stepper_may_set(Stepper *s, size_t index) {
@@ -113,6 +115,20 @@ static bool stepper_may_set(Stepper *s, size_t index) {
   return true;
 }
 
+static bool is_within(const Stepper *s, int index) {
+  double value = s->state.values[index];
+  return value >= VARIABLES[index].minimum && value <= VARIABLES[index].maximum;
+}
+
+/* Write what a variable is and, after the demand, the range that it should be in. */
+static bool out_of_range(Stepper *s, const char *kind, int index, const char *demand, const char *advice) {
+  const Variable *v = &VARIABLES[index];
+  bool has_unit = strcmp(v->unit, "1") != 0;
+  return refuse(s, "%s'%s' of model '%s' is %g%s%s; %s from %g to %g. %s", kind, v->name, MODEL_NAME,
+                s->state.values[index], has_unit ? " " : "", has_unit ? v->unit : "", demand,
+                v->minimum == -DBL_MAX ? -HUGE_VAL : v->minimum, v->maximum == DBL_MAX ? HUGE_VAL : v->maximum, advice);
+}
+
 /* A value that is not finite or out of range is refused by the step that would use it, so it may still be corrected. */
 static void stepper_set(Stepper *s, size_t index, double value) {
   s->state.values[index] = value;
@@ -121,19 +137,23 @@ static void stepper_set(Stepper *s, size_t index, double value) {
 
 static bool in_range(Stepper *s, int begin, int end) {
   for (int i = begin; i < end; i++) {
-    const Variable *v = &VARIABLES[i];
-    double value = s->state.values[i];
-    if (!(value >= v->minimum && value <= v->maximum)) {
-      bool has_unit = strcmp(v->unit, "1") != 0;
-      return refuse(s,
-                    "%s '%s' of model '%s' is %g%s%s; it must be a finite number from %g to %g. "
-                    "Correct it and call again.",
-                    i < FIRST_INPUT ? "parameter" : "input", v->name, MODEL_NAME, value, has_unit ? " " : "",
-                    has_unit ? v->unit : "", v->minimum == -DBL_MAX ? -HUGE_VAL : v->minimum,
-                    v->maximum == DBL_MAX ? HUGE_VAL : v->maximum);
+    if (!is_within(s, i)) {
+      return out_of_range(s, i < FIRST_INPUT ? "parameter " : "input ", i, "it must be a finite number",
+                          "Correct it and call again.");
     }
   }
   return true;
+}
+
+/* Write a warning of a result that is out of its range for the first time, if there is one. */
+static bool stepper_warns(Stepper *s) {
+  for (int i = 0; i < N_RESULTS; i++) {
+    if (!s->warned[i] && !is_within(s, FIRST_RESULT + i)) {
+      out_of_range(s, "", FIRST_RESULT + i, "the model is valid", "The run goes on; this is logged once.");
+      return s->warned[i] = true;
+    }
+  }
+  return false;
 }
 
 static bool all_finite(Stepper *s, const double *results, const char *what) {

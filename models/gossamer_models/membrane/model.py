@@ -106,13 +106,14 @@ def membrane_model(elements_per_side: int = 4, order: int = 4, *, compiled: bool
         return MembraneState(q, ca.MX.zeros(n), phase - ca.floor(phase)), results(q, wave, strain, p)
 
     def results(q: ca.MX, wave: ca.MX, strain: ca.MX, p: Values) -> Results:
-        mesh = equations.mesh
-        deflections = q[2::3]
+        mesh, deflections = equations.mesh, q[2::3]
+        w = ca.mtimes(mesh.interpolation(GRID)[:, mesh.interior.tolist()], deflections)
         return {
             "strain": sensor_strains_expression(mesh, q, p),
             "deflection": deflections[mesh.centre],
-            "w": ca.mtimes(mesh.interpolation(GRID)[:, mesh.interior.tolist()], deflections),
+            "w": w,
             "largest_strain": ca.sqrt(1.0 + strain) - 1.0,
+            "deflection_ratio": ca.mmax(ca.fabs(w)) / p.side_length,
             "max_step": max_step_expression(mesh, wave, p),
         }
 
@@ -177,6 +178,7 @@ LOCALS = (
         )
         for X, Y in GRID
     ),
-    local("largest_strain", "1", "Largest principal nominal strain of all points of the membrane", nominal=0.1),
+    local("largest_strain", "1", "Largest principal nominal strain of all points", maximum=0.5, nominal=0.1),
+    local("deflection_ratio", "1", "Largest of the deflections w over the side", minimum=0.0, maximum=1.0, nominal=0.1),
     local("max_step", "s", "Largest internal step; longer communication steps are divided"),
 )

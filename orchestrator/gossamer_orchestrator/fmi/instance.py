@@ -69,7 +69,7 @@ class Instance:
         self.fmu = fmu
         self.name = name
         self._time = ctypes.c_double(time)
-        self.log = Log()
+        self.log = Log(lambda: self.time)
         self._state = fmi2.fmi2FMUstate()
         self._initialized = False
         self._component: Any = None

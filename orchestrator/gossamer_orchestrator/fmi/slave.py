@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +24,31 @@ _logs: dict[int, Log] = {}
 class Log:
     """The latest messages of one or more instances.
 
+    Parameters
+    ----------
+    clock : callable
+        Returns the present time [s].
+
     Attributes
     ----------
     messages : deque of (int, str)
         Status and text of each.
+    first_warning : str
+        Time and text of the first message that is a warning; empty without any.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = lambda: 0.0) -> None:
+        self._clock = clock
         self.messages: deque[tuple[int, str]] = deque(maxlen=1000)
+        self.first_warning = ""
         _logs[id(self)] = self
 
     def add(self, _environment: int, status: int, _category: bytes, message: bytes) -> None:
         """Append a message; has the signature of FMI 3.0's callback."""
-        self.messages.append((status, (message or b"").decode("utf-8", "replace").replace("%%", "%")))
+        text = (message or b"").decode("utf-8", "replace").replace("%%", "%")
+        self.messages.append((status, text))
+        if status == WARNING and not self.first_warning:
+            self.first_warning = f"at t = {self._clock():.9g} s: {' '.join(text.split())}"
 
     def tail(self) -> str:
         """Return the last two different messages that are no plain OK, as the end of a sentence; empty without any."""

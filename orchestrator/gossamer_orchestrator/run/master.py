@@ -108,6 +108,8 @@ class Simulation:
     def run(self, observers: Sequence[Observer] = ()) -> None:
         """Simulate to the end.
 
+        At the end the first warning of every FMU is logged.
+
         Raises
         ------
         SimulationError
@@ -130,6 +132,9 @@ class Simulation:
             finally:
                 for observer in observers:
                     observer.end(self)
+                for member in self.members:
+                    if warning := member.instance.log.first_warning:
+                        logger.warning("component %r %s", member.name, warning)
 
     def step(self) -> None:
         """Advance by one communication step.

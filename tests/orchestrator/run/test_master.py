@@ -254,3 +254,11 @@ def test_two_runs_of_one_plan_are_equal_to_the_bit(chain, fmus):
             simulation.run([recorder])
         tables.append(recorder.table.tobytes())
     assert tables[0] == tables[1]
+
+
+def test_the_first_warning_of_every_fmu_is_told_once(fmus, caplog):
+    text = 'step = 0.125\nstop = 1.0\n[components.a]\nfmu = "worried"\n[components.b]\nfmu = "worried"\n'
+    run_scenario(parse_scenario(text), fmus)
+    assert [record.getMessage() for record in caplog.records] == [
+        f"component {name!r} at t = 0.5 s: y is 0.625, which worries me" for name in "ab"
+    ]
