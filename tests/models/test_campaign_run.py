@@ -29,7 +29,7 @@ from gossamer_models.campaign import (
     read_campaign,
     run_campaign,
 )
-from gossamer_models.campaign.chunk import build_kernels
+from gossamer_models.campaign.chunk import build_kernels, run_chunk
 from gossamer_models.campaign.run import Task, write_chunk
 from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane import membrane_model
@@ -288,6 +288,17 @@ def test_a_worker_of_another_machine_compiles_for_itself(whole, tmp_path, monkey
     monkeypatch.setattr("gossamer_models.batch.kernel.processor", lambda: "another")
     write_chunk(task, 3)
     assert content(path) == content(whole)
+
+
+def test_damage_that_begins_leaves_the_history_before_as_it_was():
+    """0.0151 s lies in step 51, the first one that damage can change."""
+    sudden = Damage(cases=({6: 0.4},), onset=(0.0151, 0.0151))
+    begun, healthy = (
+        run_chunk(asked, build_kernels(asked), 0)["strain"][0]
+        for asked in (replace(TINY, cases=1, damage=damage) for damage in (sudden, Damage(cases=({},))))
+    )
+    assert (begun[:, :50] == healthy[:, :50]).all()
+    assert (begun[:, 60:] != healthy[:, 60:]).mean() > 0.9
 
 
 def test_noise_is_a_function_of_seed_case_and_draw(whole):
