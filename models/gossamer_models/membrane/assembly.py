@@ -126,6 +126,10 @@ class MembraneEquations:
         """Return the masses [kg] of the interior nodes, once for each of x, y, z, shape (n_q,)."""
         return p.density * p.thickness * p.side_length**2 * np.repeat(self.node_area, 3)
 
+    def inverse_mass(self, p: SimpleNamespace) -> ca.MX:
+        """Return one over ``node_mass`` [1/kg] with a single division, shape (n_q,)."""
+        return 1.0 / (p.density * p.thickness * p.side_length**2) * ca.DM(1.0 / np.repeat(self.node_area, 3))
+
     def lumped_mass(self, p: MembraneParams) -> scipy.sparse.csc_matrix:
         """Return the diagonal mass matrix [kg] of the interior nodes, shape (n_q, n_q)."""
         return scipy.sparse.diags(self.node_mass(p), format="csc")
