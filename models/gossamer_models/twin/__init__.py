@@ -1,0 +1,7 @@
+"""The digital twin: damages with standard deviations, from a record of strain or resistance."""
+
+from .answer import Answer
+from .record import Record
+from .twin import Twin
+
+__all__ = ["Answer", "Record", "Twin"]

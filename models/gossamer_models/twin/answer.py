@@ -1,0 +1,66 @@
+"""What the twin answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Matrix, Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """Damage of the 16 zones with its uncertainty, and whether the twin explains the record.
+
+    Attributes
+    ----------
+    damage, deviation : ndarray, shape (16,)
+        Lost fraction of Young's modulus [1] and its standard deviation; where ``damage`` is zero, the deviation that it
+        would have if it were fitted.
+    probability : ndarray, shape (16,)
+        How likely each zone is damaged [1].
+    covariance : ndarray, shape (16, 16)
+        Covariance of the damages [1]; rows and columns of zones that were dropped are zero outside the diagonal.
+    nuisances : dict of tuple of float
+        Value and standard deviation of each nuisance: a factor for load, damping, modulus and gain; phase [rad]; pressure
+        [Pa]; offset [1], of strain or of the sensor's change at full scale.
+    chi2_per_sample, chi2_bound : float
+        Mean square of the residuals in units of the expected ones, and the bound that a right model passes in 999 of
+        1000 records.
+    valid : bool
+        Whether the answer can be used: chi2 is below its bound and no doubt forbids it.
+    unresolved : tuple of int
+        Zones, 1 to 16, that this record cannot tell.
+    left_out : tuple of int
+        Sensors, 1 to 4, that were left out.
+    order : tuple of int
+        Sensors, 1 to 4, whose histories were taken for those of sensors 1 to 4.
+    doubts : tuple of str
+        Sentences on what is wrong with the record or the answer.
+    samples, simulations : int
+        Values that were fitted, and cases that were simulated.
+    """
+
+    damage: Vector
+    deviation: Vector
+    probability: Vector
+    covariance: Matrix
+    nuisances: dict[str, tuple[float, float]]
+    chi2_per_sample: float
+    chi2_bound: float
+    valid: bool
+    unresolved: tuple[int, ...] = ()
+    left_out: tuple[int, ...] = ()
+    order: tuple[int, ...] = (1, 2, 3, 4)
+    doubts: tuple[str, ...] = field(default=())
+    samples: int = 0
+    simulations: int = 0
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the answer as JSON values."""
+        return {
+            name: value.tolist() if isinstance(value := getattr(self, name), np.ndarray) else value
+            for name in self.__dataclass_fields__
+        }

@@ -1,0 +1,115 @@
+"""The membrane, and the sensors behind it, advanced from where they are, for many damages at once.
+
+Symbols: ``m`` cases, ``n`` steps, ``h`` step [s].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from ..arrays import Matrix, Vector
+from ..batch import Batch
+from ..batch.cases import BatchState
+from ..membrane import MembraneParams, membrane_model
+from ..membrane.mesh import N_ZONES
+from ..membrane.params import stretch
+from ..sensor import SensorArtifact, sensor_model
+from .forward import STRAINS
+from .record import N_SENSORS
+
+DAMAGES = tuple(f"damage[{k + 1}]" for k in range(N_ZONES))
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a simulation stands.
+
+    Attributes
+    ----------
+    membrane : BatchState
+        One case.
+    sensors : BatchState or None
+        A case for each of the four sensors; None where strain is read.
+    """
+
+    membrane: BatchState
+    sensors: BatchState | None
+
+
+class Running:
+    """A simulation that can go on from any place it has been at.
+
+    Parameters
+    ----------
+    elements_per_side, order : int
+        Mesh, as in ``membrane_model``.
+    params : MembraneParams
+        Membrane and load.
+    sensor : SensorArtifact or None
+        Sensors; None where strain is read.
+    sensor_parameters : mapping of str to float
+        Parameters of the sensors that differ from their start values; they rest at the prestrain.
+    """
+
+    def __init__(
+        self,
+        elements_per_side: int,
+        order: int,
+        params: MembraneParams,
+        sensor: SensorArtifact | None,
+        sensor_parameters: Mapping[str, float] | None,
+    ) -> None:
+        self._params = params
+        self._membrane = Batch(membrane_model(elements_per_side, order, compiled=True), STRAINS, DAMAGES)
+        self._sensor = None if sensor is None else Batch(sensor_model(sensor), ("resistance",), ("strain",))
+        self._sensor_parameters = {"rest_strain": stretch(params) - 1.0, **(sensor_parameters or {})}
+
+    def begin(self, damage: Vector, h: float) -> Place:
+        """Return the place of rest with a damage, shape (16,) [1]."""
+        membrane = self._membrane.run(0, h, {**asdict(self._params), "damage": damage[None]})
+        if self._sensor is None:
+            return Place(membrane.state, None)
+        start = {**self._sensor_parameters, "strain": membrane.initial[0]}
+        return Place(membrane.state, self._sensor.run(0, h, start).state)
+
+    def advance(self, place: Place, damage: Matrix, h: float) -> tuple[Matrix, Place]:
+        """Go on from a place with many histories of damage.
+
+        Parameters
+        ----------
+        place : Place
+            Where all cases begin.
+        damage : ndarray, shape (m, n, 16)
+            Damage [1] at the end of every step.
+        h : float
+            Step [s].
+
+        Returns
+        -------
+        ndarray, shape (m, 4, n)
+            Strain [1] or resistance [ohm]; not a number where a case fails.
+        Place
+            Where the first case ends.
+        """
+        m, n, _ = damage.shape
+        inputs = {name: damage[:, :, k] for k, name in enumerate(DAMAGES)}
+        run = self._membrane.run(n, h, inputs=inputs, state=_repeated(place.membrane, m))
+        if self._sensor is None or place.sensors is None:
+            return run.results, Place(_first(run.state, 1), None)
+        failed = ~np.isfinite(run.results).all(axis=(1, 2))
+        strain = np.where(failed[:, None, None], 0.0, run.results).reshape(m * N_SENSORS, n)
+        sensed = self._sensor.run(n, h, inputs={"strain": strain}, state=_repeated(place.sensors, m))
+        resistance = sensed.results.reshape(m, N_SENSORS, n)
+        resistance[failed] = np.nan
+        return resistance, Place(_first(run.state, 1), _first(sensed.state, N_SENSORS))
+
+
+def _repeated(state: BatchState, times: int) -> BatchState:
+    return BatchState(x=np.tile(state.x, (times, 1)), values=np.tile(state.values, (times, 1)), model=state.model)
+
+
+def _first(state: BatchState, cases: int) -> BatchState:
+    return BatchState(x=state.x[:cases], values=state.values[:cases], model=state.model)

@@ -1,0 +1,150 @@
+r"""The search of one record: several starts, first its beginning, then all of it, then without the zones it does not need.
+
+Symbols: ``x`` unknowns, first the 16 damages.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2 as chi2_distribution
+
+from ..arrays import Rows, Vector
+from ..errors import ConvergenceError
+from ..membrane.mesh import N_ZONES
+from .problem import Problem
+from .solve import NEGLIGIBLE, Minimum, minimise
+from .sparse import THRESHOLD, Box, drop_zones, evidence
+
+CONFIDENCE = 0.999  # of the bound on chi2 per sample
+NOISE_DOUBT = math.sqrt(2.0 * 3.4)  # of a variance from n differences of order 6, relative, times sqrt(n)
+ROUGH = 1.0  # of chi2: where a stage may stop that another follows
+MOST_RETURNS = 3  # of zones that were dropped too soon
+MOST_STARTS = 4  # after the first
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A finished search from one start.
+
+    Attributes
+    ----------
+    problem : Problem
+        What was fitted.
+    minimum : Minimum
+        Smallest chi2 over the kept unknowns, with the quadratic model over all of them there.
+    kept : ndarray of bool, shape (n,)
+        Unknowns that are not dropped.
+    early_chi2 : float
+        Smallest chi2 of the first stage; infinite without one.
+    """
+
+    problem: Problem
+    minimum: Minimum
+    kept: Rows
+    early_chi2: float
+
+    @property
+    def per_sample(self) -> float:
+        """Chi2 per sample."""
+        return self.minimum.chi2 / self.problem.values
+
+    @property
+    def passes(self) -> bool:
+        """Whether chi2 per sample is below its bound."""
+        return self.per_sample <= chi2_bound(self.problem)
+
+
+def chi2_bound(problem: Problem) -> float:
+    """Return the bound on chi2 per sample of a right model; wider where the noise was estimated from the record."""
+    bound = float(chi2_distribution.ppf(CONFIDENCE, problem.values)) / problem.values
+    if problem.record.noise is None:
+        bound *= 1.0 + 3.0 * NOISE_DOUBT / math.sqrt(problem.record.present.sum())
+    return bound
+
+
+def search(whole: Problem, early: Problem | None, given: Vector | None, *, sparse: bool) -> Fit:
+    """Return the first fit that passes its bound, or else the best of all starts.
+
+    Parameters
+    ----------
+    whole, early : Problem, Problem or None
+        The record and its beginning; None if it is too short to have one.
+    given : ndarray, shape (16,), or None
+        Damages to start from first.
+    sparse : bool
+        Whether to drop zones.
+
+    Raises
+    ------
+    ConvergenceError
+        The simulation fails from every start.
+
+    Notes
+    -----
+    A start is followed to the end only where its first stage ends below that of the best fit before: that is what finds
+    false minima, and it spares records that no damage explains.
+    """
+    first = early or whole
+    best: Fit | None = None
+    for damage in _starts(first, given):
+        try:
+            begun = minimise(first, _unknowns(first, damage), np.ones(first.size, dtype=bool), enough=ROUGH)
+            if best is not None and begun.chi2 > best.early_chi2 - THRESHOLD:
+                continue
+            fit = _finish(whole, begun, sparse=sparse)
+        except ConvergenceError:
+            continue
+        if best is None or fit.minimum.chi2 < best.minimum.chi2:
+            best = fit
+        if best.passes:
+            break
+    if best is None:
+        msg = "the twin's membrane fails from every start. Check its parameters and the load."
+        raise ConvergenceError(msg)
+    return best
+
+
+def box(problem: Problem, at: Vector) -> Box:
+    """Return the bounds of moves from a point, shape (n,)."""
+    return Box(zones=np.arange(problem.size) < N_ZONES, low=problem.low - at, high=problem.high - at)
+
+
+def _starts(problem: Problem, given: Vector | None) -> Iterator[Vector]:
+    """Give damages to start from: the given one, none, then the best of one-zone and random damages."""
+    if given is not None:
+        yield given
+    yield np.zeros(N_ZONES)
+    random = np.random.default_rng(N_ZONES)
+    few = random.random((32, N_ZONES)) < 0.2
+    many = np.vstack([0.4 * np.eye(N_ZONES), 0.6 * few * random.random((32, N_ZONES))])
+    x = np.array([_unknowns(problem, damage) for damage in many])
+    order = np.argsort(problem.chi2(problem.residuals(x), x))
+    yield from many[order[:MOST_STARTS]]
+
+
+def _unknowns(problem: Problem, damage: Vector) -> Vector:
+    return np.concatenate([damage, np.zeros(problem.size - N_ZONES)])
+
+
+def _finish(whole: Problem, begun: Minimum, *, sparse: bool) -> Fit:
+    """Go on with the whole record, and drop zones."""
+    free = np.ones(whole.size, dtype=bool)
+    found = minimise(whole, begun.x, free, enough=ROUGH if sparse else NEGLIGIBLE)
+    if not sparse:
+        return Fit(whole, found, free, begun.chi2)
+    kept, move = drop_zones(found.model, box(whole, found.model.at))
+    x = np.where(kept, np.clip(found.model.at + move, whole.low, whole.high), 0.0)
+    for _ in range(MOST_RETURNS):
+        found = minimise(whole, x, kept)
+        full, _ = whole.quadratic(found.x, free)
+        gain = np.where(kept, 0.0, evidence(full, box(whole, found.x), kept))
+        if gain.max() <= THRESHOLD:
+            break
+        kept = kept.copy()
+        kept[np.argmax(gain)] = True
+        x = found.x
+    return Fit(whole, replace(found, model=full), kept, begun.chi2)

@@ -1,0 +1,177 @@
+r"""The digital twin: damages that explain a record, with their standard deviations.
+
+Symbols: ``x`` unknowns, the 16 damages and then the nuisances in units of their priors' deviations; ``r`` residuals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Matrix, Rows, Vector
+from ..errors import DataError, ParameterError
+from ..membrane import MembraneParams
+from ..membrane.mesh import N_ZONES
+from ..sensor import SensorArtifact
+from .answer import Answer
+from .discrepancy import Discrepancy
+from .forward import Forward
+from .nuisances import MODULUS, Nuisances
+from .problem import MOST_DAMAGE, Problem
+from .record import LEAST_SAMPLES, Record, dead_sensors
+from .search import Fit, box, chi2_bound, search
+from .sparse import evidence, probability
+
+EARLY = 0.1  # [s] of the first stage: the response is less nonlinear early
+PRIOR_DEVIATION = MOST_DAMAGE / math.sqrt(12.0)  # of a damage that may be anything
+UNRESOLVED = 0.5  # of the prior's deviation
+
+
+class Twin:
+    """A simulation of the membrane, and of the sensors, that is fitted to records.
+
+    Parameters
+    ----------
+    elements_per_side, order : int
+        Mesh, as in ``membrane_model``.
+    params : MembraneParams or None
+        Membrane and load; None for the default.
+    sensor : SensorArtifact or None
+        Sensors, for records of resistance.
+    sensor_parameters : mapping of str to float
+        Parameters of the sensors that differ from their start values; they rest at the prestrain.
+    nuisances : sequence of str
+        What else is unknown, with a normal prior: ``offset`` and ``gain`` of each sensor (deviation 0.02 of strain, or of
+        the change of resistance at full scale; 2 %), ``amplitude`` (10 %), ``frequency`` (5 %) and ``phase`` (0.1 rad) of
+        the load, ``damping`` (a factor of 2), Young's ``modulus`` (2 %; only if ``sparse``), ``pressure`` (any, a spline
+        with knots every 20 ms).
+    sparse : bool
+        Whether zones are dropped while chi2 rises by less than 9 for each.
+    discrepancy : Discrepancy or None
+        What finer meshes would add to the strain.
+
+    Raises
+    ------
+    ParameterError
+        There is no such mesh, nuisance or parameter; or ``modulus`` without ``sparse``.
+
+    Notes
+    -----
+    Bounded weighted least squares. Young's modulus and equal damage of all zones change the membrane in the same way, so
+    that only the wish for few damaged zones tells them apart.
+    """
+
+    def __init__(
+        self,
+        elements_per_side: int = 4,
+        order: int = 4,
+        params: MembraneParams | None = None,
+        *,
+        sensor: SensorArtifact | None = None,
+        sensor_parameters: Mapping[str, float] | None = None,
+        nuisances: Sequence[str] = ("offset",),
+        sparse: bool = True,
+        discrepancy: Discrepancy | None = None,
+    ) -> None:
+        if MODULUS in nuisances and not sparse:
+            msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
+            raise ParameterError(msg)
+        self.params = MembraneParams() if params is None else params
+        self.nuisances, self.sparse, self.discrepancy = tuple(nuisances), sparse, discrepancy
+        Nuisances(self.nuisances, self.params)  # refuses unknown names
+        self._forward = Forward(elements_per_side, order, self.params, sensor, sensor_parameters)
+
+    def fit(self, record: Record, start: ArrayLike | None = None) -> Answer:
+        """Find the damages that explain a record.
+
+        Parameters
+        ----------
+        record : Record
+            Histories from the moment that the load sets in.
+        start : array_like, shape (16,), or None
+            Damages to start from first, for instance those of a detector.
+
+        Raises
+        ------
+        DataError
+            No sensor is left, or the record is too short.
+        ParameterError
+            The record holds resistance and the twin has no sensor, or the start has another shape.
+        """
+        if record.kind == "resistance" and not self._forward.has_sensor:
+            msg = "the record holds resistance, but the twin has no sensor. Give it one: Twin(sensor=...)."
+            raise ParameterError(msg)
+        given = None if start is None else np.clip(np.asarray(start, dtype=float), 0.0, MOST_DAMAGE)
+        if given is not None and given.shape != (N_ZONES,):
+            msg = f"a start has one damage for each of {N_ZONES} zones, not shape {given.shape}"
+            raise ParameterError(msg)
+        dead = dead_sensors(record)
+        silent = [k for k in range(len(record.values)) if k not in record.sensors]
+        record = record.without(dead)
+        if not record.sensors:
+            msg = "no sensor has values that move. Check the columns and the wiring."
+            raise DataError(msg)
+        doubts = [f"sensor {k + 1} does not move and is left out" for k in dead]
+        doubts += [f"sensor {k + 1} has no values" for k in silent]
+        fit = self._fitted(record, given)
+        return self._answer(fit, doubts, tuple(k + 1 for k in sorted([*dead, *silent])))
+
+    def _fitted(self, record: Record, given: Vector | None) -> Fit:
+        noise = record.noise_deviation()
+        few = math.ceil(EARLY / record.step)
+        early = None
+        if LEAST_SAMPLES <= few < record.samples:
+            early = self._problem(replace(record, values=record.values[:, :few]), noise, record.samples)
+        return search(self._problem(record, noise, record.samples), early, given, sparse=self.sparse)
+
+    def _problem(self, record: Record, noise: Vector, samples: int) -> Problem:
+        nuisances = Nuisances(self.nuisances, self.params, record.step * samples, self.params.pressure_amplitude)
+        return Problem(self._forward, record, nuisances, noise, self.discrepancy)
+
+    def _answer(self, fit: Fit, doubts: list[str], left_out: tuple[int, ...]) -> Answer:
+        problem, found, kept = fit.problem, fit.minimum, fit.kept
+        A, x = found.model.A, found.x
+        covariance = _covariance(A, kept)
+        deviation = np.sqrt(np.diag(covariance)).copy()
+        for k in np.flatnonzero(~kept):
+            alone = kept.copy()
+            alone[k] = True
+            deviation[k] = math.sqrt(_covariance(A, alone)[k, k])
+        everything = np.sqrt(np.diag(_covariance(A, np.ones(len(x), dtype=bool))))[:N_ZONES]
+        unresolved = np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION)
+        damages = covariance[:N_ZONES, :N_ZONES].copy()
+        np.fill_diagonal(damages, deviation[:N_ZONES] ** 2)
+        per_sample, bound = found.chi2 / problem.values, chi2_bound(problem)
+        valid = per_sample <= bound
+        if not valid:
+            doubts.append(
+                f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
+                "load, damping, sensors and noise, or fit more nuisances"
+            )
+        rise = evidence(found.model, box(problem, x), kept)[:N_ZONES]
+        return Answer(
+            damage=x[:N_ZONES].copy(),
+            deviation=deviation[:N_ZONES],
+            probability=probability(rise),
+            covariance=damages,
+            nuisances=problem.nuisances.values(x[N_ZONES:], deviation[N_ZONES:]),
+            chi2_per_sample=per_sample,
+            chi2_bound=bound,
+            valid=valid,
+            unresolved=tuple(int(k) + 1 for k in unresolved),
+            left_out=left_out,
+            doubts=tuple(doubts),
+            samples=problem.values,
+            simulations=problem.simulations,
+        )
+
+
+def _covariance(A: Matrix, free: Rows) -> Matrix:
+    """Invert the curvature over some unknowns; zero elsewhere."""
+    full = np.zeros_like(A)
+    full[np.ix_(free, free)] = np.linalg.pinv(A[np.ix_(free, free)], hermitian=True)
+    return full

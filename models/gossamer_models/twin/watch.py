@@ -1,0 +1,265 @@
+r"""Watch a running structure: an alarm soon after damage begins, then when it began and where.
+
+Symbols: ``y`` readings of a window, shape (4, n); ``r`` residuals in units of the noise, the mean of each sensor removed;
+``J`` their derivatives by the damages; ``A`` = J^T J, ``g`` = J^T r; ``T`` score statistic; ``h`` step [s].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import chi2 as chi2_distribution
+
+from ..arrays import Matrix, Vector
+from ..errors import ConvergenceError, DataError, ParameterError
+from ..membrane import MembraneParams
+from ..membrane.mesh import N_ZONES
+from ..sensor import SensorArtifact
+from .problem import DAMAGE_STEP, MOST_DAMAGE, Quadratic
+from .quadratic import bounded_minimum
+from .record import N_SENSORS
+from .running import Place, Running
+from .sparse import Box, drop_zones
+
+ONSETS = 6  # onsets tried in each window before they are refined
+ITERATIONS = 8
+DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Damage that began while watched.
+
+    Attributes
+    ----------
+    onset, onset_deviation : float
+        When it began, and its standard deviation [s].
+    damage, deviation : ndarray, shape (16,)
+        Damage of every zone since then, and its standard deviation [1].
+    chi2_per_sample : float
+        Near 1 if this damage explains the readings.
+    """
+
+    onset: float
+    onset_deviation: float
+    damage: Vector
+    deviation: Vector
+    chi2_per_sample: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """What one window of readings says.
+
+    Attributes
+    ----------
+    time : float
+        End of the window [s].
+    statistic : float
+        Score statistic over its mean without new damage: 1 on average, large if damage has begun.
+    alarm : bool
+        Whether new damage is certain.
+    misfit : float
+        Chi2 per sample of the readings about the twin's prediction.
+    finding : Finding or None
+        Onset and damages, at the end of the window after an alarm.
+    """
+
+    time: float
+    statistic: float
+    alarm: bool
+    misfit: float
+    finding: Finding | None = None
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A window that has been judged: the place and time it began at, and its readings."""
+
+    time: float
+    place: Place
+    y: Matrix
+
+
+class Watch:
+    r"""The twin beside a running structure, fed window by window.
+
+    Parameters
+    ----------
+    noise : float or array_like, shape (4,)
+        Standard deviation of the noise of each sensor, in the unit of the readings.
+    elements_per_side, order : int
+        Mesh, as in ``membrane_model``.
+    params : MembraneParams or None
+        Membrane and load; None for the default.
+    damage : array_like, shape (16,)
+        Damage when the load sets in [1].
+    sensor : SensorArtifact or None
+        Sensors, if readings are resistances.
+    sensor_parameters : mapping of str to float
+        Parameters of the sensors that differ from their start values.
+    step : float
+        Time between readings [s].
+    false_alarms : float
+        Share of the windows that may raise a false alarm.
+
+    Raises
+    ------
+    ParameterError
+        A number makes no sense.
+
+    Notes
+    -----
+    The twin simulates each window from the state it has reached, and 16 neighbours with a little damage in one zone each,
+    all in lanes. Rao's score statistic :math:`T = g^T A^{-1} g` [1]_ has a chi2 distribution with 16 degrees of freedom
+    while nothing changes; a constant offset of a sensor does not count. Where the model is not exact, T is larger: it is
+    divided by the largest mean of T/16 over the windows before, at least 1, so that only a rise gives an alarm, and the
+    first window never does. One window after an alarm, onset and damages are fitted to the windows before, at and after it;
+    zones are dropped as in ``Twin``. The watch then goes on from the damages that it has found.
+
+    References
+    ----------
+    .. [1] C. R. Rao, Mathematical Proceedings of the Cambridge Philosophical Society 44(1), 50-57, 1948,
+       doi:10.1017/S0305004100023987.
+    """
+
+    def __init__(
+        self,
+        noise: ArrayLike,
+        elements_per_side: int = 4,
+        order: int = 4,
+        params: MembraneParams | None = None,
+        *,
+        damage: ArrayLike = 0.0,
+        sensor: SensorArtifact | None = None,
+        sensor_parameters: Mapping[str, float] | None = None,
+        step: float = 3e-4,
+        false_alarms: float = 1e-6,
+    ) -> None:
+        self._sigma = np.broadcast_to(np.asarray(noise, dtype=float), (N_SENSORS,)).copy()
+        if not (np.isfinite(self._sigma).all() and (self._sigma > 0.0).all()):
+            msg = f"the noise of the sensors is a positive standard deviation, not {noise!r}"
+            raise ParameterError(msg)
+        if not (0.0 < false_alarms < 1.0 and step > 0.0):
+            msg = f"need 0 < false_alarms < 1 and a positive step [s], not {false_alarms:g} and {step:g}"
+            raise ParameterError(msg)
+        self._running = Running(elements_per_side, order, params or MembraneParams(), sensor, sensor_parameters)
+        self._damage, self._h = np.broadcast_to(np.asarray(damage, dtype=float), (N_ZONES,)).copy(), step
+        self._place, self._time = self._running.begin(self._damage, step), 0.0
+        self._threshold = float(chi2_distribution.isf(false_alarms, N_ZONES)) / N_ZONES
+        self._scale = 0.0  # nothing seen yet
+        self._before: list[_Seen] = []
+        self._alarmed = False
+
+    def advance(self, readings: ArrayLike) -> Window:
+        """Judge the next window of readings.
+
+        Parameters
+        ----------
+        readings : array_like, shape (4, n)
+            Strain [1] or resistance [ohm], a column per step; n may differ from window to window. Not a number where a
+            reading is missing.
+
+        Returns
+        -------
+        Window
+
+        Raises
+        ------
+        DataError
+            The readings have another shape, or fewer than 20 columns.
+        ConvergenceError
+            The simulation has failed.
+        """
+        y = np.asarray(readings, dtype=float)
+        if y.ndim != 2 or y.shape[0] != N_SENSORS or y.shape[1] < N_ZONES + N_SENSORS:
+            msg = f"a window needs one row for each of {N_SENSORS} sensors and 20 or more columns, not shape {y.shape}"
+            raise DataError(msg)
+        n = y.shape[1]
+        damages = np.repeat(self._damage[None], 1 + N_ZONES, axis=0)
+        signs = np.where(self._damage + DAMAGE_STEP > MOST_DAMAGE, -1.0, 1.0)
+        damages[1:] += DAMAGE_STEP * np.diag(signs)
+        found, place = self._running.advance(self._place, np.repeat(damages[:, None], n, axis=1), self._h)
+        if not np.isfinite(found).all():
+            msg = f"the twin's membrane failed after t = {self._time:.6g} s. Check its load, damage and parameters."
+            raise ConvergenceError(msg)
+        rows = self._weigh(np.concatenate([(y - found[0])[None], found[1:] - found[0]]), y)
+        r, J = rows[0], rows[1:].T / (DAMAGE_STEP * signs)
+        g = J.T @ r
+        T = float(g @ np.linalg.pinv(J.T @ J, hermitian=True) @ g) / N_ZONES
+        values = int(np.isfinite(y).sum()) - N_SENSORS
+        first = self._scale == 0.0
+        statistic = T / max(self._scale, 1.0)
+        alarm = not first and not self._alarmed and statistic > self._threshold
+        self._before = [*self._before[-1:], _Seen(self._time, self._place, y)] if not self._alarmed else [
+            *self._before,
+            _Seen(self._time, self._place, y),
+        ]
+        self._time += n * self._h
+        finding = None
+        if self._alarmed:
+            finding = self._find()
+            self._alarmed, self._before = False, []
+        else:
+            self._place, self._alarmed = place, alarm
+            if not alarm:
+                self._scale = max(self._scale, T, 1.0) if first else max(self._scale, (self._scale + T) / 2.0)
+        misfit = float(r @ r) / values
+        return Window(time=self._time, statistic=statistic, alarm=alarm, misfit=misfit, finding=finding)
+
+    def _weigh(self, rows: Matrix, y: Matrix) -> Matrix:
+        """Divide rows, shape (m, 4, n), by the noise and remove the mean of each sensor, shape (m, values)."""
+        present = np.isfinite(y)
+        rows = np.where(present, rows, 0.0)
+        count = np.maximum(present.sum(axis=1), 1)
+        rows = np.where(present, rows - (rows.sum(axis=2) / count)[:, :, None], 0.0)
+        return np.asarray((rows / self._sigma[:, None]).reshape(len(rows), -1))
+
+    def _find(self) -> Finding:
+        """Fit onset and damages to the windows since the one before the alarm, and go on from there."""
+        start, y = self._before[0], np.concatenate([seen.y for seen in self._before], axis=1)
+        n = y.shape[1]
+
+        def weighed(unknowns: Matrix) -> Matrix:
+            """Simulate rows of onset [steps] and damages, shape (m, 17)."""
+            share = np.clip(np.arange(1, n + 1) - unknowns[:, :1], 0.0, 1.0)  # of a step with the new damage
+            history = self._damage + share[:, :, None] * (unknowns[:, None, 1:] - self._damage)
+            return self._weigh(self._running.advance(start.place, history, self._h)[0], y)
+
+        data = self._weigh(y[None], y)[0]
+        low, high = np.r_[0.0, self._damage * 0.0], np.r_[float(n - 1), np.full(N_ZONES, MOST_DAMAGE)]
+        onsets = np.linspace(0.0, sum(seen.y.shape[1] for seen in self._before[:-1]), ONSETS * len(self._before[:-1]))
+        best: tuple[float, Vector] | None = None
+        for onset in onsets[:-1]:
+            x = np.r_[onset, self._damage]
+            model, r = _quadratic(weighed, data, x, np.arange(1, N_ZONES + 1))
+            d = bounded_minimum(model.A, model.g, low[1:] - x[1:], high[1:] - x[1:])
+            promised = float(r @ r) - 2.0 * model.g @ d + d @ model.A @ d
+            if best is None or promised < best[0]:
+                best = promised, np.r_[onset, x[1:] + d]
+        assert best is not None  # noqa: S101
+        x, free = best[1], np.arange(1 + N_ZONES)
+        x, model, chi2 = _minimise(weighed, data, x, free, low, high)
+        box = Box(zones=free > 0, low=low - x, high=high - x)
+        at_healthy = Quadratic(A=model.A, g=model.g, at=x - np.r_[0.0, self._damage])
+        kept, move = drop_zones(at_healthy, box)
+        x = np.clip(np.where(kept, x + move, np.r_[x[0], self._damage]), low, high)
+        x, model, chi2 = _minimise(weighed, data, x, np.flatnonzero(kept), low, high)
+        covariance = np.linalg.pinv(model.A, hermitian=True)
+        deviation = np.zeros(1 + N_ZONES)
+        deviation[kept] = np.sqrt(np.diag(covariance))
+        self._damage = x[1:].copy()
+        share = np.clip(np.arange(1, n + 1) - x[0], 0.0, 1.0)[None, :, None]
+        _, self._place = self._running.advance(start.place, share * self._damage, self._h)
+        values = int(np.isfinite(y).sum()) - N_SENSORS - len(model.g)
+        return Finding(
+            onset=start.time + self._h * float(x[0]),
+            onset_deviation=self._h * float(deviation[0]),
+            damage=self._damage.copy(),
+            deviation=deviation[1:],
+            chi2_per_sample=chi2 / values,
+        )
