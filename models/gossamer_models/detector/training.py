@@ -21,17 +21,13 @@ from .artifact import ZONES, DetectorArtifact
 from .model import SENSORS, detector_model
 from .networks import PEAKS, train_networks
 from .packets import packet_energies
+from .thesis_tables import SINGLE_TRAINING
 
 SAMPLING_STEP = 3e-4
 SAMPLES = 844  # two periods of the thesis' pressure: energies of a periodic response do not depend on where it starts
 WINDOWS = 3  # the transient, its tail, and the periodic response
 LEVELS = tuple(round(0.05 * k, 2) for k in range(1, 9))
 
-# Single-damage cases of Table 7.1 with a prediction (cases 2 to 14): zone, damage.
-TABLE_7_1 = (
-    *((1, 0.20), (1, 0.40), (2, 0.20), (2, 0.40), (3, 0.20), (3, 0.40), (1, 0.10)),
-    *((1, 0.30), (2, 0.09), (2, 0.35), (3, 0.23), (3, 0.18), (3, 0.36)),
-)
 THESIS_ERROR = {"all zones": 0.104, "damaged zones": 0.214}  # mean absolute error, % damage
 # One case per zone, none of them on a training level; drawn once, uniformly from 2 to 40 %.
 UNSEEN = (0.32, 0.04, 0.22, 0.13, 0.07, 0.38, 0.27, 0.18, 0.02, 0.33, 0.09, 0.24, 0.36, 0.12, 0.29, 0.16)
@@ -54,7 +50,7 @@ def single_damage_cases(levels: Sequence[float] = LEVELS) -> Vector:
 
 def table_7_1_cases() -> Vector:
     """Return the damages of the 13 single-damage cases of Table 7.1, shape (13, 16) [1]."""
-    return np.array([damage * np.eye(ZONES)[zone - 1] for zone, damage in TABLE_7_1])
+    return SINGLE_TRAINING.damage[1:14]  # case 1 is undamaged, and 15 to 17 have several damaged zones
 
 
 def unseen_cases() -> Vector:

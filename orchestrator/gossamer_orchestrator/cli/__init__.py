@@ -15,6 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from ..errors import OrchestratorError
+from .assess_detector import assess_detector
 from .build import build
 from .campaign import campaign
 from .exchange import container, export
@@ -79,4 +80,5 @@ app.command()(verify)
 app.command()(info)
 app.command()(train)
 app.command()(campaign)
+app.command("assess-detector")(assess_detector)
 app.command(cls=CommandWithFields)(identify)

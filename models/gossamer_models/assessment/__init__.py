@@ -1,0 +1,52 @@
+"""Assessment of damage detection: judges under conditions, with the statistics that an inspector asks for."""
+
+from .assess import assess
+from .conditions import Condition, Detection, conditions, detections
+from .figures import Figures, confusion, figures, reliability
+from .judges import (
+    AlwaysZero,
+    DetectorJudge,
+    Judge,
+    PosteriorJudge,
+    TwinJudge,
+    Verdicts,
+    read_judge,
+    shipped_judges,
+    twin_judges,
+)
+from .pod import Pod, fit_pod
+from .proportions import Share, share, size_by_counts, threshold_for
+from .results import Assessment, read_assessment, write_assessment
+
+__all__ = [
+    # whom to assess
+    "AlwaysZero",
+    "DetectorJudge",
+    "Judge",
+    "PosteriorJudge",
+    "read_judge",
+    "shipped_judges",
+    "twin_judges",
+    "TwinJudge",
+    "Verdicts",
+    # all at once
+    "assess",
+    "Assessment",
+    "Condition",
+    "conditions",
+    "Detection",
+    "detections",
+    "read_assessment",
+    "write_assessment",
+    # statistics
+    "confusion",
+    "Figures",
+    "figures",
+    "fit_pod",
+    "Pod",
+    "reliability",
+    "Share",
+    "share",
+    "size_by_counts",
+    "threshold_for",
+]

@@ -1,0 +1,200 @@
+"""Put judges to conditions and collect what they say.
+
+Symbols: ``a`` sizes of single damages [1].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Rows, Vector
+from ..campaign import Mesh
+from ..detector.thesis_tables import TABLES, ThesisTables
+from ..errors import ParameterError
+from ..membrane.mesh import N_ZONES
+from .conditions import SIZES, Condition, conditions, detections, table_conditions
+from .figures import calls, confusion, figures, largest_calls, reliability
+from .judges import Judge, Verdicts
+from .pod import fit_pod
+from .proportions import share, threshold_for
+from .records import Records, make_records
+from .results import Assessment, ConfusionRow, DetectionRow, Row, TableRow
+
+FALSE_CALLS = 0.01  # share of healthy records that a threshold lets be called [1]
+LEAST_SIZES = 12  # of a zone, for a curve of its own
+CURVE = np.geomspace(*SIZES, 41)
+OTHER = Mesh(elements_per_side=4, order=8)  # twice the resolution of the default
+Report = Callable[[str, int, int], None]
+
+
+def assess(
+    judges: Sequence[Judge],
+    folder: Path,
+    *,
+    cases: int = 400,
+    mesh: Mesh | None = None,
+    other: Mesh = OTHER,
+    workers: int | None = None,
+    report: Report | None = None,
+) -> Assessment:
+    """Assess judges under all conditions.
+
+    Parameters
+    ----------
+    judges : sequence of Judge
+        Whom to assess; their names differ.
+    folder : Path
+        Where simulations are kept: those that are there are not repeated.
+    cases : int
+        Records of each condition, and of the healthy ones that thresholds come from; there are a fifth as many sizes in
+        each zone.
+    mesh, other : Mesh
+        Membrane, the default one if None; and the finer one of the condition "another mesh".
+    workers : int, optional
+        Processes of the simulations; all cores by default.
+    report : callable, optional
+        Called with what is going on, and how many of all parts are done.
+
+    Returns
+    -------
+    Assessment
+
+    Raises
+    ------
+    ParameterError
+        Two judges have the same name, or there are too few cases.
+    GossamerError, OSError
+        A simulation cannot run, or cannot be kept.
+    """
+    names = [judge.name for judge in judges]
+    if len(set(names)) < len(names):
+        msg = f"two judges have the same name: {', '.join(names)}. Name the files differently."
+        raise ParameterError(msg)
+    if cases < 4:
+        msg = f"{cases} cases are too few to choose a threshold on one half and count on the other. Take 4 or more."
+        raise ParameterError(msg)
+    mesh = mesh or Mesh()
+    found = Assessment(
+        provenance={
+            "gossamer": version("gossamer"),
+            "cases": str(cases),
+            "mesh": f"{mesh.elements_per_side} x {mesh.elements_per_side} elements of order {mesh.order}",
+            "another mesh": f"{other.elements_per_side} x {other.elements_per_side} elements of order {other.order}",
+        }
+    )
+    put, pairs = conditions(cases, mesh, other), detections(cases, mesh)
+    listed = [(table, condition) for table in TABLES for condition in table_conditions(table.damages, mesh)]
+    total, done = len(put) + len(pairs) + len(listed), 0
+
+    def begin(what: str) -> None:
+        nonlocal done
+        if report is not None:
+            report(what, done, total)
+        done += 1
+
+    for condition in put:
+        begin(condition.name)
+        records = make_records(condition, folder, workers=workers)
+        for judge in _readers(judges, records):
+            found.rows.append(_row(judge, condition, records))
+    for pair in pairs:
+        begin(pair.name)
+        healthy, damaged = (make_records(c, folder, workers=workers) for c in (pair.healthy, pair.damaged))
+        for judge in _readers(judges, healthy):
+            rows, counts = _detection(judge, pair.name, healthy, damaged)
+            found.detections.extend(rows)
+            found.confusions.append(counts)
+    for table, condition in listed:
+        begin(f"{table.name}, {condition.name}")
+        records = make_records(condition, folder, workers=workers)
+        for judge in _readers(judges, records):
+            found.tables.extend(_table(judge, table, condition, records))
+    if report is not None:
+        report("done", total, total)
+    return found
+
+
+def _readers(judges: Sequence[Judge], records: Records) -> list[Judge]:
+    """Return the judges that can read the records."""
+    return [judge for judge in judges if judge.reads == "strain" or records.resistance is not None]
+
+
+def _ask(judge: Judge, records: Records, most: int | None) -> tuple[Verdicts, int]:
+    """Return the verdicts on the first records, and their number."""
+    histories = records.strain if judge.reads == "strain" else records.resistance
+    assert histories is not None
+    histories = histories[:most]
+    return judge(histories, records.step), len(histories)
+
+
+def _row(judge: Judge, condition: Condition, records: Records) -> Row:
+    verdicts, n = _ask(judge, records, judge.most)
+    damage = records.damage[:n]
+    return Row(
+        judge=judge.name,
+        condition=condition.name,
+        figures=figures(damage, verdicts),
+        reliability=reliability(damage, verdicts).tolist() if verdicts.deviation is not None else [],
+        largest=[] if damage.any() else largest_calls(verdicts).tolist(),
+    )
+
+
+def _detection(judge: Judge, name: str, healthy: Records, damaged: Records) -> tuple[list[DetectionRow], ConfusionRow]:
+    """Choose a threshold on every other healthy record, count on the others, and fit each zone and all together."""
+    most = None if judge.most is None else judge.most * N_ZONES
+    quiet, _ = _ask(judge, healthy, most)
+    largest = largest_calls(quiet)
+    threshold = threshold_for(largest[::2], FALSE_CALLS)
+    false_calls = share(largest[1::2] > threshold)
+    verdicts, n = _ask(judge, damaged, most)
+    damage = damaged.damage[:n]
+    a, zone = damage.max(axis=1), damage.argmax(axis=1)
+    hit = calls(verdicts, threshold)[np.arange(n), zone]
+    rows = []
+    for number in range(N_ZONES + 1):
+        among: Rows = np.ones(n, dtype=bool) if number == 0 else zone == number - 1
+        if number and among.sum() < LEAST_SIZES:
+            continue
+        pod = fit_pod(a[among], hit[among])
+        curve: list[list[float]] = []
+        if not math.isnan(pod.slope):
+            curve = np.column_stack([CURVE, pod.probability(CURVE), pod.lower_bound(CURVE)]).tolist()
+        rows.append(
+            DetectionRow(
+                judge=judge.name,
+                condition=name,
+                zone=number,
+                threshold=threshold,
+                false_calls=false_calls,
+                sizes=int(among.sum()),
+                hits=int(hit[among].sum()),
+                curve=curve,
+                **{part: getattr(pod, part) for part in ("a50", "a90", "a90_95", "by_counts", "remark")},
+            )
+        )
+    return rows, ConfusionRow(judge=judge.name, condition=name, counts=confusion(damage, verdicts, threshold).tolist())
+
+
+def _table(judge: Judge, table: ThesisTables, condition: Condition, records: Records) -> list[TableRow]:
+    verdicts, n = _ask(judge, records, None)
+
+    def percent(values: Vector) -> list[float]:
+        return [round(100.0 * float(value), 4) for value in values]
+
+    return [
+        TableRow(
+            table=table.name,
+            case=table.cases[k],
+            judge=judge.name,
+            condition=condition.name,
+            damage=percent(verdicts.damage[k]),
+            deviation=[] if verdicts.deviation is None else percent(verdicts.deviation[k]),
+            valid=bool(verdicts.valid[k]),
+        )
+        for k in range(n)
+    ]

@@ -1,0 +1,174 @@
+"""Conditions that judges are put to: what is simulated, and how the sensors read it.
+
+Every condition is a campaign, so its cases are a function of seed and number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ..campaign import Campaign, Chain, Damage, Distribution, Mesh, Noise, Vary
+from ..detector.thesis_tables import Damages
+from ..membrane.mesh import N_ZONES
+
+THESIS_NOISE = Noise(strain=Distribution(uniform=(0.0, 0.02)))  # Chapter 7 of the thesis
+CHAIN_NOISE = Noise(resistance=Distribution(normal=0.001))  # of the change of resistance at full scale
+RANDOM = Damage(zones=(1, 4), depth=(0.05, 0.5))
+HEALTHY = Damage(zones=(0, 0))
+LATE = 30  # samples by which records through the chain are longer: more than the estimator's delay
+SIZES = (0.005, 0.5)  # [1] of single damages, to tell the probability of detection
+# Factors of what is not as a detector takes it to be: the mismatches of the issue, and their ranges when everything varies.
+MISMATCHES: dict[str, tuple[str, float, float]] = {
+    "load": ("pressure_amplitude", 0.9, 1.1),
+    "frequency": ("pressure_frequency", 0.95, 1.05),
+    "damping": ("mass_damping", 0.5, 2.0),
+    "modulus": ("youngs_modulus", 0.98, 1.02),
+    "gain": ("sensor_gain", 0.98, 1.02),
+}
+Fault = Literal["none", "dead", "swapped"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Condition:
+    """One set of records.
+
+    Attributes
+    ----------
+    name : str
+        What tables call it.
+    store : str
+        Name of the campaign's store; conditions may share it.
+    campaign : Campaign
+        What is simulated.
+    noisy : bool
+        Whether the campaign's noise of strain is added; the chain always has its own.
+    fault : {"none", "dead", "swapped"}
+        A sensor that repeats its first reading, or two that are exchanged: which ones, the number of the case tells.
+    """
+
+    name: str
+    store: str
+    campaign: Campaign
+    noisy: bool = True
+    fault: Fault = "none"
+
+
+def conditions(cases: int, mesh: Mesh, other: Mesh, *, seed: int = 10, stop: float = 0.3) -> list[Condition]:
+    """List the conditions of an assessment, apart from those of the probability of detection.
+
+    Parameters
+    ----------
+    cases : int
+        Records of each.
+    mesh, other : Mesh
+        Membrane of all conditions, and of the one called "another mesh".
+    seed : int
+        Of all campaigns; none of the training.
+    stop : float
+        Length of the records [s].
+    """
+    random = Campaign(cases=cases, seed=seed, stop=stop, membrane=mesh, damage=RANDOM, noise=THESIS_NOISE)
+    healthy = replace(random, damage=HEALTHY)
+    everything = {what: Vary(factor=(low, high)) for what, low, high in MISMATCHES.values()}
+    return [
+        Condition(name="clean", store="random", campaign=random, noisy=False),
+        Condition(name="noise", store="random", campaign=random),
+        *_mismatches(random),
+        Condition(name="everything varied", store="everything", campaign=replace(random, vary=everything)),
+        Condition(name="dead sensor", store="random", campaign=random, fault="dead"),
+        Condition(name="swapped sensors", store="random", campaign=random, fault="swapped"),
+        Condition(name="whole chain", store="chain", campaign=_through_chain(random)),
+        Condition(name="another mesh", store="mesh", campaign=replace(random, membrane=other)),
+        Condition(name="healthy, clean", store="healthy", campaign=healthy, noisy=False),
+        Condition(name="healthy, noise", store="healthy", campaign=healthy),
+        Condition(
+            name="healthy, everything varied",
+            store="healthy_everything",
+            campaign=replace(healthy, vary=everything),
+        ),
+        Condition(name="healthy, whole chain", store="healthy_chain", campaign=_through_chain(healthy)),
+    ]
+
+
+def table_conditions(damages: Damages, mesh: Mesh, *, seed: int = 13, stop: float = 0.3) -> list[Condition]:
+    """List the conditions that the cases of the thesis' tables are put to, called clean, noise and whole chain."""
+    cases = Campaign(seed=seed, stop=stop, membrane=mesh, damage=Damage(cases=damages), noise=THESIS_NOISE)
+    return [
+        Condition(name="clean", store=f"tables_{seed}", campaign=cases, noisy=False),
+        Condition(name="noise", store=f"tables_{seed}", campaign=cases),
+        Condition(name="whole chain", store=f"tables_{seed}_chain", campaign=_through_chain(cases)),
+    ]
+
+
+def _mismatches(random: Campaign) -> Iterator[Condition]:
+    for name, (what, *factors) in MISMATCHES.items():
+        for factor in factors:
+            campaign = replace(random, vary={what: Vary(factor=(factor, factor))})
+            yield Condition(name=f"{name} x {factor:g}", store=f"{name}_{factor:g}", campaign=campaign)
+
+
+def _through_chain(campaign: Campaign) -> Campaign:
+    """Return a campaign through sensor and estimator, longer by more than the estimator's delay."""
+    stop = campaign.stop + LATE * campaign.step
+    return replace(campaign, noise=CHAIN_NOISE, chain=Chain(compensator="estimator"), stop=stop)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detection:
+    """Records that tell a probability of detection: healthy ones for the threshold, and one damage in each zone by size."""
+
+    name: str
+    healthy: Condition
+    damaged: Condition
+
+
+def detections(cases: int, mesh: Mesh, *, seed: int = 11, long: float = 0.9, stop: float = 0.3) -> list[Detection]:
+    """List the conditions of the probability of detection.
+
+    Parameters
+    ----------
+    cases : int
+        Healthy records of each; there are a fifth as many sizes in each zone.
+    mesh : Mesh
+        Membrane.
+    seed : int
+        Of all campaigns.
+    long, stop : float
+        Length of the records of strain with the thesis' noise, and through the whole chain [s].
+    """
+    base = Campaign(cases=cases, seed=seed, stop=long, membrane=mesh, damage=HEALTHY, noise=THESIS_NOISE)
+    damaged = replace(base, cases=None, damage=Damage(cases=single_damages(max(cases // 5, 1))), seed=seed + 1)
+    chain, damaged_chain = (_through_chain(replace(campaign, stop=stop)) for campaign in (base, damaged))
+    found = []
+    for name, store, pair in (
+        (f"noise, {long:g} s", "noise", (base, damaged)),
+        (f"whole chain, {stop:g} s", "chain", (chain, damaged_chain)),
+    ):
+        healthy, sizes = (
+            Condition(name=f"{kind}, {name}", store=f"detection_{store}_{kind}", campaign=campaign)
+            for kind, campaign in zip(("healthy", "sizes"), pair, strict=True)
+        )
+        found.append(Detection(name=name, healthy=healthy, damaged=sizes))
+    return found
+
+
+def single_damages(sizes: int) -> Damages:
+    """List damages of one zone at a time, zone after zone, every zone ``sizes`` times.
+
+    The logarithms of the sizes fill ``SIZES`` evenly in each zone, at other places in every zone, and the first few already
+    lie far apart (van der Corput), so that a slow judge may stop anywhere.
+    """
+    low, high = SIZES
+    zones = np.arange(N_ZONES)
+    order = np.argsort([_van_der_corput(k) for k in range(sizes)]).argsort()
+    places = (order[:, None] + (zones * 7 % N_ZONES + 0.5) / N_ZONES) / sizes
+    return tuple({int(zone) + 1: float(low * (high / low) ** u[zone])} for u in places for zone in zones)
+
+
+def _van_der_corput(k: int) -> float:
+    bits = f"{k:b}"[::-1]
+    return int(bits, 2) / float(2 ** len(bits))

@@ -1,0 +1,230 @@
+"""Judges: what turns strain histories into damage, behind one call.
+
+Symbols: ``n`` records, ``T`` samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, Protocol
+
+import numpy as np
+
+from ..arrays import Matrix, Rows
+from ..artifacts import artifact_schema
+from ..detector import DetectorArtifact, artifact, detector_model
+from ..errors import ConvergenceError, DataError
+from ..membrane.mesh import N_ZONES
+from ..simulate import simulate
+from ..step_model import StepModel
+from ..stepper import Stepper
+
+if TYPE_CHECKING:
+    from ..detector.posterior_artifact import PosteriorArtifact
+    from ..twin import Twin
+
+SENSORS = 4
+Signal = Literal["strain", "resistance"]
+LOAD_AND_SENSORS = ("offset", "gain", "amplitude", "frequency", "damping", "modulus")  # what a twin can fit along
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdicts:
+    """What a judge says of n records.
+
+    Attributes
+    ----------
+    damage : ndarray, shape (n, 16)
+        Lost fraction of Young's modulus of each zone [1]; 0 for a record that could not be judged.
+    deviation : ndarray, shape (n, 16), or None
+        Standard deviation [1].
+    probability : ndarray, shape (n, 16), or None
+        That the zone is damaged [1].
+    valid : ndarray of bool, shape (n,)
+        Whether the judge answers for it.
+    """
+
+    damage: Matrix
+    deviation: Matrix | None = None
+    probability: Matrix | None = None
+    valid: Rows
+
+    def __getitem__(self, rows: Rows | slice) -> Verdicts:
+        """Return the verdicts of some records."""
+        deviation, probability = (None if a is None else a[rows] for a in (self.deviation, self.probability))
+        return Verdicts(damage=self.damage[rows], deviation=deviation, probability=probability, valid=self.valid[rows])
+
+
+class Judge(Protocol):
+    """Any way to tell damage from histories.
+
+    Attributes
+    ----------
+    name : str
+        What tables call it.
+    reads : {"strain", "resistance"}
+        What it is given.
+    most : int or None
+        Records of a condition that it has time for; None for all.
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def reads(self) -> Signal: ...  # noqa: D102
+    @property
+    def most(self) -> int | None: ...  # noqa: D102
+
+    def __call__(self, histories: Matrix, step: float) -> Verdicts:
+        """Judge n records, shape (n, 4, T), strain [1] or resistance [ohm], of a sampling step [s]."""
+
+
+@dataclass(frozen=True)
+class AlwaysZero:
+    """The judge that never finds damage: what every other one must beat."""
+
+    name: str = "always 0"
+    reads: Signal = "strain"
+    most: int | None = None
+
+    def __call__(self, histories: Matrix, step: float) -> Verdicts:  # noqa: ARG002
+        """Say 0."""
+        return Verdicts(damage=np.zeros((len(histories), N_ZONES)), valid=np.ones(len(histories), dtype=bool))
+
+
+@dataclass(frozen=True)
+class DetectorJudge:
+    """A detector as its FMU runs it: sample by sample; its last window counts.
+
+    Attributes
+    ----------
+    model : StepModel
+        From ``detector_model``.
+    """
+
+    model: StepModel
+    name: str = "neuro-fuzzy"
+    reads: Signal = "strain"
+    most: int | None = None
+
+    def __call__(self, histories: Matrix, step: float) -> Verdicts:
+        """Run the records one after the other."""
+        arrays = [name for name in ("damage", "deviation", "probability") if f"{name}[1]" in self.model.names]
+        names = [*(f"{name}[{zone}]" for name in arrays for zone in range(1, N_ZONES + 1)), "valid"]
+        found = np.empty((len(histories), len(names)))
+        steps = np.full(histories.shape[-1], step)
+        for row, history in zip(found, histories, strict=True):
+            stepper = Stepper(self.model, repeat=1.0)
+            stepper.initialize()
+            simulate(stepper, steps, {f"strain[{i}]": strain for i, strain in enumerate(history, start=1)}, ())
+            row[:] = [stepper.get(name) for name in names]
+        parts = dict(zip(arrays, np.split(found[:, :-1], len(arrays), axis=1), strict=True))
+        return _finite(**parts, valid=found[:, -1])
+
+
+@dataclass(frozen=True)
+class PosteriorJudge:
+    """A posterior network, many records at once; the last whole window counts."""
+
+    artifact: PosteriorArtifact
+    name: str = "posterior network"
+    reads: Signal = "strain"
+    most: int | None = None
+
+    def __call__(self, histories: Matrix, step: float) -> Verdicts:
+        """Judge the last whole window of the records."""
+        from ..detector.posterior import judge_records
+
+        trained = self.artifact
+        first = round(trained.start_time / step)
+        windows = (histories.shape[-1] - first) // trained.samples
+        if abs(step - trained.sampling_step) > 1e-6 * step or windows < 1:
+            msg = (
+                f"{self.name} needs records of {trained.samples} samples and a step of {trained.sampling_step:g} s after "
+                f"{trained.start_time:g} s, not {histories.shape[-1]} samples and {step:g} s. Simulate longer records."
+            )
+            raise DataError(msg)
+        end = first + windows * trained.samples
+        number = min(windows, len(trained.windows)) - 1
+        found = judge_records(trained, number, histories[:, :, end - trained.samples : end].astype(float))
+        return _finite(**{name: found[name] for name in ("damage", "deviation", "probability", "valid")})
+
+
+@dataclass(frozen=True)
+class TwinJudge:
+    """The digital twin, record by record: seconds for each."""
+
+    twin: Twin
+    name: str = "twin"
+    reads: Signal = "strain"
+    most: int | None = None
+
+    def __call__(self, histories: Matrix, step: float) -> Verdicts:
+        """Fit every record; one that cannot be fitted is not valid."""
+        from ..twin import Record
+
+        found = np.zeros((3, len(histories), N_ZONES))
+        found[1] = 1.0
+        valid = np.zeros(len(histories), dtype=bool)
+        for k, history in enumerate(histories):
+            try:
+                answer = self.twin.fit(Record(step=step, values=history, kind=self.reads))
+            except (ConvergenceError, DataError):
+                continue
+            found[:, k] = answer.damage, answer.deviation, answer.probability
+            valid[k] = answer.valid
+        return _finite(damage=found[0], deviation=found[1], probability=found[2], valid=valid)
+
+
+def read_judge(path: Path) -> Judge:
+    """Return the judge of a trained detector's file.
+
+    Raises
+    ------
+    ArtifactError
+        The file is missing, damaged, or no detector.
+    """
+    from ..detector import posterior_artifact
+
+    if artifact_schema(path) == posterior_artifact.SCHEMA:
+        return PosteriorJudge(posterior_artifact.PosteriorArtifact.read(path), f"posterior network {path.stem}")
+    return DetectorJudge(detector_model(DetectorArtifact.read(path)), f"neuro-fuzzy {path.stem}")
+
+
+def shipped_judges() -> list[Judge]:
+    """Return the judges of the detectors that ship with the package."""
+    folder = Path(artifact.__file__).parent
+    return [read_judge(path) for path in sorted(folder.glob("*.json"))]
+
+
+def twin_judges(most: int) -> tuple[TwinJudge, ...]:
+    """Return the twins: one that fits damage and offsets, one that fits load and sensors too, one on resistance.
+
+    Parameters
+    ----------
+    most : int
+        Records of a condition that each has time for.
+    """
+    from ..sensor import default_artifact
+    from ..twin import Twin
+
+    resistance = Twin(sensor=default_artifact())
+    return (
+        TwinJudge(Twin(), "twin", most=most),
+        TwinJudge(Twin(nuisances=LOAD_AND_SENSORS), "twin, load and sensors fitted", most=most),
+        TwinJudge(resistance, "twin on resistance", "resistance", most=most),
+    )
+
+
+def _finite(
+    *, damage: Matrix, valid: Matrix, deviation: Matrix | None = None, probability: Matrix | None = None
+) -> Verdicts:
+    """Take an answer that is not finite for none."""
+    sound: Rows = np.asarray(np.isfinite(damage).all(axis=1))
+    return Verdicts(
+        damage=np.where(sound[:, None], damage, 0.0),
+        deviation=deviation,
+        probability=probability,
+        valid=sound & (np.asarray(valid) > 0.5),
+    )

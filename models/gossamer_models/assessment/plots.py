@@ -1,0 +1,176 @@
+"""Pictures of an assessment: detection, reliability, confusion, errors and false calls."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..fitting.plots import axes_for
+from ..membrane.mesh import N_ZONES
+from .figures import CALL, NOMINAL
+from .results import Assessment, ConfusionRow, DetectionRow, Row
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe and Ito, colour-blind-safe
+GREY = "0.6"
+LOOK: Any = {
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 110,
+}
+
+
+def plot_detection(row: DetectionRow, *, ax: Axes | None = None) -> Axes:
+    """Draw the probability of detection over size with its lower 95 % bound, and mark a90/95."""
+    ax = axes_for(ax)
+    title = f"zone {row.zone}" if row.zone else "all zones"
+    if row.curve:
+        size, pod, low = 100.0 * np.array(row.curve).T[0], *np.array(row.curve).T[1:]
+        ax.plot(size, pod, color=COLOURS[0], lw=1.4)
+        ax.fill_between(size, low, pod, color=COLOURS[0], alpha=0.2, lw=0)
+    else:
+        ax.text(0.5, 0.5, row.remark, transform=ax.transAxes, ha="center", va="center", wrap=True, fontsize=7)
+    ax.axhline(0.9, color=GREY, lw=0.6, ls=":")
+    if np.isfinite(row.a90_95):
+        ax.axvline(100.0 * row.a90_95, color=COLOURS[1], lw=1.0, ls="--")
+        title += f": a90/95 {100.0 * row.a90_95:.2g} %"
+    ax.set(xscale="log", xlim=(0.5, 50.0), ylim=(0.0, 1.02), title=title)
+    ax.set_xticks([1.0, 10.0], ["1", "10"])
+    return ax
+
+
+def plot_reliability(rows: Sequence[Row], *, ax: Axes | None = None) -> Axes:
+    """Draw observed over nominal share of true values in the stated intervals; a right deviation gives the diagonal."""
+    ax = axes_for(ax)
+    ax.plot([0.0, 1.0], [0.0, 1.0], color=GREY, lw=0.8, ls="--")
+    for colour, row in zip(COLOURS, rows, strict=False):
+        label = f"{row.judge}, {row.condition}: z rms {row.figures.z_rms:.2f}"
+        ax.plot(NOMINAL, row.reliability, "o-", color=colour, ms=3, lw=1.2, label=label)
+    ax.set(xlabel="stated share [1]", ylabel="observed share [1]", xlim=(0.0, 1.0), ylim=(0.0, 1.02), aspect="equal")
+    ax.legend(loc="upper left")
+    return ax
+
+
+def plot_confusion(row: ConfusionRow, *, ax: Axes | None = None) -> Axes:
+    """Draw which zone is called first over the damaged one, in % of its records; the last column is no call."""
+    ax = axes_for(ax)
+    counts = np.array(row.counts)
+    percent = 100.0 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+    ax.imshow(percent, cmap="Blues", vmin=0.0, vmax=100.0)
+    for (i, j), value in np.ndenumerate(percent):
+        if value >= 0.5:
+            colour = "white" if value > 55.0 else "black"
+            ax.text(j, i, f"{value:.0f}", ha="center", va="center", fontsize=6, color=colour)
+    zones = [str(zone) for zone in range(1, N_ZONES + 1)]
+    ax.set_xticks(range(N_ZONES + 1), [*zones, "none"])
+    ax.set_yticks(range(N_ZONES), zones)
+    ax.grid(visible=False)
+    ax.set(xlabel="zone called first", ylabel="damaged zone", title=f"{row.judge}, {row.condition} [% of records]")
+    return ax
+
+
+def plot_errors(assessment: Assessment, *, ax: Axes | None = None) -> Axes:
+    """Draw the mean absolute error over damaged zones of every judge under every condition with damage."""
+    ax = axes_for(ax)
+    named = dict.fromkeys(row.condition for row in assessment.rows if np.isfinite(row.figures.error_damaged))
+    places = {condition: place for place, condition in enumerate(named)}
+    for colour, judge in zip(COLOURS, assessment.judges, strict=False):
+        rows = [row for row in assessment.rows if row.judge == judge and row.condition in places]
+        x, y = [row.figures.error_damaged for row in rows], [places[row.condition] for row in rows]
+        ax.plot(x, y, "o", color=colour, ms=5, label=judge)
+    ax.set_yticks(range(len(places)), list(places))
+    ax.invert_yaxis()
+    ax.set(xlabel="mean absolute error over damaged zones [% damage]", xlim=(0.0, None))
+    ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.1), ncols=3)
+    return ax
+
+
+def plot_false_calls(rows: Sequence[Row], *, ax: Axes | None = None) -> Axes:
+    """Draw the largest valid estimate of each healthy record as histograms; beyond the dotted line it is a call."""
+    ax = axes_for(ax)
+    top = max([CALL, *(max(row.largest, default=0.0) for row in rows)])
+    bins = np.linspace(0.0, 100.0 * top, 41).tolist()
+    for colour, row in zip(COLOURS, rows, strict=False):
+        label = f"{row.judge}, {row.condition}"
+        ax.hist(100.0 * np.array(row.largest), bins, histtype="step", color=colour, lw=1.4, label=label)
+    ax.axvline(100.0 * CALL, color=GREY, lw=0.8, ls=":")
+    ax.set(xlabel="largest estimate of a healthy record, 0 if not valid [% damage]", ylabel="records", yscale="symlog")
+    ax.legend(loc="upper right")
+    return ax
+
+
+def save_pictures(assessment: Assessment, folder: Path) -> list[Path]:
+    """Draw everything that was found and write it as PNG, without a display; return the paths."""
+    import matplotlib as mpl
+
+    folder.mkdir(parents=True, exist_ok=True)
+    paths: list[Path] = []
+
+    def save(name: str, figure: Figure) -> None:
+        paths.append(folder / f"{re.sub('[^a-z0-9]+', '_', name.lower()).strip('_')}.png")
+        figure.savefig(paths[-1])
+
+    with mpl.rc_context(LOOK):
+        for judge in assessment.judges:
+            for name in dict.fromkeys(row.condition for row in assessment.detections):
+                found = [row for row in assessment.detections if (row.judge, row.condition) == (judge, name)]
+                if any(row.hits for row in found):
+                    save(f"detection {judge} {name}", _detections(found))
+        for counts in assessment.confusions:
+            if np.array(counts.counts)[:, :N_ZONES].any():
+                figure = _figure(7.0, 6.5)
+                plot_confusion(counts, ax=figure.add_subplot())
+                save(f"confusion {counts.judge} {counts.condition}", figure)
+        stated = [row for row in assessment.rows if row.reliability and row.condition in ("clean", "noise")]
+        if stated:
+            figure = _figure(6.0, 5.5)
+            plot_reliability(stated, ax=figure.add_subplot())
+            save("reliability", figure)
+        figure = _figure(8.0, 6.0)
+        plot_errors(assessment, ax=figure.add_subplot())
+        save("errors", figure)
+        healthy = [row for row in assessment.rows if row.condition in ("healthy, noise", "healthy, everything varied")]
+        figure = _figure(7.0, 4.0)
+        plot_false_calls([row for row in healthy if any(row.largest)], ax=figure.add_subplot())
+        save("false calls", figure)
+    return paths
+
+
+def _detections(rows: Sequence[DetectionRow]) -> Figure:
+    """Draw the curves of one judge: every zone where it is on the membrane, zone 1 below on the left, or all together."""
+    zones = {row.zone: row for row in rows}
+    if len(zones) <= N_ZONES:
+        figure = _figure(5.0, 4.0)
+        plot_detection(zones[0], ax=figure.add_subplot())
+    else:
+        figure = _figure(9.0, 7.5)
+        grid = figure.subplots(4, 4, sharex=True, sharey=True)[::-1].ravel()
+        for zone, ax in enumerate(grid, start=1):
+            plot_detection(zones[zone], ax=ax)
+    figure.suptitle(f"{rows[0].judge}, {rows[0].condition}: {100.0 * rows[0].threshold:.2g} % damage is a call")
+    figure.supxlabel("damage [%]")
+    figure.supylabel("probability of detection [1]")
+    return figure
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    return figure
