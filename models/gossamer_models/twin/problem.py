@@ -41,6 +41,28 @@ class Quadratic:
     at: Vector
 
 
+@dataclass(frozen=True)
+class Point:
+    """Unknowns and what they predict.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        Unknowns.
+    perfect : ndarray, shape (4, samples)
+        Strain or resistance that sensors without gain and offset read.
+    r : ndarray, shape (values,)
+        Weighed residuals.
+    chi2 : float
+        Chi2 with the priors; infinite where the simulation failed.
+    """
+
+    x: Vector
+    perfect: Matrix
+    r: Vector
+    chi2: float
+
+
 class Problem:
     """Predictions, residuals and derivatives for one record.
 
@@ -93,44 +115,46 @@ class Problem:
         """Independent values of the record."""
         return self._weights.values
 
-    def residuals(self, x: Matrix) -> Matrix:
-        """Return record minus prediction, weighed, shape (m, values); not a number where a case fails."""
-        return np.asarray(self._y - self._weights.weigh(self._read(self._perfect(x), x)))
+    def points(self, x: Matrix) -> list[Point]:
+        """Simulate rows of unknowns, shape (m, n)."""
+        perfect = self._perfect(x)
+        r = self._y - self._weights.weigh(self._read(perfect, x))
+        chi2 = np.einsum("ij,ij->i", r, r) + np.sum(x[:, N_ZONES:] ** 2, axis=1)
+        return [Point(*row) for row in zip(x, perfect, r, np.where(np.isfinite(chi2), chi2, np.inf), strict=True)]
 
-    def chi2(self, r: Matrix, x: Matrix) -> Vector:
-        """Return chi2 with the priors for rows of residuals and unknowns; infinite where a case failed."""
-        found = np.einsum("ij,ij->i", r, r) + np.sum(x[:, N_ZONES:] ** 2, axis=1)
-        return np.where(np.isfinite(found), found, np.inf)
-
-    def quadratic(self, x: Vector, free: Rows) -> tuple[Quadratic, Vector]:
-        """Return the quadratic model of chi2 at x over the free unknowns, and the residuals there.
+    def derivatives(self, point: Point, free: Rows) -> Matrix:
+        """Return the derivatives of the weighed predictions by the free unknowns, shape (values, number of them).
 
         Raises
         ------
         ConvergenceError
             A simulation has failed.
         """
-        places = np.flatnonzero(free)
-        simulated = places[places < self._simulated]
-        linear = places[places >= self._simulated]
-        steps = np.where(simulated < N_ZONES, DAMAGE_STEP, NUISANCE_STEP)
-        steps = np.where(x[simulated] + steps > self.high[simulated], -steps, steps)
-        rows = np.repeat(x[None], 1 + simulated.size, axis=0)
-        rows[1 + np.arange(simulated.size), simulated] += steps
-        perfect = self._perfect(rows)
-        weighed = self._weights.weigh(self._read(perfect, rows))
+        x, places = point.x, np.flatnonzero(free)
+        simulated, linear = places[places < self._simulated], places[places >= self._simulated]
+        here = self._y - point.r
         J = np.empty((self.values, places.size))
-        J[:, : simulated.size] = ((weighed[1:] - weighed[0]) / steps[:, None]).T
+        if simulated.size:
+            steps = np.where(simulated < N_ZONES, DAMAGE_STEP, NUISANCE_STEP)
+            steps = np.where(x[simulated] + steps > self.high[simulated], -steps, steps)
+            rows = np.repeat(x[None], simulated.size, axis=0)
+            rows[np.arange(simulated.size), simulated] += steps
+            weighed = self._weights.weigh(self._read(self._perfect(rows), rows))
+            J[:, : simulated.size] = ((weighed - here) / steps[:, None]).T
         if linear.size:
-            moved = np.repeat(x[None], linear.size, axis=0)
-            moved[np.arange(linear.size), linear] += 1.0
-            J[:, simulated.size :] = (self._weights.weigh(self._read(perfect[:1], moved)) - weighed[0]).T
+            rows = np.repeat(x[None], linear.size, axis=0)
+            rows[np.arange(linear.size), linear] += 1.0
+            J[:, simulated.size :] = (self._weights.weigh(self._read(point.perfect[None], rows)) - here).T
         if not np.isfinite(J).all():
             msg = "the twin's membrane failed near its present damages. Check the load and the parameters of the twin."
             raise ConvergenceError(msg)
-        r = self._y - weighed[0]
-        prior = (places >= N_ZONES).astype(float)
-        return Quadratic(A=J.T @ J + np.diag(prior), g=J.T @ r - prior * x[places], at=x[places]), r
+        return J
+
+    def quadratic(self, point: Point, free: Rows, J: Matrix) -> Quadratic:
+        """Return the quadratic model of chi2 at a point over the free unknowns, from their derivatives."""
+        places = np.flatnonzero(free)
+        at, prior = point.x[places], (places >= N_ZONES).astype(float)
+        return Quadratic(A=J.T @ J + np.diag(prior), g=J.T @ point.r - prior * at, at=at)
 
     def _read(self, y: Matrix, x: Matrix) -> Matrix:
         """Return what sensors with gain and offset read, shape (m, 4, n)."""

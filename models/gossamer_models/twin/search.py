@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
@@ -15,8 +15,8 @@ from scipy.stats import chi2 as chi2_distribution
 from ..arrays import Rows, Vector
 from ..errors import ConvergenceError
 from ..membrane.mesh import N_ZONES
-from .problem import Problem
-from .solve import NEGLIGIBLE, Minimum, minimise
+from .descent import NEGLIGIBLE, Minimum, descend
+from .problem import Point, Problem, Quadratic
 from .sparse import THRESHOLD, Box, drop_zones, evidence
 
 CONFIDENCE = 0.999  # of the bound on chi2 per sample
@@ -34,8 +34,10 @@ class Fit:
     ----------
     problem : Problem
         What was fitted.
-    minimum : Minimum
-        Smallest chi2 over the kept unknowns, with the quadratic model over all of them there.
+    point : Point
+        Smallest chi2 over the kept unknowns.
+    model : Quadratic
+        Quadratic model over all unknowns there.
     kept : ndarray of bool, shape (n,)
         Unknowns that are not dropped.
     early_chi2 : float
@@ -43,14 +45,15 @@ class Fit:
     """
 
     problem: Problem
-    minimum: Minimum
+    point: Point
+    model: Quadratic
     kept: Rows
     early_chi2: float
 
     @property
     def per_sample(self) -> float:
         """Chi2 per sample."""
-        return self.minimum.chi2 / self.problem.values
+        return self.point.chi2 / self.problem.values
 
     @property
     def passes(self) -> bool:
@@ -92,13 +95,13 @@ def search(whole: Problem, early: Problem | None, given: Vector | None, *, spars
     best: Fit | None = None
     for damage in _starts(first, given):
         try:
-            begun = minimise(first, _unknowns(first, damage), np.ones(first.size, dtype=bool), enough=ROUGH)
-            if best is not None and begun.chi2 > best.early_chi2 - THRESHOLD:
+            begun = descend(first, _unknowns(first, damage), np.ones(first.size, dtype=bool), enough=ROUGH)
+            if best is not None and begun.point.chi2 > best.early_chi2 - THRESHOLD:
                 continue
             fit = _finish(whole, begun, sparse=sparse)
         except ConvergenceError:
             continue
-        if best is None or fit.minimum.chi2 < best.minimum.chi2:
+        if best is None or fit.point.chi2 < best.point.chi2:
             best = fit
         if best.passes:
             break
@@ -122,7 +125,7 @@ def _starts(problem: Problem, given: Vector | None) -> Iterator[Vector]:
     few = random.random((32, N_ZONES)) < 0.2
     many = np.vstack([0.4 * np.eye(N_ZONES), 0.6 * few * random.random((32, N_ZONES))])
     x = np.array([_unknowns(problem, damage) for damage in many])
-    order = np.argsort(problem.chi2(problem.residuals(x), x))
+    order = np.argsort([point.chi2 for point in problem.points(x)])
     yield from many[order[:MOST_STARTS]]
 
 
@@ -133,18 +136,20 @@ def _unknowns(problem: Problem, damage: Vector) -> Vector:
 def _finish(whole: Problem, begun: Minimum, *, sparse: bool) -> Fit:
     """Go on with the whole record, and drop zones."""
     free = np.ones(whole.size, dtype=bool)
-    found = minimise(whole, begun.x, free, enough=ROUGH if sparse else NEGLIGIBLE)
+    found = descend(whole, begun.point.x, free, enough=ROUGH if sparse else NEGLIGIBLE)
     if not sparse:
-        return Fit(whole, found, free, begun.chi2)
+        return Fit(whole, found.point, found.model, free, begun.point.chi2)
     kept, move = drop_zones(found.model, box(whole, found.model.at))
     x = np.where(kept, np.clip(found.model.at + move, whole.low, whole.high), 0.0)
+    J = np.empty((whole.values, whole.size))
     for _ in range(MOST_RETURNS):
-        found = minimise(whole, x, kept)
-        full, _ = whole.quadratic(found.x, free)
-        gain = np.where(kept, 0.0, evidence(full, box(whole, found.x), kept))
+        found = descend(whole, x, kept)
+        J[:, kept], J[:, ~kept] = found.J, whole.derivatives(found.point, ~kept)
+        full = whole.quadratic(found.point, free, J)
+        gain = np.where(kept, 0.0, evidence(full, box(whole, found.point.x), kept))
         if gain.max() <= THRESHOLD:
             break
         kept = kept.copy()
         kept[np.argmax(gain)] = True
-        x = found.x
-    return Fit(whole, replace(found, model=full), kept, begun.chi2)
+        x = found.point.x
+    return Fit(whole, found.point, full, kept, begun.point.chi2)

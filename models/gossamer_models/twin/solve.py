@@ -6,15 +6,35 @@ Symbols: ``x`` unknowns, ``r`` residuals, ``lam`` dampings [1], ``A``, ``g`` cur
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from ..arrays import Rows, Vector
-from .problem import Problem, Quadratic
+from ..arrays import Matrix, Rows, Vector
+from .problem import Quadratic
 from .quadratic import bounded_minimum, change
 
 DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])  # one for each lane
 NEGLIGIBLE = 0.02  # of chi2: no damage moves by more than a seventh of its deviation
+
+
+class LeastSquares(Protocol):
+    """What ``minimise`` needs of a problem."""
+
+    low: Vector
+    high: Vector
+
+    def residuals(self, x: Matrix) -> Matrix:
+        """Return weighed residuals of rows of unknowns."""
+        ...
+
+    def chi2(self, r: Matrix, x: Matrix) -> Vector:
+        """Return chi2 of rows of residuals and unknowns."""
+        ...
+
+    def quadratic(self, x: Vector, free: Rows) -> tuple[Quadratic, Vector]:
+        """Return the quadratic model at x over the free unknowns, and the residuals there."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -40,12 +60,12 @@ class Minimum:
     chi2: float
 
 
-def minimise(problem: Problem, start: Vector, free: Rows, most: int = 12, enough: float = NEGLIGIBLE) -> Minimum:
+def minimise(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, enough: float = NEGLIGIBLE) -> Minimum:
     """Search the smallest chi2 between the bounds, from a start.
 
     Parameters
     ----------
-    problem : Problem
+    problem : LeastSquares
         What is fitted.
     start : ndarray, shape (n,)
         Unknowns; those that are not free stay.

@@ -133,8 +133,8 @@ class Twin:
         return Problem(self._forward, record, nuisances, noise, self.discrepancy)
 
     def _answer(self, fit: Fit, doubts: list[str], left_out: tuple[int, ...]) -> Answer:
-        problem, found, kept = fit.problem, fit.minimum, fit.kept
-        A, x = found.model.A, found.x
+        problem, kept = fit.problem, fit.kept
+        A, x = fit.model.A, fit.point.x
         covariance = _covariance(A, kept)
         deviation = np.sqrt(np.diag(covariance)).copy()
         for k in np.flatnonzero(~kept):
@@ -145,14 +145,14 @@ class Twin:
         unresolved = np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION)
         damages = covariance[:N_ZONES, :N_ZONES].copy()
         np.fill_diagonal(damages, deviation[:N_ZONES] ** 2)
-        per_sample, bound = found.chi2 / problem.values, chi2_bound(problem)
+        per_sample, bound = fit.per_sample, chi2_bound(problem)
         valid = per_sample <= bound
         if not valid:
             doubts.append(
                 f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
                 "load, damping, sensors and noise, or fit more nuisances"
             )
-        rise = evidence(found.model, box(problem, x), kept)[:N_ZONES]
+        rise = evidence(fit.model, box(problem, x), kept)[:N_ZONES]
         return Answer(
             damage=x[:N_ZONES].copy(),
             deviation=deviation[:N_ZONES],
