@@ -82,6 +82,7 @@ def build_all(
     *,
     artifact: Path | None = None,
     elements_per_side: int | None = None,
+    order: int | None = None,
     method: str | None = None,
     native: bool = False,
     fmi: FmiVersion = 2,
@@ -99,8 +100,8 @@ def build_all(
     artifact : Path, optional
         Identified sensor, of either family, or trained detector; every FMU named must be built from this kind of
         artifact.
-    elements_per_side : int, optional
-        Mesh of the membrane, which must be the only name.
+    elements_per_side, order : int, optional
+        Mesh of the membrane, which must be the only name; see ``membrane_model``.
     method : str, optional
         Method of the compensator, which must be the only name; see ``compensator_model``.
     native, fmi, platforms, progress
@@ -120,7 +121,7 @@ def build_all(
     ModuleNotFoundError
         The compiler is not installed.
     """
-    options = {"artifact": artifact, "elements_per_side": elements_per_side, "method": method}
+    options = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order, "method": method}
     models = {name: make_model(name, compiled=native, **options) for name in names}  # all or nothing
     paths = _build([(model, None) for model in models.values()], folder, native, fmi, platforms, progress)
     return dict(zip(models, paths, strict=True))

@@ -159,8 +159,12 @@ def test_an_artifact_a_mesh_or_a_method_can_be_chosen(fmus, tmp_path):
     default_artifact().write(tmp_path / "sensor.json")
     built = build_all(tmp_path, ["sensor", "compensator"], artifact=tmp_path / "sensor.json")
     assert built["sensor"].read_bytes() == fmus["sensor"].read_bytes()
-    coarse = build_all(tmp_path, ["membrane"], elements_per_side=4)["membrane"]
-    assert "w[3,3]" in {v.name for v in fmpy.read_model_description(str(coarse)).modelVariables}
+    for mesh, text in (
+        ({"elements_per_side": 8, "order": 1}, "8 x 8 elements of order 1"),
+        ({"order": 3}, "of order 3"),
+    ):
+        other = build_all(tmp_path, ["membrane"], **mesh)["membrane"]
+        assert text in fmpy.read_model_description(str(other)).description
     estimator = build_all(tmp_path, ["compensator"], method="estimator")["compensator"]
     assert "strain_deviation" in {v.name for v in fmpy.read_model_description(str(estimator)).modelVariables}
     assert validate_fmu(str(estimator)) == []
@@ -172,6 +176,8 @@ def test_an_artifact_a_mesh_or_a_method_can_be_chosen(fmus, tmp_path):
         build_all(tmp_path, ["membrane"], artifact=tmp_path / "sensor.json")
     with pytest.raises(ParameterError, match="'sensor' has no mesh"):
         build_all(tmp_path, ["sensor"], elements_per_side=8)
+    with pytest.raises(ParameterError, match="'detector' has no mesh"):
+        build_all(tmp_path, ["detector"], order=6)
     with pytest.raises(ArtifactError, match=r"gossamer\.sensor"):
         build_all(tmp_path, ["detector"], artifact=tmp_path / "sensor.json")
 

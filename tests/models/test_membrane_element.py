@@ -1,4 +1,6 @@
-"""The membrane element and its assembly: patch test, invariance, energy, tangent, mesh."""
+"""The membrane elements and their assembly: patch test, invariance, energy, tangent, mesh."""
+
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -13,29 +15,49 @@ from oracles.membrane import energy_function, equations
 from scipy.spatial.transform import Rotation
 
 E, NU = 1e7, 0.33
+ORDERS = pytest.mark.parametrize("order", [1, 2, 3])
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
 # unit square of five distorted quadrilaterals around an inner one, the usual patch
-PATCH_NODES = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.3, 0.2], [0.75, 0.3], [0.65, 0.7], [0.2, 0.6]], dtype=float)
+PATCH_CORNERS = np.array(
+    [[0, 0], [1, 0], [1, 1], [0, 1], [0.3, 0.2], [0.75, 0.3], [0.65, 0.7], [0.2, 0.6]], dtype=float
+)
 PATCH = np.array([[0, 1, 4, 5], [1, 2, 5, 6], [2, 3, 6, 7], [3, 0, 7, 4], [4, 5, 7, 6]])
 
 
-def force_function(X):
-    x, load = ca.SX.sym("x", 3, 4), ca.SX.sym("load")
-    f, wave, _ = element_force(ca.vertsplit(ca.vec(x.T), 4), make_element(1, X), ca.SX(E), ca.SX(NU), load)
-    energy = textbook.element_energy(x, X, E, NU)
-    definition = textbook.element_force(x, X, E, NU, load)
-    return ca.Function("f", [x, load], [ca.reshape(f, 4, 3).T, ca.mmax(wave), energy, definition])
+class SingleElement:
+    """One element between four corners, and the textbook's."""
+
+    def __init__(self, order, corners):
+        self.X = X = textbook.element_nodes(order, corners)
+        m = len(X)
+        x, load = ca.SX.sym("x", 3, m), ca.SX.sym("load")
+        f, wave, _ = element_force(ca.vertsplit(ca.vec(x.T), m), make_element(order, X), ca.SX(E), ca.SX(NU), load)
+        energy = textbook.element_energy(x, X, E, NU)
+        definition = textbook.element_force(x, X, E, NU, load)
+        self.force = ca.Function("f", [x, load], [ca.reshape(f, m, 3).T, ca.mmax(wave), energy, definition])
 
 
-SQUARE_FORCE = force_function(SQUARE)
-PATCH_FORCE = [force_function(PATCH_NODES[element]) for element in PATCH]
+@cache
+def square(order):
+    return SingleElement(order, SQUARE)
 
 
-def patch_force(x, load=0.0):
-    total = np.zeros((len(PATCH_NODES), 3))
-    for element, force in zip(PATCH, PATCH_FORCE, strict=True):
-        total[element] += np.asarray(force(x[element].T, load)[0]).T
-    return total
+@cache
+def patch(order):
+    """The elements of the patch, its nodes, and the nodes of each element."""
+    elements = [SingleElement(order, PATCH_CORNERS[corners]) for corners in PATCH]
+    nodes, places = np.unique(
+        np.round([element.X for element in elements], 12).reshape(-1, 2), axis=0, return_inverse=True
+    )
+    return elements, nodes, places.reshape(len(elements), -1)
+
+
+def patch_force(order, F, load=0.0):
+    elements, nodes, places = patch(order)
+    total = np.zeros((len(nodes), 3))
+    for element, place in zip(elements, places, strict=True):
+        total[place] += np.asarray(element.force(F @ element.X.T, load)[0]).T
+    return nodes, total
 
 
 def first_piola(F):
@@ -43,68 +65,88 @@ def first_piola(F):
     return F @ (E / (1.0 - NU**2) * ((1.0 - NU) * e + NU * np.trace(e) * np.eye(2)))
 
 
-def test_a_patch_of_distorted_elements_carries_a_homogeneous_state():
+@ORDERS
+def test_a_patch_of_distorted_elements_carries_a_homogeneous_state(order):
     """Interior nodes feel nothing; the edges feel the exact stress."""
     F = np.array([[1.10, 0.05], [-0.03, 1.02], [0.20, -0.10]])
-    f = patch_force(PATCH_NODES @ F.T)
-    assert np.abs(f[4:]).max() < 1e-9 * E
-    right = f[[1, 2]].sum(axis=0) - f[[0, 3]].sum(axis=0)  # corners share top and bottom equally
+    nodes, f = patch_force(order, F)
+    inside = ((nodes > 0.0) & (nodes < 1.0)).all(axis=1)
+    assert inside.sum() == {1: 4, 2: 17, 3: 40}[order]
+    assert np.abs(f[inside]).max() < 1e-9 * E
+    right = f[nodes[:, 0] == 1.0].sum(axis=0) - f[nodes[:, 0] == 0.0].sum(
+        axis=0
+    )  # corners share top and bottom equally
     np.testing.assert_allclose(right, -2.0 * first_piola(F)[:, 0], atol=1e-12 * E)
 
 
-def test_pressure_on_a_plane_patch_sums_to_pressure_times_current_area():
+@ORDERS
+def test_pressure_on_a_plane_patch_sums_to_pressure_times_current_area(order):
     F = np.array([[1.10, 0.05], [-0.03, 1.02], [0.20, -0.10]])
-    f = patch_force(PATCH_NODES @ F.T, 3.0) - patch_force(PATCH_NODES @ F.T, 0.0)
+    f = patch_force(order, F, 3.0)[1] - patch_force(order, F, 0.0)[1]
     np.testing.assert_allclose(f.sum(axis=0), 3.0 * np.cross(F[:, 0], F[:, 1]), atol=1e-15 * E)
 
 
 angles = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3)
-displacements = st.lists(st.floats(-0.3, 0.3), min_size=12, max_size=12)
+seeds = st.integers(0, 2**32 - 1)
 
 
-@settings(max_examples=50, deadline=None)
+def moved(X, seed):
+    """Move every node by up to 0.3 along x, y and z, shape (3, m)."""
+    return np.vstack([X.T, np.zeros(len(X))]) + np.random.default_rng(seed).uniform(-0.3, 0.3, (3, len(X)))
+
+
+@ORDERS
+@settings(max_examples=30, deadline=None)
 @given(rotation=angles, shift=st.lists(st.floats(-10, 10), min_size=3, max_size=3))
-def test_a_rigid_motion_gives_no_force(rotation, shift):
-    x = Rotation.from_rotvec(rotation).as_matrix()[:, :2] @ SQUARE.T + np.array(shift)[:, None]
-    f, _, energy, _ = SQUARE_FORCE(x, 0.0)
-    assert np.abs(f).max() < 1e-12 * E
+def test_a_rigid_motion_gives_no_force(order, rotation, shift):
+    element = square(order)
+    x = Rotation.from_rotvec(rotation).as_matrix()[:, :2] @ element.X.T + np.array(shift)[:, None]
+    f, _, energy, _ = element.force(x, 0.0)
+    assert np.abs(f).max() < 1e-11 * E
     assert float(energy) < 1e-12 * E
 
 
-@settings(max_examples=50, deadline=None)
-@given(rotation=angles, u=displacements)
-def test_force_turns_with_the_element_and_carries_no_resultant_or_moment(rotation, u):
+@ORDERS
+@settings(max_examples=30, deadline=None)
+@given(rotation=angles, seed=seeds)
+def test_force_turns_with_the_element_and_carries_no_resultant_or_moment(order, rotation, seed):
     """Objectivity, and balance of linear and angular momentum of the internal forces."""
-    x = np.vstack([SQUARE.T, np.zeros(4)]) + np.reshape(u, (3, 4))
+    element = square(order)
+    x = moved(element.X, seed)
     R = Rotation.from_rotvec(rotation).as_matrix()
-    f, turned = (np.asarray(SQUARE_FORCE(y, 0.0)[0]) for y in (x, R @ x))
+    f, turned = (np.asarray(element.force(y, 0.0)[0]) for y in (x, R @ x))
     np.testing.assert_allclose(turned, R @ f, atol=1e-10 * E)
     np.testing.assert_allclose(f.sum(axis=1), 0.0, atol=1e-11 * E)
     np.testing.assert_allclose(np.cross(x.T, f.T).sum(axis=0), 0.0, atol=1e-11 * E)
 
 
-@settings(max_examples=30, deadline=None)
-@given(u=displacements, load=st.floats(-1e5, 1e5))
-def test_the_force_is_the_pressure_minus_the_gradient_of_the_energy(u, load):
-    """The modes at the Gauss points against shape functions and an energy, on a square and on distorted elements."""
-    for X, force in [(SQUARE, SQUARE_FORCE), *zip(PATCH_NODES[PATCH], PATCH_FORCE, strict=True)]:
-        x = np.vstack([X.T, np.zeros(4)]) + np.reshape(u, (3, 4))
-        f, _, _, definition = (np.asarray(result) for result in force(x, load))
-        np.testing.assert_allclose(f, definition, rtol=0.0, atol=1e-12 * E)
+@ORDERS
+@settings(max_examples=10, deadline=None)
+@given(seed=seeds, load=st.floats(-1e5, 1e5))
+def test_the_force_is_the_pressure_minus_the_gradient_of_the_energy(order, seed, load):
+    """Operators along the sides against shape functions and an energy, on a square and on distorted elements."""
+    for element in [square(order), *patch(order)[0]]:
+        f, _, _, definition = (np.asarray(result) for result in element.force(moved(element.X, seed), load))
+        np.testing.assert_allclose(f, definition, rtol=0.0, atol=1e-12 * max(E, np.abs(f).max()))
 
 
-def test_the_wave_stiffness_of_a_uniaxial_stretch_is_the_exact_one():
+@ORDERS
+def test_the_wave_stiffness_of_a_uniaxial_stretch_is_the_exact_one(order):
     """lambda^2 E/(1-nu^2) + S along the stretch, with S = E/(1-nu^2) (lambda^2 - 1)/2 when the other strain is zero."""
-    stretch = 1.2
-    x = np.vstack([SQUARE.T * [[stretch], [1.0]], np.zeros(4)])
+    stretch, element = 1.2, square(order)
+    x = np.vstack([element.X.T * [[stretch], [1.0]], np.zeros(len(element.X))])
     exact = E / (1.0 - NU**2) * (stretch**2 + (stretch**2 - 1.0) / 2.0)
-    assert float(SQUARE_FORCE(x, 0.0)[1]) == pytest.approx(exact, rel=1e-11)
+    assert float(element.force(x, 0.0)[1]) == pytest.approx(exact, rel=1e-11)
 
 
-def test_the_assembled_tangent_is_the_derivative_of_the_force():
-    mesh = equations(4)
+MESHES = pytest.mark.parametrize(("n", "order"), [(4, 1), (4, 3), (4, 4)])
+
+
+@MESHES
+def test_the_assembled_tangent_is_the_derivative_of_the_force(n, order):
+    mesh = equations(n, order)
     rng = np.random.default_rng(0)
-    q, direction = 0.02 * rng.standard_normal((2, mesh.n_q))
+    q, direction = 0.003 * rng.standard_normal((2, mesh.n_q))
     damage, p, h = rng.uniform(0.0, 0.6, 16), MembraneParams().vector(), 1e-5
 
     def force(q):
@@ -115,19 +157,21 @@ def test_the_assembled_tangent_is_the_derivative_of_the_force():
     np.testing.assert_allclose(product, difference, atol=1e-8 * np.abs(difference).max())
 
 
-def test_the_assembled_force_is_minus_the_gradient_of_the_assembled_energy():
-    mesh, params = equations(4), MembraneParams()
+@MESHES
+def test_the_assembled_force_is_minus_the_gradient_of_the_assembled_energy(n, order):
+    mesh, params = equations(n, order), MembraneParams()
     energy = energy_function(mesh.mesh, params)
     rng = np.random.default_rng(1)
-    q, direction = 0.02 * rng.standard_normal((2, mesh.n_q))
+    q, direction = 0.003 * rng.standard_normal((2, mesh.n_q))
     damage, h = rng.uniform(0.0, 0.6, 16), 1e-5
     slope = (energy(q + h * direction, damage) - energy(q - h * direction, damage)) / (2.0 * h)
     power = float(ca.dot(mesh.force(q, damage, 0.0, params.vector()), ca.DM(direction)))
     assert slope == pytest.approx(-power, rel=1e-7)
 
 
-def test_the_stretched_plane_is_an_equilibrium_at_zero_displacement():
-    f = equations(8).force(np.zeros(equations(8).n_q), np.zeros(16), 0.0, MembraneParams().vector())
+@pytest.mark.parametrize(("n", "order"), [(8, 1), (4, 4)])
+def test_the_stretched_plane_is_an_equilibrium_at_zero_displacement(n, order):
+    f = equations(n, order).force(np.zeros(equations(n, order).n_q), np.zeros(16), 0.0, MembraneParams().vector())
     assert np.abs(f).max() < 1e-12 * 1e7 * 1e-3 * 0.0735
 
 

@@ -25,7 +25,15 @@ def build(
     ] = None,
     elements_per_side: Annotated[
         int | None,
-        typer.Option(help="Elements along a side of the membrane, a multiple of 4; 8 by default.", metavar="N"),
+        typer.Option(help="Elements along a side of the membrane, a multiple of 4; 4 by default.", metavar="N"),
+    ] = None,
+    order: Annotated[
+        int | None,
+        typer.Option(
+            help="Order of the membrane's elements: 1 for bilinear ones, 2 to 12 for spectral ones; 4 by default. 6 halves "
+            "the error and takes three times as long.",
+            metavar="N",
+        ),
     ] = None,
     method: Annotated[
         str | None,
@@ -62,14 +70,16 @@ def build(
 
         gossamer build --native --fmi 3 --out out/fmus3
 
-        gossamer build membrane --elements-per-side 16
+        gossamer build membrane --order 6
+
+        gossamer build membrane --elements-per-side 8 --order 1
 
         gossamer build compensator --method estimator
 
         gossamer build detector --artifact out/detector/single_damage.json --out somewhere
     """
     options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
-    choices = {"artifact": artifact, "elements_per_side": elements_per_side, "method": method}
+    choices = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order, "method": method}
     paths = build_fmus(out, names, **choices, **options).values()
     for path in paths:
         typer.echo(path)
