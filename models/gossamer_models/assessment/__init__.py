@@ -1,6 +1,5 @@
 """Assessment of damage detection: judges under conditions, with the statistics that an inspector asks for."""
 
-from .assess import assess
 from .conditions import Condition, Detection, conditions, detections
 from .figures import Figures, confusion, figures, reliability
 from .judges import (
@@ -17,6 +16,7 @@ from .judges import (
 from .pod import Pod, fit_pod
 from .proportions import Share, share, size_by_counts, threshold_for
 from .results import Assessment, read_assessment, write_assessment
+from .run import assess
 
 __all__ = [
     # whom to assess

@@ -248,9 +248,13 @@ def _lower(x: Vector, y: Rows, l: float, at: float) -> float:
 
 
 def _best_logit(x: Vector, y: Rows, at: float) -> float:
-    """Return the most likely logit at a place: plus or minus 30 and less where hits and misses do not overlap."""
+    """Return the most likely logit at a place; one of a step where hits and misses do not overlap."""
     if not _remark(x, y):
         b0, b1, _ = _fit(x, y)
         return b0 + b1 * at
-    rises = _remark(x, y) in (ALL_HIT, APART)
-    return 30.0 if rises and (y.all() or at > x[~y].max()) else -STEEPEST
+    if _remark(x, y) not in (ALL_HIT, APART):
+        return -STEEPEST
+    if y.all():
+        return 30.0
+    above = STEEPEST / float(np.ptp(x)) * (at - x[~y].max())  # of the steepest curve, beyond the last miss
+    return min(30.0, 0.5 * above) if above > 0.0 else -STEEPEST
