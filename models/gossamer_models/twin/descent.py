@@ -6,16 +6,36 @@ Symbols: ``x`` unknowns, ``r`` residuals, ``lam`` dampings [1], ``A``, ``g`` cur
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from .problem import Point, Problem, Quadratic
+from .problem import Point, Quadratic
 from .quadratic import bounded_minimum, change
 
 DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])  # one for each lane
 NEGLIGIBLE = 0.02  # of chi2: no damage moves by more than a seventh of its deviation
 LINEAR = 0.9  # share of what the model promised
+
+
+class LeastSquares(Protocol):
+    """What ``descend`` needs of a problem, as ``Problem`` documents it."""
+
+    low: Vector
+    high: Vector
+
+    def points(self, x: Matrix) -> list[Point]:
+        """Simulate rows of unknowns."""
+        ...
+
+    def derivatives(self, point: Point, free: Rows) -> Matrix:
+        """Return the derivatives of the weighed predictions."""
+        ...
+
+    def quadratic(self, point: Point, free: Rows, J: Matrix) -> Quadratic:
+        """Return the quadratic model of chi2."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -37,12 +57,12 @@ class Minimum:
     model: Quadratic
 
 
-def descend(problem: Problem, start: Vector, free: Rows, most: int = 12, enough: float = NEGLIGIBLE) -> Minimum:
+def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, enough: float = NEGLIGIBLE) -> Minimum:
     """Search the smallest chi2 between the bounds, from a start.
 
     Parameters
     ----------
-    problem : Problem
+    problem : LeastSquares
         What is fitted.
     start : ndarray, shape (n,)
         Unknowns; those that are not free stay.

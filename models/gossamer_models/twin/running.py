@@ -69,11 +69,13 @@ class Running:
 
     def begin(self, damage: Vector, h: float) -> Place:
         """Return the place of rest with a damage, shape (16,) [1]."""
-        membrane = self._membrane.run(0, h, {**asdict(self._params), "damage": damage[None]})
+        nothing = np.zeros(0)
+        start = {**asdict(self._params), "damage": damage[None]}
+        membrane = self._membrane.run(0, h, start, dict.fromkeys(DAMAGES, nothing))
         if self._sensor is None:
             return Place(membrane.state, None)
         start = {**self._sensor_parameters, "strain": membrane.initial[0]}
-        return Place(membrane.state, self._sensor.run(0, h, start).state)
+        return Place(membrane.state, self._sensor.run(0, h, start, {"strain": nothing}).state)
 
     def advance(self, place: Place, damage: Matrix, h: float) -> tuple[Matrix, Place]:
         """Go on from a place with many histories of damage.

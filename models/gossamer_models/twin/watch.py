@@ -6,7 +6,6 @@ Symbols: ``y`` readings of a window, shape (4, n); ``r`` residuals in units of t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -14,20 +13,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import chi2 as chi2_distribution
 
-from ..arrays import Matrix, Vector
+from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
 from ..membrane import MembraneParams
 from ..membrane.mesh import N_ZONES
 from ..sensor import SensorArtifact
-from .problem import DAMAGE_STEP, MOST_DAMAGE, Quadratic
+from .descent import Minimum, descend
+from .problem import DAMAGE_STEP, MOST_DAMAGE, Point, Quadratic
 from .quadratic import bounded_minimum
 from .record import N_SENSORS
 from .running import Place, Running
 from .sparse import Box, drop_zones
 
-ONSETS = 6  # onsets tried in each window before they are refined
-ITERATIONS = 8
-DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])
+ONSETS = 16  # onsets tried
+SHARES = (0.4, 0.7, 1.0)  # of a step of Newton's method
+BEST = 3  # onsets that are refined
+SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
+ROUNDS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +140,7 @@ class Watch:
         sensor: SensorArtifact | None = None,
         sensor_parameters: Mapping[str, float] | None = None,
         step: float = 3e-4,
-        false_alarms: float = 1e-6,
+        false_alarms: float = 1e-5,
     ) -> None:
         self._sigma = np.broadcast_to(np.asarray(noise, dtype=float), (N_SENSORS,)).copy()
         if not (np.isfinite(self._sigma).all() and (self._sigma > 0.0).all()):
@@ -187,7 +189,7 @@ class Watch:
         if not np.isfinite(found).all():
             msg = f"the twin's membrane failed after t = {self._time:.6g} s. Check its load, damage and parameters."
             raise ConvergenceError(msg)
-        rows = self._weigh(np.concatenate([(y - found[0])[None], found[1:] - found[0]]), y)
+        rows = weigh(np.concatenate([(y - found[0])[None], found[1:] - found[0]]), np.isfinite(y), self._sigma)
         r, J = rows[0], rows[1:].T / (DAMAGE_STEP * signs)
         g = J.T @ r
         T = float(g @ np.linalg.pinv(J.T @ J, hermitian=True) @ g) / N_ZONES
@@ -195,10 +197,8 @@ class Watch:
         first = self._scale == 0.0
         statistic = T / max(self._scale, 1.0)
         alarm = not first and not self._alarmed and statistic > self._threshold
-        self._before = [*self._before[-1:], _Seen(self._time, self._place, y)] if not self._alarmed else [
-            *self._before,
-            _Seen(self._time, self._place, y),
-        ]
+        kept = self._before if self._alarmed else self._before[-1:]
+        self._before = [*kept, _Seen(self._time, self._place, y)]
         self._time += n * self._h
         finding = None
         if self._alarmed:
@@ -211,55 +211,130 @@ class Watch:
         misfit = float(r @ r) / values
         return Window(time=self._time, statistic=statistic, alarm=alarm, misfit=misfit, finding=finding)
 
-    def _weigh(self, rows: Matrix, y: Matrix) -> Matrix:
-        """Divide rows, shape (m, 4, n), by the noise and remove the mean of each sensor, shape (m, values)."""
-        present = np.isfinite(y)
-        rows = np.where(present, rows, 0.0)
-        count = np.maximum(present.sum(axis=1), 1)
-        rows = np.where(present, rows - (rows.sum(axis=2) / count)[:, :, None], 0.0)
-        return np.asarray((rows / self._sigma[:, None]).reshape(len(rows), -1))
-
     def _find(self) -> Finding:
         """Fit onset and damages to the windows since the one before the alarm, and go on from there."""
         start, y = self._before[0], np.concatenate([seen.y for seen in self._before], axis=1)
-        n = y.shape[1]
-
-        def weighed(unknowns: Matrix) -> Matrix:
-            """Simulate rows of onset [steps] and damages, shape (m, 17)."""
-            share = np.clip(np.arange(1, n + 1) - unknowns[:, :1], 0.0, 1.0)  # of a step with the new damage
-            history = self._damage + share[:, :, None] * (unknowns[:, None, 1:] - self._damage)
-            return self._weigh(self._running.advance(start.place, history, self._h)[0], y)
-
-        data = self._weigh(y[None], y)[0]
-        low, high = np.r_[0.0, self._damage * 0.0], np.r_[float(n - 1), np.full(N_ZONES, MOST_DAMAGE)]
-        onsets = np.linspace(0.0, sum(seen.y.shape[1] for seen in self._before[:-1]), ONSETS * len(self._before[:-1]))
-        best: tuple[float, Vector] | None = None
-        for onset in onsets[:-1]:
-            x = np.r_[onset, self._damage]
-            model, r = _quadratic(weighed, data, x, np.arange(1, N_ZONES + 1))
-            d = bounded_minimum(model.A, model.g, low[1:] - x[1:], high[1:] - x[1:])
-            promised = float(r @ r) - 2.0 * model.g @ d + d @ model.A @ d
-            if best is None or promised < best[0]:
-                best = promised, np.r_[onset, x[1:] + d]
-        assert best is not None  # noqa: S101
-        x, free = best[1], np.arange(1 + N_ZONES)
-        x, model, chi2 = _minimise(weighed, data, x, free, low, high)
-        box = Box(zones=free > 0, low=low - x, high=high - x)
-        at_healthy = Quadratic(A=model.A, g=model.g, at=x - np.r_[0.0, self._damage])
-        kept, move = drop_zones(at_healthy, box)
-        x = np.clip(np.where(kept, x + move, np.r_[x[0], self._damage]), low, high)
-        x, model, chi2 = _minimise(weighed, data, x, np.flatnonzero(kept), low, high)
-        covariance = np.linalg.pinv(model.A, hermitian=True)
+        problem = OnsetProblem(self._running, start.place, y, self._sigma, self._damage, self._h)
+        whole = np.ones(1 + N_ZONES, dtype=bool)
+        possible = sum(seen.y.shape[1] for seen in self._before[:-1])
+        found = min((descend(problem, guess, whole) for guess in problem.first_guesses(possible)), key=_chi2)
+        for _ in range(ROUNDS):  # chi2 has a valley for each period of the stiffer waves
+            beside = [found.point.x + shift * np.eye(1 + N_ZONES)[0] for shift in SHIFTS]
+            better = min((descend(problem, x, whole, most=4) for x in beside), key=_chi2)
+            if better.point.chi2 >= found.point.chi2:
+                break
+            found = better
+        relative = Quadratic(A=found.model.A, g=found.model.g, at=found.model.at - np.r_[0.0, self._damage])
+        box = Box(
+            zones=np.arange(1 + N_ZONES) > 0, low=problem.low - found.model.at, high=problem.high - found.model.at
+        )
+        stays, move = drop_zones(relative, box)
+        found = descend(problem, np.clip(found.model.at + move, problem.low, problem.high), stays)
         deviation = np.zeros(1 + N_ZONES)
-        deviation[kept] = np.sqrt(np.diag(covariance))
-        self._damage = x[1:].copy()
-        share = np.clip(np.arange(1, n + 1) - x[0], 0.0, 1.0)[None, :, None]
-        _, self._place = self._running.advance(start.place, share * self._damage, self._h)
-        values = int(np.isfinite(y).sum()) - N_SENSORS - len(model.g)
+        deviation[stays] = np.sqrt(np.diag(np.linalg.pinv(found.model.A, hermitian=True)))
+        self._place = self._running.advance(start.place, problem.history(found.point.x[None]), self._h)[1]
+        self._damage = found.point.x[1:].copy()
         return Finding(
-            onset=start.time + self._h * float(x[0]),
+            onset=start.time + self._h * float(found.point.x[0]),
             onset_deviation=self._h * float(deviation[0]),
             damage=self._damage.copy(),
             deviation=deviation[1:],
-            chi2_per_sample=chi2 / values,
+            chi2_per_sample=found.point.chi2 / (problem.values - len(found.model.g)),
         )
+
+
+class OnsetProblem:
+    """Least squares for damages that begin within some windows, as ``descend`` takes it.
+
+    Unknowns: the onset [steps] and the 16 damages since then [1].
+
+    Parameters
+    ----------
+    running : Running
+        Simulation.
+    place : Place
+        Where it stands before the first reading.
+    y : ndarray, shape (4, n)
+        Readings; not a number where one is missing.
+    sigma : ndarray, shape (4,)
+        Noise.
+    before : ndarray, shape (16,)
+        Damage until the onset [1].
+    h : float
+        Step [s].
+    """
+
+    def __init__(self, running: Running, place: Place, y: Matrix, sigma: Vector, before: Vector, h: float) -> None:
+        self._running, self._place, self._sigma, self._before, self._h = running, place, sigma, before, h
+        self._present, self._steps = np.isfinite(y), y.shape[1]
+        self._y = weigh(y[None], self._present, sigma)[0]
+        self.low = np.zeros(1 + N_ZONES)
+        self.high = np.r_[y.shape[1] - 1.0, np.full(N_ZONES, MOST_DAMAGE)]
+        self.values = int(self._present.sum()) - N_SENSORS
+        self._prior = np.r_[float(self._steps) ** -2, np.ones(N_ZONES)]  # weak: any time, any damage
+
+    def history(self, x: Matrix) -> Matrix:
+        """Return damage at the end of every step, shape (m, n, 16); a step in which it begins has a part of it."""
+        share = np.clip(np.arange(1, self._steps + 1) - x[:, :1], 0.0, 1.0)
+        return np.asarray(self._before + share[:, :, None] * (x[:, None, 1:] - self._before))
+
+    def points(self, x: Matrix) -> list[Point]:
+        """Simulate rows of unknowns, shape (m, 17)."""
+        readings = self._readings(x)
+        r = self._y - weigh(readings, self._present, self._sigma)
+        chi2 = np.einsum("ij,ij->i", r, r) + np.sum(self._prior * x**2, axis=1)
+        return [Point(*row) for row in zip(x, readings, r, np.where(np.isfinite(chi2), chi2, np.inf), strict=True)]
+
+    def derivatives(self, point: Point, free: Rows) -> Matrix:
+        """Return the derivatives of the weighed readings by the free unknowns, shape (4 n, number of them).
+
+        Raises
+        ------
+        ConvergenceError
+            A simulation has failed.
+        """
+        places = np.flatnonzero(free)
+        steps = np.where(places == 0, 1.0, DAMAGE_STEP)
+        steps = np.where(point.x[places] + steps > self.high[places], -steps, steps)
+        rows = np.repeat(point.x[None], places.size, axis=0)
+        rows[np.arange(places.size), places] += steps
+        change_of_r = self._y - weigh(self._readings(rows), self._present, self._sigma) - point.r
+        if not np.isfinite(change_of_r).all():
+            msg = "the twin's membrane failed near its present damages. Check its load and parameters."
+            raise ConvergenceError(msg)
+        return np.asarray(-change_of_r.T / steps)
+
+    def quadratic(self, point: Point, free: Rows, J: Matrix) -> Quadratic:
+        """Return the quadratic model of chi2 at a point over the free unknowns."""
+        at, prior = point.x[free], self._prior[free]
+        return Quadratic(A=J.T @ J + np.diag(prior), g=J.T @ point.r - prior * at, at=at)
+
+    def first_guesses(self, steps: int) -> list[Vector]:
+        """Return some onsets within the first steps, each with damages by one step of Newton's method, best first."""
+        zones = np.arange(1 + N_ZONES) > 0
+        onsets = np.linspace(0.0, steps, ONSETS, endpoint=False)
+        guesses = np.column_stack([onsets, np.repeat(self._before[None], ONSETS, axis=0)])
+        for share in (SHARES, (1.0,)):
+            trials = []
+            for point in self.points(guesses):
+                model = self.quadratic(point, zones, self.derivatives(point, zones))
+                d = bounded_minimum(model.A, model.g, -point.x[1:], self.high[1:] - point.x[1:])
+                moves = [np.r_[0.0, part * d] for part in share]
+                trials += [np.clip(point.x + move, self.low, self.high) for move in moves]
+            points = sorted(self.points(np.array(trials)), key=lambda point: point.chi2)
+            guesses = np.array([point.x for point in points[:BEST]])
+        return list(guesses)
+
+    def _readings(self, x: Matrix) -> Matrix:
+        return self._running.advance(self._place, self.history(x), self._h)[0]
+
+
+def _chi2(minimum: Minimum) -> float:
+    return minimum.point.chi2
+
+
+def weigh(rows: Matrix, present: Rows, sigma: Vector) -> Matrix:
+    """Remove the mean of each sensor from rows, shape (m, 4, n), and divide by the noise, shape (m, 4 n)."""
+    count = np.maximum(present.sum(axis=1), 1)
+    mean = np.where(present, rows, 0.0).sum(axis=2) / count
+    return np.asarray((np.where(present, rows - mean[:, :, None], 0.0) / sigma[:, None]).reshape(len(rows), -1))
