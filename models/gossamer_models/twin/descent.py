@@ -17,6 +17,7 @@ from .quadratic import bounded_minimum, change
 DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])  # one for each lane
 NEGLIGIBLE = 0.02  # of chi2: no damage moves by more than a seventh of its deviation
 LINEAR = 0.9  # share of what the model promised
+SHORT = 5.0  # of chi2: longer steps change the derivatives
 
 
 class LeastSquares(Protocol):
@@ -80,7 +81,7 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
 
     Notes
     -----
-    Where a step has gained what the model promised, within ``LINEAR``, its derivatives serve for the next step too.
+    Where a short step has gained what the model promised, its derivatives serve for the next step too.
     """
     point = problem.points(np.clip(start, problem.low, problem.high)[None])[0]
     J = problem.derivatives(point, free)
@@ -99,7 +100,7 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
             point = best
         elif fresh:
             break
-        fresh = gained < LINEAR * promised
+        fresh = promised > SHORT or gained < LINEAR * promised
         if fresh:
             J = problem.derivatives(point, free)
         model = problem.quadratic(point, free, J)

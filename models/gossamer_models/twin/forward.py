@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arrays import Matrix, Vector
 from ..batch import Batch
@@ -27,14 +28,12 @@ class Reading:
 
     Attributes
     ----------
-    zero : float
-        Reading that a gain leaves as it is.
-    scale : float
-        What offsets are a fraction of.
+    zero, scale : ndarray, shape (4, 1)
+        Reading of each sensor that a gain leaves as it is, and what its offset is a fraction of.
     """
 
-    zero: float
-    scale: float
+    zero: Matrix
+    scale: Matrix
 
 
 class Forward:
@@ -48,7 +47,7 @@ class Forward:
         Membrane and load.
     sensor : SensorArtifact or None
         Sensor; None if records hold strain only.
-    sensor_parameters : mapping of str to float
+    sensor_parameters : mapping of str to float or sequence of 4 floats
         Parameters of the sensors that differ from their start values.
     """
 
@@ -58,7 +57,7 @@ class Forward:
         order: int,
         params: MembraneParams,
         sensor: SensorArtifact | None = None,
-        sensor_parameters: Mapping[str, float] | None = None,
+        sensor_parameters: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         model = membrane_model(elements_per_side, order, compiled=True)
         self.params = params
@@ -68,8 +67,9 @@ class Forward:
         if sensor is not None:
             written = sensor_model(sensor)
             starts = {v.name: v.start for v in written.variables if v.start is not None}
-            self.sensor_parameters = {**starts, "rest_strain": stretch(params) - 1.0, **(sensor_parameters or {})}
-            self.sensor_parameters.pop("strain")
+            starts.pop("strain")
+            known: dict[str, ArrayLike] = {**starts, "rest_strain": stretch(params) - 1.0, **(sensor_parameters or {})}
+            self.sensor_parameters = {name: np.broadcast_to(value, (N_SENSORS,)) for name, value in known.items()}
             self._sensor = Batch(written, ("resistance",), ("strain",))
 
     @property
@@ -80,9 +80,10 @@ class Forward:
     def reading(self, kind: str) -> Reading:
         """Return the scale of records of a kind."""
         if kind == "strain":
-            return Reading(zero=0.0, scale=1.0)
+            return Reading(zero=np.zeros((N_SENSORS, 1)), scale=np.ones((N_SENSORS, 1)))
         known = self.sensor_parameters
-        return Reading(zero=float(known["rest_resistance"]), scale=float(known["full_scale_resistance_change"]))
+        zero, scale = (known[name][:, None] for name in ("rest_resistance", "full_scale_resistance_change"))
+        return Reading(zero=zero, scale=scale)
 
     def strain(
         self, damage: Matrix, parameters: Mapping[str, Vector], pressure: Matrix | None, steps: int, h: float
@@ -112,7 +113,8 @@ class Forward:
             raise ParameterError(msg)
         m, _, n = strain.shape
         bad = np.asarray(~np.isfinite(strain).all(axis=(1, 2)))
-        signal = np.where(bad[:, None, None], self.sensor_parameters["rest_strain"], strain).reshape(-1, n)
-        found = self._sensor.run(n, h, self.sensor_parameters, {"strain": signal}).results.reshape(m, N_SENSORS, n)
+        parameters = {name: np.tile(value, m) for name, value in self.sensor_parameters.items()}
+        signal = np.where(bad[:, None, None], self.sensor_parameters["rest_strain"][:, None], strain).reshape(-1, n)
+        found = self._sensor.run(n, h, parameters, {"strain": signal}).results.reshape(m, N_SENSORS, n)
         found[bad] = np.nan
         return found

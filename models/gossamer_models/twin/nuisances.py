@@ -100,17 +100,15 @@ class Nuisances:
         c = self.pressure_deviation * z[:, first : first + self.knots]
         return np.asarray(c @ spline_basis(time, self.length, self.knots).T)
 
-    def read(self, y: Matrix, zero: float, scale: float, z: Matrix) -> Matrix:
+    def read(self, y: Matrix, zero: Matrix, scale: Matrix, z: Matrix) -> Matrix:
         """Return what sensors with gain and offset read, shape (m, 4, n).
 
         Parameters
         ----------
         y : ndarray, shape (m, 4, n)
             Strain or resistance.
-        zero : float
-            Value that a gain leaves as it is.
-        scale : float
-            What an offset is a fraction of.
+        zero, scale : ndarray, shape (4, 1)
+            Values that a gain leaves as they are, and what an offset is a fraction of.
         z : ndarray, shape (m, number of nuisances)
             Nuisances.
         """

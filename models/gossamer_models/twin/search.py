@@ -6,7 +6,7 @@ Symbols: ``x`` unknowns, first the 16 damages.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,14 +15,15 @@ from scipy.stats import chi2 as chi2_distribution
 from ..arrays import Rows, Vector
 from ..errors import ConvergenceError
 from ..membrane.mesh import N_ZONES
-from .descent import NEGLIGIBLE, Minimum, descend
+from .descent import NEGLIGIBLE, descend
 from .problem import Point, Problem, Quadratic
-from .sparse import THRESHOLD, Box, drop_zones, evidence
+from .quadratic import change
+from .sparse import THRESHOLD, Box, drop_zones
 
 CONFIDENCE = 0.999  # of the bound on chi2 per sample
 NOISE_DOUBT = math.sqrt(2.0 * 3.4)  # of a variance from n differences of order 6, relative, times sqrt(n)
 ROUGH = 1.0  # of chi2: where a stage may stop that another follows
-MOST_RETURNS = 3  # of zones that were dropped too soon
+MOST_CHANGES = 4  # of the zones that are kept
 MOST_STARTS = 4  # after the first
 
 
@@ -69,13 +70,13 @@ def chi2_bound(problem: Problem) -> float:
     return bound
 
 
-def search(whole: Problem, early: Problem | None, given: Vector | None, *, sparse: bool) -> Fit:
+def search(stages: Sequence[Problem], given: Vector | None, *, sparse: bool) -> Fit:
     """Return the first fit that passes its bound, or else the best of all starts.
 
     Parameters
     ----------
-    whole, early : Problem, Problem or None
-        The record and its beginning; None if it is too short to have one.
+    stages : sequence of Problem
+        Longer and longer beginnings of the record; the last is all of it.
     given : ndarray, shape (16,), or None
         Damages to start from first.
     sparse : bool
@@ -88,17 +89,20 @@ def search(whole: Problem, early: Problem | None, given: Vector | None, *, spars
 
     Notes
     -----
-    A start is followed to the end only where its first stage ends below that of the best fit before: that is what finds
+    A start is followed to the end only where its early stages end below those of the best fit before: that is what finds
     false minima, and it spares records that no damage explains.
     """
-    first = early or whole
+    *early, whole = stages
     best: Fit | None = None
-    for damage in _starts(first, given):
+    for damage in _starts(stages[0], given):
         try:
-            begun = descend(first, _unknowns(first, damage), np.ones(first.size, dtype=bool), enough=ROUGH)
-            if best is not None and begun.point.chi2 > best.early_chi2 - THRESHOLD:
+            x, reached = _unknowns(whole, damage), np.inf
+            for stage in early:
+                begun = descend(stage, x, np.ones(stage.size, dtype=bool), enough=ROUGH)
+                x, reached = begun.point.x, begun.point.chi2
+            if best is not None and reached > best.early_chi2 - THRESHOLD:
                 continue
-            fit = _finish(whole, begun, sparse=sparse)
+            fit = _finish(whole, x, reached, sparse=sparse)
         except ConvergenceError:
             continue
         if best is None or fit.point.chi2 < best.point.chi2:
@@ -133,23 +137,31 @@ def _unknowns(problem: Problem, damage: Vector) -> Vector:
     return np.concatenate([damage, np.zeros(problem.size - N_ZONES)])
 
 
-def _finish(whole: Problem, begun: Minimum, *, sparse: bool) -> Fit:
-    """Go on with the whole record, and drop zones."""
+def _finish(whole: Problem, x: Vector, early_chi2: float, *, sparse: bool) -> Fit:
+    """Go on with the whole record, drop zones, and think again where they stand after that."""
     free = np.ones(whole.size, dtype=bool)
-    found = descend(whole, begun.point.x, free, enough=ROUGH if sparse else NEGLIGIBLE)
+    found = descend(whole, x, free, enough=ROUGH if sparse else NEGLIGIBLE)
     if not sparse:
-        return Fit(whole, found.point, found.model, free, begun.point.chi2)
+        return Fit(whole, found.point, found.model, free, early_chi2)
     kept, move = drop_zones(found.model, box(whole, found.model.at))
-    x = np.where(kept, np.clip(found.model.at + move, whole.low, whole.high), 0.0)
+    x, best, worth = _moved(whole, found.model.at, move, kept), None, np.inf
     J = np.empty((whole.values, whole.size))
-    for _ in range(MOST_RETURNS):
+    for _ in range(MOST_CHANGES):
         found = descend(whole, x, kept)
+        reached = found.point.chi2 + THRESHOLD * kept[:N_ZONES].sum()
+        if best is not None and reached >= worth:
+            break
         J[:, kept], J[:, ~kept] = found.J, whole.derivatives(found.point, ~kept)
         full = whole.quadratic(found.point, free, J)
-        gain = np.where(kept, 0.0, evidence(full, box(whole, found.point.x), kept))
-        if gain.max() <= THRESHOLD:
+        best, worth = Fit(whole, found.point, full, kept, early_chi2), reached
+        other, move = drop_zones(full, box(whole, full.at))
+        promised = found.point.chi2 + change(full.A, full.g, move) + THRESHOLD * other[:N_ZONES].sum()
+        if promised > worth - ROUGH:
             break
-        kept = kept.copy()
-        kept[np.argmax(gain)] = True
-        x = found.point.x
-    return Fit(whole, found.point, full, kept, begun.point.chi2)
+        kept, x = other, _moved(whole, full.at, move, other)
+    assert best is not None
+    return best
+
+
+def _moved(problem: Problem, x: Vector, move: Vector, kept: Rows) -> Vector:
+    return np.where(kept, np.clip(x + move, problem.low, problem.high), 0.0)

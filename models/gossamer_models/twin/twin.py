@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +19,7 @@ from ..membrane import MembraneParams
 from ..membrane.mesh import N_ZONES
 from ..sensor import SensorArtifact
 from .answer import Answer
-from .discrepancy import Discrepancy
+from .discrepancy import Discrepancy, default_discrepancy
 from .forward import Forward
 from .nuisances import MODULUS, Nuisances
 from .problem import MOST_DAMAGE, Problem
@@ -26,8 +27,16 @@ from .record import LEAST_SAMPLES, Record, dead_sensors
 from .search import Fit, box, chi2_bound, search
 from .sparse import evidence, probability
 
-EARLY = 0.1  # [s] of the first stage: the response is less nonlinear early
+EARLY = (0.03, 0.1)  # [s] of the first stages: early, chi2 has one valley; over 0.1 s it has several
 PRIOR_DEVIATION = MOST_DAMAGE / math.sqrt(12.0)  # of a damage that may be anything
+# How far membrane and load may be from those that the discrepancy was learned with, as a share.
+LEARNED = {
+    "pressure_amplitude": 0.15,
+    "pressure_frequency": 0.08,
+    "pressure_phase": 0.2,
+    "mass_damping": 1.5,
+    "youngs_modulus": 0.05,
+}
 UNRESOLVED = 0.5  # of the prior's deviation
 
 
@@ -42,7 +51,7 @@ class Twin:
         Membrane and load; None for the default.
     sensor : SensorArtifact or None
         Sensors, for records of resistance.
-    sensor_parameters : mapping of str to float
+    sensor_parameters : mapping of str to float or sequence of 4 floats
         Parameters of the sensors that differ from their start values; they rest at the prestrain.
     nuisances : sequence of str
         What else is unknown, with a normal prior: ``offset`` and ``gain`` of each sensor (deviation 0.02 of strain, or of
@@ -51,8 +60,10 @@ class Twin:
         with knots every 20 ms).
     sparse : bool
         Whether zones are dropped while chi2 rises by less than 9 for each.
-    discrepancy : Discrepancy or None
-        What finer meshes would add to the strain.
+    discrepancy : Discrepancy, "learned" or None
+        What finer meshes would add to the strain: by default, what was learned of the default mesh, if the twin has that
+        mesh and nearly the default membrane and load. Only the time and the frequencies that it covers are then compared,
+        0.3 s and 150 Hz. None if the record comes from a simulation with the twin's mesh.
 
     Raises
     ------
@@ -72,16 +83,19 @@ class Twin:
         params: MembraneParams | None = None,
         *,
         sensor: SensorArtifact | None = None,
-        sensor_parameters: Mapping[str, float] | None = None,
+        sensor_parameters: Mapping[str, ArrayLike] | None = None,
         nuisances: Sequence[str] = ("offset",),
         sparse: bool = True,
-        discrepancy: Discrepancy | None = None,
+        discrepancy: Discrepancy | Literal["learned"] | None = "learned",
     ) -> None:
         if MODULUS in nuisances and not sparse:
             msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
             raise ParameterError(msg)
         self.params = MembraneParams() if params is None else params
-        self.nuisances, self.sparse, self.discrepancy = tuple(nuisances), sparse, discrepancy
+        self.nuisances, self.sparse = tuple(nuisances), sparse
+        if discrepancy == "learned":
+            discrepancy = default_discrepancy() if _is_learned(elements_per_side, order, self.params) else None
+        self.discrepancy = discrepancy
         Nuisances(self.nuisances, self.params)  # refuses unknown names
         self._forward = Forward(elements_per_side, order, self.params, sensor, sensor_parameters)
 
@@ -122,11 +136,13 @@ class Twin:
 
     def _fitted(self, record: Record, given: Vector | None) -> Fit:
         noise = record.noise_deviation()
-        few = math.ceil(EARLY / record.step)
-        early = None
-        if LEAST_SAMPLES <= few < record.samples:
-            early = self._problem(replace(record, values=record.values[:, :few]), noise, record.samples)
-        return search(self._problem(record, noise, record.samples), early, given, sparse=self.sparse)
+        few = [math.ceil(time / record.step) for time in EARLY]
+        stages = [
+            self._problem(replace(record, values=record.values[:, :n]), noise, record.samples)
+            for n in few
+            if LEAST_SAMPLES <= n < record.samples
+        ]
+        return search([*stages, self._problem(record, noise, record.samples)], given, sparse=self.sparse)
 
     def _problem(self, record: Record, noise: Vector, samples: int) -> Problem:
         nuisances = Nuisances(self.nuisances, self.params, record.step * samples, self.params.pressure_amplitude)
@@ -168,6 +184,16 @@ class Twin:
             samples=problem.values,
             simulations=problem.simulations,
         )
+
+
+def _is_learned(elements_per_side: int, order: int, params: MembraneParams) -> bool:
+    """Tell whether the learned discrepancy holds for a mesh and a membrane."""
+    learned, default, given = default_discrepancy(), asdict(MembraneParams()), asdict(params)
+    ratios = {name: given[name] / default[name] if default[name] else 1.0 + abs(given[name]) for name in given}
+    return (elements_per_side, order) == (learned.elements_per_side, learned.order) and all(
+        1.0 / (1.0 + LEARNED.get(name, 1e-9)) <= ratio <= 1.0 + LEARNED.get(name, 1e-9)
+        for name, ratio in ratios.items()
+    )
 
 
 def _covariance(A: Matrix, free: Rows) -> Matrix:

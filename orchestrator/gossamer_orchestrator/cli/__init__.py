@@ -23,6 +23,7 @@ from .identify import CommandWithFields, identify
 from .inspect import info, verify
 from .run import demo, run
 from .train import train
+from .twin import twin
 
 
 class _Group(TyperGroup):
@@ -79,6 +80,7 @@ app.command()(demo)
 app.command()(verify)
 app.command()(info)
 app.command()(train)
+app.command()(twin)
 app.command()(campaign)
 app.command("assess-detector")(assess_detector)
 app.command(cls=CommandWithFields)(identify)

@@ -1,0 +1,123 @@
+"""The digital twin, measured against what was asked of it.
+
+``python -m studies.twin [CASES] [ROW ...]`` from the folder ``docs`` prints a table; rows by name, all by default. Random
+cases have 1 to 4 zones of 5 to 50 %, records last 0.3 s, noise is the thesis' U(0, 0.02) of strain or 0.1 % of the change
+of resistance at full scale. The other world has order 8 and a third of the step, which takes a minute for eight cases.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from gossamer_models.batch import Batch
+from gossamer_models.membrane import MembraneParams, membrane_model
+from gossamer_models.sensor import default_artifact
+from gossamer_models.twin import Record, Twin
+from gossamer_models.twin.forward import STRAINS, Forward
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+STEP, STEPS = 3e-4, 1000
+NOISE = 0.02  # of strain, uniform from 0 [1]
+RESISTANCE_NOISE = 1e-3  # of the change at full scale
+LOAD = ("offset", "gain", "amplitude", "frequency", "damping", "modulus")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: which records, which twin, what was asked."""
+
+    asked: str
+    make: Callable[[Array], Array]
+    twin: Callable[[], Twin]
+    kind: Literal["strain", "resistance"] = "strain"
+    noise: float | None = NOISE / np.sqrt(12.0)
+
+
+def cases(count: int, seed: int = 7) -> Array:
+    """Draw damages, shape (count, 16)."""
+    random = np.random.default_rng(seed)
+    damage = np.zeros((count, 16))
+    for row in damage:
+        zones = random.choice(16, random.integers(1, 5), replace=False)
+        row[zones] = random.uniform(0.05, 0.5, zones.size)
+    return damage
+
+
+def strain(damage: Array, mesh: tuple[int, int], noise: float = NOISE, load: bool = False, thirds: int = 1) -> Array:
+    """Simulate strain with noise, shape (n, 4, steps); with load, damping, modulus and gain varied if asked."""
+    random = np.random.default_rng(len(damage))
+    start: dict[str, Array] = {"damage": damage}
+    gain: Array = np.ones((len(damage), 4, 1))
+    if load:
+        u = random.uniform(-1.0, 1.0, (4, len(damage)))
+        start["pressure_amplitude"] = 1e4 * (1.0 + 0.1 * u[0])
+        start["pressure_frequency"] = 7.9 * (1.0 + 0.05 * u[1])
+        start["mass_damping"] = 20.0 * 2.0 ** u[2]
+        start["youngs_modulus"] = 1e7 * (1.0 + 0.02 * u[3])
+        gain = 1.0 + 0.02 * random.uniform(-1.0, 1.0, gain.shape)
+    batch = Batch(membrane_model(*mesh, compiled=True), STRAINS)
+    found = batch.run(thirds * STEPS, STEP / thirds, start, every=thirds).results
+    return np.asarray(gain * found + noise * random.random(found.shape))
+
+
+def resistance(damage: Array, mesh: tuple[int, int]) -> Array:
+    """Simulate resistance with noise, shape (n, 4, steps)."""
+    forward = Forward(*mesh, MembraneParams(), default_artifact())
+    found = forward.resistance(strain(damage, mesh, 0.0), STEP)
+    scale = RESISTANCE_NOISE * forward.sensor_parameters["full_scale_resistance_change"][:, None]
+    return np.asarray(found + scale * np.random.default_rng(1).standard_normal(found.shape))
+
+
+BILINEAR, DEFAULT, FINER = (8, 1), (4, 4), (4, 8)
+ROWS = {
+    "bilinear": Row("0.15 / 0.65, z 0.8 to 1.2, 0.5 s", lambda d: strain(d, BILINEAR), lambda: Twin(*BILINEAR)),
+    "default": Row("0.15 / 0.65, z 0.8 to 1.2, 2.5 s", lambda d: strain(d, DEFAULT), lambda: Twin(discrepancy=None)),
+    "default, learned": Row("", lambda d: strain(d, DEFAULT), Twin),
+    "all zones": Row("", lambda d: strain(d, BILINEAR), lambda: Twin(*BILINEAR, sparse=False)),
+    "clean": Row("0.000", lambda d: strain(d, BILINEAR, 0.0), lambda: Twin(*BILINEAR), noise=1e-6),
+    "load": Row("0.3 / 1.5", lambda d: strain(d, BILINEAR, load=True), lambda: Twin(*BILINEAR, nuisances=LOAD)),
+    "resistance": Row(
+        "0.03 / 0.1",
+        lambda d: resistance(d, BILINEAR),
+        lambda: Twin(*BILINEAR, sensor=default_artifact(), nuisances=()),
+        kind="resistance",
+        noise=None,
+    ),
+    "other world, plain": Row("", lambda d: strain(d, FINER, thirds=3), lambda: Twin(discrepancy=None)),
+    "other world": Row("0.8 / 2", lambda d: strain(d, FINER, thirds=3), Twin),
+}
+
+
+def judge(row: Row, damage: Array) -> str:
+    """Fit all cases of a row; return its line of the table."""
+    twin, records = row.twin(), row.make(damage)
+    clock = time.process_time()
+    answers = [twin.fit(Record(step=STEP, values=values, kind=row.kind, noise=row.noise)) for values in records]
+    seconds = (time.process_time() - clock) / len(records)
+    found = np.array([a.damage for a in answers])
+    deviation = np.array([a.deviation for a in answers])
+    error, damaged = found - damage, damage > 0.0
+    z = (error / deviation)[damaged]
+    return (
+        f"{100 * np.abs(error).mean():7.3f} / {100 * np.abs(error[damaged]).mean():6.3f}  {np.sqrt(np.mean(z**2)):5.2f} "
+        f"{100 * np.mean(np.abs(z) < 1.96):5.0f} %  {sum(a.valid for a in answers):3d} of {len(answers):3d}  "
+        f"{np.mean([a.chi2_per_sample for a in answers]):6.3f}  {seconds:6.2f} s"
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 16
+    print("error [% damage], all / damaged zones; z rms, share within 1.96; valid; chi2 per sample; CPU time a fit")
+    for name in sys.argv[2:] or ROWS:
+        print(f"{name:20} {judge(ROWS[name], cases(count))}   asked: {ROWS[name].asked or '-'}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

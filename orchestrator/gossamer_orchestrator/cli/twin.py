@@ -1,0 +1,115 @@
+"""``gossamer twin``: from a record to damage with its standard deviation."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from .common import model_errors
+
+if TYPE_CHECKING:
+    from gossamer_models.twin import Answer
+    from rich.table import Table
+
+NUISANCES = "offset"
+
+
+def twin(
+    record: Annotated[
+        Path, typer.Argument(help="Results of a run (results.nc, results.csv or their folder), or a CSV file.")
+    ],
+    fit: Annotated[
+        str | None,
+        typer.Option(
+            help="What is unknown beside damage: offset, gain, amplitude, frequency, phase, damping, modulus, pressure, "
+            "with commas between, or none. By default offset for strain and none for resistance.",
+            metavar="NAMES",
+        ),
+    ] = None,
+    kind: Annotated[str | None, typer.Option(help="strain or resistance, where the record has both.")] = None,
+    noise: Annotated[
+        float | None, typer.Option(help="Standard deviation of the noise, 1 or ohm; estimated by default.", min=0.0)
+    ] = None,
+    stop: Annotated[float | None, typer.Option(help="Use the record up to this time [s] only.")] = None,
+    params: Annotated[
+        list[str] | None, typer.Option(help="A membrane parameter, NAME=VALUE; may be repeated.", metavar="NAME=VALUE")
+    ] = None,
+    sensor: Annotated[
+        Path | None, typer.Option(help="Artifact of the sensors; the shipped one by default.", metavar="FILE")
+    ] = None,
+    elements: Annotated[int, typer.Option(help="Elements of the twin per side.")] = 4,
+    order: Annotated[int, typer.Option(help="Their order; 1 for bilinear ones.")] = 4,
+    sparse: Annotated[bool, typer.Option(help="Drop the zones that the record does not need.")] = True,
+    out: Annotated[
+        Path | None, typer.Option(help="JSON file to write; twin.json beside the record by default.", metavar="FILE")
+    ] = None,
+) -> None:
+    """Fit a simulation to a record and print the damage of each zone.
+
+    The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or resistance[1] to
+    resistance[4]; empty cells are gaps. Results of a run bring the parameters of the membrane and of the sensors along.
+
+    For example:
+
+        gossamer run damaged && gossamer twin out/damaged/results.nc
+
+        gossamer twin measured.csv --fit offset,amplitude,frequency,damping --params pressure_amplitude=9500
+    """
+    from gossamer_models.sensor import SensorArtifact, default_artifact
+    from gossamer_models.twin import Twin
+
+    from .twin_record import find_record
+
+    console = Console(stderr=True)
+    with model_errors():
+        with console.status("reading"):
+            found = find_record(record, kind, noise, stop, params or [])
+        default = () if found.record.kind == "resistance" else (NUISANCES,)
+        nuisances = default if fit is None else tuple(name.strip() for name in fit.split(",") if name.strip() != "none")
+        artifact = None
+        if found.record.kind == "resistance":
+            artifact = default_artifact() if sensor is None else SensorArtifact.read(sensor)
+        with console.status("compiling, then fitting"):
+            answer = Twin(
+                elements,
+                order,
+                found.params,
+                sensor=artifact,
+                sensor_parameters=found.sensor_parameters,
+                nuisances=nuisances,
+                sparse=sparse,
+            ).fit(found.record)
+        path = (record if record.is_dir() else record.parent) / "twin.json" if out is None else out
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
+    console.print(zone_table(answer))
+    console.print(_summary(answer), highlight=False)
+    for doubt in answer.doubts:
+        console.print(f"{doubt[0].upper()}{doubt[1:]}.", style="bold yellow", highlight=False)
+    typer.echo(path)
+
+
+def zone_table(answer: Answer) -> Table:
+    """Return a table with one row per zone."""
+    from rich.table import Table
+
+    table = Table("zone", "damage [%]", "P(damaged)", "", title="Digital twin")
+    for k in range(len(answer.damage)):
+        remark = "cannot tell" if k + 1 in answer.unresolved else ""
+        style = "bold" if answer.damage[k] > 0.0 else "dim"
+        damage = f"{100.0 * answer.damage[k]:.2f} ± {100.0 * answer.deviation[k]:.2f}"
+        table.add_row(str(k + 1), damage, f"{answer.probability[k]:.3f}", remark, style=style)
+    return table
+
+
+def _summary(answer: Answer) -> str:
+    verdict = "valid" if answer.valid else "NOT valid"
+    lines = [f"{verdict}: chi2 per sample {answer.chi2_per_sample:.3f}, bound {answer.chi2_bound:.3f}"]
+    for name, (value, deviation) in answer.nuisances.items():
+        if not name.startswith("pressure["):
+            lines.append(f"{name}: {value:.4g} ± {deviation:.2g}")
+    return "\n".join(lines)

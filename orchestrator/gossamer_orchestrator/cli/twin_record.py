@@ -1,0 +1,145 @@
+"""What ``gossamer twin`` is fitted to: results of a run with their parameters, or a table."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from ..errors import OrchestratorError, ResultsError
+from ..names import suggest
+from ..results import roles
+from ..results.files import load_results
+
+if TYPE_CHECKING:
+    from gossamer_models.membrane import MembraneParams
+    from gossamer_models.twin import Record
+
+KINDS = ("resistance", "strain")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """A record and what is known about where it comes from.
+
+    Attributes
+    ----------
+    record : Record
+        Histories.
+    params : MembraneParams
+        Parameters of the membrane.
+    sensor_parameters : mapping of str to list of float
+        Parameters of the sensors, one value for each.
+    """
+
+    record: Record
+    params: MembraneParams
+    sensor_parameters: Mapping[str, list[float]] = field(default_factory=dict)
+
+
+def find_record(path: Path, kind: str | None, noise: float | None, stop: float | None, params: Sequence[str]) -> Found:
+    """Read a record.
+
+    Parameters
+    ----------
+    path : Path
+        Results of a run, their folder, or a CSV file with the columns of ``read_table``.
+    kind : {"strain", "resistance"} or None
+        None for resistance where it was recorded, else strain.
+    noise, stop : float or None
+        Standard deviation of the noise; last time to use [s].
+    params : sequence of str
+        Membrane parameters, ``NAME=VALUE``.
+
+    Raises
+    ------
+    OrchestratorError
+        An option makes no sense, or the results lack what is needed.
+    """
+    from gossamer_models.membrane import MembraneParams
+    from gossamer_models.twin import read_table
+
+    if kind not in (None, *KINDS):
+        msg = f"--kind is {kind!r}. Write strain or resistance."
+        raise OrchestratorError(msg)
+    known: dict[str, float] = {}
+    sensors: dict[str, list[float]] = {}
+    given = _assigned(params, asdict(MembraneParams()))
+    if path.suffix == ".csv" and not _of_a_run(path):
+        record = read_table(path, kind, noise)
+    else:
+        data = load_results(path)
+        record, sensors = _recorded(data, kind, noise)
+        known = {
+            n: v for n, v in _parameters(data, roles.find(data, "membrane")).items() if n in asdict(MembraneParams())
+        }
+    if stop is not None:
+        from dataclasses import replace
+
+        record = replace(record, values=record.values[:, : max(0, round(stop / record.step))])
+    return Found(record=record, params=MembraneParams(**{**known, **given}), sensor_parameters=sensors)
+
+
+def _of_a_run(path: Path) -> bool:
+    """Tell whether a CSV file has the columns of a run: names with a component."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            names = next(csv.reader(file), [])
+    except (OSError, UnicodeDecodeError):
+        return False
+    return any("." in name.partition("[")[0] for name in names)
+
+
+def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[Record, dict[str, list[float]]]:
+    from gossamer_models.twin import make_record
+    from gossamer_models.twin.record import N_SENSORS
+
+    time = data["time"].to_numpy().astype(float)
+    values = np.full((N_SENSORS, len(time)), np.nan)
+    sensors = roles.sensors(data) if roles.find_all(data, "sensor") else {}
+    received = {k: f"{name}.resistance" for k, name in roles.compensators(data).items()} if sensors else {}
+    names = {k: received[k] if received.get(k) in data else f"{name}.resistance" for k, name in sensors.items()}
+    names = {k: name for k, name in names.items() if name in data}
+    if kind == "strain" or (kind is None and not names):
+        strain = roles.need(data, f"{roles.find(data, 'membrane')}.strain")[0]
+        for k in strain[strain.dims[1]].to_numpy().tolist():
+            values[k - 1] = strain.sel({strain.dims[1]: k}).to_numpy()
+        return make_record(time, values, "strain", noise, "the results"), {}
+    if not names:
+        msg = "the results hold no resistance. Add sensor?.resistance to [record] in the scenario and run it again."
+        raise ResultsError(msg)
+    for k, name in names.items():
+        values[k - 1] = data[name].to_numpy()
+    if data.attrs.get("master") == "jacobi":  # what sensors got is one step old
+        time, values = time[:-1], values[:, 1:]
+    each = [_parameters(data, sensors[k]) if k in sensors else {} for k in range(1, N_SENSORS + 1)]
+    known = next((parameters for parameters in each if parameters), {})
+    tabled = {name: [parameters.get(name, known[name]) for parameters in each] for name in known}
+    return make_record(time, values, "resistance", noise, "the results"), tabled
+
+
+def _parameters(data: xr.Dataset, component: str) -> dict[str, float]:
+    """Return the parameters of a component; none in results without provenance, such as a CSV file."""
+    fmus = json.loads(data.attrs.get("fmus", "{}"))
+    return dict(fmus.get(component, {}).get("parameters", {}))
+
+
+def _assigned(texts: Sequence[str], known: Mapping[str, float]) -> dict[str, float]:
+    given = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if name not in known:
+            msg = f"--params {text}: the membrane has no parameter {name!r}. {suggest(name, known)}"
+            raise OrchestratorError(msg)
+        try:
+            given[name] = float(value)
+        except ValueError:
+            msg = f"--params {text}: {value!r} is no number. Write {name}=VALUE."
+            raise OrchestratorError(msg) from None
+    return given
