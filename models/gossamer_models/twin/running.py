@@ -101,7 +101,7 @@ class Running:
         run = self._membrane.run(n, h, inputs=inputs, state=_repeated(place.membrane, m))
         if self._sensor is None or place.sensors is None:
             return run.results, Place(_first(run.state, 1), None)
-        failed = ~np.isfinite(run.results).all(axis=(1, 2))
+        failed = np.asarray(~np.isfinite(run.results).all(axis=(1, 2)))
         strain = np.where(failed[:, None, None], 0.0, run.results).reshape(m * N_SENSORS, n)
         sensed = self._sensor.run(n, h, inputs={"strain": strain}, state=_repeated(place.sensors, m))
         resistance = sensed.results.reshape(m, N_SENSORS, n)
