@@ -28,6 +28,8 @@ goldens: $(STAMP)
 
 figures: $(STAMP)
 	$(BIN)/python docs/make_identification_page.py
+	$(BIN)/python docs/make_membrane_page.py
+	$(BIN)/python docs/make_damage_page.py
 
 # Everything is pinned by hash; the project itself is installed editable on top.
 $(STAMP): constraints.txt pyproject.toml

@@ -12,6 +12,7 @@ from gossamer_models.assessment import (
     AlwaysZero,
     Assessment,
     DetectorJudge,
+    TwinJudge,
     Verdicts,
     assess,
     conditions,
@@ -23,7 +24,7 @@ from gossamer_models.assessment import (
     reliability,
     write_assessment,
 )
-from gossamer_models.assessment.conditions import single_damages
+from gossamer_models.assessment.conditions import SHARES, SIZES, single_damages
 from gossamer_models.assessment.figures import NOMINAL
 from gossamer_models.assessment.plots import save_pictures
 from gossamer_models.assessment.records import Records, make_records, with_fault
@@ -31,6 +32,7 @@ from gossamer_models.assessment.results import FILE
 from gossamer_models.campaign import Mesh, draw_cases
 from gossamer_models.detector import artifact, detector_model
 from gossamer_models.detector.thesis_tables import MULTIPLE_TRAINING, SINGLE_TRAINING, TABLE_7_3, TABLES, as_array
+from gossamer_models.twin import Twin
 
 COARSE = Mesh(elements_per_side=4, order=1)
 
@@ -118,9 +120,10 @@ def test_single_damages_fill_every_zone_evenly_wherever_they_stop():
     assert ((damage > 0.0).sum(axis=1) == 1).all()
     for stop in (8 * 16, 60 * 16):
         for zone in range(16):
-            x = np.sort(np.log(damage[:stop, zone][damage[:stop, zone] > 0.0]))
-            assert len(x) == stop // 16
-            assert np.diff(x).max() < 2.5 * math.log(100.0) / len(x)
+            size = np.sort(damage[:stop, zone][damage[:stop, zone] > 0.0])
+            u = np.interp(np.log(size), np.log(SIZES), SHARES)
+            assert len(u) == stop // 16
+            assert np.diff(u).max() < 2.5 / len(u)
     assert 0.005 <= damage[damage > 0.0].min() < damage.max() <= 0.5
     assert len(np.unique(damage[damage > 0.0])) == 960
 
@@ -153,6 +156,16 @@ def test_records_through_the_chain_are_in_time_with_the_membrane(tmp_path):
     assert (measured.damage == true.damage).all()
     error = [np.abs(measured.strain[:, :, 8:192] - true.strain[:, :, 8 + s : 192 + s]).mean() for s in range(-8, 9, 2)]
     assert int(np.argmin(error)) == 4
+
+
+def test_the_judge_of_a_twin_takes_a_record_that_cannot_be_fitted_for_not_valid(tmp_path):
+    clean = next(c for c in conditions(4, COARSE, COARSE, stop=0.06) if c.name == "clean")
+    records = make_records(clean, tmp_path, workers=1)
+    histories = np.concatenate([records.strain[:1], np.ones((1, 4, 200))])
+    found = TwinJudge(Twin(4, 1))(histories, records.step)
+    assert found.valid.tolist() == [True, False]
+    assert np.abs(found.damage[0] - records.damage[0]).max() < 0.02  # of 5 to 50 %
+    assert not found.damage[1].any()
 
 
 def test_the_judge_of_a_detector_says_what_the_detector_says():

@@ -20,7 +20,8 @@ CHAIN_NOISE = Noise(resistance=Distribution(normal=0.001))  # of the change of r
 RANDOM = Damage(zones=(1, 4), depth=(0.05, 0.5))
 HEALTHY = Damage(zones=(0, 0))
 LATE = 30  # samples by which records through the chain are longer: more than the estimator's delay
-SIZES = (0.005, 0.5)  # [1] of single damages, to tell the probability of detection
+SIZES = (0.005, 0.01, 0.1, 0.5)  # [1] of single damages, to tell the probability of detection
+SHARES = (0.0, 0.15, 0.8, 1.0)  # of the sizes below each: most where the detectors' limits are to be
 # Factors of what is not as a detector takes it to be: the mismatches of the issue, and their ranges when everything varies.
 MISMATCHES: dict[str, tuple[str, float, float]] = {
     "load": ("pressure_amplitude", 0.9, 1.1),
@@ -159,14 +160,14 @@ def detections(cases: int, mesh: Mesh, *, seed: int = 11, long: float = 0.9, sto
 def single_damages(sizes: int) -> Damages:
     """List damages of one zone at a time, zone after zone, every zone ``sizes`` times.
 
-    The logarithms of the sizes fill ``SIZES`` evenly in each zone, at other places in every zone, and the first few already
-    lie far apart (van der Corput), so that a slow judge may stop anywhere.
+    The logarithms of the sizes fill ``SIZES`` in each zone, evenly within the shares, at other places in every zone, and the
+    first few already lie far apart (van der Corput), so that a slow judge may stop anywhere.
     """
-    low, high = SIZES
     zones = np.arange(N_ZONES)
     order = np.argsort([_van_der_corput(k) for k in range(sizes)]).argsort()
     places = (order[:, None] + (zones * 7 % N_ZONES + 0.5) / N_ZONES) / sizes
-    return tuple({int(zone) + 1: float(low * (high / low) ** u[zone])} for u in places for zone in zones)
+    size = np.exp(np.interp(places, SHARES, np.log(SIZES)))
+    return tuple({int(zone) + 1: float(row[zone])} for row in size for zone in zones)
 
 
 def _van_der_corput(k: int) -> float:

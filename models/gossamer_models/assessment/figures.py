@@ -39,8 +39,8 @@ class Figures:
         Records with a call in an undamaged zone.
     wrong, wrong_and_invalid : Share
         Records with an error above ``WRONG`` in some zone, and those of them that are marked invalid.
-    z_rms : float
-        Root mean square of z over all zones of valid records [1].
+    z_rms, damaged_z_rms : float
+        Root mean square of z over all zones and over damaged zones of valid records [1].
     within_95, damaged_within_95 : float
         Share of true values in the stated 95 % interval, over all zones and over damaged zones of valid records [1].
     brier : float
@@ -56,6 +56,7 @@ class Figures:
     wrong: Share
     wrong_and_invalid: Share
     z_rms: float
+    damaged_z_rms: float
     within_95: float
     damaged_within_95: float
     brier: float
@@ -75,7 +76,8 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
     damaged = damage > 0.0
     called = calls(verdicts, CALL)
     wrong = error.max(axis=1) > WRONG
-    z = scaled_errors(damage, verdicts)
+    z = np.abs(scaled_errors(damage, verdicts))
+    damaged_z = z[damaged[verdicts.valid].ravel()] if z.size else z
     P = verdicts.probability
     return Figures(
         records=len(damage),
@@ -87,8 +89,9 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
         wrong=share(wrong),
         wrong_and_invalid=share(~verdicts.valid[wrong]),
         z_rms=math.sqrt(_mean(z**2)),
-        within_95=_mean(np.abs(z) <= norm.ppf(0.975)),
-        damaged_within_95=_mean(np.abs(z)[damaged[verdicts.valid].ravel()] <= norm.ppf(0.975)) if z.size else math.nan,
+        damaged_z_rms=math.sqrt(_mean(damaged_z**2)),
+        within_95=_mean(z <= norm.ppf(0.975)),
+        damaged_within_95=_mean(damaged_z <= norm.ppf(0.975)),
         brier=math.nan if P is None else _mean((P - damaged) ** 2),
     )
 

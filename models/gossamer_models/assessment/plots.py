@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,15 +36,20 @@ LOOK: Any = {
 
 
 def plot_detection(row: DetectionRow, *, ax: Axes | None = None) -> Axes:
-    """Draw the probability of detection over size with its lower 95 % bound, and mark a90/95."""
+    """Draw the probability of detection over size with its lower 95 % bound, hits, misses and a90/95."""
     ax = axes_for(ax)
     title = f"zone {row.zone}" if row.zone else "all zones"
-    if row.curve:
-        size, pod, low = 100.0 * np.array(row.curve).T[0], *np.array(row.curve).T[1:]
-        ax.plot(size, pod, color=COLOURS[0], lw=1.4)
-        ax.fill_between(size, low, pod, color=COLOURS[0], alpha=0.2, lw=0)
-    else:
-        ax.text(0.5, 0.5, row.remark, transform=ax.transAxes, ha="center", va="center", wrap=True, fontsize=7)
+    size, pod, low = np.array(row.curve, dtype=float).T
+    ax.plot(100.0 * size, pod, color=COLOURS[0], lw=1.4)
+    ax.plot(100.0 * size, low, color=COLOURS[0], lw=0.8)
+    ax.fill_between(100.0 * size, low, np.where(np.isfinite(pod), pod, low), color=COLOURS[0], alpha=0.2, lw=0)
+    for sizes, height in ((row.hit_sizes, 1.0), (row.missed_sizes, 0.0)):
+        if sizes:
+            heights = np.full(len(sizes), height)
+            ax.plot(100.0 * np.array(sizes), heights, "|", color="black", ms=5, mew=0.6, clip_on=False)
+    if row.remark:
+        text = ax.text(0.03, 0.4, "\n".join(wrap(row.remark, 26)), transform=ax.transAxes, fontsize=6)
+        text.set_in_layout(False)
     ax.axhline(0.9, color=GREY, lw=0.6, ls=":")
     if np.isfinite(row.a90_95):
         ax.axvline(100.0 * row.a90_95, color=COLOURS[1], lw=1.0, ls="--")
@@ -57,9 +63,9 @@ def plot_reliability(rows: Sequence[Row], *, ax: Axes | None = None) -> Axes:
     """Draw observed over nominal share of true values in the stated intervals; a right deviation gives the diagonal."""
     ax = axes_for(ax)
     ax.plot([0.0, 1.0], [0.0, 1.0], color=GREY, lw=0.8, ls="--")
-    for colour, row in zip(COLOURS, rows, strict=False):
-        label = f"{row.judge}, {row.condition}: z rms {row.figures.z_rms:.2f}"
-        ax.plot(NOMINAL, row.reliability, "o-", color=colour, ms=3, lw=1.2, label=label)
+    for k, row in enumerate(rows):
+        label = f"{row.judge}, {row.condition}: z rms {row.figures.damaged_z_rms:.2f} in damaged zones"
+        ax.plot(NOMINAL, row.reliability, "o-", color=COLOURS[k % 6], ms=3, lw=1.2, label=label)
     ax.set(xlabel="stated share [1]", ylabel="observed share [1]", xlim=(0.0, 1.0), ylim=(0.0, 1.02), aspect="equal")
     ax.legend(loc="upper left")
     return ax
@@ -88,10 +94,10 @@ def plot_errors(assessment: Assessment, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax)
     named = dict.fromkeys(row.condition for row in assessment.rows if np.isfinite(row.figures.error_damaged))
     places = {condition: place for place, condition in enumerate(named)}
-    for colour, judge in zip(COLOURS, assessment.judges, strict=False):
+    for k, judge in enumerate(assessment.judges):
         rows = [row for row in assessment.rows if row.judge == judge and row.condition in places]
         x, y = [row.figures.error_damaged for row in rows], [places[row.condition] for row in rows]
-        ax.plot(x, y, "o", color=colour, ms=5, label=judge)
+        ax.plot(x, y, "os"[k // 6 % 2], color=COLOURS[k % 6], ms=5, label=judge)
     ax.set_yticks(range(len(places)), list(places))
     ax.invert_yaxis()
     ax.set(xlabel="mean absolute error over damaged zones [% damage]", xlim=(0.0, None))
@@ -104,9 +110,12 @@ def plot_false_calls(rows: Sequence[Row], *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax)
     top = max([CALL, *(max(row.largest, default=0.0) for row in rows)])
     bins = np.linspace(0.0, 100.0 * top, 41).tolist()
-    for colour, row in zip(COLOURS, rows, strict=False):
-        label = f"{row.judge}, {row.condition}"
-        ax.hist(100.0 * np.array(row.largest), bins, histtype="step", color=colour, lw=1.4, label=label)
+    for k, row in enumerate(rows):
+        label = f"{row.judge}, {row.condition.removeprefix('healthy, ')}"
+        line = "-" if k < len(COLOURS) else "--"
+        ax.hist(
+            100.0 * np.array(row.largest), bins, histtype="step", color=COLOURS[k % 6], ls=line, lw=1.3, label=label
+        )
     ax.axvline(100.0 * CALL, color=GREY, lw=0.8, ls=":")
     ax.set(xlabel="largest estimate of a healthy record, 0 if not valid [% damage]", ylabel="records", yscale="symlog")
     ax.legend(loc="upper right")
@@ -143,10 +152,11 @@ def save_pictures(assessment: Assessment, folder: Path) -> list[Path]:
         figure = _figure(8.0, 6.0)
         plot_errors(assessment, ax=figure.add_subplot())
         save("errors", figure)
-        healthy = [row for row in assessment.rows if row.condition in ("healthy, noise", "healthy, everything varied")]
-        figure = _figure(7.0, 4.0)
-        plot_false_calls([row for row in healthy if any(row.largest)], ax=figure.add_subplot())
-        save("false calls", figure)
+        healthy = [row for row in assessment.rows if any(row.largest)]
+        if healthy:
+            figure = _figure(7.0, 4.0)
+            plot_false_calls(healthy, ax=figure.add_subplot())
+            save("false calls", figure)
     return paths
 
 

@@ -65,7 +65,9 @@ class DetectionRow:
     remark : str
         See ``Pod``.
     curve : list of list of float
-        Rows of size, probability of detection and its lower bound [1].
+        Rows of size, probability of detection, not a number if the likelihood has no maximum, and its lower bound [1].
+    hit_sizes, missed_sizes : list of float
+        Sizes that were hit and missed [1].
     """
 
     judge: str
@@ -81,6 +83,8 @@ class DetectionRow:
     by_counts: float
     remark: str
     curve: list[list[float]]
+    hit_sizes: list[float] = field(default_factory=list)
+    missed_sizes: list[float] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)

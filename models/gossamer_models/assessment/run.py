@@ -5,7 +5,6 @@ Symbols: ``a`` sizes of single damages [1].
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -27,7 +26,7 @@ from .results import Assessment, ConfusionRow, DetectionRow, Row, TableRow
 
 FALSE_CALLS = 0.01  # share of healthy records that a threshold lets be called [1]
 LEAST_SIZES = 12  # of a zone, for a curve of its own
-CURVE = np.geomspace(*SIZES, 41)
+CURVE = np.geomspace(SIZES[0], SIZES[-1], 41)
 OTHER = Mesh(elements_per_side=4, order=8)  # twice the resolution of the default
 Report = Callable[[str, int, int], None]
 
@@ -161,9 +160,7 @@ def _detection(judge: Judge, name: str, healthy: Records, damaged: Records) -> t
         if number and among.sum() < LEAST_SIZES:
             continue
         pod = fit_pod(a[among], hit[among])
-        curve: list[list[float]] = []
-        if not math.isnan(pod.slope):
-            curve = np.column_stack([CURVE, pod.probability(CURVE), pod.lower_bound(CURVE)]).tolist()
+        curve = np.column_stack([CURVE, pod.probability(CURVE), pod.lower_bound(CURVE)]).tolist()
         rows.append(
             DetectionRow(
                 judge=judge.name,
@@ -174,6 +171,8 @@ def _detection(judge: Judge, name: str, healthy: Records, damaged: Records) -> t
                 sizes=int(among.sum()),
                 hits=int(hit[among].sum()),
                 curve=curve,
+                hit_sizes=pod.size[pod.hit].round(5).tolist(),
+                missed_sizes=pod.size[~pod.hit].round(5).tolist(),
                 **{part: getattr(pod, part) for part in ("a50", "a90", "a90_95", "by_counts", "remark")},
             )
         )

@@ -80,7 +80,7 @@ def _conditions(found: Assessment) -> Table:
         "Brier",
         title="Errors [% damage] and shares [%]",
         caption="call: valid estimate above 5 %; false calls: records with a call in an undamaged zone, with the upper 95 % "
-        "bound; wrong: error above 10 % in a zone",
+        "bound; wrong: error above 10 % in a zone; z rms and share in the stated 95 % interval: damaged zones of valid records",
     )
     for row in found.rows:
         f = row.figures
@@ -94,8 +94,8 @@ def _conditions(found: Assessment) -> Table:
             f"{_share(f.false_calls)} (< {100.0 * f.false_calls.high:.1f})",
             _share(f.valid),
             f"{f.wrong.number}, {_share(f.wrong_and_invalid)}",
-            _number(f.z_rms),
-            _number(100.0 * f.within_95),
+            _number(f.damaged_z_rms),
+            _number(100.0 * f.damaged_within_95),
             _number(f.brier),
         )
     return table

@@ -1,0 +1,40 @@
+"""Write docs/damage.md and its pictures: Chapter 7 of the thesis and the assessment of our detectors and the twin.
+
+Run ``make figures``. It shows what ``gossamer assess-detector --twin`` left in out/assessment, and runs that first if there
+is nothing: an hour.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gossamer_models.assessment import (
+    AlwaysZero,
+    assess,
+    read_assessment,
+    shipped_judges,
+    twin_judges,
+    write_assessment,
+)
+from gossamer_models.assessment.results import FILE
+from studies.damage import write
+
+DOCS = Path(__file__).resolve().parent
+FOLDER = DOCS.parent / "out" / "assessment"
+TWIN_RECORDS = 8
+
+
+def main() -> None:
+    """Assess, unless that has been done, and write the page."""
+    if not (FOLDER / FILE).exists():
+
+        def report(what: str, done: int, total: int) -> None:
+            print(f"{done} of {total}: {what}", flush=True)
+
+        judges = [AlwaysZero(), *shipped_judges(), *twin_judges(TWIN_RECORDS)]
+        write_assessment(assess(judges, FOLDER / "simulations", report=report), FOLDER)
+    write(read_assessment(FOLDER), DOCS)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,203 @@
+"""The page of damage detection, from an assessment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from gossamer_models.assessment import Assessment
+from gossamer_models.assessment.plots import save_pictures
+from gossamer_models.assessment.results import DetectionRow
+from gossamer_models.detector.thesis_tables import MULTIPLE_TRAINING, SINGLE_TRAINING, TABLES, ThesisTables
+from numpy.typing import NDArray
+
+from .damage_targets import metrics
+from .metrics import beside_target, number, table, verdict
+
+Cell = Callable[[Assessment, str, str], str]  # of a judge under a condition
+
+FOLDER = "damage"
+CONDITIONS = ("clean", "noise", "whole chain")
+SHOWN = 1.0  # [%] estimates below are left out of the tables of cases
+GROUPS = (  # of the cases of the thesis: what, tables, and which of them
+    ("Tables 7.1 and 7.2, 13 single", SINGLE_TRAINING, slice(1, 14)),
+    ("Tables 7.1 and 7.2, 3 multiple", SINGLE_TRAINING, slice(14, 17)),
+    ("Tables 7.4 and 7.5, 8 multiple", MULTIPLE_TRAINING, slice(0, 8)),
+)
+HEAD = """# Results of damage detection
+
+Read this page beside Chapter 7 of the thesis: M. R. Sunny, "Towards Structural Health Monitoring of Gossamer
+Structures Using Conductive Polymer Nanocomposite Sensors", dissertation, Virginia Tech, 2010. `make figures` writes
+it from what `gossamer assess-detector --twin` found; do not edit it.
+
+**Errors** are mean absolute errors in % damage, over all zones / over the damaged zones. Answers that the detector
+marks as not valid are included; a **call** is a valid estimate above 5 %. **Random cases** have 1 to 4 damaged zones
+of 5 to 50 %; *always 0* is the judge that never finds damage. **Noise** is the thesis' U(0, 0.02) on every sample of
+strain. **Whole chain** is strain through the sensor, 0.1 % noise on resistance, and the estimator. A dash stands for
+what a method does not state, or for one that was not assessed. The slips of the printed tables are read as
+`detector/thesis_tables.py` says."""
+
+
+def write(assessment: Assessment, docs: Path) -> None:
+    """Write the page and its pictures into a folder."""
+    pictures = docs / FOLDER
+    for old in pictures.glob("*.png"):
+        old.unlink()
+    paths = save_pictures(assessment, pictures)
+    lines = [
+        HEAD,
+        "",
+        f"Membrane: {assessment.provenance.get('mesh', '-')}; {assessment.provenance.get('cases', '-')} records",
+    ]
+    lines[-1] += " of each condition."
+    lines += [*_targets(assessment), *_thesis(assessment), *_conditions(assessment), *_detection(assessment)]
+    lines += ["", "## Pictures", ""]
+    lines += [f"![{path.stem.replace('_', ' ')}]({FOLDER}/{path.name})\n" for path in paths]
+    lines += ["## Tables 7.1 to 7.5, case by case", "", *_cases(assessment)]
+    text = "\n".join(lines).rstrip() + "\n"
+    (docs / "damage.md").write_text(text, encoding="utf-8")
+
+
+def _targets(assessment: Assessment) -> list[str]:
+    """Return the figures that were asked for beside those reached."""
+    head = ("what", "unit", "reached", "met")
+    body = []
+    for what, unit, target, metric in metrics(assessment):
+        if metric is None:
+            body.append((what, unit, f"- (target {target:g})", "-"))
+        else:
+            body.append((what, unit, beside_target(metric), verdict(metric.met)))
+    return ["", "## Asked and reached", "", *table(head, body)]
+
+
+def _thesis(assessment: Assessment) -> list[str]:
+    head = ("cases", "condition", "thesis", *assessment.judges)
+    body = []
+    for what, tables, rows in GROUPS:
+        for condition in CONDITIONS:
+            said = {"clean": tables.clean, "noise": tables.noisy}.get(condition)
+            cells = [_pair(100.0 * tables.damage[rows], None if said is None else said[rows])]
+            for judge in assessment.judges:
+                ours = estimates(assessment, tables, judge, condition)
+                cells.append(_pair(100.0 * tables.damage[rows], None if ours is None else ours[rows]))
+            body.append((what, condition, *cells))
+    return ["", "## The test cases of the thesis", "", *table(head, body)]
+
+
+def estimates(assessment: Assessment, tables: ThesisTables, judge: str, condition: str) -> NDArray[np.float64] | None:
+    """Return what a judge says of all cases of two tables, shape (n, 16) [%]; None if it was not asked."""
+    wanted = (tables.name, judge, condition)
+    found = {row.case: row.damage for row in assessment.tables if (row.table, row.judge, row.condition) == wanted}
+    return np.array([found[case] for case in tables.cases]) if len(found) == len(tables.cases) else None
+
+
+def _pair(truth: NDArray[np.float64], said: NDArray[np.float64] | None) -> str:
+    """Return mean absolute errors over all and damaged zones [% damage]."""
+    if said is None:
+        return "-"
+    error = np.abs(said - truth)
+    return f"{error.mean():.2f} / {error[truth > 0.0].mean():.2f}"
+
+
+def _conditions(assessment: Assessment) -> list[str]:
+    lines = [
+        "",
+        "## Random cases under other conditions",
+        "",
+        "Errors, and in brackets the share of valid records [%].",
+        "",
+    ]
+    named = list(dict.fromkeys(row.condition for row in assessment.rows))
+    damaged, healthy = ([name for name in named if name.startswith("healthy") == which] for which in (False, True))
+    lines += table(("condition", *assessment.judges), _rows(assessment, damaged, _errors))
+    lines += ["", "Healthy records with a call [% of records], and its upper 95 % bound:", ""]
+    lines += table(("condition", *assessment.judges), _rows(assessment, healthy, _false_calls))
+    mesh = assessment.provenance.get("another mesh", "-")
+    return [
+        *lines,
+        "",
+        f"*Another mesh*: truth from {mesh}. The other conditions are those of this program's own world.",
+    ]
+
+
+def _rows(assessment: Assessment, conditions: Sequence[str], cell: Cell) -> Iterator[Sequence[str]]:
+    for condition in conditions:
+        yield condition, *(cell(assessment, judge, condition) for judge in assessment.judges)
+
+
+def _errors(assessment: Assessment, judge: str, condition: str) -> str:
+    row = assessment.row(judge, condition)
+    if row is None:
+        return "-"
+    f = row.figures
+    return f"{f.error_all:.2f} / {f.error_damaged:.2f} ({100.0 * f.valid.value:.0f})"
+
+
+def _false_calls(assessment: Assessment, judge: str, condition: str) -> str:
+    row = assessment.row(judge, condition)
+    if row is None:
+        return "-"
+    calls = row.figures.false_calls
+    return f"{100.0 * calls.value:.1f} (< {100.0 * calls.high:.1f})"
+
+
+def _detection(assessment: Assessment) -> list[str]:
+    lines = ["", "## Probability of detection", ""]
+    lines.append(
+        "One damaged zone. The threshold of a call is chosen so that 1 % of one half of the healthy records are called; "
+        "false calls are counted in the other half. a90/95 as in MIL-HDBK-1823A; sizes in % damage."
+    )
+    head = (
+        "method",
+        "condition",
+        "threshold",
+        "false calls [%]",
+        "a90/95, all zones together",
+        "best zone",
+        "worst zone",
+    )
+    body = []
+    for judge in assessment.judges:
+        for condition in dict.fromkeys(row.condition for row in assessment.detections):
+            found = [row for row in assessment.detections if (row.judge, row.condition) == (judge, condition)]
+            if found:
+                body.append((judge, condition, *_bounds(found)))
+    return [*lines, "", *table(head, body)]
+
+
+def _bounds(rows: Sequence[DetectionRow]) -> tuple[str, ...]:
+    whole, zones = next(row for row in rows if row.zone == 0), [row for row in rows if row.zone]
+    bounds = sorted((100.0 * row.a90_95 if math.isfinite(row.a90_95) else math.inf, row.zone) for row in zones)
+    ends = [f"{number(a)} (zone {zone})" if math.isfinite(a) else "none" for a, zone in (bounds[:1] + bounds[-1:])]
+    together = number(100.0 * whole.a90_95) if math.isfinite(whole.a90_95) else f"none: {whole.remark}"
+    false = f"{100.0 * whole.false_calls.value:.1f} (< {100.0 * whole.false_calls.high:.1f})"
+    return f"{100.0 * whole.threshold:.2f}", false, together, *(ends or ("-", "-"))
+
+
+def _cases(assessment: Assessment) -> Iterator[str]:
+    yield f"Zone: damage [%]; estimates below {SHOWN:g} % are left out, and a star marks an answer that is not valid."
+    head = ("case", "actual", "thesis", *assessment.judges)
+    for tables in TABLES:
+        for condition in CONDITIONS:
+            said = {"clean": tables.clean, "noise": tables.noisy}.get(condition)
+            yield f"\n### {tables.name}: {condition}\n"
+            body = []
+            for k, case in enumerate(tables.cases):
+                thesis = "-" if said is None or np.isnan(said[k]).any() else _zones(said[k])
+                cells = [_case(assessment, tables.name, case, judge, condition) for judge in assessment.judges]
+                body.append((str(case), _zones(100.0 * tables.damage[k]), thesis, *cells))
+            yield "\n".join(table(head, body))
+
+
+def _case(assessment: Assessment, name: str, case: int, judge: str, condition: str) -> str:
+    wanted = (name, case, judge, condition)
+    for row in assessment.tables:
+        if (row.table, row.case, row.judge, row.condition) == wanted:
+            return _zones(np.array(row.damage)) + ("" if row.valid else " *")
+    return "-"
+
+
+def _zones(percent: NDArray[np.float64]) -> str:
+    return ", ".join(f"{zone}: {value:.3g}" for zone, value in enumerate(percent, start=1) if value >= SHOWN) or "none"
