@@ -78,7 +78,7 @@ def save(figure: Figure, pictures: Path, name: str) -> str:
     with Image.open(raw) as image:
         few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     few.save(pictures / f"{name}.png", optimize=True)
-    return f"{FOLDER}/{name}.png"
+    return f"{pictures.name}/{name}.png"
 
 
 def show(link: str, caption: str) -> list[str]:

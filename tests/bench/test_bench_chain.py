@@ -10,7 +10,7 @@ from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
 from gossamer_orchestrator.scenario.shipped import shipped_scenarios
 
 PYTHON_TARGET = 3.0  # [s] for 1000 steps
-NATIVE_TARGET = 0.7  # [s] for one simulated second
+NATIVE_TARGET = 0.6  # [s] for one simulated second
 RATIO_TARGET = 5.0
 
 

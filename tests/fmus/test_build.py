@@ -54,7 +54,7 @@ def test_a_build_in_another_process_gives_the_same_bytes(fmus, kind, tmp_path):
 
 @only_python
 def test_another_model_has_another_guid_and_other_module_names(fmus, tmp_path):
-    other = build_fmu(MODELS["membrane"](4), tmp_path)
+    other = build_fmu(MODELS["membrane"](4, 2), tmp_path)
     assert fmpy.read_model_description(str(other)).guid != fmpy.read_model_description(str(fmus["membrane"])).guid
     names = [{n for n in zipfile.ZipFile(p).namelist() if n.endswith(".py")} for p in (other, fmus["membrane"])]
     assert not names[0] & names[1]

@@ -179,7 +179,9 @@ LOCALS = (
         )
         for X, Y in GRID
     ),
-    local("largest_strain", "1", "Largest principal nominal strain of all points", maximum=0.5, nominal=0.1),
+    local(
+        "largest_strain", "1", "Largest principal nominal strain of all points", minimum=-1.0, maximum=0.5, nominal=0.1
+    ),
     local("deflection_ratio", "1", "Largest of the deflections w over the side", minimum=0.0, maximum=1.0, nominal=0.1),
     local("max_step", "s", "Largest internal step; longer communication steps are divided"),
 )
