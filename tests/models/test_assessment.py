@@ -26,6 +26,7 @@ from gossamer_models.assessment import (
 )
 from gossamer_models.assessment.conditions import SHARES, SIZES, single_damages
 from gossamer_models.assessment.figures import NOMINAL
+from gossamer_models.assessment.kept import ask
 from gossamer_models.assessment.plots import save_pictures
 from gossamer_models.assessment.records import Records, make_records, with_fault
 from gossamer_models.assessment.results import FILE
@@ -40,7 +41,7 @@ COARSE = Mesh(elements_per_side=4, order=1)
 class Seer:
     """Sees the damage, which its records carry in place of strain, with an error of ``sigma`` that it states."""
 
-    reads, most = "strain", None
+    reads, most, identity = "strain", None, "seer"
 
     def __init__(self, sigma=0.01, name="seer", blind=False):
         self.sigma, self.name, self.blind = sigma, name, blind
@@ -229,6 +230,29 @@ def test_what_is_no_assessment_is_refused(tmp_path):
     (tmp_path / FILE).write_text((tmp_path / FILE).read_text().replace('"version": 1', '"version": 2'))
     with pytest.raises(ArtifactError, match="version 2"):
         read_assessment(tmp_path)
+
+
+def test_what_a_slow_judge_said_is_kept_until_the_judge_or_the_records_change(tmp_path):
+    asked = []
+
+    class Slow(Seer):
+        most = 4
+
+        def __call__(self, histories, step):
+            asked.append(len(histories))
+            return super().__call__(histories, step)
+
+    judge, records = Slow(), np.random.default_rng(3).random((20, 4, 4))
+    first = ask(judge, records, 3e-4, tmp_path)
+    assert asked == [8, 8, 4]
+    again = ask(judge, records, 3e-4, tmp_path)
+    assert asked == [8, 8, 4]
+    for part in ("damage", "deviation", "probability", "valid"):
+        assert (getattr(again, part) == getattr(first, part)).all()
+    ask(judge, records[:8] + 1.0, 3e-4, tmp_path)
+    judge.identity = "another"
+    ask(judge, records[:8], 3e-4, tmp_path)
+    assert asked == [8, 8, 4, 8, 8]
 
 
 def test_two_judges_of_one_name_are_refused(tmp_path):

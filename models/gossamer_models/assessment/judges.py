@@ -5,6 +5,7 @@ Symbols: ``n`` records, ``T`` samples.
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from ..detector.posterior_artifact import PosteriorArtifact
     from ..twin import Twin
 
-SENSORS = 4
+OF_TWIN = ("twin", "membrane", "sensor", "batch")  # rooms that its answers depend on
 Signal = Literal["strain", "resistance"]
 LOAD_AND_SENSORS = ("offset", "gain", "amplitude", "frequency", "damping", "modulus")  # what a twin can fit along
 
@@ -67,6 +68,8 @@ class Judge(Protocol):
         What it is given.
     most : int or None
         Records of a condition that it has time for; None for all.
+    identity : str
+        Changes whenever its answers may change, so that those that were kept are not taken for its own.
     """
 
     @property
@@ -75,6 +78,8 @@ class Judge(Protocol):
     def reads(self) -> Signal: ...  # noqa: D102
     @property
     def most(self) -> int | None: ...  # noqa: D102
+    @property
+    def identity(self) -> str: ...  # noqa: D102
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Judge n records, shape (n, 4, T), strain [1] or resistance [ohm], of a sampling step [s]."""
@@ -87,6 +92,7 @@ class AlwaysZero:
     name: str = "always 0"
     reads: Signal = "strain"
     most: int | None = None
+    identity: str = "always 0"
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:  # noqa: ARG002
         """Say 0."""
@@ -107,6 +113,11 @@ class DetectorJudge:
     name: str = "neuro-fuzzy"
     reads: Signal = "strain"
     most: int | None = None
+
+    @property
+    def identity(self) -> str:
+        """Digest of the model."""
+        return self.model.digest
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Run the records one after the other."""
@@ -131,6 +142,12 @@ class PosteriorJudge:
     name: str = "posterior network"
     reads: Signal = "strain"
     most: int | None = None
+
+    @property
+    def identity(self) -> str:
+        """Digest of the weights."""
+        arrays = [array for window in self.artifact.windows for array in window.arrays().values()]
+        return hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Judge the last whole window of the records."""
@@ -159,6 +176,13 @@ class TwinJudge:
     name: str = "twin"
     reads: Signal = "strain"
     most: int | None = None
+
+    @property
+    def identity(self) -> str:
+        """Settings of the twin, and digest of the program that it is part of."""
+        sources = sorted(Path(__file__).parents[1].rglob("*.py"))
+        digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources if path.parent.name in OF_TWIN))
+        return f"{self.reads} {self.twin.nuisances} {self.twin.sparse} {self.twin.params} {digest.hexdigest()}"
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Fit every record; one that cannot be fitted is not valid."""

@@ -19,6 +19,7 @@ from ..membrane.mesh import N_ZONES
 from .conditions import SIZES, Condition, conditions, detections, table_conditions
 from .figures import calls, confusion, figures, largest_calls, reliability
 from .judges import Judge, Verdicts
+from .kept import ask
 from .pod import fit_pod
 from .proportions import share, threshold_for
 from .records import Records, make_records
@@ -48,7 +49,7 @@ def assess(
     judges : sequence of Judge
         Whom to assess; their names differ.
     folder : Path
-        Where simulations are kept: those that are there are not repeated.
+        Where simulations are kept, and what slow judges said of them: what is there is not repeated.
     cases : int
         Records of each condition, and of the healthy ones that thresholds come from; there are a fifth as many sizes in
         each zone.
@@ -100,19 +101,19 @@ def assess(
         begin(condition.name)
         records = make_records(condition, folder, workers=workers)
         for judge in _readers(judges, records):
-            found.rows.append(_row(judge, condition, records))
+            found.rows.append(_row(judge, condition, records, folder))
     for pair in pairs:
         begin(pair.name)
         healthy, damaged = (make_records(c, folder, workers=workers) for c in (pair.healthy, pair.damaged))
         for judge in _readers(judges, healthy):
-            rows, counts = _detection(judge, pair.name, healthy, damaged)
+            rows, counts = _detection(judge, pair.name, healthy, damaged, folder)
             found.detections.extend(rows)
             found.confusions.append(counts)
     for table, condition in listed:
         begin(f"{table.name}, {condition.name}")
         records = make_records(condition, folder, workers=workers)
         for judge in _readers(judges, records):
-            found.tables.extend(_table(judge, table, condition, records))
+            found.tables.extend(_table(judge, table, condition, records, folder))
     if report is not None:
         report("done", total, total)
     return found
@@ -123,16 +124,16 @@ def _readers(judges: Sequence[Judge], records: Records) -> list[Judge]:
     return [judge for judge in judges if judge.reads == "strain" or records.resistance is not None]
 
 
-def _ask(judge: Judge, records: Records, most: int | None) -> tuple[Verdicts, int]:
+def _ask(judge: Judge, records: Records, most: int | None, folder: Path) -> tuple[Verdicts, int]:
     """Return the verdicts on the first records, and their number."""
     histories = records.strain if judge.reads == "strain" else records.resistance
     assert histories is not None
     histories = histories[:most]
-    return judge(histories, records.step), len(histories)
+    return ask(judge, histories, records.step, folder / "verdicts"), len(histories)
 
 
-def _row(judge: Judge, condition: Condition, records: Records) -> Row:
-    verdicts, n = _ask(judge, records, judge.most)
+def _row(judge: Judge, condition: Condition, records: Records, folder: Path) -> Row:
+    verdicts, n = _ask(judge, records, judge.most, folder)
     damage = records.damage[:n]
     return Row(
         judge=judge.name,
@@ -143,14 +144,16 @@ def _row(judge: Judge, condition: Condition, records: Records) -> Row:
     )
 
 
-def _detection(judge: Judge, name: str, healthy: Records, damaged: Records) -> tuple[list[DetectionRow], ConfusionRow]:
+def _detection(
+    judge: Judge, name: str, healthy: Records, damaged: Records, folder: Path
+) -> tuple[list[DetectionRow], ConfusionRow]:
     """Choose a threshold on every other healthy record, count on the others, and fit each zone and all together."""
     most = None if judge.most is None else judge.most * N_ZONES
-    quiet, _ = _ask(judge, healthy, most)
+    quiet, _ = _ask(judge, healthy, most, folder)
     largest = largest_calls(quiet)
     threshold = threshold_for(largest[::2], FALSE_CALLS)
     false_calls = share(largest[1::2] > threshold)
-    verdicts, n = _ask(judge, damaged, most)
+    verdicts, n = _ask(judge, damaged, most, folder)
     damage = damaged.damage[:n]
     a, zone = damage.max(axis=1), damage.argmax(axis=1)
     hit = calls(verdicts, threshold)[np.arange(n), zone]
@@ -179,8 +182,8 @@ def _detection(judge: Judge, name: str, healthy: Records, damaged: Records) -> t
     return rows, ConfusionRow(judge=judge.name, condition=name, counts=confusion(damage, verdicts, threshold).tolist())
 
 
-def _table(judge: Judge, table: ThesisTables, condition: Condition, records: Records) -> list[TableRow]:
-    verdicts, n = _ask(judge, records, None)
+def _table(judge: Judge, table: ThesisTables, condition: Condition, records: Records, folder: Path) -> list[TableRow]:
+    verdicts, n = _ask(judge, records, None, folder)
 
     def percent(values: Vector) -> list[float]:
         return [round(100.0 * float(value), 4) for value in values]

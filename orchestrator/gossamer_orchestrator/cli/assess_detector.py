@@ -37,7 +37,7 @@ def assess_detector(
     Simulates records under many conditions (noise, load, material, sensors, another mesh), asks every detector for the
     damage, and compares: errors, false calls, reliability of stated deviations, confusion of zones, and the probability of
     detection against size with a90/95 of each zone, after MIL-HDBK-1823A. Prints the paths of results and pictures. Run it
-    again to go on after an interruption: finished simulations are kept.
+    again to go on after an interruption: finished simulations are kept, and so is what the twin said.
 
     For example:
 
@@ -79,8 +79,8 @@ def _conditions(found: Assessment) -> Table:
         "in 95 %",
         "Brier",
         title="Errors [% damage] and shares [%]",
-        caption="call: valid estimate above 5 %; false calls: records with a call in an undamaged zone, with the upper 95 % "
-        "bound; wrong: error above 10 % in a zone; z rms and share in the stated 95 % interval: damaged zones of valid records",
+        caption="call: valid estimate above 5 %; false calls: records with a call in an undamaged zone, and the upper 95 % "
+        "bound; wrong: error above 10 % in a zone; z rms, in 95 %: of the stated deviations, damaged zones of valid records",
     )
     for row in found.rows:
         f = row.figures
