@@ -16,6 +16,7 @@ from ..arrays import Rows, Vector
 from ..errors import ConvergenceError
 from ..membrane.mesh import N_ZONES
 from .descent import NEGLIGIBLE, descend
+from .nuisances import LOAD, MODULUS
 from .problem import Point, Problem, Quadratic
 from .quadratic import change
 from .sparse import THRESHOLD, Box, drop_zones
@@ -143,8 +144,11 @@ def _finish(whole: Problem, x: Vector, early_chi2: float, *, sparse: bool) -> Fi
     found = descend(whole, x, free, enough=ROUGH if sparse else NEGLIGIBLE)
     if not sparse:
         return Fit(whole, found.point, found.model, free, early_chi2)
-    kept, move = drop_zones(found.model, box(whole, found.model.at))
-    x, best, worth = _moved(whole, found.model.at, move, kept), None, np.inf
+    model = found.model
+    if MODULUS in whole.nuisances.kinds:
+        model = whole.quadratic(whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J)
+    kept, move = drop_zones(model, box(whole, model.at))
+    x, best, worth = _moved(whole, model.at, move, kept), None, np.inf
     J = np.empty((whole.values, whole.size))
     for _ in range(MOST_CHANGES):
         found = descend(whole, x, kept)
@@ -161,6 +165,17 @@ def _finish(whole: Problem, x: Vector, early_chi2: float, *, sparse: bool) -> Fi
         kept, x = other, _moved(whole, full.at, move, other)
     assert best is not None
     return best
+
+
+def _common_as_modulus(problem: Problem, x: Vector) -> Vector:
+    """Return unknowns that make the same membrane, but for clipping, and whose damages lie about zero.
+
+    Damage and modulus enter as E (1 - d) alone, so that what half of the zones have in common may be the modulus.
+    """
+    found, common = x.copy(), float(np.median(x[:N_ZONES]))
+    found[:N_ZONES] = 1.0 - (1.0 - x[:N_ZONES]) / (1.0 - common)
+    found[N_ZONES + problem.nuisances.simulated.index(MODULUS)] += math.log(1.0 - common) / LOAD[MODULUS][1]
+    return np.clip(found, problem.low, problem.high)
 
 
 def _moved(problem: Problem, x: Vector, move: Vector, kept: Rows) -> Vector:

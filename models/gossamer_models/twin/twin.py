@@ -19,13 +19,16 @@ from ..membrane import MembraneParams
 from ..membrane.mesh import N_ZONES
 from ..sensor import SensorArtifact
 from .answer import Answer
+from .descent import descend
 from .discrepancy import Discrepancy, default_discrepancy
 from .forward import Forward
+from .modulus import modulus_instead
 from .nuisances import MODULUS, Nuisances
 from .problem import MOST_DAMAGE, Problem
-from .record import LEAST_SAMPLES, Record, dead_sensors
-from .search import Fit, box, chi2_bound, search
+from .record import LEAST_SAMPLES, N_SENSORS, Record, dead_sensors
+from .search import ROUGH, Fit, box, chi2_bound, search
 from .sparse import evidence, probability
+from .wiring import Wiring, best_wiring
 
 EARLY = (0.03, 0.1)  # [s] of the first stages: early, chi2 has one valley; over 0.1 s it has several
 PRIOR_DEVIATION = MOST_DAMAGE / math.sqrt(12.0)  # of a damage that may be anything
@@ -124,31 +127,40 @@ class Twin:
             msg = f"a start has one damage for each of {N_ZONES} zones, not shape {given.shape}"
             raise ParameterError(msg)
         dead = dead_sensors(record)
-        silent = [k for k in range(len(record.values)) if k not in record.sensors]
+        doubts = [f"sensor {k + 1} does not move and is left out" for k in dead]
+        doubts += [f"sensor {k + 1} has no values" for k in range(N_SENSORS) if k not in record.sensors]
         record = record.without(dead)
         if not record.sensors:
             msg = "no sensor has values that move. Check the columns and the wiring."
             raise DataError(msg)
-        doubts = [f"sensor {k + 1} does not move and is left out" for k in dead]
-        doubts += [f"sensor {k + 1} has no values" for k in silent]
-        fit = self._fitted(record, given)
-        return self._answer(fit, doubts, tuple(k + 1 for k in sorted([*dead, *silent])))
+        stages = self._stages(record, record.noise_deviation())
+        fit = search(stages, given, sparse=self.sparse)
+        wiring = None if fit.passes else best_wiring(record, self._early_misfit)
+        if wiring is not None:
+            record = wiring.applied(record)
+            other = search(self._stages(record, record.noise_deviation()), given, sparse=self.sparse)
+            if other.passes:
+                return self._answer(other, [*doubts, wiring.doubt], wiring)
+        return self._answer(fit, doubts, None)
 
-    def _fitted(self, record: Record, given: Vector | None) -> Fit:
-        noise = record.noise_deviation()
-        few = [math.ceil(time / record.step) for time in EARLY]
-        stages = [
-            self._problem(replace(record, values=record.values[:, :n]), noise, record.samples)
-            for n in few
-            if LEAST_SAMPLES <= n < record.samples
-        ]
-        return search([*stages, self._problem(record, noise, record.samples)], given, sparse=self.sparse)
+    def _stages(self, record: Record, noise: Vector) -> list[Problem]:
+        """Make the problems of longer and longer beginnings of a record."""
+        lengths = [math.ceil(time / record.step) for time in EARLY]
+        lengths = [n for n in lengths if LEAST_SAMPLES <= n < record.samples]
+        parts = [replace(record, values=record.values[:, :n]) for n in lengths]
+        nuisances = Nuisances(self.nuisances, self.params, record.step * record.samples, self.params.pressure_amplitude)
+        return [Problem(self._forward, part, nuisances, noise, self.discrepancy) for part in (*parts, record)]
 
-    def _problem(self, record: Record, noise: Vector, samples: int) -> Problem:
-        nuisances = Nuisances(self.nuisances, self.params, record.step * samples, self.params.pressure_amplitude)
-        return Problem(self._forward, record, nuisances, noise, self.discrepancy)
+    def _early_misfit(self, record: Record) -> float:
+        """Return by how many deviations chi2 of the early stages is above the expected one."""
+        *early, whole = self._stages(record, record.noise_deviation())
+        x = np.zeros(whole.size)
+        for stage in early or [whole]:
+            found = descend(stage, x, np.ones(whole.size, dtype=bool), enough=ROUGH)
+            x = found.point.x
+        return (found.point.chi2 - stage.values) / math.sqrt(2.0 * stage.values)
 
-    def _answer(self, fit: Fit, doubts: list[str], left_out: tuple[int, ...]) -> Answer:
+    def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None) -> Answer:
         problem, kept = fit.problem, fit.kept
         A, x = fit.model.A, fit.point.x
         covariance = _covariance(A, kept)
@@ -162,11 +174,18 @@ class Twin:
         damages = covariance[:N_ZONES, :N_ZONES].copy()
         np.fill_diagonal(damages, deviation[:N_ZONES] ** 2)
         per_sample, bound = fit.per_sample, chi2_bound(problem)
-        valid = per_sample <= bound
-        if not valid:
+        valid = fit.passes and (wiring is None or not wiring.swaps)
+        if not fit.passes:
             doubts.append(
                 f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
                 "load, damping, sensors and noise, or fit more nuisances"
+            )
+        other = modulus_instead(fit) if fit.passes and MODULUS not in self.nuisances else None
+        if other is not None:
+            valid = False
+            doubts.append(
+                f"a change of Young's modulus by {100.0 * other:.1f} % explains the record with fewer damaged zones. Fit it "
+                "too: nuisances with 'modulus'"
             )
         rise = evidence(fit.model, box(problem, x), kept)[:N_ZONES]
         return Answer(
@@ -179,7 +198,8 @@ class Twin:
             chi2_bound=bound,
             valid=valid,
             unresolved=tuple(int(k) + 1 for k in unresolved),
-            left_out=left_out,
+            left_out=tuple(k + 1 for k in range(N_SENSORS) if k not in problem.record.sensors),
+            order=(1, 2, 3, 4) if wiring is None else tuple(k + 1 for k in wiring.order),
             doubts=tuple(doubts),
             samples=problem.values,
             simulations=problem.simulations,

@@ -1,0 +1,334 @@
+"""The digital twin: exact where it can be, calibrated under noise, and silent about nothing that is wrong."""
+
+import json
+
+import numpy as np
+import pytest
+from gossamer_models import ArtifactError, DataError, ParameterError
+from gossamer_models.membrane import MembraneParams
+from gossamer_models.sensor import default_artifact
+from gossamer_models.twin import Record, Twin, make_record, read_table
+from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
+from gossamer_models.twin.forward import Forward
+from gossamer_models.twin.quadratic import bounded_minimum
+from gossamer_models.twin.record import dead_sensors
+from gossamer_models.twin.weights import NoiseWeights, SplineWeights
+from gossamer_models.twin.wiring import ORDERS
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
+
+MESH = (4, 1)  # bilinear elements of one zone each: another membrane, but a fast one
+STEP, STEPS = 3e-4, 600
+NOISE = 0.02 / np.sqrt(12.0)  # of the thesis' U(0, 0.02)
+
+
+@pytest.fixture(scope="module")
+def forward():
+    return Forward(*MESH, MembraneParams(), default_artifact())
+
+
+@pytest.fixture(scope="module")
+def twin():
+    return Twin(*MESH, sensor=default_artifact())
+
+
+def damage(**zones):
+    found = np.zeros(16)
+    for zone, value in zones.items():
+        found[int(zone[1:]) - 1] = value
+    return found
+
+
+def strain(forward, damages, noise=0.0, seed=0, **parameters):
+    given_ = {name: np.array([value]) for name, value in parameters.items()}
+    found = forward.strain(damages[None], given_, None, STEPS, STEP)[0]
+    return found + noise * np.random.default_rng(seed).random(found.shape)
+
+
+TWO = damage(z6=0.3, z11=0.15)
+
+
+def test_without_noise_the_damage_is_exact(forward, twin):
+    answer = twin.fit(Record(step=STEP, values=strain(forward, TWO), noise=1e-6))
+    np.testing.assert_allclose(answer.damage, TWO, atol=1e-6)
+    assert answer.valid
+    assert answer.left_out == ()
+    assert answer.doubts == ()
+
+
+def test_all_zones_at_once_are_exact_without_noise(forward):
+    many = np.linspace(0.0, 0.6, 16)[np.random.default_rng(1).permutation(16)]
+    answer = Twin(*MESH, sparse=False).fit(Record(step=STEP, values=strain(forward, many), noise=1e-5))
+    np.testing.assert_allclose(answer.damage, many, atol=1e-5)
+
+
+def test_errors_under_noise_are_as_large_as_stated(forward, twin):
+    """Twelve records of two to four damaged zones: z is a standard normal number."""
+    random, z, valid = np.random.default_rng(5), [], 0
+    for seed in range(12):
+        true = np.zeros(16)
+        zones = random.choice(16, random.integers(2, 5), replace=False)
+        true[zones] = random.uniform(0.1, 0.5, zones.size)
+        answer = twin.fit(Record(step=STEP, values=strain(forward, true, 0.02, seed), noise=NOISE))
+        z.extend(((answer.damage - true) / answer.deviation)[zones])
+        valid += answer.valid
+    assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.4
+    assert valid == 12
+
+
+def test_noise_is_estimated_from_the_record_itself(forward, twin):
+    record = Record(step=STEP, values=strain(forward, TWO, 0.02))
+    np.testing.assert_allclose(record.noise_deviation(), NOISE, rtol=0.15)
+    answer = twin.fit(record)
+    assert answer.valid
+    np.testing.assert_allclose(answer.damage, TWO, atol=0.03)
+
+
+def test_load_and_damping_are_found_with_the_damage(forward):
+    values = strain(forward, TWO, 0.02, pressure_amplitude=1.07e4, pressure_frequency=7.7, mass_damping=30.0)
+    twin = Twin(*MESH, nuisances=("offset", "amplitude", "frequency", "damping"))
+    answer = twin.fit(Record(step=STEP, values=values, noise=NOISE))
+    assert answer.valid
+    np.testing.assert_allclose(answer.damage, TWO, atol=0.03)
+    for name, true in (("amplitude", 1.07), ("frequency", 7.7 / 7.9), ("damping", 1.5), ("offset[1]", 0.01)):
+        value, deviation = answer.nuisances[name]
+        assert abs(value - true) < 4.0 * deviation, name
+
+
+def test_a_gain_and_a_phase_are_found_with_the_damage(forward):
+    values = strain(forward, TWO, pressure_phase=0.06)
+    values[2] *= 1.015
+    answer = Twin(*MESH, nuisances=("gain", "phase")).fit(Record(step=STEP, values=values, noise=1e-4))
+    np.testing.assert_allclose(answer.damage, TWO, atol=2e-3)
+    assert answer.nuisances["gain[3]"][0] == pytest.approx(1.015, abs=2e-3)
+    assert answer.nuisances["phase"][0] == pytest.approx(0.06, abs=2e-3)
+
+
+def test_an_unknown_pressure_is_found_with_the_damage(forward):
+    """The twin's own load is off; all of the pressure, 10 kPa at 7.9 Hz, is unknown."""
+    answer = Twin(*MESH, nuisances=("pressure",), params=MembraneParams(pressure_phase=np.pi / 3)).fit(
+        Record(step=STEP, values=strain(forward, TWO)[:, :300], noise=1e-3)
+    )
+    assert answer.valid
+    np.testing.assert_allclose(answer.damage, TWO, atol=0.03)
+
+
+def test_on_resistance_the_sensor_runs_inside_the_twin(forward, twin):
+    resistance = forward.resistance(strain(forward, TWO)[None], STEP)[0]
+    noise = 1e-3 * forward.sensor_parameters["full_scale_resistance_change"][:, None]
+    noisy = resistance + noise * np.random.default_rng(3).standard_normal(resistance.shape)
+    answer = twin.fit(Record(step=STEP, values=noisy, kind="resistance"))
+    assert answer.valid
+    np.testing.assert_allclose(answer.damage, TWO, atol=0.01)
+
+
+def test_a_wrong_load_is_not_valid(forward, twin):
+    values = strain(forward, TWO, 0.02, pressure_amplitude=0.9e4)
+    answer = twin.fit(Record(step=STEP, values=values, noise=NOISE))
+    assert not answer.valid
+    assert "does not explain the record" in answer.doubts[-1]
+
+
+def test_a_softer_membrane_is_no_damage_of_all_zones(forward):
+    """Young's modulus and equal damage everywhere are the same to a record."""
+    record = Record(step=STEP, values=strain(forward, np.zeros(16), youngs_modulus=0.97e7), noise=1e-4)
+    for sparse in (False, True):
+        answer = Twin(*MESH, sparse=sparse).fit(record)
+        assert not answer.valid
+        assert "Young's modulus" in answer.doubts[-1]
+    answer = Twin(*MESH, nuisances=("modulus",)).fit(record)
+    assert answer.valid
+    assert not answer.damage.any()
+    assert answer.nuisances["modulus"][0] == pytest.approx(0.97, abs=1e-3)
+
+
+def test_a_false_minimum_is_left_for_another_start(forward, twin):
+    """From a far start the twin ends elsewhere, chi2 tells, and the next start finds the damage."""
+    far = np.full(16, 0.9)
+    answer = twin.fit(Record(step=STEP, values=strain(forward, TWO), noise=1e-5), start=far)
+    assert answer.valid
+    np.testing.assert_allclose(answer.damage, TWO, atol=1e-4)
+
+
+def test_gaps_and_a_dead_sensor_are_left_out(forward, twin):
+    values = strain(forward, TWO)
+    values[1] = 0.02
+    values[0, 100:150] = np.nan
+    values[3, ::17] = np.nan
+    answer = twin.fit(Record(step=STEP, values=values, noise=1e-5))
+    np.testing.assert_allclose(answer.damage, TWO, atol=1e-4)
+    assert answer.valid
+    assert answer.left_out == (2,)
+    assert answer.doubts == ("sensor 2 does not move and is left out",)
+
+
+def test_a_wrong_sensor_is_recognised_and_left_out(forward, twin):
+    values = strain(forward, TWO)
+    values[2] *= 1.2
+    answer = twin.fit(Record(step=STEP, values=values, noise=1e-3))
+    np.testing.assert_allclose(answer.damage, TWO, atol=0.02)
+    assert answer.left_out == (3,)
+    assert "sensor 3 contradicts the others" in answer.doubts[0]
+
+
+def test_swapped_sensors_are_recognised_and_the_answer_is_not_valid(forward, twin):
+    """A mirrored damage cannot be told apart, so the answer cannot be used."""
+    values = strain(forward, TWO)[[2, 1, 0, 3]]
+    answer = twin.fit(Record(step=STEP, values=values, noise=1e-3))
+    assert answer.order == (3, 2, 1, 4)
+    assert not answer.valid
+    assert "1 and 3, or 2 and 4" in answer.doubts[0]
+
+
+def test_the_orders_of_sensors_differ_by_more_than_a_mirror():
+    mirrors = [(0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (3, 2, 1, 0)]
+    orders = [(0, 1, 2, 3), *ORDERS]
+    images = {tuple(order[mirror[k]] for k in range(4)) for order in orders for mirror in mirrors}
+    assert len(images) == 24
+
+
+def test_a_short_record_says_which_zones_it_cannot_tell(forward, twin):
+    values = strain(forward, TWO, 0.02)[:, :60]
+    answer = twin.fit(Record(step=STEP, values=values, noise=NOISE))
+    assert len(answer.unresolved) > 4
+    assert twin.fit(Record(step=STEP, values=strain(forward, TWO, 0.02), noise=NOISE)).unresolved == ()
+
+
+def test_an_answer_is_written_as_json(forward, twin):
+    answer = twin.fit(Record(step=STEP, values=strain(forward, TWO), noise=1e-4))
+    text = json.loads(json.dumps(answer.as_json()))
+    np.testing.assert_array_equal(text["damage"], answer.damage)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"values": np.zeros((3, 100))}, "one row for each of 4 sensors"),
+        ({"values": np.zeros((4, 10))}, "needs 60 or more"),
+        ({"values": np.full((4, 100), np.inf)}, "infinite"),
+        ({"step": 0.0}, "positive time"),
+        ({"noise": -1.0}, "positive deviation"),
+        ({"kind": "stress"}, "'stress'"),
+    ],
+)
+def test_a_record_without_meaning_is_refused(wrong, message):
+    with pytest.raises(DataError, match=message):
+        Record(**{"step": STEP, "values": np.random.default_rng(0).random((4, 100)), **wrong})
+
+
+def test_what_the_twin_cannot_fit_is_refused(forward, twin):
+    record = Record(step=STEP, values=strain(forward, TWO), kind="resistance")
+    with pytest.raises(ParameterError, match="has no sensor"):
+        Twin(*MESH).fit(record)
+    with pytest.raises(ParameterError, match="sparse=True"):
+        Twin(*MESH, nuisances=("modulus",), sparse=False)
+    with pytest.raises(ParameterError, match="no nuisance 'colour'"):
+        Twin(*MESH, nuisances=("colour",))
+    with pytest.raises(DataError, match="no sensor has values that move"):
+        twin.fit(Record(step=STEP, values=np.full((4, 100), 0.02)))
+    with pytest.raises(ParameterError, match="one damage for each of 16 zones"):
+        twin.fit(record, start=[0.1])
+
+
+def test_a_sensor_that_does_not_move_is_dead():
+    values = np.random.default_rng(0).random((4, 100))
+    values[2], values[3] = 1e-3, np.nan
+    assert dead_sensors(Record(step=STEP, values=values)) == [2]
+
+
+def test_tables_are_read_by_the_names_of_their_columns(tmp_path):
+    path = tmp_path / "r.csv"
+    rows = [f"{k * 1e-3},{k},{k + 1},,{k + 3}" for k in range(101) if k != 50]
+    path.write_text("\n".join(["time [s],strain[1],strain[2],strain[3],strain[4]", *rows]))
+    record = read_table(path)
+    assert record.step == pytest.approx(1e-3)
+    assert record.samples == 100  # the sample of time 0 is the membrane at rest
+    assert record.sensors == [0, 1, 3]
+    assert np.isnan(record.values[0, 49])
+    assert record.values[1, 50] == 52
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,load\n0,1\n", "needs the columns time and"),
+        ("", "It has none"),
+        ("time,strain[1],resistance[1]\n0,1,2\n", "--kind"),
+        ("time,strain[1]\n0,1\n0.1,abc\n", "row 3: 'abc'"),
+        ("time,strain[1]\n0,1\n0.2,1\n0.1,1\n", "must rise; sample 3"),
+        ("time,strain[1]\n5.03,1\n5.1,1\n5.2,1\n5.3,1\n", "no multiples of one step"),
+        ("time,strain[1]\n-1,1\n0,1\n", "begin at -1 s"),
+        ("time,strain[1]\n0,1\n0.1,1\n", "needs 60 or more"),
+    ],
+)
+def test_a_table_that_is_no_record_is_refused(tmp_path, text, message):
+    path = tmp_path / "r.csv"
+    path.write_text(text)
+    with pytest.raises(DataError, match=message):
+        read_table(path)
+
+
+def test_a_record_may_begin_after_the_load():
+    time = STEP * np.arange(50, 200)
+    record = make_record(time, np.random.default_rng(0).random((4, 150)), "strain", None, "it")
+    assert record.samples == 199
+    assert not record.present[:, :49].any()
+
+
+matrices = st.integers(0, 10_000).map(lambda seed: np.random.default_rng(seed).standard_normal((12, 7)))
+
+
+@settings(max_examples=50, deadline=None)
+@given(J=matrices, r=st.integers(0, 10_000).map(lambda seed: 3.0 * np.random.default_rng(seed).standard_normal(12)))
+def test_the_bounded_minimum_is_that_of_scipy(J, r):
+    low, high = np.full(7, -0.3), np.full(7, 0.4)
+    expected = lsq_linear(J, r, (low, high), method="bvls", tol=1e-12).x
+    np.testing.assert_allclose(bounded_minimum(J.T @ J, J.T @ r, low, high), expected, atol=1e-6)
+
+
+def test_splines_weigh_by_the_inverse_of_the_covariance():
+    """Against the dense covariance of the projected residuals, with gaps."""
+    random = np.random.default_rng(2)
+    n, length = 100, 10 * SPACING
+    h = length / n
+    present = random.random((4, n)) < 0.9
+    noise, error = np.array([1.0, 2.0, 0.5, 1.0]), random.standard_normal((3, 4, n))
+    splines = spline_matrix(n, h, length)
+    P = np.vstack([np.kron(np.eye(4)[k], splines[t]) / noise[k] for k, t in np.argwhere(present)])
+    e = np.vstack([(row / noise[:, None])[present] for row in error])
+    S = P.T @ (np.eye(present.sum()) + e.T @ e) @ P
+    r = random.standard_normal((4, n))
+    c = P.T @ (r / noise[:, None])[present]
+    weights = SplineWeights(present, noise, error, h, length)
+    z = weights.weigh(r[None])[0]
+    assert weights.values == 4 * 13
+    assert z @ z == pytest.approx(c @ np.linalg.solve(S, c), rel=1e-9)
+    plain = NoiseWeights(present, noise).weigh(r[None])[0]
+    assert plain @ plain == pytest.approx(np.sum((r / noise[:, None])[present] ** 2))
+
+
+def test_a_learned_covariance_is_that_of_its_pairs():
+    random = np.random.default_rng(4)
+    n, h = 200, 12 * SPACING / 200
+    shapes = spline_matrix(n, h, n * h)[:, 3:8]
+    delta = 1e-3 * random.standard_normal((400, 4, 5)) @ shapes.T
+    components = learn(delta, h, share=1.0)
+    found = Discrepancy(elements_per_side=4, order=4, length=n * h, components=components, provenance={}).basis(n, h)
+    expected = np.einsum("pit,pju->itju", delta, delta) / len(delta)
+    np.testing.assert_allclose(np.einsum("pit,pju->itju", found, found), expected, atol=1e-12)
+    with pytest.raises(DataError, match="too few"):
+        learn(delta[:10], h)
+
+
+def test_the_shipped_discrepancy_survives_writing_and_refuses_another_file(tmp_path):
+    shipped = default_discrepancy()
+    assert (shipped.elements_per_side, shipped.order, shipped.length) == (4, 4, 0.3)
+    shipped.write(tmp_path / "d.json")
+    np.testing.assert_allclose(Discrepancy.read(tmp_path / "d.json").components, shipped.components, atol=1e-7)
+    assert not shipped.basis(20, 0.1)[:, :, 3:].any()
+    (tmp_path / "d.npz").write_bytes(b"nothing")
+    with pytest.raises(ArtifactError, match="SHA-256"):
+        Discrepancy.read(tmp_path / "d.json")
