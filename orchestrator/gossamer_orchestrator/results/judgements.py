@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ..errors import ResultsError
 from .roles import find, need
 
-LEAST_SIMILARITY = 0.5  # of a valid judgement, by the interface of the detector
+LIKENESS = ("similarity", "misfit")  # outputs of the detectors
+LEAST_SIMILARITY, LARGEST_MISFIT = 0.5, 1.0  # of a valid judgement, by the interface of the detectors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,8 +30,12 @@ class Judgement:
         When the window ended [s].
     true, estimated : numpy.ndarray
         Damage of every zone [1], at that time.
-    similarity : float
-        Largest similarity with a case the detector was trained on [1]; not a number if it was not recorded.
+    deviation : numpy.ndarray
+        Standard deviation of the estimate of every zone [1]; not a number if the detector states none.
+    likeness : str
+        How the detector measures whether its training holds the like: "similarity", "misfit", or "" if it was not recorded.
+    likeness_value : float
+        That measure [1]: similarity is 1 for a case that it was trained on, misfit is 1 at the edge of its training.
     valid : bool
         False if the detector marks its output as no judgement.
     """
@@ -38,7 +43,9 @@ class Judgement:
     time: float
     true: NDArray[np.float64]
     estimated: NDArray[np.float64]
-    similarity: float
+    deviation: NDArray[np.float64]
+    likeness: str
+    likeness_value: float
     valid: bool = True
 
     @property
@@ -61,16 +68,20 @@ def windows(data: xr.Dataset) -> list[Judgement]:
     """List the judgement at the end of every window, valid or not, in order of time."""
     detector = find(data, "detector")
     true, estimated, valid = need(data, f"{find(data, 'membrane')}.damage", f"{detector}.damage", f"{detector}.valid")
-    names = (f"{detector}.{name}" for name in ("damage", "valid", "index", "similarity"))
+    names = (f"{detector}.{name}" for name in ("damage", "deviation", "valid", "index", *LIKENESS))
     watched = [data[name].to_numpy().reshape(data.sizes["time"], -1) for name in names if name in data.data_vars]
     rows = np.flatnonzero(np.any(np.diff(np.hstack(watched), axis=0) != 0.0, axis=1)) + 1
-    similarity = data.get(f"{detector}.similarity", math.nan * data["time"])
+    likeness = next((name for name in LIKENESS if f"{detector}.{name}" in data.data_vars), "")
+    measure = data.get(f"{detector}.{likeness}", math.nan * data["time"])
+    deviation = data.get(f"{detector}.deviation", math.nan * estimated)
     return [
         Judgement(
             time=float(data["time"][k]),
             true=true.to_numpy()[k],
             estimated=estimated.to_numpy()[k],
-            similarity=float(similarity[k]),
+            deviation=deviation.to_numpy()[k],
+            likeness=likeness,
+            likeness_value=float(measure[k]),
             valid=float(valid[k]) > 0.5,
         )
         for k in rows
@@ -103,14 +114,18 @@ def _why_none(data: xr.Dataset, ended: list[Judgement]) -> str:
     many = (
         f"{len(ended)} windows of the detector ended, the last" if len(ended) > 1 else "A window of the detector ended"
     )
-    if last.similarity >= LEAST_SIMILARITY:
-        why = f"in spite of a similarity of {last.similarity:.2g}"
-        advice = "Give it the 'start_time', 'window_length' and 'sampling_step' it was trained for."
-    elif last.similarity < LEAST_SIMILARITY:
-        why = f"its similarity with every trained case is below one half: {last.similarity:.2g}"
+    measure = last.likeness_value
+    if last.likeness == "similarity" and measure < LEAST_SIMILARITY:
+        why = f"its similarity with every trained case is below one half: {measure:.2g}"
         advice = "It was trained on nothing like this."
+    elif last.likeness == "misfit" and measure > LARGEST_MISFIT:
+        why = f"its misfit with what it was trained on is above one: {measure:.2g}"
+        advice = "It was trained on nothing like this. Check load, sensors, noise and 'delay'."
+    elif last.likeness:
+        why = f"in spite of a {last.likeness} of {measure:.2g}"
+        advice = "Give it the 'start_time', 'window_length' and 'sampling_step' it was trained for."
     else:
-        why, advice = "its similarity was not recorded", "Record it to see why."
+        why, advice = "its similarity or misfit was not recorded", "Record it to see why."
     return f"{many} at {last.time:.4f} s, but gave no valid judgement; {why}. {advice}"
 
 
@@ -122,9 +137,9 @@ def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
         sentences.append(_why_none(data, ended))
     elif not ended[-1].valid:
         last = ended[-1]
-        similarity = "" if math.isnan(last.similarity) else f" (similarity {last.similarity:.2g})"
+        measure = f" ({last.likeness} {last.likeness_value:.2g})" if last.likeness else ""
         sentences.append(
-            f"The last window, ended at {last.time:.4f} s, was not valid{similarity}; "
+            f"The last window, ended at {last.time:.4f} s, was not valid{measure}; "
             f"the judgement shown is that at {valid[-1].time:.4f} s."
         )
     beyond = [

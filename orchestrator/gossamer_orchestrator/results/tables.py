@@ -9,16 +9,18 @@ from rich.table import Table
 
 from .judgements import Judgement
 
+LEAST_SHOWN = 0.0005  # damage that is shown as 0.1 %; among zones with less, none is the most damaged
+
 
 def zone_table(judgement: Judgement) -> Table:
     """Tabulate true and estimated damage as the membrane is seen: zone 1 lower left, x to the right, y up."""
-    side = math.isqrt(judgement.true.size)
+    side, certain = math.isqrt(judgement.true.size), bool(np.isfinite(judgement.deviation).all())
     table = Table(
-        title=f"Damage at t = {judgement.time:.4f} s, true -> estimated [%]",
+        title=f"Damage at t = {judgement.time:.4f} s, true -> estimated{' +- its standard deviation' * certain} [%]",
         caption=(
             f"mean absolute error {100 * judgement.mean_absolute_error:.2f} %\n"
             f"largest error {100 * judgement.largest_error:+.2f} % in zone {judgement.worst_zone}\n"
-            f"similarity with training {judgement.similarity:.2g}"
+            f"{judgement.likeness or 'similarity'} with training {judgement.likeness_value:.2g}"
         ),
         show_header=False,
         show_lines=True,
@@ -28,6 +30,8 @@ def zone_table(judgement: Judgement) -> Table:
         for zone in range(row * side, (row + 1) * side):
             true, estimated = 100 * judgement.true[zone], 100 * judgement.estimated[zone]
             numbers = f"{true:.0f} -> {estimated:.1f}"
+            if certain:
+                numbers += f" +- {100 * judgement.deviation[zone]:.1f}"
             cells.append(f"zone {zone + 1}\n" + (f"[bold]{numbers}[/bold]" if true or estimated >= 5.0 else numbers))
         table.add_row(*cells)
     return table
@@ -36,25 +40,27 @@ def zone_table(judgement: Judgement) -> Table:
 def history_table(ended: list[Judgement]) -> Table:
     """Tabulate the windows: the most damaged zone by the estimate, and the errors."""
     table = Table(title="Judgements")
+    likeness = next((judgement.likeness for judgement in ended if judgement.likeness), "similarity")
     for heading in (
         r"t \[s]",  # [s] would strike the rest through
         "most damaged zone",
         "estimated [%]",
         "true there [%]",
         "mean abs. error [%]",
-        "similarity",
+        likeness,
         "valid",
     ):
         table.add_column(heading, justify="right", min_width=max(map(len, heading.split())))
     for judgement in ended:
         zone = int(np.argmax(judgement.estimated))
+        found = judgement.estimated[zone] >= LEAST_SHOWN
         table.add_row(
             f"{judgement.time:.4f}",
-            f"{zone + 1}",
+            f"{zone + 1}" if found else "-",
             f"{100 * judgement.estimated[zone]:.1f}",
-            f"{100 * judgement.true[zone]:.0f}",
+            f"{100 * judgement.true[zone]:.0f}" if found else "-",
             f"{100 * judgement.mean_absolute_error:.2f}",
-            f"{judgement.similarity:.2g}",
+            f"{judgement.likeness_value:.2g}",
             "yes" if judgement.valid else "no",
             style=None if judgement.valid else "dim",
         )

@@ -20,7 +20,8 @@ def test_a_judgement_is_made_when_a_window_ends(data):
     assert last.mean_absolute_error == pytest.approx((0.1 + 0.04) / 16)
     assert last.worst_zone == 2
     assert last.largest_error == pytest.approx(-0.1)
-    assert last.similarity == 0.5
+    assert (last.likeness, last.likeness_value) == ("similarity", 0.5)
+    assert np.isnan(last.deviation).all()
 
 
 def test_a_run_without_a_judgement_says_whether_a_window_ended_and_what_resembled_nothing(data):
@@ -36,7 +37,7 @@ def test_a_run_without_a_judgement_says_whether_a_window_ended_and_what_resemble
     data["detector.similarity"][:] *= 0.5
     with pytest.raises(ResultsError, match=r"similarity with every trained case is below one half: 0.25"):
         judge(data)
-    with pytest.raises(ResultsError, match=r"its similarity was not recorded"):
+    with pytest.raises(ResultsError, match=r"its similarity or misfit was not recorded"):
         judge(data.drop_vars("detector.similarity"))
 
 
@@ -79,4 +80,22 @@ def test_the_history_puts_estimate_and_truth_under_their_headings(data):
     for row, judgement in enumerate(windows(data)):
         zone = int(np.argmax(judgement.estimated))
         assert cells["estimated [%]"][row] == f"{100 * judgement.estimated[zone]:.1f}"
-        assert cells["true there [%]"][row] == f"{100 * judgement.true[zone]:.0f}"
+        found = judgement.estimated[zone] > 0.0  # where no zone is damaged, none is named
+        assert cells["true there [%]"][row] == (f"{100 * judgement.true[zone]:.0f}" if found else "-")
+        assert cells["most damaged zone"][row] == (f"{zone + 1}" if found else "-")
+
+
+def test_a_detector_that_states_its_deviation_is_shown_with_it(data):
+    """The posterior networks: standard deviations, and a misfit in place of a similarity."""
+    data = data.drop_vars("detector.similarity")
+    data["detector.deviation"] = 0.05 * data["detector.damage"]
+    data["detector.misfit"] = 0.4 + 0.0 * data["detector.valid"]
+    console = Console(file=io.StringIO(), width=120)
+    console.print(zone_table(judge(data)), history_table(windows(data)))
+    text = console.file.getvalue()
+    assert "30 -> 20.0 +- 1.0" in text
+    assert "misfit with training 0.4" in text
+    data["detector.misfit"][8:] = 3.0
+    data["detector.valid"][:] = 0.0
+    with pytest.raises(ResultsError, match=r"misfit with what it was trained on is above one: 3. .* Check load"):
+        judge(data)

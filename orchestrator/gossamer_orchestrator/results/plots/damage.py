@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -34,7 +35,7 @@ def plot_damage_map(
     judgement, (length, unit) = judge(data), side(data)
     ax = axes_or_new(ax)
     percent = 100.0 * (judgement.true if which == "true" else judgement.estimated)
-    n = round(percent.size**0.5)
+    n, bars = round(percent.size**0.5), 100.0 * judgement.deviation
     top = max(50.0, 100.0 * float(max(judgement.true.max(), judgement.estimated.max())))
     extent = (0.0, length, 0.0, length)
     ax.imshow(percent.reshape(n, n), origin="lower", extent=extent, vmin=0.0, vmax=top, cmap="Blues")
@@ -42,7 +43,8 @@ def plot_damage_map(
     for zone, value in enumerate(percent):
         x, y = (zone % n + 0.5) * size, (zone // n + 0.5) * size
         color = "white" if value > 0.55 * top else "black"
-        ax.text(x, y, f"{value:.1f}", ha="center", va="center", color=color, fontsize=11)
+        deviation = "" if which == "true" or np.isnan(bars[zone]) else f"\n$\\pm$ {bars[zone]:.1f}"
+        ax.text(x, y, f"{value:.1f}{deviation}", ha="center", va="center", color=color, fontsize=11)
         ax.text(x - 0.46 * size, y + 0.46 * size, f"{zone + 1}", ha="left", va="top", color=color, fontsize=8)
     ticks = np.linspace(0.0, length, n + 1)
     title = f"{which.capitalize()} damage [%] at t = {judgement.time:.4f} s"
@@ -54,22 +56,30 @@ def plot_damage_map(
 def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the estimate of every zone over time, true damage dashed; zones that matter in colour, the others grey.
 
-    A dot stands at every judgement, a cross where a window ended without a valid one.
+    A dot stands at every judgement, a cross where a window ended without a valid one; a band is two standard deviations wide
+    to each side.
     """
-    true, estimated = need(data, f"{find(data, 'membrane')}.damage", f"{find(data, 'detector')}.damage")
+    detector = find(data, "detector")
+    true, estimated = need(data, f"{find(data, 'membrane')}.damage", f"{detector}.damage")
     ax, time = axes_or_new(ax), data["time"].to_numpy()
+    ended = windows(data)
     t, e = 100.0 * true.to_numpy(), 100.0 * estimated.to_numpy()
+    bars = 200.0 * data.get(f"{detector}.deviation", math.nan * estimated).to_numpy()  # two standard deviations
+    if ended:
+        e[time < ended[0].time] = math.nan  # nothing is known before the first judgement
     damaged = list(np.flatnonzero(t.max(axis=0) > 0.0))
-    suspects = [z for z in np.argsort(-e.max(axis=0)) if z not in damaged and e[:, z].max() > 3.0]
+    largest = np.nan_to_num(e).max(axis=0)
+    suspects = [z for z in np.argsort(-largest) if z not in damaged and largest[z] > 3.0]
     shown = (damaged + suspects)[: len(COLORS)]
     rest = [z for z in range(e.shape[1]) if z not in shown]
     for i, zone in enumerate(rest):
         ax.step(time, e[:, zone], where="post", color=GREY, lw=0.6, label="other zones" if i == 0 else None)
     for color, zone in zip(COLORS, shown, strict=False):
         ax.step(time, e[:, zone], where="post", color=color, lw=1.8, label=f"zone {zone + 1}, estimated")
+        low, high = e[:, zone] - bars[:, zone], e[:, zone] + bars[:, zone]
+        ax.fill_between(time, low, high, step="post", color=color, alpha=0.2, lw=0)
         if zone in damaged:
             ax.step(time, t[:, zone], where="post", color=color, lw=1.2, ls="--", label=f"zone {zone + 1}, true")
-    ended = windows(data)
     for valid, marker, label in ((True, "o", "judgement"), (False, "x", "not valid")):
         some = [window for window in ended if window.valid == valid]
         heights = [100.0 * window.estimated.max() for window in some]
@@ -79,7 +89,7 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
         ax.axvline(window.time, color=GREY, lw=0.6, ls=":")
     ax.set(xlabel="time [s]", ylabel="damage [%]", title="Damage over time; a dotted line ends a window")
     ax.set_xlim(time[0], time[-1] + 0.03 * (time[-1] - time[0]))  # room for the last judgement
-    ax.set_ylim(-1.0, max(10.0, 1.15 * float(max(t.max(), e.max()))))
+    ax.set_ylim(-1.0, max(10.0, 1.15 * float(max(t.max(), np.nan_to_num(e).max()))))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=4)
     return ax
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def plot_deflection(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
-    """Draw the membrane's deflection, a spline through the grid of results, at the instant at which the centre is farthest out."""
+    """Draw the membrane's deflection, a spline through its grid, at the instant at which the centre is farthest out."""
     from matplotlib.patheffects import withStroke
     from scipy.interpolate import RectBivariateSpline
 
