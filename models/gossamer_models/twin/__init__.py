@@ -4,5 +4,6 @@ from .answer import Answer
 from .reading import make_record, read_table
 from .record import Record
 from .twin import Twin
+from .watch import Finding, Watch, Window
 
-__all__ = ["Answer", "Record", "Twin", "make_record", "read_table"]
+__all__ = ["Answer", "Finding", "Record", "Twin", "Watch", "Window", "make_record", "read_table"]

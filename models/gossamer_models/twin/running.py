@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arrays import Matrix, Vector
 from ..batch import Batch
@@ -50,7 +51,7 @@ class Running:
         Membrane and load.
     sensor : SensorArtifact or None
         Sensors; None where strain is read.
-    sensor_parameters : mapping of str to float
+    sensor_parameters : mapping of str to float or array_like of shape (4,)
         Parameters of the sensors that differ from their start values; they rest at the prestrain.
     """
 
@@ -60,7 +61,7 @@ class Running:
         order: int,
         params: MembraneParams,
         sensor: SensorArtifact | None,
-        sensor_parameters: Mapping[str, float] | None,
+        sensor_parameters: Mapping[str, ArrayLike] | None,
     ) -> None:
         self._params = params
         self._membrane = Batch(membrane_model(elements_per_side, order, compiled=True), STRAINS, DAMAGES)

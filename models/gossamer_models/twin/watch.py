@@ -102,7 +102,7 @@ class Watch:
         Damage when the load sets in [1].
     sensor : SensorArtifact or None
         Sensors, if readings are resistances.
-    sensor_parameters : mapping of str to float
+    sensor_parameters : mapping of str to float or array_like of shape (4,)
         Parameters of the sensors that differ from their start values.
     step : float
         Time between readings [s].
@@ -138,7 +138,7 @@ class Watch:
         *,
         damage: ArrayLike = 0.0,
         sensor: SensorArtifact | None = None,
-        sensor_parameters: Mapping[str, float] | None = None,
+        sensor_parameters: Mapping[str, ArrayLike] | None = None,
         step: float = 3e-4,
         false_alarms: float = 1e-5,
     ) -> None:

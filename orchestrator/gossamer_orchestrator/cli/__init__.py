@@ -24,6 +24,7 @@ from .inspect import info, verify
 from .run import demo, run
 from .train import train
 from .twin import twin
+from .watch import watch
 
 
 class _Group(TyperGroup):
@@ -81,6 +82,7 @@ app.command()(verify)
 app.command()(info)
 app.command()(train)
 app.command()(twin)
+app.command()(watch)
 app.command()(campaign)
 app.command("assess-detector")(assess_detector)
 app.command(cls=CommandWithFields)(identify)
