@@ -1,0 +1,117 @@
+"""``gossamer twin``: tables and results of a run in, a table of zones and a JSON file out."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from gossamer_models.membrane import MembraneParams
+from gossamer_models.sensor import default_artifact
+from gossamer_models.twin.forward import Forward
+from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.results.files import save_results
+from typer.testing import CliRunner
+
+pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
+
+STEP, STEPS = 3e-4, 400
+MESH = ("--elements", "4", "--order", "1")
+TRUE = np.zeros(16)
+TRUE[5], TRUE[10] = 0.3, 0.15
+
+
+@pytest.fixture
+def call():
+    return lambda *arguments: CliRunner().invoke(app, ["twin", *(str(a) for a in arguments)])
+
+
+@pytest.fixture(scope="module")
+def forward():
+    return Forward(4, 1, MembraneParams(mass_damping=30.0), default_artifact())
+
+
+@pytest.fixture(scope="module")
+def strain(forward):
+    return forward.strain(TRUE[None], {}, None, STEPS, STEP)
+
+
+def table(path, values):
+    rows = [f"{STEP * (k + 1)!r}," + ",".join(map(repr, row)) for k, row in enumerate(values.T.tolist())]
+    path.write_text("\n".join(["time [s],strain[1],strain[2],strain[3],strain[4]", *rows]))
+    return path
+
+
+@pytest.fixture
+def results(tmp_path, forward, strain):
+    """Results of a run of membrane and sensors, its rest at time 0 included."""
+    resistance = forward.resistance(strain, STEP)[0]
+    time = STEP * np.arange(STEPS + 1)
+    variables = {"gauge.strain": (("time", "strain_index"), np.vstack([np.zeros(4), strain[0].T]))}
+    parameters = forward.sensor_parameters
+    fmus = {"gauge": {"model": "membrane", "parameters": {"mass_damping": 30.0, "other": 1.0}}}
+    connections = []
+    for k in range(4):
+        variables[f"r{k}.resistance"] = ("time", np.r_[1.0, resistance[k]])
+        fmus[f"r{k}"] = {"model": "sensor", "parameters": {n: float(v[k]) for n, v in parameters.items()}}
+        connections.append([f"gauge.strain[{k + 1}]", f"r{k}.strain"])
+    attributes = {
+        "schema": "gossamer.results",
+        "version": 1,
+        "fmus": json.dumps(fmus),
+        "connections": json.dumps(connections),
+    }
+    data = xr.Dataset(variables, coords={"time": time, "strain_index": np.arange(1, 5)}, attrs=attributes)
+    return save_results(data, tmp_path)[0]
+
+
+def test_a_table_gives_the_damage_of_each_zone(call, tmp_path, strain):
+    path = table(tmp_path / "r.csv", strain[0])
+    result = call(path, *MESH, "--params", "mass_damping=30", "--noise", "1e-5")
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.split() == [str(tmp_path / "twin.json")]
+    np.testing.assert_allclose(json.loads((tmp_path / "twin.json").read_text())["damage"], TRUE, atol=1e-4)
+    assert "30.00 ±" in result.stderr
+    assert "valid: chi2 per sample" in result.stderr
+
+
+@pytest.mark.parametrize("kind", ["resistance", "strain"])
+def test_results_of_a_run_bring_their_parameters(call, results, tmp_path, kind):
+    result = call(results, *MESH, "--kind", kind, "--out", tmp_path / "t.json")
+    assert result.exit_code == 0, result.stderr
+    np.testing.assert_allclose(json.loads((tmp_path / "t.json").read_text())["damage"], TRUE, atol=1e-3)
+
+
+def test_a_sensor_that_does_not_move_is_named(call, tmp_path, strain):
+    values = strain[0].copy()
+    values[1] = 0.02
+    path = table(tmp_path / "r.csv", values)
+    result = call(path, *MESH, "--params", "mass_damping=30", "--noise", "1e-5")
+    assert result.exit_code == 0
+    assert "Sensor 2 does not move and is left out." in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--params", "colour=1"), "no parameter 'colour'"),
+        (("--params", "density=heavy"), "'heavy' is no number"),
+        (("--kind", "stress"), "Write strain or resistance"),
+        (("--stop", "0.003"), "needs 60 or more"),
+        (("--fit", "offset,colour"), "no nuisance 'colour'"),
+        (("--sensor", "missing.json", "--kind", "resistance"), "needs the columns time and resistance"),
+    ],
+)
+def test_a_mistake_is_said_alone(call, tmp_path, strain, arguments, message):
+    result = call(table(tmp_path / "r.csv", strain[0]), *MESH, *arguments)
+    assert result.exit_code == 1
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stdout == ""
+
+
+def test_results_without_resistance_say_what_to_record(call, results, tmp_path):
+    data = xr.open_dataset(results, engine="scipy").load()
+    bare = save_results(data.drop_vars([f"r{k}.resistance" for k in range(4)]), tmp_path / "bare")[0]
+    result = call(bare, *MESH, "--kind", "resistance")
+    assert result.exit_code == 1
+    assert "Add sensor?.resistance to [record]" in result.stderr
