@@ -58,7 +58,7 @@ def once(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def built(once, tmp_path_factory):
-    """Return this worker's copy of the FMUs of a kind: paths by name, the four in one folder, the estimator in another."""
+    """Return this worker's copy of the FMUs of a kind: paths by name."""
     from gossamer_fmus import build_all
 
     paths = {}
@@ -70,12 +70,10 @@ def built(once, tmp_path_factory):
 
             def build(folder):
                 build_all(folder, **KINDS[kind])
-                build_all(folder / "estimator", ["compensator"], method="estimator", **KINDS[kind])
 
             made = once(kind.replace(" ", "_"), build)
             folder = shutil.copytree(made, tmp_path_factory.mktemp("fmus") / made.name)
             paths[kind] = {path.stem: path for path in folder.glob("*.fmu")}
-            paths[kind]["estimator"] = folder / "estimator/compensator.fmu"
         return paths[kind]
 
     return get

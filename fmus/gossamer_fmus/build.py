@@ -73,7 +73,7 @@ def build_fmu(
     ModuleNotFoundError
         The compiler is not installed.
     """
-    return _build([(model, readme)], folder, native, fmi, platforms, progress)[0]
+    return _build([(model.name, model, readme)], folder, native, fmi, platforms, progress)[0]
 
 
 def build_all(
@@ -83,7 +83,6 @@ def build_all(
     artifact: Path | None = None,
     elements_per_side: int | None = None,
     order: int | None = None,
-    method: str | None = None,
     native: bool = False,
     fmi: FmiVersion = 2,
     platforms: Iterable[str] = (),
@@ -102,8 +101,6 @@ def build_all(
         artifact.
     elements_per_side, order : int, optional
         Mesh of the membrane, which must be the only name; see ``membrane_model``.
-    method : str, optional
-        Method of the compensator, which must be the only name; see ``compensator_model``.
     native, fmi, platforms, progress
         See ``build_fmu``.
 
@@ -121,28 +118,29 @@ def build_all(
     ModuleNotFoundError
         The compiler is not installed.
     """
-    options = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order, "method": method}
+    options = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order}
     models = {name: make_model(name, compiled=native, **options) for name in names}  # all or nothing
-    paths = _build([(model, None) for model in models.values()], folder, native, fmi, platforms, progress)
+    named = [(name, model, None) for name, model in models.items()]
+    paths = _build(named, folder, native, fmi, platforms, progress)
     return dict(zip(models, paths, strict=True))
 
 
 def _build(
-    models: Iterable[tuple[StepModel, Path | None]],
+    models: Iterable[tuple[str, StepModel, Path | None]],
     folder: Path,
     native: bool,
     fmi: FmiVersion,
     platforms: Iterable[str],
     progress: Callable[[str], None],
 ) -> list[Path]:
-    """Write the files of all FMUs, compile them in parallel (the compiler is a separate program), and pack them."""
+    """Write the files of all FMUs, compile them in parallel (the compiler is a separate program), and pack them by name."""
     platforms = tuple(platforms)
     if not native and (fmi != 2 or platforms):
         msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Add --native."
         raise ParameterError(msg)
     platforms = choose_platforms(platforms, fmi) if native else ()
     fmus = []
-    for model, readme in models:
+    for name, model, readme in models:
         code = sources(model, "", fmi) if native else {}
         members = documents(model, readme) | ({} if native else python_members(model))
         description = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}
@@ -152,13 +150,13 @@ def _build(
         members["modelDescription.xml"] = model_description(model, guid, fmi=fmi, native=native)
         if fmi == 3:
             members["sources/buildDescription.xml"] = build_description(model)
-        fmus.append((model.name, code, members))
+        fmus.append((name, model.name, code, members))
 
-    def compile_one(job: tuple[str, tuple[str, dict[str, bytes], dict[str, bytes]]]) -> None:
-        platform, (name, code, members) = job
+    def compile_one(job: tuple[str, tuple[str, str, dict[str, bytes], dict[str, bytes]]]) -> None:
+        platform, (name, library, code, members) = job
         progress(f"{name} for {platform}")
-        members.update(compile_library(code, name, fmi, platform))
+        members.update(compile_library(code, library, fmi, platform))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(compile_one, product(platforms, fmus)))
-    return [write_archive(folder / f"{name}.fmu", members) for name, _, members in fmus]
+    return [write_archive(folder / f"{name}.fmu", members) for name, _, _, members in fmus]

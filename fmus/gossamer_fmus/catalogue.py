@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ MODELS: dict[str, Callable[..., StepModel]] = {
     "membrane": membrane_model,
     "sensor": sensor_model,
     "compensator": compensator_model,
+    "estimator": partial(compensator_model, method="estimator"),  # a compensator that tolerates noise
     "detector": detector_model,
 }
 NAMES = tuple(MODELS)
@@ -26,13 +28,11 @@ _OPTIONS = {
     "artifact": NAMES[1:],
     "elements_per_side": ("membrane",),
     "order": ("membrane",),
-    "method": ("compensator",),
 }  # and the FMUs that have them
 _REFUSALS = {
-    "artifact": "FMU {!r} is not built from an artifact. Name the FMUs to build: sensor compensator, or detector.",
+    "artifact": "FMU {!r} is not built from an artifact. Name the FMUs to build: sensor, compensator, estimator; or detector.",
     "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
     "order": "FMU {!r} has no mesh. Name the membrane alone to choose the order of its elements.",
-    "method": "FMU {!r} has no method. Name the compensator alone to choose its method.",
 }
 
 
@@ -61,7 +61,7 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     compiled : bool
         Whether to use the form of the model for compilation, if it has one.
     **options
-        ``artifact``, ``elements_per_side``, ``order`` and ``method`` as in ``build_all``; None stands for the default.
+        ``artifact``, ``elements_per_side`` and ``order`` as in ``build_all``; None stands for the default.
 
     Returns
     -------

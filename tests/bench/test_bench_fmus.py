@@ -60,7 +60,7 @@ def host(built, tmp_path):
 
 
 @pytest.mark.parametrize("call", ["set", "step", "get"])
-@pytest.mark.parametrize("name", [*NAMES, "estimator"])
+@pytest.mark.parametrize("name", NAMES)
 def test_cost_of_a_call(benchmark, host, name, call):
     fmu = host(name)
     benchmark.group = call

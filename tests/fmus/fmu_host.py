@@ -8,9 +8,8 @@ import fmpy
 from fmpy import fmi2
 from gossamer_fmus import NAMES
 from gossamer_fmus.catalogue import MODELS
-from gossamer_models.compensator import compensator_model
 
-FMUS = (*NAMES, "estimator")  # the last is a compensator of the other method
+FMUS = NAMES
 
 INPUTS = {
     "membrane": {"pressure": 500.0, "base_acceleration": 3.0, "damage[7]": 0.2},
@@ -21,7 +20,7 @@ INPUTS = {
 
 def model_of(name):
     """Make the model of an FMU."""
-    return compensator_model(method="estimator") if name == "estimator" else MODELS[name]()
+    return MODELS[name]()
 
 
 def excite(name, k):

@@ -16,12 +16,17 @@ from .common import FMUS, model_errors, print_kinds
 def build(
     names: Annotated[
         list[str] | None,
-        typer.Argument(help="FMUs to build: sensor, compensator, membrane, detector. All of them by default."),
+        typer.Argument(
+            help="FMUs to build: membrane, sensor, compensator, estimator (a compensator that tolerates noise), "
+            "detector. All of them by default."
+        ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")] = FMUS,
     artifact: Annotated[
         Path | None,
-        typer.Option(help="Identified sensor (for sensor and compensator) or trained detector.", metavar="FILE"),
+        typer.Option(
+            help="Identified sensor (for sensor, compensator and estimator) or trained detector.", metavar="FILE"
+        ),
     ] = None,
     elements_per_side: Annotated[
         int | None,
@@ -33,14 +38,6 @@ def build(
             help="Order of the membrane's elements: 1 for bilinear ones, 2 to 12 for spectral ones; 4 by default. 6 halves "
             "the error and takes three times as long.",
             metavar="N",
-        ),
-    ] = None,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            help="Method of the compensator: inverse is exact for resistance without noise; estimator tolerates noise, "
-            "delays the strain and reports its uncertainty.",
-            metavar="NAME",
         ),
     ] = None,
     native: Annotated[
@@ -74,12 +71,12 @@ def build(
 
         gossamer build membrane --elements-per-side 8 --order 1
 
-        gossamer build compensator --method estimator
+        gossamer build estimator --artifact out/mine/sensor.json
 
         gossamer build detector --artifact out/detector/single_damage.json --out somewhere
     """
     options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
-    choices = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order, "method": method}
+    choices = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order}
     paths = build_fmus(out, names, **choices, **options).values()
     for path in paths:
         typer.echo(path)
