@@ -30,7 +30,7 @@ _OPTIONS = {
     "order": ("membrane",),
 }  # and the FMUs that have them
 _REFUSALS = {
-    "artifact": "FMU {!r} is not built from an artifact. Name the FMUs to build: sensor, compensator, estimator; or detector.",
+    "artifact": "FMU {!r} is not built from an artifact. Name those that are: sensor, compensator, estimator or detector.",
     "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
     "order": "FMU {!r} has no mesh. Name the membrane alone to choose the order of its elements.",
 }
