@@ -49,7 +49,7 @@ def corrected_bilinear(n: int, damage: Vector, steps: int, h: float, finer: int 
     ndarray, shape (cases, 4, steps)
         Change of the strains [1] of the sensors since the start.
     """
-    equations, params = _equations(n), MembraneParams()
+    equations, params = corrected_equations(n), MembraneParams()
     p, c = params.vector(), params.mass_damping
     m, M = equations.node_mass(params), MembraneEquations(n, 1).consistent_mass(params)  # of the exact rule
     motion = ca.MX.sym("q", equations.n_q)
@@ -73,7 +73,7 @@ def corrected_bilinear(n: int, damage: Vector, steps: int, h: float, finer: int 
     return results
 
 
-def _equations(n: int) -> MembraneEquations:
+def corrected_equations(n: int) -> MembraneEquations:
     """Make the equations of bilinear elements with other quadrature points."""
     equations = MembraneEquations(n, 1)
     value, slope = value_matrix(SIDES, POINTS), derivative_matrix(SIDES, POINTS)

@@ -25,25 +25,25 @@ def native_plan(built):
 
 
 def master(plan) -> float:
-    """Time a communication step under the master, with saved states and a recorder [s]."""
+    """Time a communication step under the master, with saved states and a recorder [s of CPU]."""
     with Simulation(plan) as simulation:
         recorder = Recorder(plan)
-        begin = time.perf_counter()
+        begin = time.process_time()
         simulation.run([recorder])
-        return (time.perf_counter() - begin) / simulation.tick
+        return (time.process_time() - begin) / simulation.tick
 
 
 def bare(plan) -> float:
-    """Time the FMI calls of a communication step alone [s]: set, step, get; no transfer, saved state or recorder."""
+    """Time the FMI calls of a communication step alone [s of CPU]: set, step, get; no transfer, saved state or recorder."""
     ticks, step = plan.scenario.ticks, ctypes.c_double(plan.scenario.step)
     with Simulation(plan) as simulation:
-        begin = time.perf_counter()
+        begin = time.process_time()
         for tick in range(ticks):
             now = ctypes.c_double(plan.scenario.seconds(tick))
             for member in simulation.members:
                 member.instance.write(member.inputs)
                 member.advance(now, step, full=True)
-        return (time.perf_counter() - begin) / ticks
+        return (time.process_time() - begin) / ticks
 
 
 def best(*measurements, rounds) -> list[float]:
