@@ -10,15 +10,22 @@ def log_likelihood(b, x, y):
     return np.sum(np.log(np.where(y, p, 1.0 - p)))
 
 
-def fit(x, y):
+def penalised(b, x, y):
+    """Of Firth's likelihood: with half the logarithm of the determinant of the information."""
+    p = 1.0 / (1.0 + np.exp(-(b[0] + b[1] * x)))
+    X = np.column_stack([np.ones_like(x), x])
+    return log_likelihood(b, x, y) + 0.5 * np.linalg.slogdet(X.T @ np.diag(p * (1.0 - p)) @ X)[1]
+
+
+def fit(x, y, of=log_likelihood):
     """Return intercept, slope and log-likelihood at its maximum."""
-    found = minimize(lambda b: -log_likelihood(b, x, y), [0.0, 0.0], method="Nelder-Mead", options=TIGHT)
+    found = minimize(lambda b: -of(b, x, y), [0.0, 1.0], method="Nelder-Mead", options=TIGHT)
     return *found.x, -found.fun
 
 
 def largest_at(x, y, at, eta):
-    """Return the largest log-likelihood of the curves with a logit ``eta`` at a place."""
-    found = minimize_scalar(lambda b: -log_likelihood([eta - b * at, b], x, y), (0.0, 1.0), tol=1e-12)
+    """Return the largest of Firth's log-likelihood of the curves with a logit ``eta`` at a place."""
+    found = minimize_scalar(lambda b: -penalised([eta - b * at, b], x, y), (1.0, 2.0), tol=1e-12)
     return -found.fun
 
 

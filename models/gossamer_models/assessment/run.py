@@ -27,7 +27,7 @@ from .results import Assessment, ConfusionRow, DetectionRow, Row, TableRow
 
 FALSE_CALLS = 0.01  # share of healthy records that a threshold lets be called [1]
 LEAST_SIZES = 12  # of a zone, for a curve of its own
-CURVE = np.geomspace(SIZES[0], SIZES[-1], 41)
+CURVE = np.geomspace(SIZES[0], SIZES[-1], 25)
 OTHER = Mesh(elements_per_side=4, order=8)  # twice the resolution of the default
 Report = Callable[[str, int, int], None]
 
