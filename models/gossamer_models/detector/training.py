@@ -18,7 +18,8 @@ from ..simulate import simulate
 from ..step_model import StepModel
 from ..stepper import Stepper
 from .artifact import ZONES, DetectorArtifact
-from .model import SENSORS, detector_model
+from .features import SENSORS
+from .model import detector_model
 from .networks import PEAKS, train_networks
 from .packets import packet_energies
 from .thesis_tables import SINGLE_TRAINING

@@ -1,0 +1,184 @@
+"""What one window says of the damage: probability, mean and standard deviation per zone, and how well they explain it.
+
+Symbols: ``x`` centred block means [1], ``V``, ``lam`` axes and variances of the principal components, ``c`` components,
+``r`` what lies outside them, ``s`` noise of a block mean [1], ``P``, ``m``, ``sd`` probability, mean and standard
+deviation of the damage of a damaged zone [1].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..arrays import Matrix, Vector
+from .features import SECTORS, SENSORS, Components, block_means, difference_noise
+from .posterior_artifact import QUADRANT, ZONES, PosteriorArtifact, PosteriorWindow
+
+FLOOR = 3e-5  # least noise of a block mean [1], far below what matters, so that clean records have one too
+MIRRORS = ((1, 1), (1, -1), (-1, 1), (-1, -1))  # images of a record: steps through rows (along y) and columns (along x)
+_ZONE = np.arange(ZONES).reshape(4, 4)
+IMAGE_ZONES = [_ZONE[::y, ::x][:2, :2].ravel() for y, x in MIRRORS]  # zones that are the first quadrant of an image
+SPREAD, SPREADS = 0.017, 3.0  # a network can state standard deviations within e^-3 to e^3 times this [1]
+
+
+class Judgement(NamedTuple):
+    """Outputs of the detector that one window gives; arrays have shape (16,) or (16, n).
+
+    Attributes
+    ----------
+    damage : estimate [1], 0 where damage is less likely than not.
+    deviation : standard deviation [1].
+    probability : that there is damage [1].
+    misfit : distance from the records of the training; 1 is the largest valid one.
+    sure : whether every standard deviation is small enough to be an answer.
+    ratios : the parts of the misfit, shape (4,) or (4, n), before they are divided by their limits.
+    """
+
+    damage: ca.MX
+    deviation: ca.MX
+    probability: ca.MX
+    misfit: ca.MX
+    sure: ca.MX
+    ratios: ca.MX
+
+
+def judge_window(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX) -> Judgement:
+    r"""Write the judgement of a window.
+
+    Parameters
+    ----------
+    window : PosteriorWindow
+        Trained network.
+    block : int
+        Samples of a block.
+    x : casadi.MX, shape (4, M)
+        Centred block means [1].
+    noise : casadi.MX, shape (4,)
+        Standard deviations [1] of the noise of a sample by fourth differences.
+
+    Notes
+    -----
+    The network answers for the four zones of one quadrant, given a record; given its mirror images, for the other zones.
+    The features are the components as a Wiener filter leaves them, :math:`z_k = c_k \sqrt{\lambda_k} / (\lambda_k + s^2)`,
+    and :math:`\log_{10} s`. The noise s is that outside the components, where there is no strain.
+
+    With probability P the damage of a zone is normal with mean m and standard deviation sd, else it is 0. ``deviation`` is
+    the standard deviation of this mixture. ``damage`` is m if P is 1/2 or more, else 0: near the median of the mixture,
+    which has the least absolute error.
+
+    ``misfit`` is the largest of four ratios, each divided by its limit: what lies outside the components of a sensor over
+    its noise by fourth differences and what clean records have there; what a decoder of the answer leaves of the
+    components over noise and decoder error; the components over their variances; and the noise over that of the training.
+    """
+    lam = ca.DM(window.variances)
+    c, r = components(window, x)
+    outside, freedom = ca.sum2(r**2), degrees_of_freedom(window)
+    s2 = ca.sum1(outside) / (SENSORS * freedom) + FLOOR**2
+    features = ca.vertcat(c * ca.sqrt(lam) / (lam + s2), log_noise(s2))
+    *_, hidden, heads = layers(
+        window.encoder, ca.repmat(features, 1, len(MIRRORS)) * ca.DM(image_signs(window.sectors))
+    )
+    P, m, sd = posterior(*(spread_out(head) for head in ca.vertsplit(heads, QUADRANT)))
+    damage = ca.if_else(P >= 0.5, m, 0.0)
+    hidden = hidden[:, 0]
+    explained = layers(window.decoder, ca.vertcat(damage, ca.DM(window.latent).T @ hidden))[-1] * ca.DM(window.scales)
+    ratios = ca.vertcat(
+        ca.mmax(outside / freedom / (noise**2 / block + window.rest[0] ** 2)),
+        ca.sum1((c - explained) ** 2 / (s2 + ca.DM(window.errors) ** 2)) / lam.numel(),
+        ca.sum1(c**2 / (lam + s2)) / lam.numel(),
+        ca.sqrt(s2),
+    )
+    deviation = ca.sqrt(P * sd**2 + P * (1.0 - P) * m**2)
+    sure = ca.mmax(deviation) <= window.limits[-1]
+    return Judgement(damage, deviation, P, ca.mmax(ratios / ca.DM(window.limits[:-1])), sure, ratios)
+
+
+def layers(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
+    """Write the values of the layers of a perceptron, shape (m,) each, after its input."""
+    found = [x]
+    for layer in range(0, len(arrays), 2):
+        a = ca.DM(arrays[layer]).T @ found[-1] + ca.DM(arrays[layer + 1])
+        found.append(a if layer + 2 == len(arrays) else ca.tanh(a))
+    return found[1:]
+
+
+def posterior(logit: ca.MX, mean: ca.MX, spread: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """Turn heads, shape (16,) each, into probability, and mean and standard deviation of the damage of a damaged zone."""
+    return (
+        1.0 / (1.0 + ca.exp(-logit)),
+        ca.fmax(mean, 0.0),
+        SPREAD * ca.exp(ca.fmax(-SPREADS, ca.fmin(SPREADS, spread))),
+    )
+
+
+def log_noise(s2: ca.MX) -> ca.MX:
+    """Return the feature that states the noise: the logarithm of its variance [1] over a middling one."""
+    return 0.5 * ca.log10(s2) + 3.5
+
+
+def degrees_of_freedom(window: PosteriorWindow | Components) -> float:
+    """Count what the components leave of the centred block means of a sensor."""
+    M, K = window.axes.shape
+    return float(M - 1.0 - K / SENSORS)
+
+
+def image_signs(sectors: Vector) -> Matrix:
+    """Return the signs of the features in each mirror image, shape (K + 1, 4)."""
+    first = np.array([[x, y] for y, x in MIRRORS])  # signs of a difference along x and along y
+    odd = np.array([sectors % 2, sectors // 2])
+    signs = np.prod(np.where(odd[None] > 0.5, first[:, :, None], 1), axis=1)
+    return np.vstack([signs.T, np.ones(len(MIRRORS))])
+
+
+def components(window: PosteriorWindow, x: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """Write the components of block means, shape (K,), and what they leave of them, shape (4, M)."""
+    y = ca.DM(SECTORS) @ (x - ca.repmat(ca.DM(window.mean).T, SENSORS, 1))
+    parts, left = [], []
+    for sector in range(SENSORS):
+        axes = window.axes[:, window.sectors == sector]
+        V = ca.MX(ca.DM(axes))  # one constant for both products
+        parts.append(y[sector, :] @ V if axes.size else ca.MX(1, 0))
+        left.append(y[sector, :] - (V @ parts[-1].T).T if axes.size else y[sector, :])
+    return ca.horzcat(*parts).T, ca.DM(SECTORS).T @ ca.vertcat(*left)
+
+
+def spread_out(head: ca.MX) -> ca.MX:
+    """Put a head of the quadrant in each mirror image, shape (4, 4), to its zones, shape (16,)."""
+    return ca.vec(head)[np.argsort(np.concatenate(IMAGE_ZONES)).tolist()]
+
+
+def judge_function(artifact: PosteriorArtifact, number: int) -> ca.Function:
+    """Make a function of the features of window ``number``, from 0, with the outputs of ``Judgement``, ratios last."""
+    window = artifact.windows[number]
+    M = window.mean.size
+    x, noise = ca.MX.sym("x", SENSORS * M), ca.MX.sym("noise", SENSORS)
+    judged = judge_window(window, artifact.block, ca.reshape(x, M, SENSORS).T, noise)
+    return ca.Function("judge", [x, noise], list(judged))
+
+
+def judge_records(artifact: PosteriorArtifact, number: int, records: Matrix) -> dict[str, Matrix]:
+    """Judge many records of one window.
+
+    Parameters
+    ----------
+    artifact : PosteriorArtifact
+        Trained detector.
+    number : int
+        Window, from 0.
+    records : ndarray, shape (n, 4, samples)
+        Strains [1].
+
+    Returns
+    -------
+    dict
+        The fields of ``Judgement``, shape (n, 16) or (n,), ``ratios``, shape (n, 4), and ``valid``, shape (n,).
+    """
+    found = judge_function(artifact, number)(
+        block_means(records, artifact.block).reshape(len(records), -1).T, difference_noise(records).T
+    )
+    result = {name: np.array(value.T) for name, value in zip(Judgement._fields, found, strict=True)}
+    result |= {name: result[name][:, 0] for name in ("misfit", "sure")}
+    return result | {"valid": (result["misfit"] <= 1.0) & (result["sure"] > 0.5)}

@@ -1,0 +1,201 @@
+"""A trained posterior network: features, weights and limits for each of successive windows, and what it is trained for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Matrix, Vector
+from ..artifacts import read_arrays, read_artifact, write_artifact
+from ..errors import ArtifactError
+
+SCHEMA, VERSION = "gossamer.posterior_detector", 1
+NOMINAL = Path(__file__).with_name("nominal.json")
+WIDE = Path(__file__).with_name("wide.json")
+ZONES, QUADRANT = 16, 4
+HEADS = 3  # of the network per zone: logit of P(damaged), mean, logarithm of the standard deviation
+
+_ENCODER = tuple(f"encoder_{kind}{layer}" for layer in (1, 2, 3) for kind in "Wb")
+_DECODER = tuple(f"decoder_{kind}{layer}" for layer in (1, 2) for kind in "Wb")
+_ARRAYS = ("mean", "axes", "sectors", "variances", "rest", *_ENCODER, "latent", *_DECODER, "scales", "errors", "limits")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosteriorWindow:
+    """The network of one window, with K components, H hidden values, L latent ones.
+
+    Attributes
+    ----------
+    mean, axes, sectors, variances : ndarray, shapes (M,), (M, K), (K,), (K,)
+        See ``Components``.
+    rest : ndarray, shape (1,)
+        Root mean square of what clean records have outside the components [1], per degree of freedom.
+    encoder : tuple of ndarray
+        Weights and biases of three layers, from K + 1 features to 3 heads of 4 zones, those of one quadrant.
+    latent : ndarray, shape (H, L)
+        From the last hidden values to what the decoder gets beside the damage.
+    decoder : tuple of ndarray
+        Weights and biases of two layers, from 16 + L values to K components in units of ``scales``.
+    scales : ndarray, shape (K,)
+        Units of the decoder [1].
+    errors : ndarray, shape (K,)
+        Root mean square errors of the decoder on clean held-out records [1].
+    limits : ndarray, shape (5,)
+        Largest valid misfit outside the components, of the explanation and inside the components, noise of a block mean,
+        and standard deviation of a damage [1].
+    """
+
+    mean: Vector
+    axes: Matrix
+    sectors: Vector
+    variances: Vector
+    rest: Vector
+    encoder: tuple[Matrix, ...]
+    latent: Matrix
+    decoder: tuple[Matrix, ...]
+    scales: Vector
+    errors: Vector
+    limits: Vector
+
+    def __post_init__(self) -> None:
+        size, K = self.axes.shape
+        H, L = self.latent.shape
+        shapes = {
+            "mean": (size,),
+            "sectors": (K,),
+            "variances": (K,),
+            "rest": (1,),
+            "scales": (K,),
+            "errors": (K,),
+            "limits": (5,),
+        }
+        found = {name: getattr(self, name).shape for name in shapes}
+        _require(found == shapes, f"its arrays have shapes {found}, not {shapes}")
+        first = self.encoder[0].shape[-1]
+        layers = [(K + 1, first), (first,), (first, H), (H,), (H, HEADS * QUADRANT), (HEADS * QUADRANT,)]
+        _require([a.shape for a in self.encoder] == layers, f"its network has layers {[a.shape for a in self.encoder]}")
+        inner = self.decoder[0].shape[-1]
+        layers = [(ZONES + L, inner), (inner,), (inner, K), (K,)]
+        _require([a.shape for a in self.decoder] == layers, f"its decoder has layers {[a.shape for a in self.decoder]}")
+        for array in self.arrays().values():
+            _require(np.isfinite(array).all(), "it holds values that are not finite")
+        _require(np.isin(self.sectors, range(4)).all() and (np.diff(self.sectors) >= 0).all(), "sectors are not 0 to 3")
+        for name in ("variances", "rest", "scales", "limits"):
+            _require((getattr(self, name) > 0.0).all(), f"{name} must be positive")
+
+    def arrays(self) -> dict[str, Vector]:
+        """Return all arrays by the names of the file."""
+        single = {name: getattr(self, name) for name in _ARRAYS if name not in (*_ENCODER, *_DECODER)}
+        return {
+            **single,
+            **dict(zip(_ENCODER, self.encoder, strict=True)),
+            **dict(zip(_DECODER, self.decoder, strict=True)),
+        }
+
+    @classmethod
+    def of(cls, arrays: dict[str, Vector]) -> PosteriorWindow:
+        """Make a window from what ``arrays`` gave."""
+        rest = {name: arrays[name] for name in _ARRAYS if name not in (*_ENCODER, *_DECODER)}
+        encoder, decoder = (tuple(arrays[name] for name in names) for names in (_ENCODER, _DECODER))
+        return cls(encoder=encoder, decoder=decoder, **rest)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosteriorArtifact:
+    """Trained networks of successive windows.
+
+    Attributes
+    ----------
+    start_time, sampling_step : float
+        Beginning of the first window and sampling step [s].
+    samples : int
+        Samples of a window, a multiple of 4.
+    block : int
+        Samples that are averaged.
+    windows : tuple of PosteriorWindow
+        The first, the second, ... window; the last one judges all later ones.
+    trained_over : dict
+        Ranges of the training by quantity: zones, depth [1], noise [1], and what else varied.
+    held_out : dict
+        Errors on held-out cases: by kind of record, mean absolute errors [% damage], coverage [1] and shares of records.
+    provenance : dict
+        How it was trained.
+    """
+
+    start_time: float
+    sampling_step: float
+    samples: int
+    block: int
+    windows: tuple[PosteriorWindow, ...]
+    trained_over: dict[str, list[float]] = field(default_factory=dict)
+    held_out: dict[str, dict[str, float]] = field(default_factory=dict)
+    provenance: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _require(self.start_time >= 0.0, f"start_time is {self.start_time:g} s, it must not be negative")
+        _require(0.0 < self.sampling_step < np.inf, f"sampling_step is {self.sampling_step:g} s, it must be positive")
+        _require(
+            self.samples >= 4 and self.samples % 4 == 0, f"a window needs a multiple of 4 samples, not {self.samples}"
+        )
+        _require(2 <= self.block <= self.samples // 2, f"a block of {self.block} samples is none of {self.samples}")
+        _require(len(self.windows) > 0, "it has no windows")
+        size = self.samples // self.block
+        for window in self.windows:
+            _require(window.mean.size == size, f"its windows have {window.mean.size} blocks, not {size}")
+
+    def write(self, path: Path) -> None:
+        """Write the card and, beside it, the arrays in single precision, the axes in half."""
+        content: dict[str, Any] = {
+            "start_time": self.start_time,
+            "sampling_step": self.sampling_step,
+            "samples": self.samples,
+            "block": self.block,
+            "windows": len(self.windows),
+            "trained_over": self.trained_over,
+            "held_out": self.held_out,
+        }
+        arrays: dict[str, Any] = {
+            f"{number}_{name}": array.astype(np.float16 if name == "axes" else np.float32)
+            for number, window in enumerate(self.windows, start=1)
+            for name, array in window.arrays().items()
+        }
+        write_artifact(path, SCHEMA, VERSION, self.provenance, content, arrays)
+
+    @classmethod
+    def read(cls, path: Path) -> PosteriorArtifact:
+        """Read what ``write`` wrote; raise ``ArtifactError`` for a file that is missing, damaged or unusable."""
+        card = read_artifact(path, SCHEMA, VERSION)
+        arrays = read_arrays(path, card)
+        try:
+            numbers = range(1, int(card["windows"]) + 1)
+            return cls(
+                start_time=float(card["start_time"]),
+                sampling_step=float(card["sampling_step"]),
+                samples=int(card["samples"]),
+                block=int(card["block"]),
+                windows=tuple(
+                    PosteriorWindow.of({name: arrays[f"{number}_{name}"] for name in _ARRAYS}) for number in numbers
+                ),
+                trained_over=dict(card["trained_over"]),
+                held_out=dict(card["held_out"]),
+                provenance=dict(card["provenance"]),
+            )
+        except ArtifactError:
+            raise
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            msg = f"{path} does not hold a usable detector: {error!r}. Train the detector again."
+            raise ArtifactError(msg) from error
+
+    @classmethod
+    def default(cls) -> PosteriorArtifact:
+        """Read the artifact that is shipped with this package: the nominal training."""
+        return cls.read(NOMINAL)
+
+
+def _require(condition: bool | np.bool_, problem: str) -> None:
+    if not condition:
+        msg = f"detector artifact: {problem}. Train the detector again."
+        raise ArtifactError(msg)

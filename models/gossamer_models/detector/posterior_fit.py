@@ -1,0 +1,222 @@
+r"""Fit the perceptrons of one window: the network, and the decoder that tells whether its answer explains the record.
+
+Symbols: ``n`` cases, ``c`` components [1], ``s2`` variance of the noise of a block mean [1], ``lam`` variances of the
+components, ``d`` damage [1], ``P``, ``m``, ``sd`` probability, mean and standard deviation of the damage of a damaged zone
+[1], ``g`` gradients, ``f`` polynomials of damage, ``W`` their coefficients. Everything stays in the space of the components,
+where white noise is white.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Vector
+from .features import SECTORS, SENSORS, Components, block_means
+from .learned import all_heads, analyse, damage_of, deviation, features
+from .perceptron import Adam, Perceptron, Rows32, batches
+from .posterior import FLOOR, IMAGE_ZONES, MIRRORS, SPREADS, degrees_of_freedom, image_signs
+from .posterior_artifact import HEADS, QUADRANT, ZONES
+from .posterior_records import Sensing, Windows, coloured_noise, noise_levels, reflect
+from .posterior_settings import Training
+
+BETA = 0.5  # of the weight sd^(2 beta) in the loss of the mean
+FAR = 4.0  # standard deviations beyond which a case pulls no more
+COLOURED_DRAWS = 1024
+WORST_POLYNOMIALS = 0.1  # residual over deviation of the components up to which cases are moved by polynomials
+
+
+def loss_gradient(heads: Rows32, d: Rows32) -> tuple[float, Rows32]:
+    r"""Return the negative log likelihood per case and the gradient of the loss with respect to the heads.
+
+    Notes
+    -----
+    The likelihood of a zone is :math:`1 - P` if it is undamaged, else :math:`P` times the normal density of its damage. The
+    gradients of mean and deviation have the weight :math:`sd^{2\beta}` of [1]_, without which cases with a large deviation
+    are never learned, and cases beyond ``FAR`` deviations pull as if they were there.
+
+    References
+    ----------
+    .. [1] M. Seitzer, A. Tavakoli, D. Antic, G. Martius, On the pitfalls of heteroscedastic uncertainty estimation with
+       probabilistic neural networks, ICLR, 2022, arXiv:2203.09168.
+    """
+    logit, mean, spread = np.split(heads, 3, axis=1)
+    damaged = (d > 0.0).astype(np.float32)
+    P = 1.0 / (1.0 + np.exp(-logit))
+    sd = deviation(spread)
+    u = (mean - d) / sd
+    near = np.clip(u, -FAR, FAR)
+    weight = damaged * (sd / np.float32(0.05)) ** np.float32(2.0 * BETA)
+    likelihood = np.logaddexp(0.0, np.where(damaged > 0.0, -logit, logit)) + damaged * (0.5 * u * u + np.log(sd))
+    g_spread = weight * (1.0 - near * near) * (np.abs(spread) < SPREADS)
+    g = np.hstack([P - damaged, weight * near / sd * np.float32(0.05), g_spread])
+    return float(likelihood.sum(axis=1).mean()), g / np.float32(len(d))
+
+
+def polynomials(d: Rows32) -> Rows32:
+    """Return powers of the damages and products of two of them, shape (n, 441)."""
+    i, j = np.triu_indices(ZONES, 1)
+    pairs = d[:, i] * d[:, j]
+    powers = [d**k for k in range(1, 6)]
+    return np.hstack([np.ones((len(d), 1), d.dtype), *powers, pairs, pairs * d[:, i], pairs * d[:, j]])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What both perceptrons of a window learn from; every case and its mirror images.
+
+    Attributes
+    ----------
+    parts : Components
+        Principal components.
+    c : ndarray of float32, shape (n, 4, K)
+        What each sensor adds to the components of a clean record.
+    outside : ndarray, shape (n,)
+        Sum of the squares of what the components leave of a clean record [1].
+    damage : ndarray of float32, shape (n, 16)
+        Damage [1].
+    movable : ndarray of int
+        Cases that are damaged since more than a window; none if the polynomials do not describe them.
+    W : ndarray of float32, shape (441, 4 K)
+        Components as polynomials of such damage.
+    depth : tuple of float
+        Range of the damage of a zone [1].
+    noise : tuple of ndarray, shapes (m, K) and (m,)
+        Components and outside of coloured noise.
+    sensing, training, random
+        Gain, settings, and source of everything random.
+    """
+
+    parts: Components
+    c: Rows32
+    outside: Rows32
+    damage: Rows32
+    movable: NDArray[np.int64]
+    W: Rows32
+    noise: tuple[Rows32, Rows32]
+    sensing: Sensing
+    training: Training
+    random: np.random.Generator
+
+    @classmethod
+    def of(cls, parts: Components, x: Rows32, train: Windows, sensing: Sensing, training: Training) -> Fit:
+        """Project clean block means, shape (n, 4, M), and fit the polynomials."""
+        random = np.random.default_rng((training.seed, 1))
+        signs = SECTORS[parts.sectors.astype(int)].T  # (4, K)
+        c = ((x - parts.mean.astype("f4")) @ parts.axes.astype("f4")) * signs.astype("f4")
+        outside = (analyse(parts, x).s2[:, 0] - FLOOR**2) * SENSORS * degrees_of_freedom(parts)
+        images = [
+            c[:, _SENSORS[::y, ::x].ravel()] * sign
+            for (y, x), sign in zip(MIRRORS, image_signs(parts.sectors)[:-1].T, strict=True)
+        ]
+        damage = reflect(x[:, :, :1], train.damage)[1].astype(np.float32)
+        movable = np.flatnonzero(np.tile(train.settled, len(MIRRORS)) & (damage.max(axis=1) > 0.0))
+        c = np.concatenate(images).astype(np.float32)
+        f, target = polynomials(damage[movable].astype(float)), c[movable].reshape(len(movable), -1)
+        W = np.linalg.lstsq(f, target, rcond=1e-8)[0]
+        if np.mean((target - f @ W) ** 2) > WORST_POLYNOMIALS**2 * np.mean((target - target.mean(axis=0)) ** 2):
+            movable = movable[:0]  # something else than damage varies
+        unit = coloured_noise((COLOURED_DRAWS, SENSORS, train.records.shape[-1]), random)
+        found = analyse(parts, block_means(unit, training.block) + parts.mean)
+        noise = found.c.astype("f4"), (found.s2[:, 0] * SENSORS * degrees_of_freedom(parts)).astype("f4")
+        return cls(
+            parts,
+            c,
+            np.tile(outside, len(MIRRORS)).astype("f4"),
+            damage,
+            movable,
+            W.astype("f4"),
+            noise,
+            sensing,
+            training,
+            random,
+        )
+
+    def epoch(self, virtual: bool) -> tuple[Rows32, Rows32, Rows32, Rows32]:
+        """Draw gain and noise of every case.
+
+        Parameters
+        ----------
+        virtual : bool
+            Whether to move most cases to other damages, by the difference of the polynomials.
+
+        Returns
+        -------
+        noisy, clean : ndarray, shape (n, K)
+            Components with gain, with and without noise.
+        s2 : ndarray, shape (n, 1)
+            Variance of the noise outside the components.
+        damage : ndarray, shape (n, 16)
+            Damage [1].
+        """
+        random, damage, c = self.random, self.damage, self.c
+        n, _, K = c.shape
+        if virtual:
+            moved = self.movable[random.random(len(self.movable)) < self.training.virtual]
+            damage, c = damage.copy(), c.copy()
+            damage[moved] = self._other_damage(damage[moved])
+            step = (polynomials(damage[moved]) - polynomials(self.damage[moved])) @ self.W
+            c[moved] += step.reshape(-1, SENSORS, K)
+        clean = self.sensing.gained(c, random).sum(axis=1)
+        level, coloured = noise_levels(n, random)
+        level = (level / np.sqrt(self.training.block)).astype(np.float32)
+        noise: Rows32 = random.standard_normal((n, K), np.float32)
+        freedom = SENSORS * degrees_of_freedom(self.parts)
+        energy: Vector = np.asarray(random.chisquare(freedom, n))
+        draw = random.integers(0, len(self.noise[1]), int(coloured.sum()))
+        flip = np.where(random.random((len(draw), 1)) < 0.5, 1.0, -1.0).astype(np.float32)
+        noise[coloured] = self.noise[0][draw] * flip * np.float32(np.sqrt(self.training.block))
+        energy[coloured] = self.noise[1][draw] * self.training.block
+        s2 = (self.outside + level**2 * energy) / freedom + FLOOR**2
+        return clean + level[:, None] * noise, clean, s2[:, None].astype(np.float32), damage
+
+    def _other_damage(self, damage: Rows32) -> Rows32:
+        """Draw as many zones, others, with other depths from among those of the cases, shape (n, 16)."""
+        depths = damage[damage > 0.0]
+        order = np.argsort(self.random.random(damage.shape), axis=1)
+        drawn = self.random.uniform(depths.min(), depths.max(), damage.shape)
+        return np.where(order < (damage > 0.0).sum(axis=1, keepdims=True), drawn, 0.0).astype(np.float32)
+
+    def _batches(self, epochs: int, size: int) -> Iterator[tuple[float, tuple[Rows32, Rows32, Rows32, Rows32]]]:
+        """Deal batches of ``epoch``, with the step size of Adam."""
+        t, n = self.training, len(self.c)
+        per_epoch = max(n // size, 1)
+        for epoch in range(epochs):
+            drawn = self.epoch(virtual=t.virtual > 0.0 and epoch < 0.75 * epochs)
+            for k, rows in enumerate(batches(n, size, self.random)):
+                done = (epoch + k / per_epoch) / epochs
+                noisy, clean, s2, damage = (part[rows] for part in drawn)
+                yield 0.5 * t.rate * (1.0 + np.cos(np.pi * done)), (noisy, clean, s2, damage)
+
+    def network(self, report: Callable[[], None]) -> Perceptron:
+        """Train the network for the damage of one quadrant."""
+        t, lam = self.training, self.parts.variances.astype(np.float32)
+        net = Perceptron.random((t.components + 1, t.hidden, t.hidden, HEADS * QUADRANT), self.random)
+        adam = Adam(net.arrays)
+        for rate, (noisy, _, s2, damage) in self._batches(t.epochs, t.batch):
+            values = net.values(features(lam, noisy, s2))
+            adam.step(net.gradients(values, loss_gradient(values[-1], damage[:, IMAGE_ZONES[0]])[1])[0], rate)
+            report()
+        return net
+
+    def decoder(self, net: Perceptron, scales: Vector, report: Callable[[], None]) -> tuple[Perceptron, Rows32]:
+        """Train the decoder on what the network, which stays as it is, makes of noisy records, towards the clean ones."""
+        t, lam, unit = self.training, self.parts.variances.astype(np.float32), scales.astype(np.float32)
+        signs = image_signs(self.parts.sectors).astype(np.float32)
+        decoder = Perceptron.random((ZONES + t.latent, t.inner, t.components), self.random)
+        latent = (self.random.standard_normal((t.hidden, t.latent)) / np.sqrt(t.hidden)).astype(np.float32)
+        adam = Adam([*decoder.arrays, latent])
+        for rate, (noisy, clean, s2, _) in self._batches(t.epochs // 2, t.batch):
+            found = features(lam, noisy, s2)
+            hidden = net.values(found)[-2]
+            values = decoder.values(np.hstack([damage_of(all_heads(net, found, signs)), hidden @ latent]))
+            gradients, g_in = decoder.gradients(values, (values[-1] - clean / unit) / np.float32(len(clean)))
+            adam.step([*gradients, hidden.T @ g_in[:, ZONES:]], rate)
+            report()
+        return decoder, latent
+
+
+_SENSORS = np.arange(SENSORS).reshape(2, 2)

@@ -1,0 +1,206 @@
+"""From a campaign to what a posterior network is trained on: windows, their damage, reflections, gain and noise.
+
+Symbols: ``n`` cases, ``M`` blocks of a window, ``x`` centred block means [1].
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from ..arrays import Matrix, Vector
+from ..errors import DataError
+from .features import SENSORS, block_means
+from .perceptron import Rows32
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+THESIS_NOISE = 0.02 / np.sqrt(12.0)  # standard deviation of U(0, 0.02)
+LEAST_NOISE, MOST_NOISE = 1e-5, 6.5e-3  # of a sample, white [1]
+COLOURED = 2e-3  # most of a sample that is not white, as an estimator leaves it [1]
+
+
+@dataclass(frozen=True)
+class Windows:
+    """One window of many cases.
+
+    Attributes
+    ----------
+    records : ndarray of float32, shape (n, 4, samples)
+        Strain [1] without gain and noise.
+    damage : ndarray, shape (n, 16)
+        Damage [1] that is there during the whole window.
+    settled : ndarray of bool, shape (n,)
+        Whether it was there from the start, or a whole window before.
+    """
+
+    records: Rows32
+    damage: Matrix
+    settled: NDArray[np.bool_]
+
+    def part(self, first: int, last: int) -> Windows:
+        """Return some of the cases."""
+        return Windows(self.records[first:last], self.damage[first:last], self.settled[first:last])
+
+
+def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: int) -> Windows:
+    """Cut one window out of every case of a campaign.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        From ``read_campaign``.
+    number : int
+        Which window, from 0.
+    samples : int
+        Samples of a window.
+    last : bool
+        Whether it stands for all later ones. Then it begins at random within what the run has left, since the phase of the
+        load at the start of a window drifts.
+    seed : int
+        For that.
+
+    Returns
+    -------
+    Windows
+        Without cases that failed or whose damage begins within the window.
+
+    Raises
+    ------
+    DataError
+        The runs are too short.
+    """
+    steps, first = data.sizes["time"], number * samples
+    if steps < first + samples:
+        msg = (
+            f"{number + 1} windows of {samples} samples need {first + samples} steps, the campaign has {steps}. Make its "
+            "'stop' longer."
+        )
+        raise DataError(msg)
+    n = data.sizes["case"]
+    slack = steps - first - samples if last else 0
+    starts = first + np.random.default_rng((seed, number)).integers(0, slack + 1, n)
+    onset = data["onset"].to_numpy() if "onset" in data else np.zeros(n)
+    step = float(data["time"][0])
+    damage = data["damage"].to_numpy()
+    there = onset <= starts * step * (1.0 + 1e-9)
+    clean = (onset >= (starts + samples) * step) | (damage.max(axis=1) == 0.0)
+    wanted = (there | clean) & ~data["failed"].to_numpy()
+    records = np.empty((n, SENSORS, samples), np.float32)
+    for begin in range(0, n, 512):
+        some = data["strain"][begin : begin + 512].to_numpy()
+        for k, record in enumerate(some, start=begin):
+            records[k] = record[:, starts[k] : starts[k] + samples]
+    settled = (onset == 0.0) | (onset <= (starts - samples) * step)
+    return Windows(records[wanted], np.where(there[:, None], damage, 0.0)[wanted], settled[wanted])
+
+
+def reflect(x: Rows32, damage: Matrix) -> tuple[Rows32, Matrix]:
+    """Add the three mirror images of each case: the membrane, its load, zones and sensors are symmetric.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, 4, ...)
+        Signals of the sensors.
+    damage : ndarray, shape (n, 16)
+        Damage [1].
+
+    Returns
+    -------
+    ndarray, shape (4 n, 4, ...), and ndarray, shape (4 n, 16)
+        The cases, then their images in x, in y and in both.
+    """
+    n = len(x)
+    signals, zones = x.reshape(n, 2, 2, -1), damage.reshape(n, 4, 4)
+    flips = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+    return (
+        np.concatenate([signals[:, ::y, ::x] for y, x in flips]).reshape(4 * n, *x.shape[1:]),
+        np.concatenate([zones[:, ::y, ::x] for y, x in flips]).reshape(4 * n, -1),
+    )
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """Gain and noise that a network is trained over.
+
+    Attributes
+    ----------
+    gain : tuple of float
+        Range of the gain of a sensor [1].
+    """
+
+    gain: tuple[float, float] = (1.0, 1.0)
+
+    @classmethod
+    def of(cls, data: xr.Dataset) -> Sensing:
+        """Read the range of the gain from a campaign."""
+        vary = json.loads(data.attrs["campaign"])["vary"].get("sensor_gain") or {}
+        low, high = vary.get("range") or vary.get("factor") or (1.0, 1.0)
+        return cls((float(low), float(high)))
+
+    def gained(self, x: Rows32, random: np.random.Generator) -> Rows32:
+        """Multiply signals, shape (n, 4, ...), by fresh gains."""
+        gain = random.uniform(*self.gain, (len(x), SENSORS, *(1,) * (x.ndim - 2)))
+        return x * gain.astype(np.float32)
+
+    def samples(self, records: Rows32, random: np.random.Generator, kind: str = "any") -> Matrix:
+        """Add gain and noise to records, shape (n, 4, samples) [1].
+
+        Parameters
+        ----------
+        records : ndarray, shape (n, 4, samples)
+            Strain [1].
+        random : numpy.random.Generator
+            Source of the noise.
+        kind : {"any", "clean", "thesis"}
+            As in the training; none; or uniform from 0 to 0.02 as in the thesis.
+        """
+        signal = self.gained(records, random).astype(float)
+        if kind == "thesis":
+            signal += random.uniform(0.0, 0.02, records.shape)
+        if kind == "any":
+            level, coloured = noise_levels(len(records), random)
+            noise = random.standard_normal(records.shape)
+            noise[coloured] = coloured_noise((int(coloured.sum()), *records.shape[1:]), random)
+            signal += level[:, None, None] * noise
+        return np.asarray(signal)
+
+
+def noise_levels(n: int, random: np.random.Generator) -> tuple[Vector, NDArray[np.bool_]]:
+    """Draw the deviation of the white noise of a sample [1], and whether there is coloured noise as well, shape (n,).
+
+    A third has about the noise of the thesis, a third any level, and a third is coloured, as an estimator leaves it.
+    """
+    kind = random.random(n)
+    level = np.exp(random.uniform(np.log(LEAST_NOISE), np.log(MOST_NOISE), n))
+    level = np.where(kind < 0.35, THESIS_NOISE * random.uniform(0.9, 1.1, n), level)
+    coloured = kind > 0.65
+    return np.where(coloured, np.minimum(level, COLOURED), level), coloured
+
+
+def coloured_noise(shape: tuple[int, ...], random: np.random.Generator) -> Matrix:
+    """Draw white noise of deviation 1 and two first-order processes of deviations up to 1, shape (n, 4, samples).
+
+    The estimator of the compensator leaves noise like this: half of its variance white, a third with a correlation time of
+    two samples, the rest of ten to thirty.
+    """
+    noise = random.standard_normal(shape)
+    for record in noise:
+        for low, high in ((0.4, 0.7), (0.85, 0.97)):
+            f = random.uniform(low, high)
+            white = random.standard_normal(record.shape)
+            start = white[:, :1] * (f / np.sqrt(1.0 - f**2))
+            record += random.random() * np.sqrt(1.0 - f**2) * lfilter([1.0], [1.0, -f], white, axis=-1, zi=start)[0]
+    return noise
+
+
+def features_of(records: Rows32, block: int) -> Rows32:
+    """Return ``block_means`` of many records in single precision, a few of them at a time."""
+    some = [block_means(records[k : k + 512], block).astype(np.float32) for k in range(0, len(records), 512)]
+    return np.concatenate(some)

@@ -1,0 +1,144 @@
+r"""Train posterior networks on a campaign.
+
+Symbols: ``n`` cases, ``x`` centred block means [1].
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from .assessment import mean_absolute_errors, summarize
+from .features import SENSORS, principal_components
+from .posterior import FLOOR, degrees_of_freedom, judge_records
+from .posterior_artifact import PosteriorArtifact, PosteriorWindow
+from .posterior_calibration import calibrate
+from .posterior_fit import Fit
+from .posterior_records import COLOURED, LEAST_NOISE, MOST_NOISE, Sensing, Windows, cut_windows, features_of
+from .posterior_settings import Training
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+NOISES = {"clean": "no noise", "thesis": "the thesis' noise"}
+SMALL = 2e-4  # components are in units of their deviation or of this [1], for the decoder
+
+
+def train_posterior(
+    data: xr.Dataset, training: Training | None = None, progress: Callable[[float], None] | None = None
+) -> PosteriorArtifact:
+    """Train the networks of all windows on a campaign.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        From ``read_campaign``. What varies in it is what the detector is trained over.
+    training : Training, optional
+        Settings.
+    progress : callable, optional
+        Called with the share of the work that is done.
+
+    Raises
+    ------
+    DataError
+        There are too few cases, or the runs are too short.
+    """
+    t = training or Training()
+    sensing = Sensing.of(data)
+    cuts = [cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)]
+    windows: list[PosteriorWindow] = []
+    done = itertools.count(1)
+    total = sum((t.epochs + t.epochs // 2) * max(4 * len(_split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
+    with threadpool_limits(1):  # small matrices: waking other threads for them costs more than their work
+        for number, cut in enumerate(cuts):
+            report = (lambda: None) if progress is None else (lambda: progress(next(done) / total))
+            windows.append(_train_window(cut, sensing, replace(t, seed=t.seed + number), report))
+    campaign = json.loads(data.attrs["campaign"])
+    artifact = PosteriorArtifact(
+        start_time=0.0,
+        sampling_step=float(campaign["step"]),
+        samples=t.samples,
+        block=t.block,
+        windows=tuple(windows),
+        trained_over=trained_over(campaign),
+        provenance={
+            "command": "gossamer train",
+            "campaign": str(data.attrs["sha256"]),
+            "cases": str(data.sizes["case"]),
+        },
+    )
+    return replace(artifact, held_out=assess_windows(artifact, data, t))
+
+
+def assess_windows(artifact: PosteriorArtifact, data: xr.Dataset, t: Training) -> dict[str, dict[str, float]]:
+    """Summarize a detector on the last cases of its campaign, which were neither trained nor calibrated on.
+
+    Returns
+    -------
+    dict
+        What ``summarize`` gives by kind of record: window, damage and noise; and for the answer "always 0".
+    """
+    sensing, random, found = Sensing.of(data), np.random.default_rng(t.seed), {}
+    for number in range(len(artifact.windows)):
+        cut = cut_windows(data, number, t.samples, number == t.windows - 1, t.seed)
+        test = _split(cut, t)[2]
+        damaged = test.damage.max(axis=1) > 0.0
+        for kind in ("clean", "thesis"):
+            judged = judge_records(artifact, number, sensing.samples(test.records, random, kind))
+            for some, what in ((damaged, "damaged"), (~damaged, "healthy")):
+                if some.any():
+                    part = {name: values[some] for name, values in judged.items()}
+                    found[f"window {number + 1}, {what}, {NOISES[kind]}"] = summarize(test.damage[some], part)
+    found["always 0"] = mean_absolute_errors(test.damage[damaged], np.zeros_like(test.damage[damaged]))
+    return found
+
+
+def trained_over(campaign: dict[str, Any]) -> dict[str, list[float]]:
+    """State the ranges of a training: from its campaign and the noise of ``Sensing``."""
+    damage = campaign["damage"]
+    ranges = {"damaged zones": [0, damage["zones"][1]], "damage [1]": damage["depth"]}
+    for name, vary in campaign["vary"].items():
+        kind = "range" if vary["range"] else "factor"
+        ranges[f"{name}, {kind}"] = vary[kind]
+    noise = {"white noise of a sample [1]": [LEAST_NOISE, MOST_NOISE], "coloured noise [1]": [0.0, COLOURED]}
+    return {name: [float(value) for value in pair] for name, pair in (ranges | noise).items()}
+
+
+def _split(cut: Windows, t: Training) -> tuple[Windows, Windows, Windows]:
+    """Split cases into those to train on, to calibrate with and to test with."""
+    n = len(cut.damage)
+    ends = [0, n - int(t.held_out * n), n - int(0.5 * t.held_out * n), n]
+    train, calibration, test = (cut.part(a, b) for a, b in itertools.pairwise(ends))
+    return train, calibration, test
+
+
+def _train_window(cut: Windows, sensing: Sensing, t: Training, report: Callable[[], None]) -> PosteriorWindow:
+    random = np.random.default_rng(t.seed)
+    train, calibration, _ = _split(cut, t)
+    x = features_of(train.records, t.block)
+    parts = principal_components(sensing.gained(x, random), t.components)
+    parts = replace(parts, axes=parts.axes.astype(np.float16).astype(float))  # as the file holds them
+    fit = Fit.of(parts, x, train, sensing, t)
+    scales = np.sqrt(parts.variances + SMALL**2)
+    net = fit.network(report)
+    decoder, latent = fit.decoder(net, scales, report)
+    window = PosteriorWindow(
+        mean=parts.mean,
+        axes=parts.axes,
+        sectors=parts.sectors,
+        variances=parts.variances,
+        rest=np.sqrt([fit.outside.mean() / (SENSORS * degrees_of_freedom(parts)) + FLOOR**2]),
+        encoder=tuple(np.asarray(a, float) for a in net.arrays),
+        latent=np.asarray(latent, float),
+        decoder=tuple(np.asarray(a, float) for a in decoder.arrays),
+        scales=scales,
+        errors=np.ones(t.components),
+        limits=np.ones(5),
+    )
+    return calibrate(window, t.block, calibration, sensing, random)
