@@ -46,6 +46,7 @@ def test_the_table_is_the_agreed_interface(model):
     assert names[33:] == (
         *(f"w[{i},{j}]" for i in range(1, 8) for j in range(1, 8)),
         "largest_strain",
+        "deflection_ratio",
         "max_step",
     )
     assert model.step_limit == "max_step"
