@@ -1,4 +1,4 @@
-# make demo   build the four FMUs, run both demo scenarios, leave results and pictures in out/
+# make demo   build the FMUs, run the demo, leave results and pictures in out/
 # make test   every check and test, on a machine with nothing but Python >= 3.11 and make
 PYTHON ?= python3
 VENV := .venv
