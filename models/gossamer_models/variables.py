@@ -43,8 +43,8 @@ class Variable:
     start : float or None
         Start value; needed for parameters and inputs, not allowed elsewhere.
     minimum, maximum : float or None
-        Closed range of meaningful values. Parameters and inputs outside of it are refused. A result that leaves it means that
-        the model has left the range in which it is valid: a running model warns once and goes on.
+        Closed range of meaningful values. Parameters and inputs outside of it are refused. A result that leaves it means
+        that the model has left the range in which it is valid: a running model warns once and goes on.
     nominal : float or None
         Order of magnitude.
     discrete : bool
