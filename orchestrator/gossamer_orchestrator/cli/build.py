@@ -36,7 +36,7 @@ def build(
         int | None,
         typer.Option(
             help="Order of the membrane's elements: 1 for bilinear ones, 2 to 12 for spectral ones; 4 by default. 6 halves "
-            "the error and takes three times as long.",
+            "the error and takes seven times as long.",
             metavar="N",
         ),
     ] = None,
