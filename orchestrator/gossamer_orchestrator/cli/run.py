@@ -12,7 +12,7 @@ from ..errors import ResultsError
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .common import FMUS, FmuFolder
-from .watch import watch
+from .watch import LiveWatch
 
 DEMO = "damage_begins"
 
@@ -26,6 +26,10 @@ def run(
     step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
     stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
     pictures: Annotated[bool, typer.Option(help="Draw pictures of what was recorded.")] = True,
+    watched: Annotated[
+        bool,
+        typer.Option("--watch", help="Run the digital twin beside it: an alarm when damage begins, then its place."),
+    ] = False,
 ) -> None:
     """Run a scenario.
 
@@ -38,10 +42,13 @@ def run(
 
         gossamer run my_scenario.toml --out out/mine --no-pictures
 
+        gossamer run damage_begins --watch
+
         gossamer run other.ssp --step 1e-3 --stop 2
     """
     path = find_scenario(scenario)
-    _run(path, fmus, Path("out") / path.stem if out is None else out, pictures=pictures, step=step, stop=stop)
+    folder = Path("out") / path.stem if out is None else out
+    _run(path, fmus, folder, pictures=pictures, watched=watched, step=step, stop=stop)
 
 
 def demo(
@@ -50,30 +57,40 @@ def demo(
     """Build the FMUs, and find damage that begins during a run.
 
     Two zones of a membrane lose stiffness half way through the run. Four sensors with noisy resistance, four estimators and
-    the detector find the damage, window by window, with its standard deviation. Then the digital twin watches the same
-    resistances: an alarm, the onset, the damages. Leaves results and pictures in out/damage_begins.
+    the detector find the damage, window by window, with its standard deviation. Beside it the digital twin watches the
+    same resistances: an alarm, the onset, the damages. Leaves results and pictures in out/damage_begins.
 
     For example:
 
         gossamer demo
     """
     build_fmus(out / "fmus")
-    _run(find_scenario(DEMO), out / "fmus", out / DEMO, pictures=True)
-    watch(out / DEMO)
+    _run(find_scenario(DEMO), out / "fmus", out / DEMO, pictures=True, watched=True)
 
 
 def _run(
-    scenario: Path, fmus: Path, out: Path, *, pictures: bool, step: float | None = None, stop: float | None = None
+    scenario: Path,
+    fmus: Path,
+    out: Path,
+    *,
+    pictures: bool,
+    watched: bool,
+    step: float | None = None,
+    stop: float | None = None,
 ) -> None:
     """Run one scenario, write everything, and print the judgements as tables on stderr, if there is a detector."""
     from ..results.files import CSV, NETCDF
     from ..results.judgements import doubts, windows
     from ..results.tables import history_table, zone_table
+    from ..run.master import Observer
     from ..run.progress import ProgressBar
     from ..run.runner import run_scenario
 
     try:
-        data = run_scenario(scenario, fmus, out, step=step, stop=stop, observers=[ProgressBar(scenario.stem)])
+        observers: list[Observer] = [ProgressBar(scenario.stem)]
+        if watched:
+            observers.append(LiveWatch(out / "watch.json"))
+        data = run_scenario(scenario, fmus, out, step=step, stop=stop, observers=observers)
     except KeyboardInterrupt:
         typer.echo(f"Interrupted; results until then are in {out}.", err=True)
         raise typer.Exit(130) from None

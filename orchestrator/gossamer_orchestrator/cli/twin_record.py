@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,22 +68,27 @@ def find_record(path: Path, kind: str | None, noise: float | None, stop: float |
     if kind not in (None, *KINDS):
         msg = f"--kind is {kind!r}. Write strain or resistance."
         raise OrchestratorError(msg)
-    known: dict[str, float] = {}
-    sensors: dict[str, list[float]] = {}
-    given = _assigned(params, asdict(MembraneParams()))
     if path.suffix == ".csv" and not _of_a_run(path):
-        record = read_table(path, kind, noise)
+        given = _assigned(params, asdict(MembraneParams()))
+        found = Found(record=read_table(path, kind, noise), params=MembraneParams(**given))
     else:
-        data = load_results(path)
-        record, sensors = _recorded(data, kind, noise)
-        known = {
-            n: v for n, v in _parameters(data, roles.find(data, "membrane")).items() if n in asdict(MembraneParams())
-        }
+        found = find_in_results(load_results(path), kind, noise, params)
     if stop is not None:
-        from dataclasses import replace
+        samples = max(0, round(stop / found.record.step))
+        found = replace(found, record=replace(found.record, values=found.record.values[:, :samples]))
+    return found
 
-        record = replace(record, values=record.values[:, : max(0, round(stop / record.step))])
-    return Found(record=record, params=MembraneParams(**{**known, **given}), sensor_parameters=sensors)
+
+def find_in_results(data: xr.Dataset, kind: str | None, noise: float | None, params: Sequence[str]) -> Found:
+    """Find a record in the results of a run, as ``find_record`` does."""
+    from gossamer_models.membrane import MembraneParams
+
+    names = asdict(MembraneParams())
+    record, sensors = _recorded(data, kind, noise)
+    known = {name: value for name, value in _parameters(data, roles.find(data, "membrane")).items() if name in names}
+    return Found(
+        record=record, params=MembraneParams(**{**known, **_assigned(params, names)}), sensor_parameters=sensors
+    )
 
 
 def _of_a_run(path: Path) -> bool:

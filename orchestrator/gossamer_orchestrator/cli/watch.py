@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import json
-import time
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 
 from ..errors import OrchestratorError
+from ..results.dataset import make_dataset
+from ..run.recorder import Recorder
 from .common import model_errors
 
 if TYPE_CHECKING:
-    from gossamer_models.twin import Finding
+    from gossamer_models.twin import Finding, Watch, Window
     from rich.table import Table
 
+    from ..run.master import Simulation
+    from .twin_record import Found
+
 LEAST_WINDOW = 20  # samples
+LARGE = 2.0  # chi2 per sample of a window that the twin does not explain
+FALSE_ALARMS = 1e-5
 
 
 def watch(
@@ -29,7 +36,9 @@ def watch(
     noise: Annotated[
         float | None, typer.Option(help="Standard deviation of the noise, 1 or ohm; estimated by default.", min=0.0)
     ] = None,
-    false_alarms: Annotated[float, typer.Option(help="Share of the windows that may raise a false alarm.")] = 1e-5,
+    false_alarms: Annotated[
+        float, typer.Option(help="Share of the windows that may raise a false alarm.")
+    ] = FALSE_ALARMS,
     params: Annotated[
         list[str] | None, typer.Option(help="A membrane parameter, NAME=VALUE; may be repeated.", metavar="NAME=VALUE")
     ] = None,
@@ -51,86 +60,150 @@ def watch(
 
         gossamer run damage_begins && gossamer watch out/damage_begins
     """
-    import numpy as np
-    from gossamer_models.sensor import SensorArtifact, default_artifact
-    from gossamer_models.twin import Watch
-
     from .twin_record import find_record
 
     console = Console(stderr=True)
     with model_errors():
         found = find_record(record, kind, noise, None, params or [])
-        samples = round(window / found.record.step)
-        if samples < LEAST_WINDOW or 2 * samples > found.record.samples:
-            msg = (
-                f"--window {window:g} s is {samples} samples of the record's {found.record.samples}. A window needs "
-                f"{LEAST_WINDOW} or more, and the record two windows or more."
-            )
+        samples = _samples(window, found)
+        if 2 * samples > found.record.samples:
+            msg = f"the record has {found.record.samples} samples, less than two windows of {samples}. Record longer."
             raise OrchestratorError(msg)
-        artifact = None
-        if found.record.kind == "resistance":
-            artifact = default_artifact() if sensor is None else SensorArtifact.read(sensor)
         with console.status("compiling"):
-            watching = Watch(
-                np.nan_to_num(found.record.noise_deviation(), nan=1.0),
-                elements,
-                order,
-                found.params,
-                sensor=artifact,
-                sensor_parameters=found.sensor_parameters,
-                step=found.record.step,
-                false_alarms=false_alarms,
-            )
-        begun, alarms, findings, misfits = time.process_time(), [], [], []
+            watching = _begin(found, sensor, elements, order, false_alarms)
+        report = _Report(console)
         for first in range(0, found.record.samples - samples + 1, samples):
-            judged = watching.advance(found.record.values[:, first : first + samples])
-            misfits.append(judged.misfit)
-            if judged.alarm:
-                alarms.append(judged.time)
-                console.print(
-                    f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.1f} times its mean",
-                    style="bold red",
-                    highlight=False,
-                )
-            if judged.finding is not None:
-                findings.append(judged.finding)
-                console.print(_zone_table(judged.finding))
-        spent = (time.process_time() - begun) / (len(misfits) * samples * found.record.step)
-        content = {
-            "alarms": alarms,
-            "findings": [
-                {
-                    "onset": f.onset,
-                    "onset_deviation": f.onset_deviation,
-                    "damage": f.damage.tolist(),
-                    "deviation": f.deviation.tolist(),
-                    "chi2_per_sample": f.chi2_per_sample,
-                }
-                for f in findings
-            ],
-            "misfit": misfits,
-        }
-        path = (record if record.is_dir() else record.parent) / "watch.json" if out is None else out
+            report.take(watching.advance(found.record.values[:, first : first + samples]))
+    typer.echo(report.end((record if record.is_dir() else record.parent) / "watch.json" if out is None else out))
+
+
+class LiveWatch:
+    """Observer of a run that watches it while it goes on.
+
+    Parameters
+    ----------
+    out : Path
+        JSON file to write.
+    window : float
+        Length of a window [s].
+    """
+
+    def __init__(self, out: Path, window: float = 0.05) -> None:
+        self._out, self._window = out, window
+        self._console = Console(stderr=True)
+        self._report = _Report(self._console)
+        self._watching: Watch | None = None
+        self._seen = 0.0
+
+    def begin(self, simulation: Simulation) -> None:
+        """Record what the scenario records."""
+        self._recorder = Recorder(simulation.plan)
+        self._recorder.begin(simulation)
+
+    def sample(self, simulation: Simulation) -> None:
+        """Judge a window when it is complete."""
+        self._recorder.sample(simulation)
+        step = simulation.scenario.step * simulation.scenario.record.every
+        if (len(self._recorder.time) - 1) * step < self._seen + self._window:
+            return
+        self._seen += self._window
+        from .twin_record import find_in_results
+
+        with model_errors():
+            data = make_dataset(
+                simulation.plan, self._recorder.time, self._recorder.table, master=simulation.scenario.master
+            )
+            found = find_in_results(data, None, None, [])
+            samples = _samples(self._window, found)
+            if self._watching is None:
+                self._watching = _begin(found, None, 4, 4, FALSE_ALARMS)
+            first = samples * len(self._report.misfits)
+            if found.record.samples >= first + samples:
+                self._report.take(self._watching.advance(found.record.values[:, first : first + samples]))
+
+    def end(self, simulation: Simulation) -> None:  # noqa: ARG002
+        """Write what was found."""
+        if self._report.misfits:
+            typer.echo(self._report.end(self._out))
+
+
+class _Report:
+    """Print what the windows say, and keep it."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._alarms: list[float] = []
+        self._findings: list[Finding] = []
+        self.misfits: list[float] = []
+
+    def take(self, judged: Window) -> None:
+        """Print an alarm or a finding."""
+        self.misfits.append(judged.misfit)
+        if judged.alarm:
+            self._alarms.append(judged.time)
+            text = f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.3g} times its mean"
+            self._console.print(text, style="bold red", highlight=False)
+        if judged.finding is not None:
+            self._findings.append(judged.finding)
+            self._console.print(_zone_table(judged.finding))
+
+    def end(self, path: Path) -> Path:
+        """Print a summary, write the file and return its path."""
+        alarms, windows = len(self._alarms), len(self.misfits)
+        self._console.print(f"{alarms} alarm{'s' * (alarms != 1)} in {windows} windows", highlight=False)
+        if self.misfits[-1] > LARGE:
+            text = (
+                f"The twin does not explain the last window: chi2 per sample is {self.misfits[-1]:.3g}. Check load, "
+                "damping, sensors and noise."
+            )
+            self._console.print(text, style="bold yellow", highlight=False)
+        findings = [{name: _plain(value) for name, value in asdict(each).items()} for each in self._findings]
+        content = {"alarms": self._alarms, "findings": findings, "misfit": self.misfits}
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    verdict = f"{len(alarms)} alarm{'s' * (len(alarms) != 1)} in {len(misfits)} windows"
-    console.print(f"{verdict}; {spent:.2g} s of processor time per second of the record", highlight=False)
-    if misfits[-1] > 2.0:
-        console.print(
-            f"The twin does not explain the last window: chi2 per sample is {misfits[-1]:.3g}. Check load, damping, "
-            "sensors and noise.",
-            style="bold yellow",
-            highlight=False,
-        )
-    typer.echo(path)
+        return path
+
+
+def _samples(window: float, found: Found) -> int:
+    """Count the samples of a window, and refuse too few."""
+    samples = round(window / found.record.step)
+    if samples < LEAST_WINDOW:
+        msg = f"a window of {window:g} s is {samples} samples of the record; it needs {LEAST_WINDOW} or more."
+        raise OrchestratorError(msg)
+    return samples
+
+
+def _begin(found: Found, sensor: Path | None, elements: int, order: int, false_alarms: float) -> Watch:
+    """Start the twin of a record."""
+    import numpy as np
+    from gossamer_models.sensor import SensorArtifact, default_artifact
+    from gossamer_models.twin import Watch
+
+    artifact = None
+    if found.record.kind == "resistance":
+        artifact = default_artifact() if sensor is None else SensorArtifact.read(sensor)
+    return Watch(
+        np.nan_to_num(found.record.noise_deviation(), nan=1.0),
+        elements,
+        order,
+        found.params,
+        sensor=artifact,
+        sensor_parameters=found.sensor_parameters,
+        step=found.record.step,
+        false_alarms=false_alarms,
+    )
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _zone_table(finding: Finding) -> Table:
     """Return a table of the damaged zones."""
     from rich.table import Table
 
-    when = f"{finding.onset:.5f} ± {finding.onset_deviation:.5f} s"
-    table = Table("zone", "damage [%]", title=f"Damage since t = {when}")
+    title = f"Damage since t = {finding.onset:.5f} ± {finding.onset_deviation:.5f} s"
+    table = Table("zone", "damage [%]", title=title, min_width=len(title))
     for k in (finding.damage > 0.0).nonzero()[0]:
         table.add_row(str(k + 1), f"{100.0 * finding.damage[k]:.2f} ± {100.0 * finding.deviation[k]:.2f}")
     return table

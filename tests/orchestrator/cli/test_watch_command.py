@@ -1,0 +1,55 @@
+"""``gossamer watch``: alarms, onset and zones from a record; what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gossamer_models.batch import Batch
+from gossamer_models.membrane import membrane_model
+from gossamer_orchestrator.cli import app
+from typer.testing import CliRunner
+
+STEP, ONSET = 3e-4, 0.2104
+MESH = ["--elements", "4", "--order", "1"]  # coarse, so that a window costs little; twin and truth have the same
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Nine windows of noisy strain; zone 6 loses 30 % of its stiffness in the fifth."""
+    batch = Batch(membrane_model(4, 1, compiled=True), [f"strain[{k}]" for k in range(1, 5)], ["damage[6]"])
+    time = STEP * np.arange(1, 1504)
+    strain = batch.run(time.size, STEP, inputs={"damage[6]": 0.3 * (time > ONSET)}).results[0]
+    strain += np.random.default_rng(1).normal(0.0, 5e-4, strain.shape)
+    path = tmp_path_factory.mktemp("watch") / "record.csv"
+    head = ",".join(["time", *(f"strain[{k}]" for k in range(1, 5))])
+    np.savetxt(path, np.column_stack([time, strain.T]), delimiter=",", header=head, comments="")
+    return path
+
+
+def test_an_alarm_is_printed_and_the_finding_written(record):
+    result = CliRunner().invoke(app, ["watch", str(record), *MESH])
+    assert result.exit_code == 0, result.output
+    assert "ALARM" in result.stderr
+    found = json.loads(Path(result.stdout.strip()).read_text(encoding="utf-8"))
+    assert len(found["alarms"]) == 1
+    assert 0.0 < found["alarms"][0] - ONSET < 0.1
+    (finding,) = found["findings"]
+    assert finding["onset"] == pytest.approx(ONSET, abs=5e-4)
+    assert finding["damage"] == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--window", "0.001"], "needs 20 or more"),
+        (["--window", "0.4"], "less than two windows"),
+        (["--params", "stiffness=1"], "no parameter 'stiffness'"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(record, options, message):
+    result = CliRunner().invoke(app, ["watch", str(record), *MESH, *options])
+    assert result.exit_code == 1
+    assert message in result.stderr
