@@ -14,7 +14,7 @@ from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.scenario.shipped import find_scenario, shipped_scenarios
 from typer.testing import CliRunner
 
-COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin")
+COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin", "watch")
 
 FRAGILE = 'step = 0.1\nstop = 1.0\n[components.f]\nfmu = "fragile"\n'
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
