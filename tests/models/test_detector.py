@@ -13,14 +13,14 @@ from gossamer_models.detector import (
     packet_energies,
     triangular_memberships,
 )
+from gossamer_models.detector.assessment import THESIS_ERROR
 from gossamer_models.detector.networks import PEAKS, train_networks
 from gossamer_models.detector.training import (
     SAMPLES,
     STRAINS,
-    THESIS_ERROR,
     assess,
     estimate_damage,
-    simulate_strains,
+    simulate_cases,
     single_damage_cases,
     window_energies,
 )
@@ -90,7 +90,7 @@ def test_a_window_may_start_later(model):
 
 
 def test_a_window_without_its_baseline_is_not_valid(model):
-    strains = simulate_strains(np.zeros(16), SAMPLES)
+    strains = simulate_cases(np.zeros((1, 16)), SAMPLES)[0]
     assert run(model, strains)[-1, 16] == 1.0
     assert run(model, strains, window_length=400 * STEP)[-1, 16] == 0.0
     assert run(model, strains, start_time=STEP)[-1, 16] == 0.0
@@ -137,9 +137,11 @@ def test_single_damage_is_found_trained_on_or_not(capsys):
 def test_the_shipped_artifact_comes_from_this_membrane_and_this_training():
     """Two of its 129 cases simulated again, the networks of its first window trained again: the same numbers."""
     artifact, damages = DetectorArtifact.default(), single_damage_cases()
-    for case in (0, 8):
-        energies = window_energies(simulate_strains(damages[case], 3 * SAMPLES), SAMPLES)
-        assert np.log(energies / artifact.baseline) == pytest.approx(artifact.references[:, case], abs=1e-9)
+    for case, strains in zip((0, 8), simulate_cases(damages[[0, 8]], 3 * SAMPLES), strict=True):
+        energies = window_energies(strains, SAMPLES)
+        assert np.log(energies / artifact.baseline) == pytest.approx(
+            artifact.references[:, case], abs=1e-5
+        )  # strain is stored in single precision
     weights, bias, rules, _ = train_networks(artifact.references[0], damages)
     assert weights == pytest.approx(artifact.weights[0], rel=1e-9)
     assert bias == artifact.bias[0]
@@ -151,7 +153,7 @@ def test_damage_that_begins_later_is_found_once_a_window_has_passed(model):
     """Undamaged for three windows, then 40 % in zone 6; estimated by the networks of the periodic response."""
     from gossamer_models.membrane import membrane_model
 
-    membrane = Stepper(membrane_model())
+    membrane = Stepper(membrane_model(8, 1))
     membrane.initialize()
     damage = np.repeat([0.0, 0.4], 3 * SAMPLES)
     strains = np.array(list(simulate(membrane, np.full(damage.size, STEP), {"damage[6]": damage}, STRAINS).values()))

@@ -7,6 +7,7 @@ deviation of the damage of a damaged zone [1].
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -14,9 +15,11 @@ import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix, Vector
+from .assessment import WRONG
 from .features import SECTORS, SENSORS, Components, block_means, difference_noise
 from .posterior_artifact import QUADRANT, ZONES, PosteriorArtifact, PosteriorWindow
 
+LARGEST_RISK = 0.01  # of a valid answer: that it is wrong by more than 10 % [1]
 FLOOR = 3e-5  # least noise of a block mean [1], far below what matters, so that clean records have one too
 MIRRORS = ((1, 1), (1, -1), (-1, 1), (-1, -1))  # images of a record: steps through rows (along y) and columns (along x)
 _ZONE = np.arange(ZONES).reshape(4, 4)
@@ -33,7 +36,7 @@ class Judgement(NamedTuple):
     deviation : standard deviation [1].
     probability : that there is damage [1].
     misfit : distance from the records of the training; 1 is the largest valid one.
-    sure : whether every standard deviation is small enough to be an answer.
+    risk : chance that the damage of some zone is wrong by more than 10 % [1].
     ratios : the parts of the misfit, shape (4,) or (4, n), before they are divided by their limits.
     """
 
@@ -41,7 +44,7 @@ class Judgement(NamedTuple):
     deviation: ca.MX
     probability: ca.MX
     misfit: ca.MX
-    sure: ca.MX
+    risk: ca.MX
     ratios: ca.MX
 
 
@@ -92,8 +95,7 @@ def judge_window(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX) ->
         ca.sqrt(s2),
     )
     deviation = ca.sqrt(P * sd**2 + P * (1.0 - P) * m**2)
-    sure = ca.mmax(deviation) <= window.limits[-1]
-    return Judgement(damage, deviation, P, ca.mmax(ratios / ca.DM(window.limits[:-1])), sure, ratios)
+    return Judgement(damage, deviation, P, ca.mmax(ratios / ca.DM(window.limits)), risk_of(P, m, sd), ratios)
 
 
 def layers(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
@@ -112,6 +114,14 @@ def posterior(logit: ca.MX, mean: ca.MX, spread: ca.MX) -> tuple[ca.MX, ca.MX, c
         ca.fmax(mean, 0.0),
         SPREAD * ca.exp(ca.fmax(-SPREADS, ca.fmin(SPREADS, spread))),
     )
+
+
+def risk_of(P: ca.MX, m: ca.MX, sd: ca.MX) -> ca.MX:
+    """Bound the chance that the estimate of some zone is wrong by more than ``WRONG``: the sum of those of the zones."""
+    beyond = 1.0 - ca.erf(WRONG / (math.sqrt(2.0) * sd))
+    missed = P * 0.5 * (1.0 + ca.erf((m - WRONG) / (math.sqrt(2.0) * sd)))
+    called = P * beyond + (1.0 - P) * (m > WRONG)
+    return ca.fmin(ca.sum1(ca.if_else(P >= 0.5, called, missed)), 1.0)
 
 
 def log_noise(s2: ca.MX) -> ca.MX:
@@ -180,5 +190,5 @@ def judge_records(artifact: PosteriorArtifact, number: int, records: Matrix) -> 
         block_means(records, artifact.block).reshape(len(records), -1).T, difference_noise(records).T
     )
     result = {name: np.array(value.T) for name, value in zip(Judgement._fields, found, strict=True)}
-    result |= {name: result[name][:, 0] for name in ("misfit", "sure")}
-    return result | {"valid": (result["misfit"] <= 1.0) & (result["sure"] > 0.5)}
+    result |= {name: result[name][:, 0] for name in ("misfit", "risk")}
+    return result | {"valid": (result["misfit"] <= 1.0) & (result["risk"] <= LARGEST_RISK)}

@@ -43,9 +43,9 @@ class PosteriorWindow:
         Units of the decoder [1].
     errors : ndarray, shape (K,)
         Root mean square errors of the decoder on clean held-out records [1].
-    limits : ndarray, shape (5,)
-        Largest valid misfit outside the components, of the explanation and inside the components, noise of a block mean,
-        and standard deviation of a damage [1].
+    limits : ndarray, shape (4,)
+        Largest valid misfit outside the components, of the explanation and inside the components, and noise of a block
+        mean [1].
     """
 
     mean: Vector
@@ -70,7 +70,7 @@ class PosteriorWindow:
             "rest": (1,),
             "scales": (K,),
             "errors": (K,),
-            "limits": (5,),
+            "limits": (4,),
         }
         found = {name: getattr(self, name).shape for name in shapes}
         _require(found == shapes, f"its arrays have shapes {found}, not {shapes}")

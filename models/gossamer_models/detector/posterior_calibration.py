@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
-from .assessment import BAND, WRONG
+from .assessment import BAND
 from .features import block_means
 from .learned import Features, analyse, deviation, explain, heads_of
 from .posterior import judge_records
@@ -22,7 +22,6 @@ from .posterior_records import Sensing, Windows, reflect
 
 FALSE_REJECTION = 0.01  # share of records of the training that the misfit may refuse
 FEWEST = 40  # held-out cases that limits can be taken from
-SPARED = 0.05  # share of the wrong answers that the limit of the deviation may let pass
 ROOM = 1.2  # noise above that of the training that is still valid
 
 
@@ -75,8 +74,7 @@ def calibrate(
     artifact = PosteriorArtifact(
         start_time=0.0, sampling_step=1.0, samples=clean.shape[-1], block=block, windows=(window,)
     )
-    judged = judge_records(artifact, 0, noisy)
-    return replace(window, limits=_limits(judged["ratios"], judged["deviation"], np.abs(judged["damage"] - d)))
+    return replace(window, limits=_limits(judge_records(artifact, 0, noisy)["ratios"]))
 
 
 def _with_honest_heads(window: PosteriorWindow, found: Features, d: Matrix) -> PosteriorWindow:
@@ -101,15 +99,12 @@ def _with_honest_heads(window: PosteriorWindow, found: Features, d: Matrix) -> P
     return replace(window, encoder=(*rest, W, b))
 
 
-def _limits(ratios: Matrix, deviation: Matrix, error: Matrix) -> Vector:
-    """Return the limits of ratios, shape (n, 4), which refuse few records, and of deviations, which catch wrong answers."""
+def _limits(ratios: Matrix) -> Vector:
+    """Return the limits of ratios, shape (n, 4), which together refuse ``FALSE_REJECTION`` of the records."""
     low, high = 0.0, FALSE_REJECTION
-    for _ in range(30):  # the share that each may refuse, so that together they refuse FALSE_REJECTION
+    for _ in range(30):  # the share that each may refuse
         each = 0.5 * (low + high)
         limits = np.quantile(ratios[:, :3], 1.0 - each, axis=0)
         together = (ratios[:, :3] > limits).any(axis=1).mean()
         low, high = (each, high) if together < FALSE_REJECTION else (low, each)
-    wrong = error.max(axis=1) > WRONG
-    surest = deviation.max(axis=1)
-    deepest = np.quantile(surest[wrong], SPARED) if wrong.sum() >= 10 else WRONG
-    return np.array([*limits, ROOM * ratios[:, 3].max(), deepest])
+    return np.array([*limits, ROOM * ratios[:, 3].max()])

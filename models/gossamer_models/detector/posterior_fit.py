@@ -26,7 +26,7 @@ from .posterior_settings import Training
 BETA = 0.5  # of the weight sd^(2 beta) in the loss of the mean
 FAR = 4.0  # standard deviations beyond which a case pulls no more
 COLOURED_DRAWS = 1024
-WORST_POLYNOMIALS = 0.1  # residual over deviation of the components up to which cases are moved by polynomials
+WORST_POLYNOMIALS = 0.3  # residual over deviation of the components up to which cases are moved by polynomials
 
 
 def loss_gradient(heads: Rows32, d: Rows32) -> tuple[float, Rows32]:
@@ -65,6 +65,41 @@ def polynomials(d: Rows32) -> Rows32:
 
 
 @dataclass(frozen=True)
+class Moves:
+    """Cases that differ in damage alone, and their components as polynomials of it.
+
+    Attributes
+    ----------
+    cases : ndarray of int
+        Damaged since more than a window; windows of one shift. None if the polynomials do not describe them.
+    W : ndarray of float32, shape (441, 4 K)
+        Coefficients.
+    """
+
+    cases: NDArray[np.int64]
+    W: Rows32
+
+    @classmethod
+    def of(cls, damage: Rows32, c: Rows32, cases: NDArray[np.int64]) -> Moves:
+        """Fit the polynomials to some of all cases."""
+        none = cls(cases[:0], np.zeros((0, 0), np.float32))
+        if len(cases) < 2 * polynomials(damage[:1]).shape[1]:
+            return none
+        f, target = polynomials(damage[cases].astype(float)), c[cases].reshape(len(cases), -1).astype(float)
+        W = np.linalg.lstsq(f, target, rcond=1e-8)[0]
+        left = np.mean((target - f @ W) ** 2) / np.mean((target - target.mean(axis=0)) ** 2)
+        return cls(cases, W.astype(np.float32)) if left < WORST_POLYNOMIALS**2 else none
+
+
+def _other_damage(damage: Rows32, random: np.random.Generator) -> Rows32:
+    """Draw as many zones, others, with other depths from among those of the cases, shape (n, 16)."""
+    depths = damage[damage > 0.0]
+    order = np.argsort(random.random(damage.shape), axis=1)
+    drawn = random.uniform(depths.min(), depths.max(), damage.shape)
+    return np.where(order < (damage > 0.0).sum(axis=1, keepdims=True), drawn, 0.0).astype(np.float32)
+
+
+@dataclass(frozen=True)
 class Fit:
     """What both perceptrons of a window learn from; every case and its mirror images.
 
@@ -78,12 +113,8 @@ class Fit:
         Sum of the squares of what the components leave of a clean record [1].
     damage : ndarray of float32, shape (n, 16)
         Damage [1].
-    movable : ndarray of int
-        Cases that are damaged since more than a window; none if the polynomials do not describe them.
-    W : ndarray of float32, shape (441, 4 K)
-        Components as polynomials of such damage.
-    depth : tuple of float
-        Range of the damage of a zone [1].
+    moves : list of Moves
+        How cases can be moved to other damages.
     noise : tuple of ndarray, shapes (m, K) and (m,)
         Components and outside of coloured noise.
     sensing, training, random
@@ -94,8 +125,7 @@ class Fit:
     c: Rows32
     outside: Rows32
     damage: Rows32
-    movable: NDArray[np.int64]
-    W: Rows32
+    moves: list[Moves]
     noise: tuple[Rows32, Rows32]
     sensing: Sensing
     training: Training
@@ -113,12 +143,12 @@ class Fit:
             for (y, x), sign in zip(MIRRORS, image_signs(parts.sectors)[:-1].T, strict=True)
         ]
         damage = reflect(x[:, :, :1], train.damage)[1].astype(np.float32)
-        movable = np.flatnonzero(np.tile(train.settled, len(MIRRORS)) & (damage.max(axis=1) > 0.0))
         c = np.concatenate(images).astype(np.float32)
-        f, target = polynomials(damage[movable].astype(float)), c[movable].reshape(len(movable), -1)
-        W = np.linalg.lstsq(f, target, rcond=1e-8)[0]
-        if np.mean((target - f @ W) ** 2) > WORST_POLYNOMIALS**2 * np.mean((target - target.mean(axis=0)) ** 2):
-            movable = movable[:0]  # something else than damage varies
+        settled = np.tile(train.settled, len(MIRRORS)) & (damage.max(axis=1) > 0.0)
+        moves = [
+            Moves.of(damage, c, np.flatnonzero(settled & (np.tile(train.shift, len(MIRRORS)) == shift)))
+            for shift in np.unique(train.shift)
+        ]
         unit = coloured_noise((COLOURED_DRAWS, SENSORS, train.records.shape[-1]), random)
         found = analyse(parts, block_means(unit, training.block) + parts.mean)
         noise = found.c.astype("f4"), (found.s2[:, 0] * SENSORS * degrees_of_freedom(parts)).astype("f4")
@@ -127,8 +157,7 @@ class Fit:
             c,
             np.tile(outside, len(MIRRORS)).astype("f4"),
             damage,
-            movable,
-            W.astype("f4"),
+            moves,
             noise,
             sensing,
             training,
@@ -155,11 +184,12 @@ class Fit:
         random, damage, c = self.random, self.damage, self.c
         n, _, K = c.shape
         if virtual:
-            moved = self.movable[random.random(len(self.movable)) < self.training.virtual]
             damage, c = damage.copy(), c.copy()
-            damage[moved] = self._other_damage(damage[moved])
-            step = (polynomials(damage[moved]) - polynomials(self.damage[moved])) @ self.W
-            c[moved] += step.reshape(-1, SENSORS, K)
+            for move in (m for m in self.moves if len(m.cases)):
+                moved = move.cases[random.random(len(move.cases)) < self.training.virtual]
+                damage[moved] = _other_damage(damage[moved], random)
+                step = (polynomials(damage[moved]) - polynomials(self.damage[moved])) @ move.W
+                c[moved] += step.reshape(-1, SENSORS, K)
         clean = self.sensing.gained(c, random).sum(axis=1)
         level, coloured = noise_levels(n, random)
         level = (level / np.sqrt(self.training.block)).astype(np.float32)
@@ -172,13 +202,6 @@ class Fit:
         energy[coloured] = self.noise[1][draw] * self.training.block
         s2 = (self.outside + level**2 * energy) / freedom + FLOOR**2
         return clean + level[:, None] * noise, clean, s2[:, None].astype(np.float32), damage
-
-    def _other_damage(self, damage: Rows32) -> Rows32:
-        """Draw as many zones, others, with other depths from among those of the cases, shape (n, 16)."""
-        depths = damage[damage > 0.0]
-        order = np.argsort(self.random.random(damage.shape), axis=1)
-        drawn = self.random.uniform(depths.min(), depths.max(), damage.shape)
-        return np.where(order < (damage > 0.0).sum(axis=1, keepdims=True), drawn, 0.0).astype(np.float32)
 
     def _batches(self, epochs: int, size: int) -> Iterator[tuple[float, tuple[Rows32, Rows32, Rows32, Rows32]]]:
         """Deal batches of ``epoch``, with the step size of Adam."""
@@ -209,7 +232,7 @@ class Fit:
         decoder = Perceptron.random((ZONES + t.latent, t.inner, t.components), self.random)
         latent = (self.random.standard_normal((t.hidden, t.latent)) / np.sqrt(t.hidden)).astype(np.float32)
         adam = Adam([*decoder.arrays, latent])
-        for rate, (noisy, clean, s2, _) in self._batches(t.epochs // 2, t.batch):
+        for rate, (noisy, clean, s2, _) in self._batches(t.decoder_epochs, t.batch):
             found = features(lam, noisy, s2)
             hidden = net.values(found)[-2]
             values = decoder.values(np.hstack([damage_of(all_heads(net, found, signs)), hidden @ latent]))

@@ -14,7 +14,7 @@ import casadi as ca
 from ..step_model import StepModel
 from ..variables import Results, Values, Variable, output, pack, unpack
 from .features import SENSORS, Register
-from .posterior import judge_window
+from .posterior import LARGEST_RISK, judge_window
 from .posterior_artifact import ZONES, PosteriorArtifact
 from .windows import Clock, as_trained, window_variables
 
@@ -27,6 +27,7 @@ class Outputs:
     deviation: ca.MX
     probability: ca.MX
     misfit: ca.MX
+    risk: ca.MX
     valid: ca.MX
 
     def results(self) -> Results:
@@ -54,7 +55,7 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     Returns
     -------
     StepModel
-        Inputs strain[1..4] [1]; outputs damage[1..16], deviation[1..16], probability[1..16], misfit and valid [1].
+        Inputs strain[1..4] [1]; outputs damage[1..16], deviation[1..16], probability[1..16], misfit, risk and valid [1].
 
     Notes
     -----
@@ -64,7 +65,7 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     at once. Windows beyond the last one trained use its network, for a response that has become periodic.
 
     Before the first window ends nothing is known: all outputs are 0. ``valid`` is 1 if the windows are those of the
-    training, ``misfit`` is 1 or less, and every standard deviation is small enough.
+    training, ``misfit`` is 1 or less, and ``risk`` is ``LARGEST_RISK`` or less.
     """
     trained = artifact or PosteriorArtifact.default()
     count = trained.samples // trained.block
@@ -72,12 +73,12 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
 
     def outputs(register: Register, number: int, p: Values) -> Outputs:
         judged = judge_window(trained.windows[number], trained.block, *register.features(trained.samples))
-        valid = as_trained(trained, p) * (judged.misfit <= 1.0) * judged.sure
-        return Outputs(judged.damage, judged.deviation, judged.probability, judged.misfit, valid)
+        valid = as_trained(trained, p) * (judged.misfit <= 1.0) * (judged.risk <= LARGEST_RISK)
+        return Outputs(judged.damage, judged.deviation, judged.probability, judged.misfit, judged.risk, valid)
 
     def init(_: Values, p: Values) -> tuple[PosteriorState, Results]:
         zero, none = ca.MX(0.0), ca.MX.zeros(ZONES)
-        nothing = Outputs(none, none, none, zero, zero)
+        nothing = Outputs(none, none, none, zero, zero, zero)
         return PosteriorState(Clock.start(p), Register.empty(count), nothing), nothing.results()
 
     def step(x: PosteriorState, u: Values, p: Values, h: ca.MX) -> tuple[PosteriorState, Results]:
@@ -104,12 +105,13 @@ def _variables(trained: PosteriorArtifact) -> tuple[Variable, ...]:
     zones = range(1, ZONES + 1)
     fraction = partial(output, unit="1", minimum=0.0, maximum=1.0, discrete=True)
     positive = partial(output, unit="1", minimum=0.0, discrete=True)
-    valid = "1 if the windows are those of the training, misfit is 1 or less and every deviation is small, else 0"
+    valid = f"1 if the windows are those of the training, misfit is 1 and risk {LARGEST_RISK:g} or less, else 0"
     return (
         *window_variables(trained),
         *(fraction(f"damage[{z}]", description=f"Estimated loss of stiffness in zone {z}") for z in zones),
         *(positive(f"deviation[{z}]", description=f"Standard deviation of the damage of zone {z}") for z in zones),
         *(fraction(f"probability[{z}]", description=f"Probability that zone {z} is damaged") for z in zones),
         positive("misfit", description="Distance from the records of the training; 1 is the largest valid one"),
+        fraction("risk", description="Chance that the damage of some zone is wrong by more than 10 % of its stiffness"),
         fraction("valid", description=valid),
     )

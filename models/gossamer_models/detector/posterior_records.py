@@ -38,15 +38,20 @@ class Windows:
         Damage [1] that is there during the whole window.
     settled : ndarray of bool, shape (n,)
         Whether it was there from the start, or a whole window before.
+    shift : ndarray of int, shape (n,)
+        Samples by which the window begins later than the earliest.
     """
 
     records: Rows32
     damage: Matrix
     settled: NDArray[np.bool_]
+    shift: NDArray[np.int64]
 
     def part(self, first: int, last: int) -> Windows:
         """Return some of the cases."""
-        return Windows(self.records[first:last], self.damage[first:last], self.settled[first:last])
+        return Windows(
+            self.records[first:last], self.damage[first:last], self.settled[first:last], self.shift[first:last]
+        )
 
 
 def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: int) -> Windows:
@@ -98,7 +103,9 @@ def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: i
         for k, record in enumerate(some, start=begin):
             records[k] = record[:, starts[k] : starts[k] + samples]
     settled = (onset == 0.0) | (onset <= (starts - samples) * step)
-    return Windows(records[wanted], np.where(there[:, None], damage, 0.0)[wanted], settled[wanted])
+    return Windows(
+        records[wanted], np.where(there[:, None], damage, 0.0)[wanted], settled[wanted], starts[wanted] - first
+    )
 
 
 def reflect(x: Rows32, damage: Matrix) -> tuple[Rows32, Matrix]:

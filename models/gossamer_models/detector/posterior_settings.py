@@ -20,8 +20,8 @@ class Training:
         its hidden layer.
     virtual : float
         Share of the cases that are moved to other damages until the last quarter of the epochs; see ``Fit.epoch``.
-    epochs, batch : int
-        Passes through the cases, and cases of a step.
+    epochs, decoder_epochs, batch : int
+        Passes of the network and of its decoder through the cases, and cases of a step.
     rate : float
         First step size of Adam; it falls to 0 along half a cosine.
     held_out : float
@@ -37,8 +37,9 @@ class Training:
     hidden: int = 128
     latent: int = 8
     inner: int = 96
-    epochs: int = 150
-    virtual: float = 0.7
+    epochs: int = 800
+    decoder_epochs: int = 100
+    virtual: float = 0.9
     batch: int = 256
     rate: float = 2e-3
     held_out: float = 0.15

@@ -54,7 +54,7 @@ def train_posterior(
     cuts = [cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)]
     windows: list[PosteriorWindow] = []
     done = itertools.count(1)
-    total = sum((t.epochs + t.epochs // 2) * max(4 * len(_split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
+    total = sum((t.epochs + t.decoder_epochs) * max(4 * len(_split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
     with threadpool_limits(1):  # small matrices: waking other threads for them costs more than their work
         for number, cut in enumerate(cuts):
             report = (lambda: None) if progress is None else (lambda: progress(next(done) / total))
@@ -139,6 +139,6 @@ def _train_window(cut: Windows, sensing: Sensing, t: Training, report: Callable[
         decoder=tuple(np.asarray(a, float) for a in decoder.arrays),
         scales=scales,
         errors=np.ones(t.components),
-        limits=np.ones(5),
+        limits=np.ones(4),
     )
     return calibrate(window, t.block, calibration, sensing, random)

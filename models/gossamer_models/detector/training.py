@@ -5,19 +5,19 @@ Symbols: ``U`` packet energies, ``I`` logarithms of the damage feature indices.
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Vector
-from ..membrane import membrane_model
+from ..arrays import Matrix, Vector
+from ..campaign import Campaign, Damage, Mesh
+from ..campaign.chunk import build_kernels, run_chunk
 from ..simulate import simulate
 from ..step_model import StepModel
 from ..stepper import Stepper
 from .artifact import ZONES, DetectorArtifact
+from .assessment import mean_absolute_errors
 from .features import SENSORS
 from .model import detector_model
 from .networks import PEAKS, train_networks
@@ -25,11 +25,11 @@ from .packets import packet_energies
 from .thesis_tables import SINGLE_TRAINING
 
 SAMPLING_STEP = 3e-4
+MEMBRANE = Mesh(elements_per_side=8, order=1)
 SAMPLES = 844  # two periods of the thesis' pressure: energies of a periodic response do not depend on where it starts
 WINDOWS = 3  # the transient, its tail, and the periodic response
 LEVELS = tuple(round(0.05 * k, 2) for k in range(1, 9))
 
-THESIS_ERROR = {"all zones": 0.104, "damaged zones": 0.214}  # mean absolute error, % damage
 # One case per zone, none of them on a training level; drawn once, uniformly from 2 to 40 %.
 UNSEEN = (0.32, 0.04, 0.22, 0.13, 0.07, 0.38, 0.27, 0.18, 0.02, 0.33, 0.09, 0.24, 0.36, 0.12, 0.29, 0.16)
 
@@ -59,33 +59,30 @@ def unseen_cases() -> Vector:
     return np.diag(UNSEEN)
 
 
-@functools.cache
-def _membrane() -> StepModel:
-    return membrane_model(8, 1)
-
-
-def simulate_strains(damage: ArrayLike, samples: int, sampling_step: float = SAMPLING_STEP) -> Vector:
-    """Simulate the four strain histories of the default membrane from the start of its load.
+def simulate_cases(damages: ArrayLike, samples: int) -> Matrix:
+    """Simulate the strain histories of the membrane that the shipped networks were trained for, from the start of its load.
 
     Parameters
     ----------
-    damage : array_like, shape (16,)
+    damages : array_like, shape (n, 16)
         Damage of each zone [1].
     samples : int
         Number of samples; the first is taken one step after the start.
-    sampling_step : float
-        Step [s].
 
     Returns
     -------
-    ndarray, shape (4, samples)
+    ndarray, shape (n, 4, samples)
         Strain along y [1].
     """
-    membrane = Stepper(_membrane())
-    for zone, value in enumerate(np.asarray(damage, dtype=float), start=1):
-        membrane.set(f"damage[{zone}]", value)
-    membrane.initialize()
-    return np.array(list(simulate(membrane, np.full(samples, sampling_step), {}, STRAINS).values()))
+    cases = tuple({zone: float(d) for zone, d in enumerate(case, start=1)} for case in np.asarray(damages, dtype=float))
+    campaign = Campaign(
+        step=SAMPLING_STEP,
+        stop=samples * SAMPLING_STEP,
+        chunk=len(cases),
+        membrane=MEMBRANE,
+        damage=Damage(cases=cases),
+    )
+    return np.asarray(run_chunk(campaign, build_kernels(campaign), 0)["strain"], dtype=float)
 
 
 def window_energies(strains: ArrayLike, samples: int) -> Vector:
@@ -109,10 +106,8 @@ def window_energies(strains: ArrayLike, samples: int) -> Vector:
     return packet_energies(windows).transpose(1, 0, 2).reshape(count, -1)
 
 
-def train_detector(
-    levels: Sequence[float] = LEVELS, progress: Callable[[int, int], None] | None = None, workers: int | None = None
-) -> DetectorArtifact:
-    """Simulate single-damage cases with the default membrane and train the networks of every window on them.
+def train_detector(levels: Sequence[float] = LEVELS) -> DetectorArtifact:
+    """Simulate single-damage cases and train the networks of every window on them.
 
     Parameters
     ----------
@@ -120,10 +115,6 @@ def train_detector(
         Damage levels [1] in each zone, besides 0. The default contains the first training of the thesis, 0.2 and 0.4, which
         is too coarse alone: the best networks by leave-one-out then answer about 2 % always (error 24 % over damaged
         zones), since between levels so far apart the indices are not near any reference.
-    progress : callable, optional
-        Called with the number of finished and of all simulations.
-    workers : int, optional
-        Processes; all cores by default.
 
     Returns
     -------
@@ -131,13 +122,7 @@ def train_detector(
         The training cases are its references, as in the thesis.
     """
     damages = single_damage_cases(levels)
-    energies = []
-    with ProcessPoolExecutor(workers) as pool:
-        for energy in pool.map(_case_energies, damages, chunksize=2):
-            energies.append(energy)
-            if progress is not None:
-                progress(len(energies), len(damages))
-    U = np.array(energies)
+    U = np.array([window_energies(strains, SAMPLES) for strains in simulate_cases(damages, WINDOWS * SAMPLES)])
     I = np.log(U / U[0])
     trained = [train_networks(I[:, c], damages) for c in range(WINDOWS)]
     errors = ", ".join(f"{networks.leave_one_out:.4f}" for networks in trained)
@@ -154,14 +139,10 @@ def train_detector(
         provenance={
             "command": "gossamer train",
             "cases": f"undamaged and {', '.join(f'{level:g}' for level in levels)} in each of {ZONES} zones alone",
-            "membrane": _membrane().digest,
+            "membrane": f"{MEMBRANE.elements_per_side} x {MEMBRANE.elements_per_side} elements of order {MEMBRANE.order}",
             "leave_one_out": f"rms of memberships in windows 1 to {WINDOWS}: {errors}",
         },
     )
-
-
-def _case_energies(damage: Vector) -> Vector:
-    return window_energies(simulate_strains(damage, WINDOWS * SAMPLES), SAMPLES)
 
 
 def estimate_damage(strains: ArrayLike, detector: StepModel) -> Vector:
@@ -199,7 +180,7 @@ def assess(artifact: DetectorArtifact | None = None) -> dict[str, dict[str, floa
     table, unseen = table_7_1_cases(), unseen_cases()
     new = ~np.isclose(table.max(axis=1)[:, None], LEVELS).any(axis=1)
     estimates = {
-        name: np.array([estimate_damage(simulate_strains(case, SAMPLES), detector) for case in cases])
+        name: np.array([estimate_damage(strains, detector) for strains in simulate_cases(cases, SAMPLES)])
         for name, cases in (("table", table), ("unseen", unseen))
     }
     return {
@@ -207,10 +188,3 @@ def assess(artifact: DetectorArtifact | None = None) -> dict[str, dict[str, floa
         f"its {new.sum()} cases not trained on": mean_absolute_errors(table[new], estimates["table"][new]),
         "16 unseen cases, one per zone": mean_absolute_errors(unseen, estimates["unseen"]),
     }
-
-
-def mean_absolute_errors(actual: ArrayLike, predicted: ArrayLike) -> dict[str, float]:
-    """Return the mean absolute error in % damage over all zones and over the damaged zones."""
-    truth, estimate = np.asarray(actual, dtype=float), np.asarray(predicted, dtype=float)
-    error = 100.0 * np.abs(estimate - truth)
-    return {"all zones": float(error.mean()), "damaged zones": float(error[truth > 0.0].mean())}

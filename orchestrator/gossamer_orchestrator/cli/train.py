@@ -160,13 +160,12 @@ def _table(found: dict[str, dict[str, float]]) -> Table:
 
 
 def _train_neuro_fuzzy(out: Path, console: Console) -> None:
-    from gossamer_models.detector.training import THESIS_ERROR, assess, train_detector
-    from rich.progress import Progress
+    from gossamer_models.detector.assessment import THESIS_ERROR
+    from gossamer_models.detector.training import assess, train_detector
     from rich.table import Table
 
-    with model_errors(), Progress(console=console, disable=not console.is_terminal) as progress:
-        task = progress.add_task("simulating damage", total=None)
-        artifact = train_detector(progress=lambda done, total: progress.update(task, completed=done, total=total))
+    with model_errors(), console.status("simulating and training"):
+        artifact = train_detector()
         out.parent.mkdir(parents=True, exist_ok=True)
         artifact.write(out)
         found = {"thesis, Table 7.1, its own training": THESIS_ERROR} | assess(artifact)
