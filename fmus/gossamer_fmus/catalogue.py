@@ -11,7 +11,8 @@ from typing import Any
 from gossamer_models import ParameterError, StepModel
 from gossamer_models.artifacts import artifact_schema
 from gossamer_models.compensator import compensator_model
-from gossamer_models.detector import DetectorArtifact, detector_model
+from gossamer_models.detector import DetectorArtifact, PosteriorArtifact, detector_model, posterior_model
+from gossamer_models.detector.posterior_artifact import SCHEMA as POSTERIOR
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import SensorArtifact, sensor_model
 
@@ -20,7 +21,7 @@ MODELS: dict[str, Callable[..., StepModel]] = {
     "sensor": sensor_model,
     "compensator": compensator_model,
     "estimator": partial(compensator_model, method="estimator"),  # a compensator that tolerates noise
-    "detector": detector_model,
+    "detector": posterior_model,
 }
 NAMES = tuple(MODELS)
 
@@ -85,6 +86,8 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     if artifact is None:
         return MODELS[name](**given)
     if name == "detector":
+        if artifact_schema(artifact) == POSTERIOR:
+            return posterior_model(PosteriorArtifact.read(artifact))
         return detector_model(DetectorArtifact.read(artifact))
     from gossamer_models import fractional  # slow to import, and rarely needed
 

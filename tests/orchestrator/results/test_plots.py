@@ -37,6 +37,17 @@ def test_titles_say_when_and_how_well(data, later_window_invalid):
     assert markers == {"o": [4.0], "x": [8.0]}
 
 
+def test_a_compensator_that_is_late_is_compared_with_the_strain_of_that_time(data):
+    """The estimator states its delay; by it, its strain is drawn earlier."""
+    data["compensator1.delay"] = ("time", [2.0] * 10)
+    now = data["compensator1.strain"].to_numpy()
+    data["compensator1.strain"] = ("time", np.r_[now[:2], now[:-2]])
+    ax = plots.plot_strain(data, 1, ax=Figure().add_subplot())
+    assert "RMS error < 1e-9 % of range" in ax.get_title()
+    assert "2e+03 ms earlier" in ax.get_legend().get_texts()[1].get_text()
+    assert len(ax.lines[0].get_xdata()) == 8
+
+
 def test_the_damage_map_has_zone_1_at_the_origin_and_x_to_the_right(data):
     ax = plots.plot_damage_map(data, "true", ax=Figure().add_subplot())
     drawn = {text.get_text(): text.get_position() for text in ax.texts}

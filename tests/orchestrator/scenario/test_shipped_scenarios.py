@@ -20,29 +20,35 @@ def real_fmus(built) -> Path:
 def test_a_shipped_scenario_fits_the_fmus(name, real_fmus):
     plan = make_plan(load_scenario(shipped_scenarios()[name]), real_fmus)
     assert len(plan.components) == 10
-    assert len(plan.files) == 4
+    assert len(plan.files) == 4  # compensators are exact, or estimators
     assert [c.name for c in plan.components][-1] == "detector"
 
 
 def test_the_damaged_membrane_is_found_out(real_fmus, tmp_path):
-    """40 % in zone 1, within the detector's own resolution of a few percent, through sensors and compensators."""
+    """40 % in zone 1, without noise, through sensors and exact compensators."""
     data = run_scenario(shipped_scenarios()["damaged"], real_fmus, tmp_path)
     judgement = judge(data)
     assert judgement.time == pytest.approx(0.2532)
     assert judgement.true[0] == 0.4
     assert judgement.estimated[0] == pytest.approx(0.4, abs=0.05)
-    assert judgement.mean_absolute_error < 0.02
+    assert judgement.mean_absolute_error < 0.005
     assert data.attrs["divided_steps"] == 0
     assert judge(load_results(tmp_path)).time == judgement.time
 
 
-def test_damage_that_begins_half_way_is_seen_in_the_windows_after_it(real_fmus):
+def test_damage_that_begins_half_way_is_seen_through_noise_in_the_windows_after_it(real_fmus):
+    """35 % in zone 6 and 20 % in zone 12: no zone is named before, no other one after, and the errors fit the bars."""
     data = run_scenario(shipped_scenarios()["damage_begins"], real_fmus)
-    found = [window for window in windows(data) if window.valid]
-    assert [judgement.time for judgement in found] == pytest.approx([0.2532 * k for k in range(1, 7)])
+    found = windows(data)
+    assert [judgement.time for judgement in found] == pytest.approx([0.2532 * k + 0.0072 for k in range(1, 7)])
+    assert all(judgement.valid for judgement in found)
     assert max(judgement.estimated.max() for judgement in found[:3]) < 0.05
-    assert [int(judgement.estimated.argmax()) for judgement in found[3:]] == [0, 0, 0]
-    assert found[-1].estimated[0] == pytest.approx(0.4, abs=0.05)
+    for judgement in found[3:]:
+        assert set(np.flatnonzero(judgement.estimated > 0.05) + 1) == {6, 12}
+        damaged = judgement.true > 0.0
+        error = np.abs(judgement.estimated - judgement.true)[damaged]
+        assert (error < np.maximum(4.0 * judgement.deviation[damaged], 0.01)).all()
+        assert error.max() < 0.04
 
 
 def test_native_fmus_and_those_that_run_in_python_give_the_same_thousand_steps(built):

@@ -48,11 +48,12 @@ def plot_sensor_loop(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = Non
 
 
 def plot_strain(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) -> Axes:
-    """Draw true and compensated strain at one sensor over time."""
-    true, compensated, span = _true_and_compensated(data, sensor)
-    ax, time = axes_or_new(ax), data["time"]
+    """Draw true and compensated strain at one sensor over time, the latter without its recorded delay."""
+    time, true, compensated, span = _true_and_compensated(data, sensor)
+    ax, late = axes_or_new(ax), float(data["time"][len(data["time"]) - len(time)] - data["time"][0])
+    label = f"compensated, drawn {1e3 * late:.3g} ms earlier" if late else "compensated"
     ax.plot(time, true, color="black", lw=1.6, label="true")
-    ax.plot(time, compensated, color=COLORS[1], lw=1.0, ls="--", label="compensated")
+    ax.plot(time, compensated, color=COLORS[1], lw=1.0, ls="--", label=label)
     percent = 100.0 * float(np.sqrt(np.mean((compensated - true) ** 2))) / span
     shown = "< 1e-9" if percent < 1e-9 else f"{percent:.2g}"
     ax.set(xlabel="time [s]", ylabel="strain [1]", title=f"Sensor {sensor}: RMS error {shown} % of range")
@@ -65,9 +66,9 @@ def plot_strain(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) ->
 
 def plot_strain_error(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) -> Axes:
     """Draw compensated minus true strain at one sensor over time, in percent of the true strain's range."""
-    true, compensated, span = _true_and_compensated(data, sensor)
+    time, true, compensated, span = _true_and_compensated(data, sensor)
     ax, percent = axes_or_new(ax), 100.0 * (compensated - true) / span
-    ax.plot(data["time"], percent, color=COLORS[0], lw=0.8)
+    ax.plot(time, percent, color=COLORS[0], lw=0.8)
     top = max(1.1 * float(np.abs(percent).max()), 1e-3)  # less is a line at zero
     ax.set(xlabel="time [s]", ylabel="error [%]", ylim=(-top, top))
     ax.margins(x=0.0)
@@ -107,12 +108,21 @@ def _pick(components: dict[int, str], number: int, role: str) -> str:
     return components[number]
 
 
-def _true_and_compensated(data: xr.Dataset, sensor: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Return true and compensated strain and the range of the true one, not zero."""
+def _true_and_compensated(
+    data: xr.Dataset, sensor: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
+    """Return time, true and compensated strain then, and the range of the true one, not zero.
+
+    A compensator that states its ``delay`` is compared with the strain of that time.
+    """
     component = _pick(compensators(data), sensor, "compensator")
     strains, compensated = need(data, f"{find(data, 'membrane')}.strain", f"{component}.strain")
-    true = _element(strains, sensor)
-    return true, compensated.to_numpy(), float(np.ptp(true)) or 1.0
+    time, true = data["time"].to_numpy(), _element(strains, sensor)
+    delay = float(data[f"{component}.delay"][-1]) if f"{component}.delay" in data else 0.0
+    late = int(np.searchsorted(time, time[0] + delay - 1e-9)) if delay > 0.0 else 0
+    late = late if late < len(time) - 1 else 0
+    whole = len(time) - late
+    return time[:whole], true[:whole], compensated.to_numpy()[late:], float(np.ptp(true)) or 1.0
 
 
 PAGES = {"sensors": (_sensors, (9.0, 7.0)), "strains": (_strains, (11.0, 7.5))}
