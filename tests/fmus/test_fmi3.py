@@ -163,18 +163,18 @@ def test_derivatives_with_arrays_are_those_of_fmi_2(make, models, built, unzippe
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda fmu: fmu.set([6], [0.1] * 16), "'damage[1]' is a result"),
+        (lambda fmu: fmu.set([7], [0.1] * 16), "'damage[1]' is a result"),
         (lambda fmu: fmu.set([1], [0.1]), "'start_time' is fixed"),
-        (lambda fmu: fmu.set([5], [0.1] * 3), "have 4 values, not 3"),
-        (lambda fmu: fmu.slave.getFloat64([6], 17), "have 16 values, not 17"),
-        (lambda fmu: fmu.slave.getFloat64([10]), "value reference 10"),
+        (lambda fmu: fmu.set([6], [0.1] * 3), "have 4 values, not 3"),
+        (lambda fmu: fmu.slave.getFloat64([7], 17), "have 16 values, not 17"),
+        (lambda fmu: fmu.slave.getFloat64([99]), "value reference 99"),
         (lambda fmu: fmu.set([0], [1.0]), "value reference 0"),
         (lambda fmu: fmu.slave.getInt32([1]), "Float64 only"),
         (lambda fmu: fmu.step(-1.0), "must be a positive time"),
         (lambda fmu: fmu.step(1e9), "Use shorter communication steps"),
         (lambda fmu: fmu.start(), "fmi3EnterInitializationMode is not allowed while model 'detector' is running"),
         (lambda fmu: fmu.slave.enterEventMode(), "the model description does not offer it"),
-        (lambda fmu: fmu.slave.getDirectionalDerivative([6], [1], [1.0], 16), "'start_time' is no input"),
+        (lambda fmu: fmu.slave.getDirectionalDerivative([7], [1], [1.0], 16), "'start_time' is no input"),
         (lambda fmu: fmu.read(b"GOSSAMER"), "no saved state of model 'detector'"),
     ],
 )

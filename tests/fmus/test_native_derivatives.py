@@ -30,7 +30,8 @@ def test_directional_derivatives_are_those_of_finite_differences(instance, name,
     values, inputs = SMOOTH[name]
     fmu = instance(name)
     fmu.initialize()
-    results = fmu.names("output") + fmu.names("local")
+    maxima = ("largest_strain", "deflection_ratio")  # over points: they have kinks, which differences step over
+    results = [result for result in fmu.names("output") + fmu.names("local") if result not in maxima]
     for key, value in values.items():
         fmu.set(key, 0.98 * value)
     assert fmu.step(h) == OK

@@ -11,8 +11,6 @@ import typer
 from rich.console import Console
 
 from ..errors import OrchestratorError
-from ..results.dataset import make_dataset
-from ..run.recorder import Recorder
 from .common import model_errors
 
 if TYPE_CHECKING:
@@ -97,6 +95,8 @@ class LiveWatch:
 
     def begin(self, simulation: Simulation) -> None:
         """Record what the scenario records."""
+        from ..run.recorder import Recorder
+
         self._recorder = Recorder(simulation.plan)
         self._recorder.begin(simulation)
 
@@ -107,6 +107,7 @@ class LiveWatch:
         if (len(self._recorder.time) - 1) * step < self._seen + self._window:
             return
         self._seen += self._window
+        from ..results.dataset import make_dataset
         from .twin_record import find_in_results
 
         with model_errors():
