@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from gossamer_models import Stepper
 from gossamer_models.compensator import compensator_model
-from gossamer_models.detector import detector_model
+from gossamer_models.detector import posterior_model
 from gossamer_models.membrane import MembraneEquations, MembraneParams, integrate_implicit, membrane_model
 from gossamer_models.sensor import sensor_model
 
@@ -46,7 +46,7 @@ def test_membrane_step():
 def test_sensor_compensator_estimator_and_detector_step():
     strains = iter(np.tile(0.1 + 0.09 * np.sin(np.linspace(0.0, 60.0, 5000)), 20).tolist())
     sensor, compensator = running(sensor_model()), running(compensator_model())
-    detector = running(detector_model(), repeat=1.0)
+    detector = running(posterior_model(), repeat=1.0)
 
     def sense():
         sensor.set("strain", next(strains))

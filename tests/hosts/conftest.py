@@ -35,7 +35,7 @@ WATCHED = [
     *((f"sensor{i}", "resistance") for i in range(1, 5)),
     *((f"compensator{i}", "strain") for i in range(1, 5)),
     *(("detector", f"damage[{i}]") for i in range(1, 17)),
-    ("detector", "similarity"),
+    ("detector", "misfit"),
     ("detector", "valid"),
 ]
 
