@@ -12,7 +12,9 @@ from gossamer_models.detector.assessment import summarize
 from gossamer_models.detector.features import SECTORS, block_means, difference_noise, principal_components
 from gossamer_models.detector.learned import analyse, explain, heads_of
 from gossamer_models.detector.posterior import image_signs, judge_records
-from gossamer_models.detector.posterior_records import Sensing, reflect
+from gossamer_models.detector.posterior_fit import Fit, spoilt_sensors
+from gossamer_models.detector.posterior_records import Sensing, Windows, reflect
+from gossamer_models.detector.posterior_settings import Training
 from gossamer_models.membrane import membrane_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -159,7 +161,7 @@ def test_the_network_in_numpy_is_that_of_the_fmu(artifact, membrane):
     logits = heads_of(window, found)[:, :16]
     judgement = judge_records(artifact, 0, records)
     assert judgement["probability"] == pytest.approx(1.0 / (1.0 + np.exp(-logits)), abs=1e-12)
-    left = (found.c - explain(window, found)) ** 2 / (found.s2 + window.errors**2)
+    left = ((found.c - explain(window, found)) @ window.directions) ** 2 / (found.s2 + window.errors**2)
     assert judgement["ratios"][:, 1] == pytest.approx(left.mean(axis=1), rel=1e-9)
 
 
@@ -276,3 +278,21 @@ def test_arrays_that_do_not_fit_are_refused(artifact):
     ):
         with pytest.raises(ArtifactError, match="Train the detector again"):
             replace(window, **change)
+
+
+def test_training_knows_what_spoilt_sensors_make_of_a_record():
+    """Components and what they leave, from those of each sensor, equal those of the spoilt record."""
+    random = np.random.default_rng(14)
+    x = random.normal(size=(300, 4, 20)).astype(np.float32) + np.linspace(0.0, 3.0, 20, dtype=np.float32)
+    x -= x.mean(axis=2, keepdims=True)
+    parts = principal_components(x, 30)
+    cases = Windows(np.repeat(x, 2, axis=2), random_damage(300, 15), np.ones(300, bool), np.zeros(300, int))
+    fit = Fit.of(parts, x, cases, Sensing(), Training(block=2))
+    gains, sensors = spoilt_sensors(np.ones((1200, 4)), random)
+    clean, outside = fit.read(gains, sensors)
+    images, _ = reflect(x, cases.damage)
+    spoilt = gains[:, :, None] * np.take_along_axis(images, sensors[:, :, None], axis=1)
+    expected = analyse(parts, spoilt)
+    assert clean == pytest.approx(expected.c, abs=1e-4)
+    y = np.tensordot(spoilt - parts.mean, SECTORS, (1, 1))
+    assert outside == pytest.approx(np.sum(y**2, axis=(1, 2)) - np.sum(expected.c**2, axis=1), rel=1e-4)

@@ -88,9 +88,10 @@ def judge_window(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX) ->
     damage = ca.if_else(P >= 0.5, m, 0.0)
     hidden = hidden[:, 0]
     explained = layers(window.decoder, ca.vertcat(damage, ca.DM(window.latent).T @ hidden))[-1] * ca.DM(window.scales)
+    left = ca.DM(window.directions).T @ (c - explained)
     ratios = ca.vertcat(
         ca.mmax(outside / freedom / (noise**2 / block + window.rest[0] ** 2)),
-        ca.sum1((c - explained) ** 2 / (s2 + ca.DM(window.errors) ** 2)) / lam.numel(),
+        ca.sum1(left**2 / (s2 + ca.DM(window.errors) ** 2)) / lam.numel(),
         ca.sum1(c**2 / (lam + s2)) / lam.numel(),
         ca.sqrt(s2),
     )

@@ -20,7 +20,20 @@ HEADS = 3  # of the network per zone: logit of P(damaged), mean, logarithm of th
 
 _ENCODER = tuple(f"encoder_{kind}{layer}" for layer in (1, 2, 3) for kind in "Wb")
 _DECODER = tuple(f"decoder_{kind}{layer}" for layer in (1, 2) for kind in "Wb")
-_ARRAYS = ("mean", "axes", "sectors", "variances", "rest", *_ENCODER, "latent", *_DECODER, "scales", "errors", "limits")
+_ARRAYS = (
+    "mean",
+    "axes",
+    "sectors",
+    "variances",
+    "rest",
+    *_ENCODER,
+    "latent",
+    *_DECODER,
+    "scales",
+    "directions",
+    "errors",
+    "limits",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +54,8 @@ class PosteriorWindow:
         Weights and biases of two layers, from 16 + L values to K components in units of ``scales``.
     scales : ndarray, shape (K,)
         Units of the decoder [1].
-    errors : ndarray, shape (K,)
-        Root mean square errors of the decoder on clean held-out records [1].
+    directions, errors : ndarray, shapes (K, K) and (K,)
+        Principal axes of the errors of the decoder on clean records, and their root mean squares along them [1].
     limits : ndarray, shape (4,)
         Largest valid misfit outside the components, of the explanation and inside the components, and noise of a block
         mean [1].
@@ -57,6 +70,7 @@ class PosteriorWindow:
     latent: Matrix
     decoder: tuple[Matrix, ...]
     scales: Vector
+    directions: Matrix
     errors: Vector
     limits: Vector
 
@@ -69,6 +83,7 @@ class PosteriorWindow:
             "variances": (K,),
             "rest": (1,),
             "scales": (K,),
+            "directions": (K, K),
             "errors": (K,),
             "limits": (4,),
         }
@@ -158,7 +173,7 @@ class PosteriorArtifact:
             "held_out": self.held_out,
         }
         arrays: dict[str, Any] = {
-            f"{number}_{name}": array.astype(np.float16 if name == "axes" else np.float32)
+            f"{number}_{name}": array.astype(np.float16 if name in ("axes", "directions") else np.float32)
             for number, window in enumerate(self.windows, start=1)
             for name, array in window.arrays().items()
         }

@@ -15,7 +15,7 @@ from ..arrays import Matrix, Vector
 from ..errors import DataError
 from .assessment import BAND
 from .features import block_means
-from .learned import Features, analyse, deviation, explain, heads_of
+from .learned import Features, analyse, deviation, heads_of
 from .posterior import judge_records
 from .posterior_artifact import QUADRANT, PosteriorArtifact, PosteriorWindow
 from .posterior_records import Sensing, Windows, reflect
@@ -47,7 +47,7 @@ def calibrate(
     -------
     PosteriorWindow
         With a temperature of the probabilities [1]_ and a factor on the deviations in the weights of its last layer, and
-        with errors of the decoder and limits.
+        with limits.
 
     Raises
     ------
@@ -68,9 +68,6 @@ def calibrate(
     clean, d = reflect(held_out.records, held_out.damage)
     noisy = sensing.samples(clean, random)
     window = _with_honest_heads(window, analyse(window, block_means(noisy, block)), d)
-    found = analyse(window, block_means(sensing.gained(clean, random), block))
-    errors = np.sqrt(np.mean((found.c - explain(window, found)) ** 2, axis=0))
-    window = replace(window, errors=errors)
     artifact = PosteriorArtifact(
         start_time=0.0, sampling_step=1.0, samples=clean.shape[-1], block=block, windows=(window,)
     )

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Vector
+from ..arrays import Matrix, Vector
 from .features import SECTORS, SENSORS, Components, block_means
 from .learned import all_heads, analyse, damage_of, deviation, features
 from .perceptron import Adam, Perceptron, Rows32, batches
@@ -26,6 +26,7 @@ from .posterior_settings import Training
 BETA = 0.5  # of the weight sd^(2 beta) in the loss of the mean
 FAR = 4.0  # standard deviations beyond which a case pulls no more
 COLOURED_DRAWS = 1024
+WRONG_GAIN = (0.6, 1.4)  # of a spoilt sensor [1]
 WORST_POLYNOMIALS = 0.3  # residual over deviation of the components up to which cases are moved by polynomials
 
 
@@ -99,6 +100,43 @@ def _other_damage(damage: Rows32, random: np.random.Generator) -> Rows32:
     return np.where(order < (damage > 0.0).sum(axis=1, keepdims=True), drawn, 0.0).astype(np.float32)
 
 
+_SENSORS = np.arange(SENSORS).reshape(2, 2)
+
+
+def _shares(parts: Components) -> Rows32:
+    """Return the weight of each sensor in each component, shape (4, K)."""
+    return np.asarray(SECTORS[parts.sectors.astype(int)].T, np.float32)
+
+
+def spoilt_sensors(gains: Vector, random: np.random.Generator) -> tuple[Vector, NDArray[np.int64]]:
+    """Spoil a sensor of each record: half of them have a wrong gain, some are dead, the others are two that are swapped.
+
+    Parameters
+    ----------
+    gains : ndarray, shape (n, 4)
+        Gains [1].
+    random : numpy.random.Generator
+        Source of which and how.
+
+    Returns
+    -------
+    gains : ndarray, shape (n, 4)
+        Gains of what the inputs of the detector get [1].
+    sensors : ndarray of int, shape (n, 4)
+        Which sensor each of them gets.
+    """
+    n = len(gains)
+    first, second = random.permuted(np.tile(np.arange(SENSORS), (n, 1)), axis=1)[:, :2].T
+    rows, kind = np.arange(n), random.random(n)
+    factor = np.where(kind < 0.5, random.uniform(*WRONG_GAIN, n), np.where(kind < 0.65, 0.0, 1.0))
+    gains = gains.copy()
+    gains[rows, first] *= factor
+    sensors = np.tile(np.arange(SENSORS), (n, 1))
+    swapped = rows[kind >= 0.65]
+    sensors[swapped, first[swapped]], sensors[swapped, second[swapped]] = second[swapped], first[swapped]
+    return gains, sensors
+
+
 @dataclass(frozen=True)
 class Fit:
     """What both perceptrons of a window learn from; every case and its mirror images.
@@ -108,9 +146,11 @@ class Fit:
     parts : Components
         Principal components.
     c : ndarray of float32, shape (n, 4, K)
-        What each sensor adds to the components of a clean record.
-    outside : ndarray, shape (n,)
-        Sum of the squares of what the components leave of a clean record [1].
+        What each sensor adds to the components of a clean record, their mean not removed.
+    mean : ndarray of float32, shape (K,)
+        Components of the mean.
+    energy, overlap : ndarray, shape (n, 4)
+        Squares of a sensor's block means, and their product with the mean, summed over the window [1].
     damage : ndarray of float32, shape (n, 16)
         Damage [1].
     moves : list of Moves
@@ -123,7 +163,9 @@ class Fit:
 
     parts: Components
     c: Rows32
-    outside: Rows32
+    mean: Rows32
+    energy: Vector
+    overlap: Vector
     damage: Rows32
     moves: list[Moves]
     noise: tuple[Rows32, Rows32]
@@ -135,13 +177,11 @@ class Fit:
     def of(cls, parts: Components, x: Rows32, train: Windows, sensing: Sensing, training: Training) -> Fit:
         """Project clean block means, shape (n, 4, M), and fit the polynomials."""
         random = np.random.default_rng((training.seed, 1))
-        signs = SECTORS[parts.sectors.astype(int)].T  # (4, K)
-        c = ((x - parts.mean.astype("f4")) @ parts.axes.astype("f4")) * signs.astype("f4")
-        outside = (analyse(parts, x).s2[:, 0] - FLOOR**2) * SENSORS * degrees_of_freedom(parts)
-        images = [
-            c[:, _SENSORS[::y, ::x].ravel()] * sign
-            for (y, x), sign in zip(MIRRORS, image_signs(parts.sectors)[:-1].T, strict=True)
-        ]
+        c = (x @ parts.axes.astype("f4")) * _shares(parts)
+        order = [_SENSORS[::y, ::x].ravel() for y, x in MIRRORS]
+        energy, overlap = np.einsum("nsm,nsm->ns", x, x, dtype=float), x.astype(float) @ parts.mean
+        signs = image_signs(parts.sectors)[:-1].T
+        images = [c[:, sensors] * sign for sensors, sign in zip(order, signs, strict=True)]
         damage = reflect(x[:, :, :1], train.damage)[1].astype(np.float32)
         c = np.concatenate(images).astype(np.float32)
         settled = np.tile(train.settled, len(MIRRORS)) & (damage.max(axis=1) > 0.0)
@@ -153,24 +193,28 @@ class Fit:
         found = analyse(parts, block_means(unit, training.block) + parts.mean)
         noise = found.c.astype("f4"), (found.s2[:, 0] * SENSORS * degrees_of_freedom(parts)).astype("f4")
         return cls(
-            parts,
-            c,
-            np.tile(outside, len(MIRRORS)).astype("f4"),
-            damage,
-            moves,
-            noise,
-            sensing,
-            training,
-            random,
+            parts=parts,
+            c=c,
+            mean=((parts.mean @ parts.axes) * _shares(parts).sum(axis=0)).astype("f4"),
+            energy=np.concatenate([energy[:, sensors] for sensors in order]),
+            overlap=np.concatenate([overlap[:, sensors] for sensors in order]),
+            damage=damage,
+            moves=moves,
+            noise=noise,
+            sensing=sensing,
+            training=training,
+            random=random,
         )
 
-    def epoch(self, virtual: bool) -> tuple[Rows32, Rows32, Rows32, Rows32]:
+    def epoch(self, virtual: bool, spoilt: float) -> tuple[Rows32, Rows32, Rows32, Rows32]:
         """Draw gain and noise of every case.
 
         Parameters
         ----------
         virtual : bool
             Whether to move most cases to other damages, by the difference of the polynomials.
+        spoilt : float
+            Share of the records that have a wrong sensor.
 
         Returns
         -------
@@ -181,16 +225,19 @@ class Fit:
         damage : ndarray, shape (n, 16)
             Damage [1].
         """
-        random, damage, c = self.random, self.damage, self.c
-        n, _, K = c.shape
+        random, damage = self.random, self.damage
+        n, _, K = self.c.shape
+        spoil = np.less(random.random(n), spoilt)
+        gains, sensors = self.sensing.gains(n, random), np.tile(np.arange(SENSORS), (n, 1))
+        gains[spoil], sensors[spoil] = spoilt_sensors(gains[spoil], random)
+        clean, outside = self.read(gains, sensors)
         if virtual:
-            damage, c = damage.copy(), c.copy()
+            damage = damage.copy()
             for move in (m for m in self.moves if len(m.cases)):
-                moved = move.cases[random.random(len(move.cases)) < self.training.virtual]
+                moved = move.cases[(random.random(len(move.cases)) < self.training.virtual) & ~spoil[move.cases]]
                 damage[moved] = _other_damage(damage[moved], random)
                 step = (polynomials(damage[moved]) - polynomials(self.damage[moved])) @ move.W
-                c[moved] += step.reshape(-1, SENSORS, K)
-        clean = self.sensing.gained(c, random).sum(axis=1)
+                clean[moved] += np.einsum("ns,nsk->nk", gains[moved].astype(np.float32), step.reshape(-1, SENSORS, K))
         level, coloured = noise_levels(n, random)
         level = (level / np.sqrt(self.training.block)).astype(np.float32)
         noise: Rows32 = random.standard_normal((n, K), np.float32)
@@ -200,16 +247,39 @@ class Fit:
         flip = np.where(random.random((len(draw), 1)) < 0.5, 1.0, -1.0).astype(np.float32)
         noise[coloured] = self.noise[0][draw] * flip * np.float32(np.sqrt(self.training.block))
         energy[coloured] = self.noise[1][draw] * self.training.block
-        s2 = (self.outside + level**2 * energy) / freedom + FLOOR**2
+        s2 = (outside + level**2 * energy) / freedom + FLOOR**2
         return clean + level[:, None] * noise, clean, s2[:, None].astype(np.float32), damage
 
-    def _batches(self, epochs: int, size: int) -> Iterator[tuple[float, tuple[Rows32, Rows32, Rows32, Rows32]]]:
+    def read(self, gains: Vector, sensors: NDArray[np.int64]) -> tuple[Rows32, Vector]:
+        """Return clean components, shape (n, K), and what they leave, shape (n,), as sensors with gains read them.
+
+        Parameters
+        ----------
+        gains : ndarray, shape (n, 4)
+            Gains [1].
+        sensors : ndarray of int, shape (n, 4)
+            Which sensor each input of the detector gets.
+        """
+        shares = _shares(self.parts)
+        exchanged = np.take_along_axis(self.c, sensors[:, :, None], axis=1) * (shares / shares[sensors])
+        clean = np.einsum("ns,nsk->nk", gains.astype(np.float32), exchanged) - self.mean
+        total = np.sum(gains**2 * np.take_along_axis(self.energy, sensors, axis=1), axis=1)
+        total -= 2.0 * np.sum(gains * np.take_along_axis(self.overlap, sensors, axis=1), axis=1)
+        total += SENSORS * np.sum(self.parts.mean**2)
+        return clean, np.maximum(total - np.sum(clean.astype(float) ** 2, axis=1), 0.0)
+
+    def rest(self) -> float:
+        """Return the root mean square of what clean records have outside the components, per degree of freedom [1]."""
+        *_, s2, _ = self.epoch(virtual=False, spoilt=0.0)
+        return float(np.sqrt(np.mean(s2)))
+
+    def _batches(self, epochs: int, spoilt: float) -> Iterator[tuple[float, tuple[Rows32, Rows32, Rows32, Rows32]]]:
         """Deal batches of ``epoch``, with the step size of Adam."""
         t, n = self.training, len(self.c)
-        per_epoch = max(n // size, 1)
+        per_epoch = max(n // t.batch, 1)
         for epoch in range(epochs):
-            drawn = self.epoch(virtual=t.virtual > 0.0 and epoch < 0.75 * epochs)
-            for k, rows in enumerate(batches(n, size, self.random)):
+            drawn = self.epoch(t.virtual > 0.0 and epoch < 0.75 * epochs, spoilt)
+            for k, rows in enumerate(batches(n, t.batch, self.random)):
                 done = (epoch + k / per_epoch) / epochs
                 noisy, clean, s2, damage = (part[rows] for part in drawn)
                 yield 0.5 * t.rate * (1.0 + np.cos(np.pi * done)), (noisy, clean, s2, damage)
@@ -219,7 +289,7 @@ class Fit:
         t, lam = self.training, self.parts.variances.astype(np.float32)
         net = Perceptron.random((t.components + 1, t.hidden, t.hidden, HEADS * QUADRANT), self.random)
         adam = Adam(net.arrays)
-        for rate, (noisy, _, s2, damage) in self._batches(t.epochs, t.batch):
+        for rate, (noisy, _, s2, damage) in self._batches(t.epochs, t.spoilt):
             values = net.values(features(lam, noisy, s2))
             adam.step(net.gradients(values, loss_gradient(values[-1], damage[:, IMAGE_ZONES[0]])[1])[0], rate)
             report()
@@ -232,7 +302,7 @@ class Fit:
         decoder = Perceptron.random((ZONES + t.latent, t.inner, t.components), self.random)
         latent = (self.random.standard_normal((t.hidden, t.latent)) / np.sqrt(t.hidden)).astype(np.float32)
         adam = Adam([*decoder.arrays, latent])
-        for rate, (noisy, clean, s2, _) in self._batches(t.decoder_epochs, t.batch):
+        for rate, (noisy, clean, s2, _) in self._batches(t.decoder_epochs, 0.0):
             found = features(lam, noisy, s2)
             hidden = net.values(found)[-2]
             values = decoder.values(np.hstack([damage_of(all_heads(net, found, signs)), hidden @ latent]))
@@ -241,5 +311,11 @@ class Fit:
             report()
         return decoder, latent
 
-
-_SENSORS = np.arange(SENSORS).reshape(2, 2)
+    def unexplained(self, net: Perceptron, decoder: Perceptron, latent: Rows32, scales: Vector) -> Matrix:
+        """Return what the decoder leaves of the components of clean records, shape (n, K)."""
+        _, clean, s2, _ = self.epoch(virtual=False, spoilt=0.0)
+        found = features(self.parts.variances, clean.astype(float), s2.astype(float))
+        given = np.hstack(
+            [damage_of(all_heads(net, found, image_signs(self.parts.sectors))), net.values(found)[-2] @ latent]
+        )
+        return np.asarray(clean - decoder.values(given)[-1] * scales)

@@ -151,10 +151,13 @@ class Sensing:
         low, high = vary.get("range") or vary.get("factor") or (1.0, 1.0)
         return cls((float(low), float(high)))
 
+    def gains(self, n: int, random: np.random.Generator) -> Matrix:
+        """Draw gains [1], shape (n, 4)."""
+        return random.uniform(*self.gain, (n, SENSORS))
+
     def gained(self, x: Rows32, random: np.random.Generator) -> Rows32:
-        """Multiply signals, shape (n, 4, ...), by fresh gains."""
-        gain = random.uniform(*self.gain, (len(x), SENSORS, *(1,) * (x.ndim - 2)))
-        return x * gain.astype(np.float32)
+        """Multiply signals, shape (n, 4, samples), by fresh gains."""
+        return x * self.gains(len(x), random)[:, :, None].astype(np.float32)
 
     def samples(self, records: Rows32, random: np.random.Generator, kind: str = "any") -> Matrix:
         """Add gain and noise to records, shape (n, 4, samples) [1].

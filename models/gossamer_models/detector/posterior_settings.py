@@ -20,6 +20,8 @@ class Training:
         its hidden layer.
     virtual : float
         Share of the cases that are moved to other damages until the last quarter of the epochs; see ``Fit.epoch``.
+    spoilt : float
+        Share of the records with a wrong sensor, so that the network is not sure of its answer where it sees one.
     epochs, decoder_epochs, batch : int
         Passes of the network and of its decoder through the cases, and cases of a step.
     rate : float
@@ -40,6 +42,7 @@ class Training:
     epochs: int = 800
     decoder_epochs: int = 100
     virtual: float = 0.9
+    spoilt: float = 0.1
     batch: int = 256
     rate: float = 2e-3
     held_out: float = 0.15

@@ -15,8 +15,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .assessment import mean_absolute_errors, summarize
-from .features import SENSORS, principal_components
-from .posterior import FLOOR, degrees_of_freedom, judge_records
+from .features import principal_components
+from .posterior import FLOOR, judge_records
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
 from .posterior_calibration import calibrate
 from .posterior_fit import Fit
@@ -128,17 +128,20 @@ def _train_window(cut: Windows, sensing: Sensing, t: Training, report: Callable[
     scales = np.sqrt(parts.variances + SMALL**2)
     net = fit.network(report)
     decoder, latent = fit.decoder(net, scales, report)
+    left = fit.unexplained(net, decoder, latent, scales)
+    spread, directions = np.linalg.eigh(left.T @ left / len(left))
     window = PosteriorWindow(
         mean=parts.mean,
         axes=parts.axes,
         sectors=parts.sectors,
         variances=parts.variances,
-        rest=np.sqrt([fit.outside.mean() / (SENSORS * degrees_of_freedom(parts)) + FLOOR**2]),
+        rest=np.array([fit.rest()]),
         encoder=tuple(np.asarray(a, float) for a in net.arrays),
         latent=np.asarray(latent, float),
         decoder=tuple(np.asarray(a, float) for a in decoder.arrays),
         scales=scales,
-        errors=np.ones(t.components),
+        directions=directions.astype(np.float16).astype(float),
+        errors=np.sqrt(np.maximum(spread, FLOOR**2)),
         limits=np.ones(4),
     )
     return calibrate(window, t.block, calibration, sensing, random)

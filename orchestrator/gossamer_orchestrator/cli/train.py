@@ -11,12 +11,15 @@ from rich.console import Console
 
 from ..errors import ScenarioError
 from ..scenario.shipped import find_scenario, shipped_scenarios
-from .common import model_errors
+from .common import model_errors, wide
 
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_models.campaign import Campaign
     from rich.table import Table
+
+
+DRIFT = 2  # steps that cover how the phase of the load drifts from window to window
 
 
 class Kind(StrEnum):
@@ -64,7 +67,7 @@ def train(
     """
     from rich.progress import Progress
 
-    console = Console(stderr=True)
+    console = wide(stderr=True)
     if kind is Kind.NEURO_FUZZY:
         _train_neuro_fuzzy(out or Path("out/detector/single_damage.json"), console)
         return
@@ -140,7 +143,7 @@ def _campaign_of(file: Path, nominal: Campaign) -> tuple[Campaign, float | None]
     detectors = [c for c in scenario.components.values() if Path(c.fmu).stem == "detector"]
     length = next((float(c.parameters["window_length"]) for c in detectors if "window_length" in c.parameters), None)
     window = 0.2532 if length is None else length
-    steps = 3 * 4 * max(round(window / nominal.step) // 4, 1) + 5
+    steps = 3 * 4 * max(round(window / nominal.step) // 4, 1) + DRIFT
     return replace(nominal, membrane=replace(nominal.membrane, parameters=constants), stop=steps * nominal.step), length
 
 

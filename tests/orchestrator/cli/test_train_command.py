@@ -1,0 +1,83 @@
+"""``gossamer train``: from a small campaign, or a scenario, to a detector and its figures."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from gossamer_models.campaign import Campaign
+from gossamer_models.detector import PosteriorArtifact
+from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.cli.train import _campaign_of, _is_scenario
+from gossamer_orchestrator.errors import ScenarioError
+from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from typer.testing import CliRunner
+
+SMALL = """
+cases = 640
+seed = 3
+stop = 0.06
+[damage]
+zones = [1, 2]
+depth = [0.3, 0.5]
+healthy = 0.1
+"""
+
+
+def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_path, monkeypatch):
+    """Two windows of 0.03 s; again from the store, to the bit."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.toml").write_text(SMALL)
+    options = ["--window", "0.03", "--epochs", "60"]
+    result = CliRunner().invoke(app, ["train", "small.toml", *options], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    assert "always 0" in result.stderr
+    artifact = PosteriorArtifact.read(tmp_path / "out/detector/small.json")
+    assert len(artifact.windows) == 2
+    assert artifact.samples == 100
+    assert artifact.trained_over["damage [1]"] == [0.3, 0.5]
+    found = artifact.held_out["window 1, damaged, no noise"]
+    assert found["all zones"] < artifact.held_out["always 0"]["all zones"]
+    again = ["train", "out/campaigns/small.zarr", *options, "--out", "again.json"]
+    assert CliRunner().invoke(app, again, catch_exceptions=False).exit_code == 0
+    assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "out/detector/small.npz").read_bytes()
+
+
+def test_a_campaign_that_is_too_short_is_one_sentence(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.toml").write_text(SMALL.replace("640", "64").replace("0.06", "0.03"))
+    result = CliRunner().invoke(app, ["train", "small.toml", "--window", "0.03"])
+    assert result.exit_code == 1
+    assert "55 cases of 200 block means have no 128 principal components. Run more cases." in result.output
+    result = CliRunner().invoke(app, ["train", "out/campaigns/small.zarr", "--window", "0.3"])
+    assert result.exit_code == 1
+    assert "Make its 'stop' longer" in result.output
+
+
+def test_a_scenario_gives_its_membrane_and_windows(tmp_path):
+    text = shipped_scenarios()["damaged"].read_text()
+    assert _is_scenario("damaged")
+    assert not _is_scenario("detector_nominal")
+    file = tmp_path / "mine.toml"
+    file.write_text(text.replace('fmu = "membrane"\n', 'fmu = "membrane"\nparameters = { pressure_amplitude = 8e3 }\n'))
+    assert _is_scenario(str(file))
+    campaign, _ = _campaign_of(file, Campaign(cases=10))
+    assert campaign.membrane.parameters["pressure_amplitude"] == 8e3
+    assert campaign.steps == 3 * 844 + 2
+    other = tmp_path / "other.toml"
+    other.write_text(text.replace('fmu = "membrane"\n', 'fmu = "elsewhere/plate"\n'))
+    with pytest.raises(ScenarioError, match="Write a campaign file"):
+        _campaign_of(other, Campaign(cases=10))
+
+
+def test_the_card_of_the_shipped_detector_states_ranges_and_errors():
+    card = json.loads(shipped_card().read_text())
+    assert card["trained_over"]["damaged zones"] == [0.0, 4.0]
+    assert card["held_out"]["window 1, damaged, no noise"]["all zones"] < 0.25
+    assert card["held_out"]["window 3, healthy, the thesis' noise"]["false calls"] <= 0.02
+
+
+def shipped_card():
+    from gossamer_models.detector.posterior_artifact import NOMINAL
+
+    return NOMINAL
