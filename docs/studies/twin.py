@@ -18,7 +18,8 @@ from gossamer_models.batch import Batch
 from gossamer_models.membrane import MembraneParams, membrane_model
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import Record, Twin
-from gossamer_models.twin.forward import STRAINS, Forward
+from gossamer_models.twin.forward import STRAINS
+from gossamer_models.twin.sensors import Sensors
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -68,9 +69,9 @@ def strain(damage: Array, mesh: tuple[int, int], noise: float = NOISE, load: boo
 
 def resistance(damage: Array, mesh: tuple[int, int]) -> Array:
     """Simulate resistance with noise, shape (n, 4, steps)."""
-    forward = Forward(*mesh, MembraneParams(), default_artifact())
-    found = forward.resistance(strain(damage, mesh, 0.0), STEP)
-    scale = RESISTANCE_NOISE * forward.sensor_parameters["full_scale_resistance_change"][:, None]
+    sensors = Sensors(default_artifact(), MembraneParams())
+    found = sensors.read(strain(damage, mesh, 0.0), STEP)[0]
+    scale = RESISTANCE_NOISE * sensors.parameters["full_scale_resistance_change"][:, None]
     return np.asarray(found + scale * np.random.default_rng(1).standard_normal(found.shape))
 
 

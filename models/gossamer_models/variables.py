@@ -108,6 +108,11 @@ def pack(state: Any) -> ca.MX:  # noqa: ANN401
     return ca.vec(state)
 
 
+def results_of(state: Any) -> Results:  # noqa: ANN401
+    """Return the fields of a state by name, as results."""
+    return {part.name: getattr(state, part.name) for part in fields(state)}
+
+
 def unpack(like: State, x: ca.MX) -> State:
     """Split a column, shape (n,), into a state with the fields and shapes of another one."""
     if is_dataclass(like) and not isinstance(like, type):

@@ -49,12 +49,15 @@ TINY = Campaign(
 )
 SCRIPT = """
 import sys
+import time
 from pathlib import Path
 from campaign_under_test import TINY
 from gossamer_models.campaign import run_campaign
 
 if __name__ == "__main__":
-    run_campaign(TINY, Path(sys.argv[1]), workers=2, scheduler=sys.argv[2] if len(sys.argv) > 2 else None)
+    scheduler = sys.argv[2] if len(sys.argv) > 2 else None
+    slow = lambda done, total: time.sleep(0.05)  # so that there is time to interrupt it
+    run_campaign(TINY, Path(sys.argv[1]), workers=2, scheduler=scheduler, progress=slow)
 """
 
 

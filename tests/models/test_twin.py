@@ -118,7 +118,7 @@ def test_an_unknown_pressure_is_found_with_the_damage(forward):
 
 def test_on_resistance_the_sensor_runs_inside_the_twin(forward, twin):
     resistance = forward.resistance(strain(forward, TWO)[None], STEP)[0]
-    noise = 1e-3 * forward.sensor_parameters["full_scale_resistance_change"][:, None]
+    noise = 1e-3 * forward.sensors.parameters["full_scale_resistance_change"][:, None]
     noisy = resistance + noise * np.random.default_rng(3).standard_normal(resistance.shape)
     answer = twin.fit(Record(step=STEP, values=noisy, kind="resistance"))
     assert answer.valid

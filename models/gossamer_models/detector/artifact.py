@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Vector
 from ..artifacts import read_arrays, read_artifact, write_artifact
-from ..errors import ArtifactError
+from .checks import require, usable
 from .packets import BLOCK
 
 SCHEMA, VERSION = "gossamer.detector", 1
@@ -55,7 +55,7 @@ class DetectorArtifact:
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _require(self.references.ndim == 3, f"references has shape {self.references.shape}, not (c, n, 16)")
+        require(self.references.ndim == 3, f"references has shape {self.references.shape}, not (c, n, 16)")
         c, n, _ = self.references.shape
         shapes = {
             "baseline": (c, INDICES),
@@ -66,15 +66,15 @@ class DetectorArtifact:
         }
         for name, shape in shapes.items():
             array = getattr(self, name)
-            _require(array.shape == shape, f"{name} has shape {array.shape}, not {shape}")
-            _require(np.isfinite(array).all(), f"{name} holds values that are not finite")
-        _require(self.start_time >= 0.0, f"start_time is {self.start_time:g} s, it must not be negative")
-        _require(0.0 < self.sampling_step < np.inf, f"sampling_step is {self.sampling_step:g} s, it must be positive")
-        _require((np.diff(self.peaks) > 0.0).all(), "the peaks must increase")
-        _require((self.weights >= 0.0).all(), "distance weights must not be negative")
-        _require((self.baseline > 0.0).all(), "baseline energies must be positive")
+            require(array.shape == shape, f"{name} has shape {array.shape}, not {shape}")
+            require(np.isfinite(array).all(), f"{name} holds values that are not finite")
+        require(self.start_time >= 0.0, f"start_time is {self.start_time:g} s, it must not be negative")
+        require(0.0 < self.sampling_step < np.inf, f"sampling_step is {self.sampling_step:g} s, it must be positive")
+        require((np.diff(self.peaks) > 0.0).all(), "the peaks must increase")
+        require((self.weights >= 0.0).all(), "distance weights must not be negative")
+        require((self.baseline > 0.0).all(), "baseline energies must be positive")
         whole = self.samples >= BLOCK and self.samples % BLOCK == 0
-        _require(whole, f"a window needs a multiple of {BLOCK} samples, not {self.samples}")
+        require(whole, f"a window needs a multiple of {BLOCK} samples, not {self.samples}")
 
     @property
     def window_length(self) -> float:
@@ -93,7 +93,7 @@ class DetectorArtifact:
         """Read what ``write`` wrote; raise ``ArtifactError`` for a file that is missing, damaged or unusable."""
         card = read_artifact(path, SCHEMA, VERSION)
         arrays = read_arrays(path, card)
-        try:
+        with usable(path):
             return cls(
                 start_time=float(card["start_time"]),
                 sampling_step=float(card["sampling_step"]),
@@ -101,19 +101,8 @@ class DetectorArtifact:
                 provenance=dict(card["provenance"]),
                 **arrays,
             )
-        except ArtifactError:
-            raise
-        except (KeyError, TypeError, ValueError) as error:
-            msg = f"{path} does not hold a usable detector: {error!r}. Train the detector again."
-            raise ArtifactError(msg) from error
 
     @classmethod
     def default(cls) -> DetectorArtifact:
         """Read the artifact that is shipped with this package."""
         return cls.read(DEFAULT)
-
-
-def _require(condition: bool | np.bool_, problem: str) -> None:
-    if not condition:
-        msg = f"detector artifact: {problem}. Train the detector again."
-        raise ArtifactError(msg)

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix
 from .features import SECTORS, SENSORS, Components
+from .fuzzy_rules import QUADRANT, FuzzyRules
 from .perceptron import Perceptron
 from .posterior import FLOOR, IMAGE_ZONES, SPREAD, SPREADS, degrees_of_freedom, image_signs
-from .posterior_artifact import HEADS, QUADRANT, ZONES, PosteriorWindow
+from .posterior_artifact import HEADS, ZONES, PosteriorWindow
 
 Rows = NDArray[Any]  # of single or double precision
 
@@ -48,7 +49,13 @@ def features(lam: Rows, c: Rows, s2: Rows) -> Rows:
     return np.hstack([c * np.sqrt(lam) / (lam + s2), 0.5 * np.log10(s2) + s2.dtype.type(3.5)])
 
 
-def all_heads(net: Perceptron, features: Rows, signs: Rows) -> Rows:
+def network_of(window: PosteriorWindow) -> Perceptron | FuzzyRules:
+    """Return the network of a window."""
+    arrays: list[Rows] = list(window.encoder)
+    return FuzzyRules(arrays) if window.network == "neuro-fuzzy" else Perceptron(arrays)
+
+
+def all_heads(net: Perceptron | FuzzyRules, features: Rows, signs: Rows) -> Rows:
     """Evaluate the heads of all zones, shape (n, 48), from the images of the features."""
     found = np.empty((len(features), HEADS, ZONES), features.dtype)
     for sign, zones in zip(signs.T, IMAGE_ZONES, strict=True):
@@ -68,11 +75,11 @@ def damage_of(heads: Rows) -> Rows:
 
 def heads_of(window: PosteriorWindow, found: Features) -> Matrix:
     """Evaluate the heads, shape (n, 48), of a window."""
-    return all_heads(Perceptron(list(window.encoder)), found.features, image_signs(window.sectors))
+    return all_heads(network_of(window), found.features, image_signs(window.sectors))
 
 
 def explain(window: PosteriorWindow, found: Features) -> Matrix:
     """Return what the decoder makes of the answer, shape (n, K), to compare with the components."""
-    hidden = Perceptron(list(window.encoder)).values(found.features)[-2]
+    hidden = network_of(window).values(found.features)[-2]
     given = np.hstack([damage_of(heads_of(window, found)), hidden @ window.latent])
     return Perceptron(list(window.decoder)).values(given)[-1] * window.scales

@@ -12,7 +12,7 @@ from functools import partial
 import casadi as ca
 
 from ..step_model import StepModel
-from ..variables import Results, Values, Variable, output, pack, unpack
+from ..variables import Results, Values, Variable, output, pack, results_of, unpack
 from .artifact import INDICES, ZONES, DetectorArtifact
 from .features import SENSORS
 from .neurofuzzy import Defuzzification, defuzzify, similarity
@@ -53,10 +53,6 @@ class Estimate:
     index: ca.MX
     similarity: ca.MX
     valid: ca.MX
-
-    def results(self) -> Results:
-        """Return the outputs by name."""
-        return {name: getattr(self, name) for name in self.__slots__}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +114,7 @@ def detector_model(
         zero = ca.MX(0.0)
         none = Estimate(ca.MX.zeros(ZONES), ca.MX.ones(INDICES), zero, zero)
         energies = Energies(ca.MX.zeros(SENSORS, BLOCK - 1), ca.MX.zeros(INDICES))
-        return DetectorState(Clock.start(p), energies, none), none.results()
+        return DetectorState(Clock.start(p), energies, none), results_of(none)
 
     def step(x: DetectorState, u: Values, p: Values, h: ca.MX) -> tuple[DetectorState, Results]:
         clock, sample = x.clock.advance(u.strain, p, h)
@@ -126,7 +122,7 @@ def detector_model(
         case = ca.if_else(sample.ends, ca.fmin(x.clock.number, windows[-1]), -1)
         estimates = [pack(estimate(U, c, p)) for c in windows]
         latest = unpack(x.estimate, ca.conditional(case, estimates, pack(x.estimate), True))
-        return DetectorState(clock, energies, latest), latest.results()
+        return DetectorState(clock, energies, latest), results_of(latest)
 
     return StepModel.written(
         name="detector",

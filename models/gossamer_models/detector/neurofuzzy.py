@@ -70,7 +70,7 @@ def triangular_memberships(damage: ArrayLike, peaks: ArrayLike) -> Vector:
     return np.stack([np.interp(x, p, row) for row in identity], axis=-1)
 
 
-def defuzzify(O: ca.MX, peaks: ca.DM, method: Defuzzification = "centroid") -> ca.MX:
+def defuzzify(O: ca.MX, peaks: ca.DM, method: Defuzzification = "centroid", least: float = 1e-300) -> ca.MX:
     """Turn memberships into crisp values.
 
     Parameters
@@ -81,6 +81,8 @@ def defuzzify(O: ca.MX, peaks: ca.DM, method: Defuzzification = "centroid") -> c
         Increasing values at which each set has membership one.
     method : {"centroid", "mom", "som", "lom"}
         Centroidal matching, Eq. (6.4), or the middle, smallest or largest of the sets of largest membership.
+    least : float
+        Added to the sum of the memberships that the centroid is divided by.
 
     Returns
     -------
@@ -91,7 +93,7 @@ def defuzzify(O: ca.MX, peaks: ca.DM, method: Defuzzification = "centroid") -> c
     values = [float(peak) for peak in peaks.full().ravel()]
     if method == "centroid":
         moment = sum(membership * value for membership, value in zip(sets, values, strict=True))
-        return moment / ca.fmax(sum(sets), 1e-300)
+        return moment / (sum(sets) + least)
     largest = functools.reduce(ca.fmax, sets)
     smallest_peak, largest_peak = values[-1], values[0]
     for membership, value in zip(sets, values, strict=True):

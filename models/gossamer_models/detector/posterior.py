@@ -17,7 +17,9 @@ import numpy as np
 from ..arrays import Matrix, Vector
 from .assessment import WRONG
 from .features import SECTORS, SENSORS, Components, block_means, difference_noise
-from .posterior_artifact import QUADRANT, ZONES, PosteriorArtifact, PosteriorWindow
+from .fuzzy_rules import LEAST, PEAKS, QUADRANT
+from .neurofuzzy import defuzzify, similarity
+from .posterior_artifact import ZONES, PosteriorArtifact, PosteriorWindow
 
 LARGEST_RISK = 0.01  # of a valid answer: that it is wrong by more than 10 % [1]
 FLOOR = 3e-5  # least noise of a block mean [1], far below what matters, so that clean records have one too
@@ -81,9 +83,8 @@ def judge_window(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX) ->
     outside, freedom = ca.sum2(r**2), degrees_of_freedom(window)
     s2 = ca.sum1(outside) / (SENSORS * freedom) + FLOOR**2
     features = ca.vertcat(c * ca.sqrt(lam) / (lam + s2), log_noise(s2))
-    *_, hidden, heads = layers(
-        window.encoder, ca.repmat(features, 1, len(MIRRORS)) * ca.DM(image_signs(window.sectors))
-    )
+    images = ca.repmat(features, 1, len(MIRRORS)) * ca.DM(image_signs(window.sectors))
+    *_, hidden, heads = (fuzzy_rules if window.network == "neuro-fuzzy" else layers)(window.encoder, images)
     P, m, sd = posterior(*(spread_out(head) for head in ca.vertsplit(heads, QUADRANT)))
     damage = ca.if_else(P >= 0.5, m, 0.0)
     hidden = hidden[:, 0]
@@ -106,6 +107,18 @@ def layers(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
         a = ca.DM(arrays[layer]).T @ found[-1] + ca.DM(arrays[layer + 1])
         found.append(a if layer + 2 == len(arrays) else ca.tanh(a))
     return found[1:]
+
+
+def fuzzy_rules(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
+    """Write the similarities and the heads of ``FuzzyRules``, a column per column of features."""
+    T, X, V, b, R, c = arrays
+    peaks = ca.DM(PEAKS)
+    found = []
+    for features in ca.horzsplit(x):
+        S = similarity(ca.DM(T).T @ features, ca.DM(X), ca.DM(V**2), float(b[0]))
+        logit, *O, spread = ca.vertsplit(ca.DM(R).T @ S + ca.DM(c), QUADRANT)
+        found.append((S, ca.vertcat(logit, defuzzify(ca.horzcat(*O).T, peaks, least=LEAST).T, spread)))
+    return [ca.horzcat(*part) for part in zip(*found, strict=True)]
 
 
 def posterior(logit: ca.MX, mean: ca.MX, spread: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:

@@ -4,36 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from ..arrays import Matrix, Vector
 from ..artifacts import read_arrays, read_artifact, write_artifact
-from ..errors import ArtifactError
+from .checks import require, usable
+from .fuzzy_rules import INDICES, PEAKS, QUADRANT
 
 SCHEMA, VERSION = "gossamer.posterior_detector", 1
 NOMINAL = Path(__file__).with_name("nominal.json")
 WIDE = Path(__file__).with_name("wide.json")
-ZONES, QUADRANT = 16, 4
+ZONES = 16
+Network: TypeAlias = Literal["perceptron", "neuro-fuzzy"]
 HEADS = 3  # of the network per zone: logit of P(damaged), mean, logarithm of the standard deviation
 
-_ENCODER = tuple(f"encoder_{kind}{layer}" for layer in (1, 2, 3) for kind in "Wb")
+NETWORKS = {  # arrays of the network, by its kind
+    "perceptron": tuple(f"encoder_{kind}{layer}" for layer in (1, 2, 3) for kind in "Wb"),
+    "neuro-fuzzy": ("indices", "references", "roots", "bias", "rules", "rule_bias"),
+}
 _DECODER = tuple(f"decoder_{kind}{layer}" for layer in (1, 2) for kind in "Wb")
-_ARRAYS = (
-    "mean",
-    "axes",
-    "sectors",
-    "variances",
-    "rest",
-    *_ENCODER,
-    "latent",
-    *_DECODER,
-    "scales",
-    "directions",
-    "errors",
-    "limits",
-)
+_SINGLE = ("mean", "axes", "sectors", "variances", "rest", "latent", "scales", "directions", "errors", "limits")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +38,10 @@ class PosteriorWindow:
         See ``Components``.
     rest : ndarray, shape (1,)
         Root mean square of what clean records have outside the components [1], per degree of freedom.
+    network : {"perceptron", "neuro-fuzzy"}
+        What answers for the four zones of one quadrant.
     encoder : tuple of ndarray
-        Weights and biases of three layers, from K + 1 features to 3 heads of 4 zones, those of one quadrant.
+        Its arrays, from K + 1 features to 3 heads of 4 zones: weights and biases of three layers, or as in ``FuzzyRules``.
     latent : ndarray, shape (H, L)
         From the last hidden values to what the decoder gets beside the damage.
     decoder : tuple of ndarray
@@ -66,6 +60,7 @@ class PosteriorWindow:
     sectors: Vector
     variances: Vector
     rest: Vector
+    network: Network
     encoder: tuple[Matrix, ...]
     latent: Matrix
     decoder: tuple[Matrix, ...]
@@ -88,34 +83,33 @@ class PosteriorWindow:
             "limits": (4,),
         }
         found = {name: getattr(self, name).shape for name in shapes}
-        _require(found == shapes, f"its arrays have shapes {found}, not {shapes}")
+        require(found == shapes, f"its arrays have shapes {found}, not {shapes}")
+        require(self.network in NETWORKS, f"its network is {self.network!r}, not one of {', '.join(NETWORKS)}")
         first = self.encoder[0].shape[-1]
         layers = [(K + 1, first), (first,), (first, H), (H,), (H, HEADS * QUADRANT), (HEADS * QUADRANT,)]
-        _require([a.shape for a in self.encoder] == layers, f"its network has layers {[a.shape for a in self.encoder]}")
+        if self.network == "neuro-fuzzy":
+            outputs = (2 + len(PEAKS)) * QUADRANT
+            layers = [(K + 1, INDICES), (H, INDICES), (H, INDICES), (1,), (H, outputs), (outputs,)]
+        require([a.shape for a in self.encoder] == layers, f"its network has layers {[a.shape for a in self.encoder]}")
         inner = self.decoder[0].shape[-1]
         layers = [(ZONES + L, inner), (inner,), (inner, K), (K,)]
-        _require([a.shape for a in self.decoder] == layers, f"its decoder has layers {[a.shape for a in self.decoder]}")
+        require([a.shape for a in self.decoder] == layers, f"its decoder has layers {[a.shape for a in self.decoder]}")
         for array in self.arrays().values():
-            _require(np.isfinite(array).all(), "it holds values that are not finite")
-        _require(np.isin(self.sectors, range(4)).all() and (np.diff(self.sectors) >= 0).all(), "sectors are not 0 to 3")
+            require(np.isfinite(array).all(), "it holds values that are not finite")
+        require(np.isin(self.sectors, range(4)).all() and (np.diff(self.sectors) >= 0).all(), "sectors are not 0 to 3")
         for name in ("variances", "rest", "scales", "limits"):
-            _require((getattr(self, name) > 0.0).all(), f"{name} must be positive")
+            require((getattr(self, name) > 0.0).all(), f"{name} must be positive")
 
     def arrays(self) -> dict[str, Vector]:
         """Return all arrays by the names of the file."""
-        single = {name: getattr(self, name) for name in _ARRAYS if name not in (*_ENCODER, *_DECODER)}
-        return {
-            **single,
-            **dict(zip(_ENCODER, self.encoder, strict=True)),
-            **dict(zip(_DECODER, self.decoder, strict=True)),
-        }
+        named = [*zip(NETWORKS[self.network], self.encoder, strict=True), *zip(_DECODER, self.decoder, strict=True)]
+        return {**{name: getattr(self, name) for name in _SINGLE}, **dict(named)}
 
     @classmethod
-    def of(cls, arrays: dict[str, Vector]) -> PosteriorWindow:
+    def of(cls, network: Network, arrays: dict[str, Vector]) -> PosteriorWindow:
         """Make a window from what ``arrays`` gave."""
-        rest = {name: arrays[name] for name in _ARRAYS if name not in (*_ENCODER, *_DECODER)}
-        encoder, decoder = (tuple(arrays[name] for name in names) for names in (_ENCODER, _DECODER))
-        return cls(encoder=encoder, decoder=decoder, **rest)
+        encoder, decoder = (tuple(arrays[name] for name in names) for names in (NETWORKS[network], _DECODER))
+        return cls(network=network, encoder=encoder, decoder=decoder, **{name: arrays[name] for name in _SINGLE})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,16 +144,16 @@ class PosteriorArtifact:
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _require(self.start_time >= 0.0, f"start_time is {self.start_time:g} s, it must not be negative")
-        _require(0.0 < self.sampling_step < np.inf, f"sampling_step is {self.sampling_step:g} s, it must be positive")
-        _require(
+        require(self.start_time >= 0.0, f"start_time is {self.start_time:g} s, it must not be negative")
+        require(0.0 < self.sampling_step < np.inf, f"sampling_step is {self.sampling_step:g} s, it must be positive")
+        require(
             self.samples >= 4 and self.samples % 4 == 0, f"a window needs a multiple of 4 samples, not {self.samples}"
         )
-        _require(2 <= self.block <= self.samples // 2, f"a block of {self.block} samples is none of {self.samples}")
-        _require(len(self.windows) > 0, "it has no windows")
+        require(2 <= self.block <= self.samples // 2, f"a block of {self.block} samples is none of {self.samples}")
+        require(len(self.windows) > 0, "it has no windows")
         size = self.samples // self.block
         for window in self.windows:
-            _require(window.mean.size == size, f"its windows have {window.mean.size} blocks, not {size}")
+            require(window.mean.size == size, f"its windows have {window.mean.size} blocks, not {size}")
 
     def write(self, path: Path) -> None:
         """Write the card and, beside it, the arrays in single precision, the axes in half."""
@@ -169,6 +163,7 @@ class PosteriorArtifact:
             "samples": self.samples,
             "block": self.block,
             "windows": len(self.windows),
+            "network": self.windows[0].network,
             "trained_over": self.trained_over,
             "held_out": self.held_out,
         }
@@ -184,33 +179,24 @@ class PosteriorArtifact:
         """Read what ``write`` wrote; raise ``ArtifactError`` for a file that is missing, damaged or unusable."""
         card = read_artifact(path, SCHEMA, VERSION)
         arrays = read_arrays(path, card)
-        try:
-            numbers = range(1, int(card["windows"]) + 1)
+        with usable(path):
+            network = card["network"]
+            of_window = [
+                {name.partition("_")[2]: array for name, array in arrays.items() if name.startswith(f"{number}_")}
+                for number in range(1, int(card["windows"]) + 1)
+            ]
             return cls(
                 start_time=float(card["start_time"]),
                 sampling_step=float(card["sampling_step"]),
                 samples=int(card["samples"]),
                 block=int(card["block"]),
-                windows=tuple(
-                    PosteriorWindow.of({name: arrays[f"{number}_{name}"] for name in _ARRAYS}) for number in numbers
-                ),
+                windows=tuple(PosteriorWindow.of(network, found) for found in of_window),
                 trained_over=dict(card["trained_over"]),
                 held_out=dict(card["held_out"]),
                 provenance=dict(card["provenance"]),
             )
-        except ArtifactError:
-            raise
-        except (KeyError, TypeError, ValueError, IndexError) as error:
-            msg = f"{path} does not hold a usable detector: {error!r}. Train the detector again."
-            raise ArtifactError(msg) from error
 
     @classmethod
     def default(cls) -> PosteriorArtifact:
         """Read the artifact that is shipped with this package: the nominal training."""
         return cls.read(NOMINAL)
-
-
-def _require(condition: bool | np.bool_, problem: str) -> None:
-    if not condition:
-        msg = f"detector artifact: {problem}. Train the detector again."
-        raise ArtifactError(msg)

@@ -15,9 +15,10 @@ from ..arrays import Matrix, Vector
 from ..errors import DataError
 from .assessment import BAND
 from .features import block_means
+from .fuzzy_rules import QUADRANT
 from .learned import Features, analyse, deviation, heads_of
 from .posterior import judge_records
-from .posterior_artifact import QUADRANT, PosteriorArtifact, PosteriorWindow
+from .posterior_artifact import PosteriorArtifact, PosteriorWindow
 from .posterior_records import Sensing, Windows, reflect
 
 FALSE_REJECTION = 0.01  # share of records of the training that the misfit may refuse
@@ -92,7 +93,7 @@ def _with_honest_heads(window: PosteriorWindow, found: Features, d: Matrix) -> P
     W, b = W.copy(), b.copy()
     W[:, :QUADRANT] /= T
     b[:QUADRANT] /= T
-    b[2 * QUADRANT :] += np.log(f)
+    b[-QUADRANT:] += np.log(f)
     return replace(window, encoder=(*rest, W, b))
 
 

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 from .features import SECTORS, SENSORS, Components, block_means
+from .fuzzy_rules import QUADRANT, FuzzyRules
 from .learned import all_heads, analyse, damage_of, deviation, features
 from .perceptron import Adam, Perceptron, Rows32, batches
 from .posterior import FLOOR, IMAGE_ZONES, MIRRORS, SPREADS, degrees_of_freedom, image_signs
-from .posterior_artifact import HEADS, QUADRANT, ZONES
+from .posterior_artifact import HEADS, ZONES
 from .posterior_records import Sensing, Windows, coloured_noise, noise_levels, reflect
 from .posterior_settings import Training
 
@@ -284,10 +285,15 @@ class Fit:
                 noisy, clean, s2, damage = (part[rows] for part in drawn)
                 yield 0.5 * t.rate * (1.0 + np.cos(np.pi * done)), (noisy, clean, s2, damage)
 
-    def network(self, report: Callable[[], None]) -> Perceptron:
+    def network(self, report: Callable[[], None]) -> Perceptron | FuzzyRules:
         """Train the network for the damage of one quadrant."""
         t, lam = self.training, self.parts.variances.astype(np.float32)
-        net = Perceptron.random((t.components + 1, t.hidden, t.hidden, HEADS * QUADRANT), self.random)
+        net: Perceptron | FuzzyRules
+        if t.network == "neuro-fuzzy":
+            noisy, _, s2, damage = self.epoch(virtual=False, spoilt=0.0)
+            net = FuzzyRules.of_cases(features(lam, noisy, s2), damage[:, IMAGE_ZONES[0]], t.references, self.random)
+        else:
+            net = Perceptron.random((t.components + 1, t.hidden, t.hidden, HEADS * QUADRANT), self.random)
         adam = Adam(net.arrays)
         for rate, (noisy, _, s2, damage) in self._batches(t.epochs, t.spoilt):
             values = net.values(features(lam, noisy, s2))
@@ -295,12 +301,15 @@ class Fit:
             report()
         return net
 
-    def decoder(self, net: Perceptron, scales: Vector, report: Callable[[], None]) -> tuple[Perceptron, Rows32]:
+    def decoder(
+        self, net: Perceptron | FuzzyRules, scales: Vector, report: Callable[[], None]
+    ) -> tuple[Perceptron, Rows32]:
         """Train the decoder on what the network, which stays as it is, makes of noisy records, towards the clean ones."""
         t, lam, unit = self.training, self.parts.variances.astype(np.float32), scales.astype(np.float32)
         signs = image_signs(self.parts.sectors).astype(np.float32)
         decoder = Perceptron.random((ZONES + t.latent, t.inner, t.components), self.random)
-        latent = (self.random.standard_normal((t.hidden, t.latent)) / np.sqrt(t.hidden)).astype(np.float32)
+        hidden_values = net.arrays[-2].shape[0]
+        latent = (self.random.standard_normal((hidden_values, t.latent)) / np.sqrt(hidden_values)).astype(np.float32)
         adam = Adam([*decoder.arrays, latent])
         for rate, (noisy, clean, s2, _) in self._batches(t.decoder_epochs, 0.0):
             found = features(lam, noisy, s2)
@@ -311,7 +320,7 @@ class Fit:
             report()
         return decoder, latent
 
-    def unexplained(self, net: Perceptron, decoder: Perceptron, latent: Rows32, scales: Vector) -> Matrix:
+    def unexplained(self, net: Perceptron | FuzzyRules, decoder: Perceptron, latent: Rows32, scales: Vector) -> Matrix:
         """Return what the decoder leaves of the components of clean records, shape (n, K)."""
         _, clean, s2, _ = self.epoch(virtual=False, spoilt=0.0)
         found = features(self.parts.variances, clean.astype(float), s2.astype(float))

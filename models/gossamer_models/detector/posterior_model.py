@@ -12,7 +12,7 @@ from functools import partial
 import casadi as ca
 
 from ..step_model import StepModel
-from ..variables import Results, Values, Variable, output, pack, unpack
+from ..variables import Results, Values, Variable, output, pack, results_of, unpack
 from .features import SENSORS, Register
 from .posterior import LARGEST_RISK, judge_window
 from .posterior_artifact import ZONES, PosteriorArtifact
@@ -29,10 +29,6 @@ class Outputs:
     misfit: ca.MX
     risk: ca.MX
     valid: ca.MX
-
-    def results(self) -> Results:
-        """Return the outputs by name."""
-        return {name: getattr(self, name) for name in self.__slots__}
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +75,7 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     def init(_: Values, p: Values) -> tuple[PosteriorState, Results]:
         zero, none = ca.MX(0.0), ca.MX.zeros(ZONES)
         nothing = Outputs(none, none, none, zero, zero, zero)
-        return PosteriorState(Clock.start(p), Register.empty(count), nothing), nothing.results()
+        return PosteriorState(Clock.start(p), Register.empty(count), nothing), results_of(nothing)
 
     def step(x: PosteriorState, u: Values, p: Values, h: ca.MX) -> tuple[PosteriorState, Results]:
         clock, sample = x.clock.advance(u.strain, p, h)
@@ -87,7 +83,7 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
         case = ca.if_else(sample.ends, ca.fmin(x.clock.number, numbers[-1]), -1)
         judged = [pack(outputs(register, number, p)) for number in numbers]
         latest = unpack(x.outputs, ca.conditional(case, judged, pack(x.outputs), True))
-        return PosteriorState(clock, register.restarted(sample.ends), latest), latest.results()
+        return PosteriorState(clock, register.restarted(sample.ends), latest), results_of(latest)
 
     return StepModel.written(
         name="detector",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .posterior_artifact import Network
+
 
 @dataclass(frozen=True, kw_only=True)
 class Training:
@@ -15,8 +17,12 @@ class Training:
         Samples of a window, and how many of them.
     block, components : int
         Samples that are averaged, and principal components.
+    network : {"perceptron", "neuro-fuzzy"}
+        A multilayer perceptron, or the thesis' network with indices that are trained.
+    references : int
+        Reference cases of a neuro-fuzzy network.
     hidden, latent, inner : int
-        Values of each hidden layer of the network, latent values that the decoder gets beside the damage, and values of
+        Values of each hidden layer of the perceptron, latent values that the decoder gets beside the damage, and values of
         its hidden layer.
     virtual : float
         Share of the cases that are moved to other damages until the last quarter of the epochs; see ``Fit.epoch``.
@@ -36,6 +42,8 @@ class Training:
     windows: int = 3
     block: int = 2
     components: int = 128
+    network: Network = "perceptron"
+    references: int = 256
     hidden: int = 128
     latent: int = 8
     inner: int = 96

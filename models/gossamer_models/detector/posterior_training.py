@@ -71,6 +71,7 @@ def train_posterior(
             "command": "gossamer train",
             "campaign": str(data.attrs["sha256"]),
             "cases": str(data.sizes["case"]),
+            "epochs": str(t.epochs),
         },
     )
     return replace(artifact, held_out=assess_windows(artifact, data, t))
@@ -136,6 +137,7 @@ def _train_window(cut: Windows, sensing: Sensing, t: Training, report: Callable[
         sectors=parts.sectors,
         variances=parts.variances,
         rest=np.array([fit.rest()]),
+        network=t.network,
         encoder=tuple(np.asarray(a, float) for a in net.arrays),
         latent=np.asarray(latent, float),
         decoder=tuple(np.asarray(a, float) for a in decoder.arrays),

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from .problem import Point, Quadratic
+from .least_squares import Point, Quadratic
 from .quadratic import bounded_minimum, change
 
 DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])  # one for each lane

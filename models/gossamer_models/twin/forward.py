@@ -1,4 +1,4 @@
-"""From damages and nuisances to what the sensors read: the membrane, and the sensors behind it, in lanes.
+"""From damages and nuisances to what the sensors read, from the start of the load, in lanes.
 
 Symbols: ``m`` cases, ``n`` samples.
 """
@@ -15,9 +15,9 @@ from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..errors import ParameterError
 from ..membrane import MembraneParams, membrane_model
-from ..membrane.params import stretch
-from ..sensor import SensorArtifact, sensor_model
+from ..sensor import SensorArtifact
 from .record import N_SENSORS
+from .sensors import Sensors
 
 STRAINS = tuple(f"strain[{k + 1}]" for k in range(N_SENSORS))
 
@@ -49,6 +49,13 @@ class Forward:
         Sensor; None if records hold strain only.
     sensor_parameters : mapping of str to float or sequence of 4 floats
         Parameters of the sensors that differ from their start values.
+
+    Attributes
+    ----------
+    params : MembraneParams
+        Membrane and load.
+    sensors : Sensors or None
+        Sensors, if there are some.
     """
 
     def __init__(
@@ -63,25 +70,13 @@ class Forward:
         self.params = params
         self._membrane = Batch(model, STRAINS)
         self._pressed = Batch(model, STRAINS, ("pressure",))
-        self._sensor: Batch | None = None
-        if sensor is not None:
-            written = sensor_model(sensor)
-            starts = {v.name: v.start for v in written.variables if v.start is not None}
-            starts.pop("strain")
-            known: dict[str, ArrayLike] = {**starts, "rest_strain": stretch(params) - 1.0, **(sensor_parameters or {})}
-            self.sensor_parameters = {name: np.broadcast_to(value, (N_SENSORS,)) for name, value in known.items()}
-            self._sensor = Batch(written, ("resistance",), ("strain",))
-
-    @property
-    def has_sensor(self) -> bool:
-        """Whether records of resistance can be fitted."""
-        return self._sensor is not None
+        self.sensors = None if sensor is None else Sensors(sensor, params, sensor_parameters)
 
     def reading(self, kind: str) -> Reading:
-        """Return the scale of records of a kind."""
+        """Return the scale of records of a kind; raise ``ParameterError`` for resistance without sensors."""
         if kind == "strain":
             return Reading(zero=np.zeros((N_SENSORS, 1)), scale=np.ones((N_SENSORS, 1)))
-        known = self.sensor_parameters
+        known = self._with_sensors().parameters
         zero, scale = (known[name][:, None] for name in ("rest_resistance", "full_scale_resistance_change"))
         return Reading(zero=zero, scale=scale)
 
@@ -108,13 +103,10 @@ class Forward:
 
     def resistance(self, strain: Matrix, h: float) -> Matrix:
         """Return the resistance [ohm] of sensors under strain, shape (m, 4, n); not a number where a case failed."""
-        if self._sensor is None:
-            msg = "the twin has no sensor. Give it one: Twin(sensor=...)."
+        return self._with_sensors().read(strain, h)[0]
+
+    def _with_sensors(self) -> Sensors:
+        if self.sensors is None:
+            msg = "the record holds resistance, but the twin has no sensor. Give it one: Twin(sensor=...)."
             raise ParameterError(msg)
-        m, _, n = strain.shape
-        bad = np.asarray(~np.isfinite(strain).all(axis=(1, 2)))
-        parameters = {name: np.tile(value, m) for name, value in self.sensor_parameters.items()}
-        signal = np.where(bad[:, None, None], self.sensor_parameters["rest_strain"][:, None], strain).reshape(-1, n)
-        found = self._sensor.run(n, h, parameters, {"strain": signal}).results.reshape(m, N_SENSORS, n)
-        found[bad] = np.nan
-        return found
+        return self.sensors

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..arrays import Matrix
 from ..membrane.mesh import N_ZONES
+from .least_squares import Quadratic
 from .nuisances import LOAD, MODULUS
-from .problem import Quadratic
 from .quadratic import change
 from .search import Fit, box
 from .sparse import THRESHOLD, Box, drop_zones

@@ -6,61 +6,27 @@ Symbols: ``x`` unknowns, first the 16 damages [1], then the nuisances in units o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from ..errors import ConvergenceError
 from ..membrane.mesh import N_ZONES
 from .discrepancy import Discrepancy
 from .forward import Forward
+from .least_squares import (
+    DAMAGE_STEP,
+    MOST_DAMAGE,
+    Point,
+    Quadratic,
+    check_derivatives,
+    neighbours,
+    points_at,
+    quadratic_about,
+)
 from .nuisances import BEYOND, Nuisances
 from .record import Record
 from .weights import NoiseWeights, SplineWeights
 
-MOST_DAMAGE = 0.95
-DAMAGE_STEP = 2e-3  # of finite differences
 NUISANCE_STEP = 0.02  # in units of the prior's deviation
-
-
-@dataclass(frozen=True)
-class Quadratic:
-    """Quadratic model of chi2 about a point: chi2 - 2 g d + d A d.
-
-    Attributes
-    ----------
-    A, g : ndarray, shape (n, n) and (n,)
-        Curvature and slope; ``A`` includes the priors.
-    at : ndarray, shape (n,)
-        The point.
-    """
-
-    A: Matrix
-    g: Vector
-    at: Vector
-
-
-@dataclass(frozen=True)
-class Point:
-    """Unknowns and what they predict.
-
-    Attributes
-    ----------
-    x : ndarray, shape (n,)
-        Unknowns.
-    perfect : ndarray, shape (4, samples)
-        Strain or resistance that sensors without gain and offset read.
-    r : ndarray, shape (values,)
-        Weighed residuals.
-    chi2 : float
-        Chi2 with the priors; infinite where the simulation failed.
-    """
-
-    x: Vector
-    perfect: Matrix
-    r: Vector
-    chi2: float
 
 
 class Problem:
@@ -93,6 +59,7 @@ class Problem:
     ) -> None:
         self.forward, self.record, self.nuisances = forward, record, nuisances
         self.size = N_ZONES + len(nuisances.names)
+        self._prior = np.r_[np.zeros(N_ZONES), np.ones(len(nuisances.names))]
         self._simulated = N_ZONES + len(nuisances.simulated)
         self.low = np.r_[np.zeros(N_ZONES), np.full(len(nuisances.names), -BEYOND)]
         self.high = np.r_[np.full(N_ZONES, MOST_DAMAGE), np.full(len(nuisances.names), BEYOND)]
@@ -119,8 +86,7 @@ class Problem:
         """Simulate rows of unknowns, shape (m, n)."""
         perfect = self._perfect(x)
         r = self._y - self._weights.weigh(self._read(perfect, x))
-        chi2 = np.einsum("ij,ij->i", r, r) + np.sum(x[:, N_ZONES:] ** 2, axis=1)
-        return [Point(*row) for row in zip(x, perfect, r, np.where(np.isfinite(chi2), chi2, np.inf), strict=True)]
+        return points_at(x, perfect, r, self._prior)
 
     def derivatives(self, point: Point, free: Rows) -> Matrix:
         """Return the derivatives of the weighed predictions by the free unknowns, shape (values, number of them).
@@ -136,25 +102,18 @@ class Problem:
         J = np.empty((self.values, places.size))
         if simulated.size:
             steps = np.where(simulated < N_ZONES, DAMAGE_STEP, NUISANCE_STEP)
-            steps = np.where(x[simulated] + steps > self.high[simulated], -steps, steps)
-            rows = np.repeat(x[None], simulated.size, axis=0)
-            rows[np.arange(simulated.size), simulated] += steps
+            rows, steps = neighbours(x, simulated, steps, self.high)
             weighed = self._weights.weigh(self._read(self._perfect(rows), rows))
             J[:, : simulated.size] = ((weighed - here) / steps[:, None]).T
         if linear.size:
             rows = np.repeat(x[None], linear.size, axis=0)
             rows[np.arange(linear.size), linear] += 1.0
-            J[:, simulated.size :] = (self._weights.weigh(self._read(point.perfect[None], rows)) - here).T
-        if not np.isfinite(J).all():
-            msg = "the twin's membrane failed near its present damages. Check the load and the parameters of the twin."
-            raise ConvergenceError(msg)
-        return J
+            J[:, simulated.size :] = (self._weights.weigh(self._read(point.predicted[None], rows)) - here).T
+        return check_derivatives(J)
 
     def quadratic(self, point: Point, free: Rows, J: Matrix) -> Quadratic:
         """Return the quadratic model of chi2 at a point over the free unknowns, from their derivatives."""
-        places = np.flatnonzero(free)
-        at, prior = point.x[places], (places >= N_ZONES).astype(float)
-        return Quadratic(A=J.T @ J + np.diag(prior), g=J.T @ point.r - prior * at, at=at)
+        return quadratic_about(point, free, J, self._prior)
 
     def _read(self, y: Matrix, x: Matrix) -> Matrix:
         """Return what sensors with gain and offset read, shape (m, 4, n)."""

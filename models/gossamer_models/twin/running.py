@@ -16,10 +16,10 @@ from ..batch import Batch
 from ..batch.cases import BatchState
 from ..membrane import MembraneParams, membrane_model
 from ..membrane.mesh import N_ZONES
-from ..membrane.params import stretch
-from ..sensor import SensorArtifact, sensor_model
+from ..sensor import SensorArtifact
 from .forward import STRAINS
 from .record import N_SENSORS
+from .sensors import Sensors, repeated
 
 DAMAGES = tuple(f"damage[{k + 1}]" for k in range(N_ZONES))
 
@@ -65,18 +65,14 @@ class Running:
     ) -> None:
         self._params = params
         self._membrane = Batch(membrane_model(elements_per_side, order, compiled=True), STRAINS, DAMAGES)
-        self._sensor = None if sensor is None else Batch(sensor_model(sensor), ("resistance",), ("strain",))
-        self._sensor_parameters = {"rest_strain": stretch(params) - 1.0, **(sensor_parameters or {})}
+        self._sensors = None if sensor is None else Sensors(sensor, params, sensor_parameters)
 
     def begin(self, damage: Vector, h: float) -> Place:
         """Return the place of rest with a damage, shape (16,) [1]."""
         nothing = np.zeros(0)
         start = {**asdict(self._params), "damage": damage[None]}
         membrane = self._membrane.run(0, h, start, dict.fromkeys(DAMAGES, nothing))
-        if self._sensor is None:
-            return Place(membrane.state, None)
-        start = {**self._sensor_parameters, "strain": membrane.initial[0]}
-        return Place(membrane.state, self._sensor.run(0, h, start, {"strain": nothing}).state)
+        return Place(membrane.state, None if self._sensors is None else self._sensors.rest(membrane.initial[0], h))
 
     def advance(self, place: Place, damage: Matrix, h: float) -> tuple[Matrix, Place]:
         """Go on from a place with many histories of damage.
@@ -99,19 +95,11 @@ class Running:
         """
         m, n, _ = damage.shape
         inputs = {name: damage[:, :, k] for k, name in enumerate(DAMAGES)}
-        run = self._membrane.run(n, h, inputs=inputs, state=_repeated(place.membrane, m))
-        if self._sensor is None or place.sensors is None:
+        run = self._membrane.run(n, h, inputs=inputs, state=repeated(place.membrane, m))
+        if self._sensors is None:
             return run.results, Place(_first(run.state, 1), None)
-        failed = np.asarray(~np.isfinite(run.results).all(axis=(1, 2)))
-        strain = np.where(failed[:, None, None], 0.0, run.results).reshape(m * N_SENSORS, n)
-        sensed = self._sensor.run(n, h, inputs={"strain": strain}, state=_repeated(place.sensors, m))
-        resistance = sensed.results.reshape(m, N_SENSORS, n)
-        resistance[failed] = np.nan
-        return resistance, Place(_first(run.state, 1), _first(sensed.state, N_SENSORS))
-
-
-def _repeated(state: BatchState, times: int) -> BatchState:
-    return BatchState(x=np.tile(state.x, (times, 1)), values=np.tile(state.values, (times, 1)), model=state.model)
+        resistance, state = self._sensors.read(run.results, h, place.sensors)
+        return resistance, Place(_first(run.state, 1), _first(state, N_SENSORS))
 
 
 def _first(state: BatchState, cases: int) -> BatchState:

@@ -16,8 +16,9 @@ from ..arrays import Rows, Vector
 from ..errors import ConvergenceError
 from ..membrane.mesh import N_ZONES
 from .descent import NEGLIGIBLE, descend
+from .least_squares import Point, Quadratic
 from .nuisances import LOAD, MODULUS
-from .problem import Point, Problem, Quadratic
+from .problem import Problem
 from .quadratic import change
 from .sparse import THRESHOLD, Box, drop_zones
 

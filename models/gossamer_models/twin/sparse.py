@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Rows, Vector
-from .problem import Quadratic
+from .least_squares import Quadratic
 from .quadratic import bounded_minimum, change
 
 THRESHOLD = 9.0

@@ -22,9 +22,10 @@ from .answer import Answer
 from .descent import descend
 from .discrepancy import Discrepancy, default_discrepancy
 from .forward import Forward
+from .least_squares import MOST_DAMAGE
 from .modulus import modulus_instead
 from .nuisances import MODULUS, Nuisances
-from .problem import MOST_DAMAGE, Problem
+from .problem import Problem
 from .record import LEAST_SAMPLES, N_SENSORS, Record, dead_sensors
 from .search import ROUGH, Fit, box, chi2_bound, search
 from .sparse import evidence, probability
@@ -119,9 +120,7 @@ class Twin:
         ParameterError
             The record holds resistance and the twin has no sensor, or the start has another shape.
         """
-        if record.kind == "resistance" and not self._forward.has_sensor:
-            msg = "the record holds resistance, but the twin has no sensor. Give it one: Twin(sensor=...)."
-            raise ParameterError(msg)
+        self._forward.reading(record.kind)  # refuses resistance without a sensor
         given = None if start is None else np.clip(np.asarray(start, dtype=float), 0.0, MOST_DAMAGE)
         if given is not None and given.shape != (N_ZONES,):
             msg = f"a start has one damage for each of {N_ZONES} zones, not shape {given.shape}"

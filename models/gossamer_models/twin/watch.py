@@ -13,21 +13,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import chi2 as chi2_distribution
 
-from ..arrays import Matrix, Rows, Vector
+from ..arrays import Matrix, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
 from ..membrane import MembraneParams
 from ..membrane.mesh import N_ZONES
 from ..sensor import SensorArtifact
 from .descent import Minimum, descend
-from .problem import DAMAGE_STEP, MOST_DAMAGE, Point, Quadratic
-from .quadratic import bounded_minimum
+from .least_squares import DAMAGE_STEP, MOST_DAMAGE, Quadratic
+from .onset import OnsetProblem, weigh
 from .record import N_SENSORS
 from .running import Place, Running
 from .sparse import Box, drop_zones
 
-ONSETS = 16  # onsets tried
-SHARES = (0.4, 0.7, 1.0)  # of a step of Newton's method
-BEST = 3  # onsets that are refined
 SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
 ROUNDS = 4
 
@@ -119,9 +116,9 @@ class Watch:
     The twin simulates each window from the state it has reached, and 16 neighbours with a little damage in one zone each,
     all in lanes. Rao's score statistic :math:`T = g^T A^{-1} g` [1]_ has a chi2 distribution with 16 degrees of freedom
     while nothing changes; a constant offset of a sensor does not count. Where the model is not exact, T is larger: it is
-    divided by the largest mean of T/16 over the windows before, at least 1, so that only a rise gives an alarm, and the
-    first window never does. One window after an alarm, onset and damages are fitted to the windows before, at and after it;
-    zones are dropped as in ``Twin``. The watch then goes on from the damages that it has found.
+    divided by a scale, T/16 of the first window, at least 1, that goes half way to every larger one. Only a sudden rise
+    gives an alarm, and the first window never does. One window after an alarm, onset and damages are fitted to the windows
+    before, at and after it; zones are dropped as in ``Twin``. The watch then goes on from the damages that it has found.
 
     References
     ----------
@@ -243,98 +240,5 @@ class Watch:
         )
 
 
-class OnsetProblem:
-    """Least squares for damages that begin within some windows, as ``descend`` takes it.
-
-    Unknowns: the onset [steps] and the 16 damages since then [1].
-
-    Parameters
-    ----------
-    running : Running
-        Simulation.
-    place : Place
-        Where it stands before the first reading.
-    y : ndarray, shape (4, n)
-        Readings; not a number where one is missing.
-    sigma : ndarray, shape (4,)
-        Noise.
-    before : ndarray, shape (16,)
-        Damage until the onset [1].
-    h : float
-        Step [s].
-    """
-
-    def __init__(self, running: Running, place: Place, y: Matrix, sigma: Vector, before: Vector, h: float) -> None:
-        self._running, self._place, self._sigma, self._before, self._h = running, place, sigma, before, h
-        self._present, self._steps = np.isfinite(y), y.shape[1]
-        self._y = weigh(y[None], self._present, sigma)[0]
-        self.low = np.zeros(1 + N_ZONES)
-        self.high = np.r_[y.shape[1] - 1.0, np.full(N_ZONES, MOST_DAMAGE)]
-        self.values = int(self._present.sum()) - N_SENSORS
-        self._prior = np.r_[float(self._steps) ** -2, np.ones(N_ZONES)]  # weak: any time, any damage
-
-    def history(self, x: Matrix) -> Matrix:
-        """Return damage at the end of every step, shape (m, n, 16); a step in which it begins has a part of it."""
-        share = np.clip(np.arange(1, self._steps + 1) - x[:, :1], 0.0, 1.0)
-        return np.asarray(self._before + share[:, :, None] * (x[:, None, 1:] - self._before))
-
-    def points(self, x: Matrix) -> list[Point]:
-        """Simulate rows of unknowns, shape (m, 17)."""
-        readings = self._readings(x)
-        r = self._y - weigh(readings, self._present, self._sigma)
-        chi2 = np.einsum("ij,ij->i", r, r) + np.sum(self._prior * x**2, axis=1)
-        return [Point(*row) for row in zip(x, readings, r, np.where(np.isfinite(chi2), chi2, np.inf), strict=True)]
-
-    def derivatives(self, point: Point, free: Rows) -> Matrix:
-        """Return the derivatives of the weighed readings by the free unknowns, shape (4 n, number of them).
-
-        Raises
-        ------
-        ConvergenceError
-            A simulation has failed.
-        """
-        places = np.flatnonzero(free)
-        steps = np.where(places == 0, 1.0, DAMAGE_STEP)
-        steps = np.where(point.x[places] + steps > self.high[places], -steps, steps)
-        rows = np.repeat(point.x[None], places.size, axis=0)
-        rows[np.arange(places.size), places] += steps
-        change_of_r = self._y - weigh(self._readings(rows), self._present, self._sigma) - point.r
-        if not np.isfinite(change_of_r).all():
-            msg = "the twin's membrane failed near its present damages. Check its load and parameters."
-            raise ConvergenceError(msg)
-        return np.asarray(-change_of_r.T / steps)
-
-    def quadratic(self, point: Point, free: Rows, J: Matrix) -> Quadratic:
-        """Return the quadratic model of chi2 at a point over the free unknowns."""
-        at, prior = point.x[free], self._prior[free]
-        return Quadratic(A=J.T @ J + np.diag(prior), g=J.T @ point.r - prior * at, at=at)
-
-    def first_guesses(self, steps: int) -> list[Vector]:
-        """Return some onsets within the first steps, each with damages by one step of Newton's method, best first."""
-        zones = np.arange(1 + N_ZONES) > 0
-        onsets = np.linspace(0.0, steps, ONSETS, endpoint=False)
-        guesses = np.column_stack([onsets, np.repeat(self._before[None], ONSETS, axis=0)])
-        for share in (SHARES, (1.0,)):
-            trials = []
-            for point in self.points(guesses):
-                model = self.quadratic(point, zones, self.derivatives(point, zones))
-                d = bounded_minimum(model.A, model.g, -point.x[1:], self.high[1:] - point.x[1:])
-                moves = [np.r_[0.0, part * d] for part in share]
-                trials += [np.clip(point.x + move, self.low, self.high) for move in moves]
-            points = sorted(self.points(np.array(trials)), key=lambda point: point.chi2)
-            guesses = np.array([point.x for point in points[:BEST]])
-        return list(guesses)
-
-    def _readings(self, x: Matrix) -> Matrix:
-        return self._running.advance(self._place, self.history(x), self._h)[0]
-
-
 def _chi2(minimum: Minimum) -> float:
     return minimum.point.chi2
-
-
-def weigh(rows: Matrix, present: Rows, sigma: Vector) -> Matrix:
-    """Remove the mean of each sensor from rows, shape (m, 4, n), and divide by the noise, shape (m, 4 n)."""
-    count = np.maximum(present.sum(axis=1), 1)
-    mean = np.where(present, rows, 0.0).sum(axis=2) / count
-    return np.asarray((np.where(present, rows - mean[:, :, None], 0.0) / sigma[:, None]).reshape(len(rows), -1))

@@ -16,6 +16,7 @@ from .common import model_errors, wide
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_models.campaign import Campaign
+    from gossamer_models.detector.posterior_artifact import Network
     from rich.table import Table
 
 
@@ -27,6 +28,7 @@ class Kind(StrEnum):
 
     NETWORK = "network"
     NEURO_FUZZY = "neuro-fuzzy"
+    THESIS = "thesis"
 
 
 def train(
@@ -38,7 +40,11 @@ def train(
         ),
     ] = "detector_nominal",
     kind: Annotated[
-        Kind, typer.Option(help="network: posterior of the damage; neuro-fuzzy: that of the thesis.")
+        Kind,
+        typer.Option(
+            help="network: a perceptron; neuro-fuzzy: the thesis' network on trained indices; thesis: on 16 energies, one "
+            "damaged zone, no noise, whatever the source."
+        ),
     ] = Kind.NETWORK,
     out: Annotated[
         Path | None,
@@ -68,8 +74,8 @@ def train(
     from rich.progress import Progress
 
     console = wide(stderr=True)
-    if kind is Kind.NEURO_FUZZY:
-        _train_neuro_fuzzy(out or Path("out/detector/single_damage.json"), console)
+    if kind is Kind.THESIS:
+        _train_thesis(out or Path("out/detector/single_damage.json"), console)
         return
     from gossamer_models.detector.posterior_settings import Training
     from gossamer_models.detector.posterior_training import train_posterior
@@ -79,7 +85,8 @@ def train(
         length = window or length
         samples = Training().samples if length is None else 4 * max(round(length / float(data["time"][0])) // 4, 1)
         windows = min(Training().windows, max(data.sizes["time"] // samples, 1))
-        training = Training(samples=samples, windows=windows, epochs=epochs or Training().epochs)
+        network: Network = "perceptron" if kind is Kind.NETWORK else "neuro-fuzzy"
+        training = Training(network=network, samples=samples, windows=windows, epochs=epochs or Training().epochs)
         path = out or Path("out/detector") / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         with Progress(console=console, disable=not console.is_terminal) as progress:
@@ -162,7 +169,7 @@ def _table(found: dict[str, dict[str, float]]) -> Table:
     return table
 
 
-def _train_neuro_fuzzy(out: Path, console: Console) -> None:
+def _train_thesis(out: Path, console: Console) -> None:
     from gossamer_models.detector.assessment import THESIS_ERROR
     from gossamer_models.detector.training import assess, train_detector
     from rich.table import Table

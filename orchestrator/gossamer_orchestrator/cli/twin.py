@@ -10,6 +10,15 @@ import typer
 from rich.console import Console
 
 from .common import model_errors
+from .twin_options import (
+    ElementsOption,
+    KindOption,
+    NoiseOption,
+    OrderOption,
+    ParamsOption,
+    RecordArgument,
+    SensorOption,
+)
 
 if TYPE_CHECKING:
     from gossamer_models.twin import Answer
@@ -19,9 +28,7 @@ NUISANCES = "offset"
 
 
 def twin(
-    record: Annotated[
-        Path, typer.Argument(help="Results of a run (results.nc, results.csv or their folder), or a CSV file.")
-    ],
+    record: RecordArgument,
     fit: Annotated[
         str | None,
         typer.Option(
@@ -30,19 +37,13 @@ def twin(
             metavar="NAMES",
         ),
     ] = None,
-    kind: Annotated[str | None, typer.Option(help="strain or resistance, where the record has both.")] = None,
-    noise: Annotated[
-        float | None, typer.Option(help="Standard deviation of the noise, 1 or ohm; estimated by default.", min=0.0)
-    ] = None,
+    kind: KindOption = None,
+    noise: NoiseOption = None,
     stop: Annotated[float | None, typer.Option(help="Use the record up to this time [s] only.")] = None,
-    params: Annotated[
-        list[str] | None, typer.Option(help="A membrane parameter, NAME=VALUE; may be repeated.", metavar="NAME=VALUE")
-    ] = None,
-    sensor: Annotated[
-        Path | None, typer.Option(help="Artifact of the sensors; the shipped one by default.", metavar="FILE")
-    ] = None,
-    elements: Annotated[int, typer.Option(help="Elements of the twin per side.")] = 4,
-    order: Annotated[int, typer.Option(help="Their order; 1 for bilinear ones.")] = 4,
+    params: ParamsOption = None,
+    sensor: SensorOption = None,
+    elements: ElementsOption = 4,
+    order: OrderOption = 4,
     sparse: Annotated[bool, typer.Option(help="Drop the zones that the record does not need.")] = True,
     out: Annotated[
         Path | None, typer.Option(help="JSON file to write; twin.json beside the record by default.", metavar="FILE")
@@ -59,10 +60,9 @@ def twin(
 
         gossamer twin measured.csv --fit offset,amplitude,frequency,damping --params pressure_amplitude=9500
     """
-    from gossamer_models.sensor import SensorArtifact, default_artifact
     from gossamer_models.twin import Twin
 
-    from .twin_record import find_record
+    from .twin_record import find_record, sensor_of
 
     console = Console(stderr=True)
     with model_errors():
@@ -70,15 +70,12 @@ def twin(
             found = find_record(record, kind, noise, stop, params or [])
         default = () if found.record.kind == "resistance" else (NUISANCES,)
         nuisances = default if fit is None else tuple(name.strip() for name in fit.split(",") if name.strip() != "none")
-        artifact = None
-        if found.record.kind == "resistance":
-            artifact = default_artifact() if sensor is None else SensorArtifact.read(sensor)
         with console.status("compiling, then fitting"):
             answer = Twin(
                 elements,
                 order,
                 found.params,
-                sensor=artifact,
+                sensor=sensor_of(found, sensor),
                 sensor_parameters=found.sensor_parameters,
                 nuisances=nuisances,
                 sparse=sparse,

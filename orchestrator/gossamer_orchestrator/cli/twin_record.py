@@ -1,4 +1,4 @@
-"""What ``gossamer twin`` is fitted to: results of a run with their parameters, or a table."""
+"""What the twin is fitted to: results of a run with their parameters, or a table."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from ..results.files import load_results
 
 if TYPE_CHECKING:
     from gossamer_models.membrane import MembraneParams
+    from gossamer_models.sensor import SensorArtifact
     from gossamer_models.twin import Record
 
 KINDS = ("resistance", "strain")
@@ -77,6 +78,15 @@ def find_record(path: Path, kind: str | None, noise: float | None, stop: float |
         samples = max(0, round(stop / found.record.step))
         found = replace(found, record=replace(found.record, values=found.record.values[:, :samples]))
     return found
+
+
+def sensor_of(found: Found, file: Path | None) -> SensorArtifact | None:
+    """Return the sensors of a record of resistance, from a file or as shipped; None for a record of strain."""
+    from gossamer_models.sensor import SensorArtifact, default_artifact
+
+    if found.record.kind == "strain":
+        return None
+    return default_artifact() if file is None else SensorArtifact.read(file)
 
 
 def find_in_results(data: xr.Dataset, kind: str | None, noise: float | None, params: Sequence[str]) -> Found:

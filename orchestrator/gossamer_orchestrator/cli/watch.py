@@ -12,6 +12,15 @@ from rich.console import Console
 
 from ..errors import OrchestratorError
 from .common import model_errors
+from .twin_options import (
+    ElementsOption,
+    KindOption,
+    NoiseOption,
+    OrderOption,
+    ParamsOption,
+    RecordArgument,
+    SensorOption,
+)
 
 if TYPE_CHECKING:
     from gossamer_models.twin import Finding, Watch, Window
@@ -26,25 +35,17 @@ FALSE_ALARMS = 1e-5
 
 
 def watch(
-    record: Annotated[
-        Path, typer.Argument(help="Results of a run (results.nc, results.csv or their folder), or a CSV file.")
-    ],
+    record: RecordArgument,
     window: Annotated[float, typer.Option(help="Length of a window [s].")] = 0.05,
-    kind: Annotated[str | None, typer.Option(help="strain or resistance, where the record has both.")] = None,
-    noise: Annotated[
-        float | None, typer.Option(help="Standard deviation of the noise, 1 or ohm; estimated by default.", min=0.0)
-    ] = None,
+    kind: KindOption = None,
+    noise: NoiseOption = None,
     false_alarms: Annotated[
         float, typer.Option(help="Share of the windows that may raise a false alarm.")
     ] = FALSE_ALARMS,
-    params: Annotated[
-        list[str] | None, typer.Option(help="A membrane parameter, NAME=VALUE; may be repeated.", metavar="NAME=VALUE")
-    ] = None,
-    sensor: Annotated[
-        Path | None, typer.Option(help="Artifact of the sensors; the shipped one by default.", metavar="FILE")
-    ] = None,
-    elements: Annotated[int, typer.Option(help="Elements of the twin per side.")] = 4,
-    order: Annotated[int, typer.Option(help="Their order; 1 for bilinear ones.")] = 4,
+    params: ParamsOption = None,
+    sensor: SensorOption = None,
+    elements: ElementsOption = 4,
+    order: OrderOption = 4,
     out: Annotated[
         Path | None, typer.Option(help="JSON file to write; watch.json beside the record by default.", metavar="FILE")
     ] = None,
@@ -177,18 +178,16 @@ def _samples(window: float, found: Found) -> int:
 def _begin(found: Found, sensor: Path | None, elements: int, order: int, false_alarms: float) -> Watch:
     """Start the twin of a record."""
     import numpy as np
-    from gossamer_models.sensor import SensorArtifact, default_artifact
     from gossamer_models.twin import Watch
 
-    artifact = None
-    if found.record.kind == "resistance":
-        artifact = default_artifact() if sensor is None else SensorArtifact.read(sensor)
+    from .twin_record import sensor_of
+
     return Watch(
         np.nan_to_num(found.record.noise_deviation(), nan=1.0),
         elements,
         order,
         found.params,
-        sensor=artifact,
+        sensor=sensor_of(found, sensor),
         sensor_parameters=found.sensor_parameters,
         step=found.record.step,
         false_alarms=false_alarms,

@@ -1,0 +1,24 @@
+"""Options that ``gossamer twin`` and ``gossamer watch`` share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import typer
+
+RecordArgument: TypeAlias = Annotated[
+    Path, typer.Argument(help="Results of a run (results.nc, results.csv or their folder), or a CSV file.")
+]
+KindOption: TypeAlias = Annotated[str | None, typer.Option(help="strain or resistance, where the record has both.")]
+NoiseOption: TypeAlias = Annotated[
+    float | None, typer.Option(help="Standard deviation of the noise, 1 or ohm; estimated by default.", min=0.0)
+]
+ParamsOption: TypeAlias = Annotated[
+    list[str] | None, typer.Option(help="A membrane parameter, NAME=VALUE; may be repeated.", metavar="NAME=VALUE")
+]
+SensorOption: TypeAlias = Annotated[
+    Path | None, typer.Option(help="Artifact of the sensors; the shipped one by default.", metavar="FILE")
+]
+ElementsOption: TypeAlias = Annotated[int, typer.Option(help="Elements of the twin per side.")]
+OrderOption: TypeAlias = Annotated[int, typer.Option(help="Their order; 1 for bilinear ones.")]
