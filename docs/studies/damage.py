@@ -10,7 +10,7 @@ import numpy as np
 from gossamer_models.assessment import Assessment
 from gossamer_models.assessment.plots import save_pictures
 from gossamer_models.assessment.results import DetectionRow
-from gossamer_models.detector.thesis_tables import MULTIPLE_TRAINING, SINGLE_TRAINING, TABLES, ThesisTables
+from gossamer_models.detector.thesis_tables import GROUPS, TABLES, ThesisTables
 from numpy.typing import NDArray
 
 from .damage_targets import metrics
@@ -21,11 +21,6 @@ Cell = Callable[[Assessment, str, str], str]  # of a judge under a condition
 FOLDER = "damage"
 CONDITIONS = ("clean", "noise", "whole chain")
 SHOWN = 1.0  # [%] estimates below are left out of the tables of cases
-GROUPS = (  # of the cases of the thesis: what, tables, and which of them
-    ("Tables 7.1 and 7.2, 13 single", SINGLE_TRAINING, slice(1, 14)),
-    ("Tables 7.1 and 7.2, 3 multiple", SINGLE_TRAINING, slice(14, 17)),
-    ("Tables 7.4 and 7.5, 8 multiple", MULTIPLE_TRAINING, slice(0, 8)),
-)
 HEAD = """# Results of damage detection
 
 Read this page beside Chapter 7 of the thesis: M. R. Sunny, "Towards Structural Health Monitoring of Gossamer

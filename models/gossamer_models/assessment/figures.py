@@ -12,12 +12,12 @@ import numpy as np
 from scipy.stats import norm
 
 from ..arrays import Matrix, Rows, Vector
+from ..detector.posterior import WRONG
 from ..membrane.mesh import N_ZONES
 from .judges import Verdicts
 from .proportions import Share, share
 
 CALL = 0.05  # [1] damage that counts as a call where no other threshold is named
-WRONG = 0.10  # [1] error of a zone that makes a record wrong
 NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)  # central intervals of the reliability diagram
 
 

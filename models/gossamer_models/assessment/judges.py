@@ -151,8 +151,6 @@ class PosteriorJudge:
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Judge the last whole window of the records."""
-        from ..detector.posterior import judge_records
-
         trained = self.artifact
         first = round(trained.start_time / step)
         windows = (histories.shape[-1] - first) // trained.samples
@@ -164,7 +162,13 @@ class PosteriorJudge:
             raise DataError(msg)
         end = first + windows * trained.samples
         number = min(windows, len(trained.windows)) - 1
-        found = judge_records(trained, number, histories[:, :, end - trained.samples : end].astype(float))
+        return self.window(number, histories[:, :, end - trained.samples : end].astype(float))
+
+    def window(self, number: int, records: Matrix) -> Verdicts:
+        """Judge records of one window, from 0, shape (n, 4, samples) [1]."""
+        from ..detector.posterior import judge_records
+
+        found = judge_records(self.artifact, number, records)
         return _finite(**{name: found[name] for name in ("damage", "deviation", "probability", "valid")})
 
 

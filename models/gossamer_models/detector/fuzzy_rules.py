@@ -20,8 +20,7 @@ INDICES = 16
 PEAKS = (0.0, 0.25, 0.5)  # damage at which a zone has membership one in each fuzzy set [1]
 QUADRANT = 4  # zones that a network answers for
 LEAST = 1e-3  # added to the sum of the memberships, so that no similarity at all gives no damage
-REACH = 0.5  # distance from the nearest reference, of the first weights
-BIAS = 2.0
+BIAS, NEAR = 2.0, 0.6  # of the first similarities: about a tenth on average
 
 
 @dataclass(frozen=True)
@@ -40,36 +39,41 @@ class FuzzyRules:
 
     @classmethod
     def of_cases(cls, f: Rows32, d: Rows32, references: int, random: np.random.Generator) -> FuzzyRules:
-        """Begin with cases as references, as the thesis does, and with the leading directions of their features.
+        """Begin with cases as references, as the thesis does, and with indices that estimate the damages linearly.
 
         Parameters
         ----------
         f : ndarray, shape (m, F)
             Features of cases.
-        d : ndarray, shape (m, 4)
-            Their damage [1].
+        d : ndarray, shape (m, 16)
+            Their damage [1]; the first columns are the zones that the network answers for.
         references : int
-            Number of them that become references.
+            Number of the cases that become references.
         random : numpy.random.Generator
-            Which.
+            Which, and how far each reaches along each index.
         """
-        T = (random.standard_normal((f.shape[1], INDICES)) / np.sqrt(f.shape[1])).astype(np.float32)
+        T = np.linalg.solve(f.T @ f + np.eye(f.shape[1]), f.T @ (d - d.mean(axis=0)))
+        T /= (f @ T).std(axis=0)
         chosen = random.choice(len(f), references, replace=False)
         X = f[chosen] @ T
-        D = np.sum((X[:, None] - X[None]) ** 2, axis=2) + np.diag(np.full(references, np.inf, np.float32))
-        V = np.repeat(np.sqrt(REACH / np.maximum(D.min(axis=1), 1e-6))[:, None], INDICES, axis=1)
-        O = triangular_memberships(d[chosen], PEAKS)  # (n, 4, k)
-        near = np.zeros((references, QUADRANT))
-        R = np.hstack([near, O.transpose(0, 2, 1).reshape(references, -1), near])
-        c = np.zeros(R.shape[1])
-        return cls([T, X, *(a.astype(np.float32) for a in (V, np.array([BIAS]), R, c))])
+        V = np.exp(random.standard_normal(X.shape)) * NEAR / np.sqrt(INDICES)
+        S = cls._similarity(f[:1000] @ T, X, V, BIAS)
+        O = triangular_memberships(d[chosen, :QUADRANT], PEAKS)  # (n, 4, k)
+        R = np.zeros((references, (2 + len(PEAKS)) * QUADRANT))
+        R[:, QUADRANT:-QUADRANT] = O.transpose(0, 2, 1).reshape(references, -1) / S.sum(axis=1).mean()
+        return cls([a.astype(np.float32) for a in (T, X, V, np.array([BIAS]), R, np.zeros(R.shape[1]))])
+
+    @staticmethod
+    def _similarity(I: Rows32, X: Rows32, V: Rows32, b: Rows32 | float) -> Rows32:
+        w = V * V
+        D = (I * I) @ w.T - 2.0 * I @ (w * X).T + np.sum(w * X * X, axis=1)
+        return np.asarray(1.0 / (1.0 + np.exp(np.clip(D - b, -60.0, 60.0))))
 
     def values(self, f: Rows32) -> list[Rows32]:
         """Return features, indices, values of the output layer, similarities, and heads: odds, mean and deviation."""
         T, X, V, b, R, c = self.arrays
-        I, w = f @ T, V * V
-        D = (I * I) @ w.T - 2.0 * I @ (w * X).T + np.sum(w * X * X, axis=1)
-        S = 1.0 / (1.0 + np.exp(np.clip(D - b, -60.0, 60.0)))
+        I = f @ T
+        S = self._similarity(I, X, V, b)
         a = S @ R + c
         O, total = _memberships(a)
         mean = np.einsum("nkz,k->nz", O, np.array(PEAKS, f.dtype)) / total

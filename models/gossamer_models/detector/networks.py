@@ -45,15 +45,18 @@ class Networks(NamedTuple):
     leave_one_out: float
 
 
-def train_networks(I: Vector, damages: Vector, peaks: ArrayLike = PEAKS) -> Networks:
+def train_networks(I: Vector, damages: Vector, levels: int, peaks: ArrayLike = PEAKS) -> Networks:
     """Train the sixteen networks of one window; the training cases are the references.
 
     Parameters
     ----------
     I : ndarray, shape (n, 16)
-        Logarithms of the damage feature indices of the training cases.
+        Logarithms of the damage feature indices of the training cases: the undamaged one, some levels of damage in each
+        zone alone, zone by zone, then any others.
     damages : ndarray, shape (n, 16)
         Their damages [1].
+    levels : int
+        Levels in each zone.
     peaks : array_like, shape (k,)
         Peaks of the fuzzy sets [1].
 
@@ -77,14 +80,14 @@ def train_networks(I: Vector, damages: Vector, peaks: ArrayLike = PEAKS) -> Netw
         Fewer than two levels per zone, or indices without any roughness.
     """
     n = len(I)
-    levels = (n - 1) // ZONES
-    if levels < 2 or n != 1 + levels * ZONES:
+    alone = 1 + levels * ZONES
+    if levels < 2 or n < alone:
         msg = (
             f"there are {n} training cases; training needs the undamaged one and two or more levels in each of {ZONES} "
             "zones"
         )
         raise DataError(msg)
-    paths = np.concatenate([np.repeat(I[None, :1], ZONES, axis=0), I[1:].reshape(ZONES, levels, -1)], axis=1)
+    paths = np.concatenate([np.repeat(I[None, :1], ZONES, axis=0), I[1:alone].reshape(ZONES, levels, -1)], axis=1)
     roughness = np.sqrt(np.mean((paths[:, 1:-1] - 0.5 * (paths[:, :-2] + paths[:, 2:])) ** 2, axis=(0, 1)))
     if roughness.min() <= 0.0 or not np.isfinite(roughness).all():
         msg = (

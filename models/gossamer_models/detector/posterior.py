@@ -15,12 +15,12 @@ import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix, Vector
-from .assessment import WRONG
 from .features import SECTORS, SENSORS, Components, block_means, difference_noise
 from .fuzzy_rules import LEAST, PEAKS, QUADRANT
 from .neurofuzzy import defuzzify, similarity
 from .posterior_artifact import ZONES, PosteriorArtifact, PosteriorWindow
 
+WRONG = 0.10  # error of a zone that a valid answer must not have [1]
 LARGEST_RISK = 0.01  # of a valid answer: that it is wrong by more than 10 % [1]
 FLOOR = 3e-5  # least noise of a block mean [1], far below what matters, so that clean records have one too
 MIRRORS = ((1, 1), (1, -1), (-1, 1), (-1, -1))  # images of a record: steps through rows (along y) and columns (along x)

@@ -13,7 +13,6 @@ from scipy.stats import norm
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
-from .assessment import BAND
 from .features import block_means
 from .fuzzy_rules import QUADRANT
 from .learned import Features, analyse, deviation, heads_of
@@ -21,6 +20,7 @@ from .posterior import judge_records
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
 from .posterior_records import Sensing, Windows, reflect
 
+BAND = 1.96  # standard deviations of a 95 % band
 FALSE_REJECTION = 0.01  # share of records of the training that the misfit may refuse
 FEWEST = 40  # held-out cases that limits can be taken from
 ROOM = 1.2  # noise above that of the training that is still valid

@@ -291,7 +291,9 @@ class Fit:
         net: Perceptron | FuzzyRules
         if t.network == "neuro-fuzzy":
             noisy, _, s2, damage = self.epoch(virtual=False, spoilt=0.0)
-            net = FuzzyRules.of_cases(features(lam, noisy, s2), damage[:, IMAGE_ZONES[0]], t.references, self.random)
+            own = IMAGE_ZONES[0]
+            damage = np.hstack([damage[:, own], np.delete(damage, own, axis=1)])
+            net = FuzzyRules.of_cases(features(lam, noisy, s2), damage, t.references, self.random)
         else:
             net = Perceptron.random((t.components + 1, t.hidden, t.hidden, HEADS * QUADRANT), self.random)
         adam = Adam(net.arrays)

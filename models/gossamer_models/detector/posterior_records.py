@@ -17,11 +17,12 @@ from ..arrays import Matrix, Vector
 from ..errors import DataError
 from .features import SENSORS, block_means
 from .perceptron import Rows32
+from .thesis_tables import NOISE
 
 if TYPE_CHECKING:
     import xarray as xr
 
-THESIS_NOISE = 0.02 / np.sqrt(12.0)  # standard deviation of U(0, 0.02)
+THESIS_NOISE = (NOISE[1] - NOISE[0]) / np.sqrt(12.0)  # its standard deviation [1]
 LEAST_NOISE, MOST_NOISE = 1e-5, 6.5e-3  # of a sample, white [1]
 COLOURED = 2e-3  # most of a sample that is not white, as an estimator leaves it [1]
 
@@ -173,7 +174,7 @@ class Sensing:
         """
         signal = self.gained(records, random).astype(float)
         if kind == "thesis":
-            signal += random.uniform(0.0, 0.02, records.shape)
+            signal += random.uniform(*NOISE, records.shape)
         if kind == "any":
             level, coloured = noise_levels(len(records), random)
             noise = random.standard_normal(records.shape)

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from .assessment import mean_absolute_errors, summarize
 from .features import principal_components
-from .posterior import FLOOR, judge_records
+from .posterior import FLOOR
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
 from .posterior_calibration import calibrate
 from .posterior_fit import Fit
@@ -26,7 +25,6 @@ from .posterior_settings import Training
 if TYPE_CHECKING:
     import xarray as xr
 
-NOISES = {"clean": "no noise", "thesis": "the thesis' noise"}
 SMALL = 2e-4  # components are in units of their deviation or of this [1], for the decoder
 
 
@@ -54,13 +52,13 @@ def train_posterior(
     cuts = [cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)]
     windows: list[PosteriorWindow] = []
     done = itertools.count(1)
-    total = sum((t.epochs + t.decoder_epochs) * max(4 * len(_split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
+    total = sum((t.epochs + t.decoder_epochs) * max(4 * len(split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
     with threadpool_limits(1):  # small matrices: waking other threads for them costs more than their work
         for number, cut in enumerate(cuts):
             report = (lambda: None) if progress is None else (lambda: progress(next(done) / total))
             windows.append(_train_window(cut, sensing, replace(t, seed=t.seed + number), report))
     campaign = json.loads(data.attrs["campaign"])
-    artifact = PosteriorArtifact(
+    return PosteriorArtifact(
         start_time=0.0,
         sampling_step=float(campaign["step"]),
         samples=t.samples,
@@ -74,30 +72,6 @@ def train_posterior(
             "epochs": str(t.epochs),
         },
     )
-    return replace(artifact, held_out=assess_windows(artifact, data, t))
-
-
-def assess_windows(artifact: PosteriorArtifact, data: xr.Dataset, t: Training) -> dict[str, dict[str, float]]:
-    """Summarize a detector on the last cases of its campaign, which were neither trained nor calibrated on.
-
-    Returns
-    -------
-    dict
-        What ``summarize`` gives by kind of record: window, damage and noise; and for the answer "always 0".
-    """
-    sensing, random, found = Sensing.of(data), np.random.default_rng(t.seed), {}
-    for number in range(len(artifact.windows)):
-        cut = cut_windows(data, number, t.samples, number == t.windows - 1, t.seed)
-        test = _split(cut, t)[2]
-        damaged = test.damage.max(axis=1) > 0.0
-        for kind in ("clean", "thesis"):
-            judged = judge_records(artifact, number, sensing.samples(test.records, random, kind))
-            for some, what in ((damaged, "damaged"), (~damaged, "healthy")):
-                if some.any():
-                    part = {name: values[some] for name, values in judged.items()}
-                    found[f"window {number + 1}, {what}, {NOISES[kind]}"] = summarize(test.damage[some], part)
-    found["always 0"] = mean_absolute_errors(test.damage[damaged], np.zeros_like(test.damage[damaged]))
-    return found
 
 
 def trained_over(campaign: dict[str, Any]) -> dict[str, list[float]]:
@@ -111,7 +85,7 @@ def trained_over(campaign: dict[str, Any]) -> dict[str, list[float]]:
     return {name: [float(value) for value in pair] for name, pair in (ranges | noise).items()}
 
 
-def _split(cut: Windows, t: Training) -> tuple[Windows, Windows, Windows]:
+def split(cut: Windows, t: Training) -> tuple[Windows, Windows, Windows]:
     """Split cases into those to train on, to calibrate with and to test with."""
     n = len(cut.damage)
     ends = [0, n - int(t.held_out * n), n - int(0.5 * t.held_out * n), n]
@@ -121,7 +95,7 @@ def _split(cut: Windows, t: Training) -> tuple[Windows, Windows, Windows]:
 
 def _train_window(cut: Windows, sensing: Sensing, t: Training, report: Callable[[], None]) -> PosteriorWindow:
     random = np.random.default_rng(t.seed)
-    train, calibration, _ = _split(cut, t)
+    train, calibration, _ = split(cut, t)
     x = features_of(train.records, t.block)
     parts = principal_components(sensing.gained(x, random), t.components)
     parts = replace(parts, axes=parts.axes.astype(np.float16).astype(float))  # as the file holds them

@@ -14,6 +14,7 @@ import numpy as np
 from ..arrays import Matrix
 from ..membrane.mesh import N_ZONES
 
+NOISE = (0.0, 0.02)  # of Section 7.7: uniform, of every sample of strain [1]
 Damages: TypeAlias = tuple[dict[int, float], ...]  # damage [1] by zone of each case
 
 
@@ -188,3 +189,8 @@ MULTIPLE_TRAINING = ThesisTables(
     noisy=_rows(_TABLE_7_5),
 )
 TABLES = (SINGLE_TRAINING, MULTIPLE_TRAINING)
+GROUPS = (  # of the test cases: what, tables, and which of them
+    ("Tables 7.1 and 7.2, 13 single", SINGLE_TRAINING, slice(1, 14)),
+    ("Tables 7.1 and 7.2, 3 multiple", SINGLE_TRAINING, slice(14, 17)),
+    ("Tables 7.4 and 7.5, 8 multiple", MULTIPLE_TRAINING, slice(0, 8)),
+)

@@ -1,0 +1,85 @@
+"""Errors of a detector that has just been trained: on held-out cases of its campaign, or on the test cases of the thesis."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Matrix
+from ..detector import DetectorArtifact, PosteriorArtifact, detector_model
+from ..detector.posterior_records import Sensing, cut_windows
+from ..detector.posterior_settings import Training
+from ..detector.posterior_training import split
+from ..detector.thesis_tables import GROUPS
+from ..detector.training import SAMPLES, simulate_cases, with_noise
+from .figures import figures
+from .judges import AlwaysZero, DetectorJudge, Judge, PosteriorJudge, Verdicts
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+NOISES = {"clean": "no noise", "thesis": "the thesis' noise"}
+SEED = 1  # of the noise of the test cases of the thesis
+
+
+def held_out_errors(artifact: PosteriorArtifact, data: xr.Dataset, training: Training) -> dict[str, dict[str, float]]:
+    """Assess a posterior network on the last cases of its campaign, which were neither trained nor calibrated on.
+
+    Returns
+    -------
+    dict
+        By kind of record (window, damage and noise; and for the answer "always 0"): ``all zones`` and ``damaged zones``,
+        mean absolute errors [% damage]; ``in 95 % band``, share of the damaged zones of valid records; ``valid``, ``false
+        calls`` and ``wrong``, shares of the records; ``wrong and valid``, share of the wrong ones.
+    """
+    sensing, random, found = Sensing.of(data), np.random.default_rng(training.seed), {}
+    for number in range(len(artifact.windows)):
+        cut = cut_windows(data, number, training.samples, number == training.windows - 1, training.seed)
+        test = split(cut, training)[2]
+        damaged = test.damage.max(axis=1) > 0.0
+        for kind, noise in NOISES.items():
+            verdicts = PosteriorJudge(artifact).window(number, sensing.samples(test.records, random, kind))
+            for some, what in ((damaged, "damaged"), (~damaged, "healthy")):
+                if some.any():
+                    found[f"window {number + 1}, {what}, {noise}"] = errors(test.damage[some], verdicts[some])
+    nothing = AlwaysZero()(test.records[damaged], 1.0)
+    return found | {"always 0": errors(test.damage[damaged], nothing)}
+
+
+def thesis_errors(artifact: DetectorArtifact, *, noisy: bool) -> dict[str, dict[str, float]]:
+    """Assess a detector on the test cases of the thesis, in their first window, beside what the thesis says of them.
+
+    Parameters
+    ----------
+    artifact : DetectorArtifact
+        Trained detector.
+    noisy : bool
+        Whether the strain has the noise of the thesis.
+    """
+    judge: Judge = DetectorJudge(detector_model(artifact))
+    found = {}
+    for what, tables, rows in GROUPS:
+        strains = simulate_cases(tables.damage[rows], SAMPLES)
+        verdicts = judge(with_noise(strains, SEED) if noisy else strains, artifact.sampling_step)
+        printed: Matrix = (tables.noisy if noisy else tables.clean)[rows] / 100.0
+        thesis = Verdicts(damage=printed, valid=np.ones(len(printed), dtype=bool))
+        found[what] = errors(tables.damage[rows], verdicts)
+        found[f"{what}: the thesis"] = errors(tables.damage[rows], thesis)
+    return found
+
+
+def errors(damage: Matrix, verdicts: Verdicts) -> dict[str, float]:
+    """Return the figures of ``held_out_errors`` that there are."""
+    f = figures(damage, verdicts)
+    found = {
+        "all zones": f.error_all,
+        "damaged zones": f.error_damaged,
+        "in 95 % band": f.damaged_within_95,
+        "valid": f.valid.value,
+        "false calls": f.false_calls.value,
+        "wrong": f.wrong.value,
+        "wrong and valid": 1.0 - f.wrong_and_invalid.value,
+    }
+    return {name: value for name, value in found.items() if math.isfinite(value)}
