@@ -17,7 +17,7 @@ from gossamer_models.assessment import (
     write_assessment,
 )
 from gossamer_models.assessment.results import FILE
-from studies.damage import write
+from studies.damage import thesis_trainings, write
 
 DOCS = Path(__file__).resolve().parent
 FOLDER = DOCS.parent / "out" / "assessment"
@@ -33,7 +33,7 @@ def main() -> None:
 
         judges = [AlwaysZero(), *shipped_judges(), *twin_judges(TWIN_RECORDS)]
         write_assessment(assess(judges, FOLDER / "simulations", report=report), FOLDER)
-    write(read_assessment(FOLDER), DOCS)
+    write(read_assessment(FOLDER), thesis_trainings(), DOCS)
 
 
 if __name__ == "__main__":

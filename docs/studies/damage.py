@@ -10,13 +10,16 @@ import numpy as np
 from gossamer_models.assessment import Assessment
 from gossamer_models.assessment.plots import save_pictures
 from gossamer_models.assessment.results import DetectionRow
-from gossamer_models.detector.thesis_tables import GROUPS, TABLES, ThesisTables
+from gossamer_models.assessment.training import thesis_errors
+from gossamer_models.detector.thesis_tables import GROUPS, MULTIPLE_TRAINING, SINGLE_TRAINING, TABLES, ThesisTables
+from gossamer_models.detector.training import TRAININGS, train_detector
 from numpy.typing import NDArray
 
 from .damage_targets import metrics
 from .metrics import beside_target, number, table, verdict
 
 Cell = Callable[[Assessment, str, str], str]  # of a judge under a condition
+Trainings = dict[str, dict[str, dict[str, float]]]  # errors by training and cases
 
 FOLDER = "damage"
 CONDITIONS = ("clean", "noise", "whole chain")
@@ -35,8 +38,8 @@ what a method does not state, or for one that was not assessed. The slips of the
 `detector/thesis_tables.py` says."""
 
 
-def write(assessment: Assessment, docs: Path) -> None:
-    """Write the page and its pictures into a folder."""
+def write(assessment: Assessment, trainings: Trainings, docs: Path) -> None:
+    """Write the page and its pictures into a folder, from an assessment and what ``thesis_trainings`` gave."""
     pictures = docs / FOLDER
     for old in pictures.glob("*.png"):
         old.unlink()
@@ -47,7 +50,8 @@ def write(assessment: Assessment, docs: Path) -> None:
         f"Membrane: {assessment.provenance.get('mesh', '-')}; {assessment.provenance.get('cases', '-')} records",
     ]
     lines[-1] += " of each condition."
-    lines += [*_targets(assessment), *_thesis(assessment), *_conditions(assessment), *_detection(assessment)]
+    lines += [*_targets(assessment), *_thesis(assessment), *_trainings(trainings)]
+    lines += [*_conditions(assessment), *_detection(assessment)]
     lines += ["", "## Pictures", ""]
     lines += [f"![{path.stem.replace('_', ' ')}]({FOLDER}/{path.name})\n" for path in paths]
     lines += ["## Tables 7.1 to 7.5, case by case", "", *_cases(assessment)]
@@ -79,6 +83,27 @@ def _thesis(assessment: Assessment) -> list[str]:
                 cells.append(_pair(100.0 * tables.damage[rows], None if ours is None else ours[rows]))
             body.append((what, condition, *cells))
     return ["", "## The test cases of the thesis", "", *table(head, body)]
+
+
+def thesis_trainings() -> Trainings:
+    """Train as the thesis did, four times, and return the errors on its test cases by training and cases."""
+    return {name: thesis_errors(train_detector(training), noisy=training.noisy) for name, training in TRAININGS.items()}
+
+
+def _trainings(trainings: Trainings) -> list[str]:
+    body = []
+    for name, found in trainings.items():
+        for what, tables, _ in GROUPS:
+            if tables is (MULTIPLE_TRAINING if TRAININGS[name].multiple else SINGLE_TRAINING):
+                ours, printed = found[what], found[f"{what}: the thesis"]
+                pairs = [f"{row['all zones']:.2f} / {row['damaged zones']:.2f}" for row in (printed, ours)]
+                body.append((name.replace("_", ", "), what, *pairs))
+    text = (
+        "Sixteen packet energies and neuro-fuzzy networks of similarities, trained on single or multiple damage, without "
+        "the noise or with it (`gossamer train --kind thesis`). Energies have no sign and no phase: what several damages do "
+        "to them, and what noise leaves of them, does not determine the damages."
+    )
+    return ["", "## Trained as the thesis did", "", text, "", *table(("training", "cases", "thesis", "ours"), body)]
 
 
 def estimates(assessment: Assessment, tables: ThesisTables, judge: str, condition: str) -> NDArray[np.float64] | None:

@@ -14,7 +14,8 @@ from gossamer_models.assessment.figures import Figures
 
 from .metrics import Metric
 
-NETWORK, FUZZY, TWIN = "posterior network", "neuro-fuzzy", "twin"
+NETWORK, FUZZY, TWIN = "network nominal", "neuro-fuzzy", "twin"
+WIDE = "network wide"
 OFF_95 = "share of damaged zones in the stated 95 % interval, off 95 %"
 FITTED, RESISTANCE = "twin, load and sensors fitted", "twin on resistance"
 
@@ -53,17 +54,17 @@ TARGETS = (
     Target(NETWORK, "clean", OFF_95, "%", lambda f: abs(100.0 * f.damaged_within_95 - 95.0), 2.0),
     Target(NETWORK, "noise", OFF_95, "%", lambda f: abs(100.0 * f.damaged_within_95 - 95.0), 2.0),
     *_errors(FUZZY, "noise", 0.6, 3.0),
-    *_errors(NETWORK, "everything varied", 1.2, 6.0),
+    *_errors(WIDE, "everything varied", 1.2, 6.0),
     *_errors(FITTED, "everything varied", 0.3, 1.5),
     *_errors(TWIN, "noise", 0.15, 0.65),
     Target(TWIN, "noise", "z rms of damaged zones less 1", "1", lambda f: abs(f.damaged_z_rms - 1.0), 0.2),
     *_errors(RESISTANCE, "whole chain", 0.03, 0.1),
     *_errors(TWIN, "another mesh", 0.8, 2.0),
-    Target(NETWORK, "healthy, everything varied", "records with a call", "%", _false_calls, 1.0),
+    Target(WIDE, "healthy, everything varied", "records with a call", "%", _false_calls, 1.0),
     Target(FITTED, "healthy, everything varied", "records with a call", "%", _false_calls, 1.0),
     *(
         Target(method, condition, "wrong by more than 10 % and marked so", "%", _admitted, 95.0, more=True)
-        for method in (NETWORK, FUZZY)
+        for method in (NETWORK, WIDE, FUZZY)
         for condition in ("noise", "everything varied", "dead sensor", "swapped sensors", "whole chain")
     ),
 )

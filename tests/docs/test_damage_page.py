@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from gossamer_models.assessment import Assessment, Verdicts, figures, fit_pod, share
 from gossamer_models.assessment.results import ConfusionRow, DetectionRow, Row, TableRow
-from gossamer_models.detector.thesis_tables import TABLES
+from gossamer_models.detector.thesis_tables import GROUPS, TABLES
 from studies.damage import write
 from studies.damage_targets import DETECTION, TARGETS, metrics
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
-NETWORK = "posterior network wide"
+NETWORK = "network nominal"
+ERRORS = {"all zones": 0.5, "damaged zones": 2.0}
+BOTH = {what + end: ERRORS for what, *_ in GROUPS for end in ("", ": the thesis")}
+TRAINED = {"single": BOTH, "multiple_noisy": BOTH}
 
 
 def detection(judge, zone):
@@ -68,7 +71,7 @@ def found():
 @pytest.fixture(scope="module")
 def page(found, tmp_path_factory):
     folder = tmp_path_factory.mktemp("docs")
-    write(found, folder)
+    write(found, TRAINED, folder)
     return folder
 
 
@@ -76,6 +79,12 @@ def test_the_page_links_every_picture(page):
     text = (page / "damage.md").read_text()
     assert {page / link for link in LINK.findall(text)} == set((page / "damage").glob("*.png"))
     assert "nan" not in text
+
+
+def test_the_page_shows_the_trainings_of_the_thesis(page):
+    text = (page / "damage.md").read_text()
+    assert "| multiple, noisy | Tables 7.4 and 7.5, 8 multiple | 0.50 / 2.00 | 0.50 / 2.00 |" in text
+    assert "| single | Tables 7.4" not in text
 
 
 def test_the_page_shows_every_case_of_the_thesis_beside_ours(page):

@@ -110,7 +110,7 @@ class DetectorJudge:
     """
 
     model: StepModel
-    name: str = "neuro-fuzzy"
+    name: str = "energies"
     reads: Signal = "strain"
     most: int | None = None
 
@@ -139,7 +139,7 @@ class PosteriorJudge:
     """A posterior network, many records at once; the last whole window counts."""
 
     artifact: PosteriorArtifact
-    name: str = "posterior network"
+    name: str = "network"
     reads: Signal = "strain"
     most: int | None = None
 
@@ -216,8 +216,10 @@ def read_judge(path: Path) -> Judge:
     from ..detector import posterior_artifact
 
     if artifact_schema(path) == posterior_artifact.SCHEMA:
-        return PosteriorJudge(posterior_artifact.PosteriorArtifact.read(path), f"posterior network {path.stem}")
-    return DetectorJudge(detector_model(DetectorArtifact.read(path)), f"neuro-fuzzy {path.stem}")
+        found = posterior_artifact.PosteriorArtifact.read(path)
+        kind = "network" if found.windows[0].network == "perceptron" else "neuro-fuzzy"
+        return PosteriorJudge(found, f"{kind} {path.stem}")
+    return DetectorJudge(detector_model(DetectorArtifact.read(path)), f"energies {path.stem}")
 
 
 def shipped_judges() -> list[Judge]:
