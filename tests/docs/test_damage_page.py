@@ -12,7 +12,7 @@ from studies.damage import write
 from studies.damage_targets import DETECTION, TARGETS, metrics
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
-NETWORK = "network nominal"
+NETWORK = "neuro-fuzzy nominal"
 ERRORS = {"all zones": 0.5, "damaged zones": 2.0}
 BOTH = {what + end: ERRORS for what, *_ in GROUPS for end in ("", ": the thesis")}
 TRAINED = {"single": BOTH, "multiple_noisy": BOTH}

@@ -217,8 +217,7 @@ def read_judge(path: Path) -> Judge:
 
     if artifact_schema(path) == posterior_artifact.SCHEMA:
         found = posterior_artifact.PosteriorArtifact.read(path)
-        kind = "network" if found.windows[0].network == "perceptron" else "neuro-fuzzy"
-        return PosteriorJudge(found, f"{kind} {path.stem}")
+        return PosteriorJudge(found, f"{found.windows[0].network} {path.stem}")
     return DetectorJudge(detector_model(DetectorArtifact.read(path)), f"energies {path.stem}")
 
 

@@ -29,8 +29,8 @@ DRIFT = 2  # steps that cover how the phase of the load drifts from window to wi
 class Kind(StrEnum):
     """Detectors that can be trained."""
 
-    NETWORK = "network"
     NEURO_FUZZY = "neuro-fuzzy"
+    PERCEPTRON = "perceptron"
     THESIS = "thesis"
 
 
@@ -45,10 +45,10 @@ def train(
     kind: Annotated[
         Kind,
         typer.Option(
-            help="network: a perceptron; neuro-fuzzy: the thesis' network on trained indices; thesis: its trainings on 16 "
-            "energies, where SOURCE is single, single_noisy, multiple or multiple_noisy."
+            help="neuro-fuzzy: the thesis' network on indices that are trained; perceptron: two hidden layers; thesis: its "
+            "trainings on 16 energies, where SOURCE is single, single_noisy, multiple or multiple_noisy."
         ),
-    ] = Kind.NETWORK,
+    ] = Kind.NEURO_FUZZY,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -83,6 +83,7 @@ def train(
     if kind is Kind.THESIS:
         _train_thesis(source, out, console)
         return
+    network: Network = "neuro-fuzzy" if kind is Kind.NEURO_FUZZY else "perceptron"
     from gossamer_models.assessment.training import held_out_errors
     from gossamer_models.detector.posterior_settings import Training
     from gossamer_models.detector.posterior_training import train_posterior
@@ -92,8 +93,9 @@ def train(
         length = window or length
         samples = Training().samples if length is None else 4 * max(round(length / float(data["time"][0])) // 4, 1)
         windows = min(Training().windows, max(data.sizes["time"] // samples, 1))
-        network: Network = "perceptron" if kind is Kind.NETWORK else "neuro-fuzzy"
-        training = Training(network=network, samples=samples, windows=windows, epochs=epochs or Training().epochs)
+        training = Training(network=network, samples=samples, windows=windows)
+        if epochs is not None:
+            training = replace(training, epochs=epochs, decoder_epochs=min(epochs, training.decoder_epochs))
         path = out or Path("out/detector") / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         with Progress(console=console, disable=not console.is_terminal) as progress:
