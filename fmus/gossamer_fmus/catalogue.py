@@ -11,8 +11,7 @@ from typing import Any
 from gossamer_models import ParameterError, StepModel
 from gossamer_models.artifacts import artifact_schema
 from gossamer_models.compensator import compensator_model
-from gossamer_models.detector import DetectorArtifact, PosteriorArtifact, detector_model, posterior_model
-from gossamer_models.detector.posterior_artifact import SCHEMA as POSTERIOR
+from gossamer_models.detector import PosteriorArtifact, detector_model, posterior_model, read_detector
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import SensorArtifact, sensor_model
 
@@ -86,9 +85,8 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     if artifact is None:
         return MODELS[name](**given)
     if name == "detector":
-        if artifact_schema(artifact) == POSTERIOR:
-            return posterior_model(PosteriorArtifact.read(artifact))
-        return detector_model(DetectorArtifact.read(artifact))
+        trained = read_detector(artifact)
+        return posterior_model(trained) if isinstance(trained, PosteriorArtifact) else detector_model(trained)
     from gossamer_models import fractional  # slow to import, and rarely needed
 
     if artifact_schema(artifact) != fractional.SCHEMA:

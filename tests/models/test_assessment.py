@@ -3,6 +3,7 @@
 import csv
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ from gossamer_models.assessment.plots import save_pictures
 from gossamer_models.assessment.records import Records, make_records, with_fault
 from gossamer_models.assessment.results import FILE
 from gossamer_models.campaign import Mesh, draw_cases
-from gossamer_models.detector import artifact, detector_model
+from gossamer_models.detector import detector_model
 from gossamer_models.detector.thesis_tables import MULTIPLE_TRAINING, SINGLE_TRAINING, TABLE_7_3, TABLES, as_array
 from gossamer_models.twin import Twin
 
@@ -171,7 +172,7 @@ def test_the_judge_of_a_twin_takes_a_record_that_cannot_be_fitted_for_not_valid(
 
 def test_the_judge_of_a_detector_says_what_the_detector_says():
     histories = 0.05 + 0.05 * np.random.default_rng(2).random((1, 4, 900))
-    found = read_judge(artifact.DEFAULT)(histories, 3e-4)
+    found = read_judge(Path("single_damage"))(histories, 3e-4)
     assert not found.valid[0]  # like nothing it was trained on
     assert (found.damage == DetectorJudge(detector_model())(histories, 3e-4).damage).all()
 

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from ..arrays import Matrix, Rows
-from ..artifacts import artifact_schema
-from ..detector import DetectorArtifact, artifact, detector_model
+from ..detector import PosteriorArtifact, detector_model, judge_records, read_detector, shipped_detectors
 from ..errors import ConvergenceError, DataError
 from ..membrane.mesh import N_ZONES
 from ..simulate import simulate
@@ -22,7 +21,6 @@ from ..step_model import StepModel
 from ..stepper import Stepper
 
 if TYPE_CHECKING:
-    from ..detector.posterior_artifact import PosteriorArtifact
     from ..twin import Twin
 
 OF_TWIN = ("twin", "membrane", "sensor", "batch")  # rooms that its answers depend on
@@ -166,8 +164,6 @@ class PosteriorJudge:
 
     def window(self, number: int, records: Matrix) -> Verdicts:
         """Judge records of one window, from 0, shape (n, 4, samples) [1]."""
-        from ..detector.posterior import judge_records
-
         found = judge_records(self.artifact, number, records)
         return _finite(**{name: found[name] for name in ("damage", "deviation", "probability", "valid")})
 
@@ -213,18 +209,15 @@ def read_judge(path: Path) -> Judge:
     ArtifactError
         The file is missing, damaged, or no detector.
     """
-    from ..detector import posterior_artifact
-
-    if artifact_schema(path) == posterior_artifact.SCHEMA:
-        found = posterior_artifact.PosteriorArtifact.read(path)
-        return PosteriorJudge(found, f"{found.windows[0].network} {path.stem}")
-    return DetectorJudge(detector_model(DetectorArtifact.read(path)), f"energies {path.stem}")
+    trained = read_detector(path)
+    if isinstance(trained, PosteriorArtifact):
+        return PosteriorJudge(trained, f"{trained.windows[0].network} {path.stem}")
+    return DetectorJudge(detector_model(trained), f"energies {path.stem}")
 
 
 def shipped_judges() -> list[Judge]:
     """Return the judges of the detectors that ship with the package."""
-    folder = Path(artifact.__file__).parent
-    return [read_judge(path) for path in sorted(folder.glob("*.json"))]
+    return [read_judge(path) for path in shipped_detectors().values()]
 
 
 def twin_judges(most: int) -> tuple[TwinJudge, ...]:

@@ -2,6 +2,7 @@
 
 from .artifact import DetectorArtifact
 from .features import Components, block_means, difference_noise, principal_components
+from .files import read_detector, shipped_detectors
 from .model import detector_model
 from .neurofuzzy import defuzzify, similarity, triangular_memberships
 from .packets import block_energies, packet_energies
@@ -10,6 +11,9 @@ from .posterior_artifact import PosteriorArtifact
 from .posterior_model import posterior_model
 
 __all__ = [
+    # trained detectors
+    "read_detector",
+    "shipped_detectors",
     # posterior networks
     "PosteriorArtifact",
     "judge_records",

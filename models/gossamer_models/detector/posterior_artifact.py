@@ -15,7 +15,6 @@ from .fuzzy_rules import INDICES, PEAKS, QUADRANT
 
 SCHEMA, VERSION = "gossamer.posterior_detector", 1
 NOMINAL = Path(__file__).with_name("nominal.json")
-WIDE = Path(__file__).with_name("wide.json")
 ZONES = 16
 Network: TypeAlias = Literal["perceptron", "neuro-fuzzy"]
 HEADS = 3  # of the network per zone: logit of P(damaged), mean, logarithm of the standard deviation

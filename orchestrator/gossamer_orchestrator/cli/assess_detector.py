@@ -21,7 +21,8 @@ def assess_detector(
     artifact: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Trained detector; may be repeated. Those that ship with Gossamer by default.", metavar="FILE"
+            help="Trained detector: its file, or nominal, wide or single_damage; may be repeated. These three by default.",
+            metavar="FILE",
         ),
     ] = None,
     twin: Annotated[bool, typer.Option("--twin", help="The digital twin too, on few records: it takes long.")] = False,

@@ -25,7 +25,9 @@ def build(
     artifact: Annotated[
         Path | None,
         typer.Option(
-            help="Identified sensor (for sensor, compensator and estimator) or trained detector.", metavar="FILE"
+            help="Identified sensor (for sensor, compensator and estimator) or trained detector: its file, or nominal, wide "
+            "or single_damage, which ship with Gossamer.",
+            metavar="FILE",
         ),
     ] = None,
     elements_per_side: Annotated[
@@ -73,7 +75,7 @@ def build(
 
         gossamer build estimator --artifact out/mine/sensor.json
 
-        gossamer build detector --artifact out/detector/single_damage.json --out somewhere
+        gossamer build detector --artifact wide --out somewhere
     """
     options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
     choices = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order}
