@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_models.assessment import Assessment
+from gossamer_models.assessment.after_training import thesis_errors
 from gossamer_models.assessment.plots import save_pictures
 from gossamer_models.assessment.results import DetectionRow
-from gossamer_models.assessment.training import thesis_errors
 from gossamer_models.detector.thesis_tables import GROUPS, MULTIPLE_TRAINING, SINGLE_TRAINING, TABLES, ThesisTables
-from gossamer_models.detector.training import TRAININGS, train_detector
+from gossamer_models.detector.thesis_training import TRAININGS, train_detector
 from numpy.typing import NDArray
 
 from .damage_targets import metrics
 from .metrics import beside_target, number, table, verdict
 
 Cell = Callable[[Assessment, str, str], str]  # of a judge under a condition
-Trainings = dict[str, dict[str, dict[str, float]]]  # errors by training and cases
+Trainings = dict[str, dict[str, tuple[dict[str, float], dict[str, float]]]]  # errors by training and cases
 
 FOLDER = "damage"
 CONDITIONS = ("clean", "noise", "whole chain")
@@ -95,7 +95,7 @@ def _trainings(trainings: Trainings) -> list[str]:
     for name, found in trainings.items():
         for what, tables, _ in GROUPS:
             if tables is (MULTIPLE_TRAINING if TRAININGS[name].multiple else SINGLE_TRAINING):
-                ours, printed = found[what], found[f"{what}: the thesis"]
+                ours, printed = found[what]
                 pairs = [f"{row['all zones']:.2f} / {row['damaged zones']:.2f}" for row in (printed, ours)]
                 body.append((name.replace("_", ", "), what, *pairs))
     text = (

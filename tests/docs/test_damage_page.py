@@ -14,7 +14,7 @@ from studies.damage_targets import DETECTION, TARGETS, metrics
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 NETWORK = "neuro-fuzzy nominal"
 ERRORS = {"all zones": 0.5, "damaged zones": 2.0}
-BOTH = {what + end: ERRORS for what, *_ in GROUPS for end in ("", ": the thesis")}
+BOTH = {what: (ERRORS, ERRORS) for what, *_ in GROUPS}
 TRAINED = {"single": BOTH, "multiple_noisy": BOTH}
 
 

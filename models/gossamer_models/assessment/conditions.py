@@ -12,10 +12,10 @@ from typing import Literal
 import numpy as np
 
 from ..campaign import Campaign, Chain, Damage, Distribution, Mesh, Noise, Vary
-from ..detector.thesis_tables import Damages
+from ..detector.thesis_tables import NOISE, Damages
 from ..membrane.mesh import N_ZONES
 
-THESIS_NOISE = Noise(strain=Distribution(uniform=(0.0, 0.02)))  # Chapter 7 of the thesis
+THESIS_NOISE = Noise(strain=Distribution(uniform=NOISE))
 CHAIN_NOISE = Noise(resistance=Distribution(normal=0.001))  # of the change of resistance at full scale
 RANDOM = Damage(zones=(1, 4), depth=(0.05, 0.5))
 HEALTHY = Damage(zones=(0, 0))

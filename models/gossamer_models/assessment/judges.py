@@ -134,7 +134,7 @@ class DetectorJudge:
 
 @dataclass(frozen=True)
 class PosteriorJudge:
-    """A posterior network, many records at once; the last whole window counts."""
+    """A posterior network, many records at once; the last whole window that it is trained for counts."""
 
     artifact: PosteriorArtifact
     name: str = "network"
@@ -148,10 +148,12 @@ class PosteriorJudge:
         return hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
-        """Judge the last whole window of the records."""
+        """Judge the last window of the records."""
         trained = self.artifact
         first = round(trained.start_time / step)
         windows = (histories.shape[-1] - first) // trained.samples
+        if not trained.periodic:
+            windows = min(windows, len(trained.windows))
         if abs(step - trained.sampling_step) > 1e-6 * step or windows < 1:
             msg = (
                 f"{self.name} needs records of {trained.samples} samples and a step of {trained.sampling_step:g} s after "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..artifacts import artifact_schema
+from ..errors import ArtifactError
 from .artifact import DetectorArtifact
 from .posterior_artifact import SCHEMA, PosteriorArtifact
 
@@ -27,5 +28,9 @@ def read_detector(file: Path) -> PosteriorArtifact | DetectorArtifact:
     ArtifactError
         The file is missing, damaged, or no detector.
     """
-    path = file if file.exists() else shipped_detectors().get(str(file), file)
+    shipped = shipped_detectors()
+    path = file if file.is_file() else shipped.get(str(file), file)
+    if not path.is_file():
+        msg = f"there is no detector {file}. Name the JSON file of one, or one that ships: {', '.join(shipped)}."
+        raise ArtifactError(msg)
     return PosteriorArtifact.read(path) if artifact_schema(path) == SCHEMA else DetectorArtifact.read(path)

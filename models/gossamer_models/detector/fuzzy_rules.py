@@ -53,7 +53,8 @@ class FuzzyRules:
             Which, and how far each reaches along each index.
         """
         T = np.linalg.solve(f.T @ f + np.eye(f.shape[1]), f.T @ (d - d.mean(axis=0)))
-        T /= (f @ T).std(axis=0)
+        spread = (f @ T).std(axis=0)
+        T /= np.where(spread > 0.0, spread, 1.0)
         chosen = random.choice(len(f), references, replace=False)
         X = f[chosen] @ T
         V = np.exp(random.standard_normal(X.shape)) * NEAR / np.sqrt(INDICES)

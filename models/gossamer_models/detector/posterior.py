@@ -111,13 +111,12 @@ def layers(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
 
 def fuzzy_rules(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
     """Write the similarities and the heads of ``FuzzyRules``, a column per column of features."""
-    T, X, V, b, R, c = arrays
-    peaks = ca.DM(PEAKS)
+    T, X, roots, bias, rules, rule_bias = arrays
     found = []
     for features in ca.horzsplit(x):
-        S = similarity(ca.DM(T).T @ features, ca.DM(X), ca.DM(V**2), float(b[0]))
-        logit, *O, spread = ca.vertsplit(ca.DM(R).T @ S + ca.DM(c), QUADRANT)
-        found.append((S, ca.vertcat(logit, defuzzify(ca.horzcat(*O).T, peaks, least=LEAST).T, spread)))
+        S = similarity(ca.DM(T).T @ features, ca.DM(X), ca.DM(roots**2), float(bias[0]))
+        logit, *O, spread = ca.vertsplit(ca.DM(rules).T @ S + ca.DM(rule_bias), QUADRANT)
+        found.append((S, ca.vertcat(logit, defuzzify(ca.horzcat(*O).T, ca.DM(PEAKS), least=LEAST).T, spread)))
     return [ca.horzcat(*part) for part in zip(*found, strict=True)]
 
 

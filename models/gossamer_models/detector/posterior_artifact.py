@@ -13,7 +13,7 @@ from ..artifacts import read_arrays, read_artifact, write_artifact
 from .checks import require, usable
 from .fuzzy_rules import INDICES, PEAKS, QUADRANT
 
-SCHEMA, VERSION = "gossamer.posterior_detector", 1
+SCHEMA, VERSION = "gossamer.posterior_detector", 2
 NOMINAL = Path(__file__).with_name("nominal.json")
 ZONES = 16
 Network: TypeAlias = Literal["perceptron", "neuro-fuzzy"]
@@ -83,7 +83,6 @@ class PosteriorWindow:
         }
         found = {name: getattr(self, name).shape for name in shapes}
         require(found == shapes, f"its arrays have shapes {found}, not {shapes}")
-        require(self.network in NETWORKS, f"its network is {self.network!r}, not one of {', '.join(NETWORKS)}")
         first = self.encoder[0].shape[-1]
         layers = [(K + 1, first), (first,), (first, H), (H,), (H, HEADS * QUADRANT), (HEADS * QUADRANT,)]
         if self.network == "neuro-fuzzy":
@@ -124,7 +123,10 @@ class PosteriorArtifact:
     block : int
         Samples that are averaged.
     windows : tuple of PosteriorWindow
-        The first, the second, ... window; the last one judges all later ones.
+        The first, the second, ... window.
+    periodic : bool
+        Whether the last one judges all later windows: it was trained at any phase of the load. If not, later windows are
+        not valid.
     trained_over : dict
         Ranges of the training by quantity: zones, depth [1], noise [1], and what else varied.
     held_out : dict
@@ -138,6 +140,7 @@ class PosteriorArtifact:
     samples: int
     block: int
     windows: tuple[PosteriorWindow, ...]
+    periodic: bool
     trained_over: dict[str, list[float]] = field(default_factory=dict)
     held_out: dict[str, dict[str, float]] = field(default_factory=dict)
     provenance: dict[str, str] = field(default_factory=dict)
@@ -150,6 +153,7 @@ class PosteriorArtifact:
         )
         require(2 <= self.block <= self.samples // 2, f"a block of {self.block} samples is none of {self.samples}")
         require(len(self.windows) > 0, "it has no windows")
+        require(len({window.network for window in self.windows}) == 1, "its windows have networks of several kinds")
         size = self.samples // self.block
         for window in self.windows:
             require(window.mean.size == size, f"its windows have {window.mean.size} blocks, not {size}")
@@ -163,6 +167,7 @@ class PosteriorArtifact:
             "block": self.block,
             "windows": len(self.windows),
             "network": self.windows[0].network,
+            "periodic": self.periodic,
             "trained_over": self.trained_over,
             "held_out": self.held_out,
         }
@@ -180,6 +185,7 @@ class PosteriorArtifact:
         arrays = read_arrays(path, card)
         with usable(path):
             network = card["network"]
+            require(network in NETWORKS, f"its network is {network!r}, not one of {', '.join(NETWORKS)}")
             of_window = [
                 {name.partition("_")[2]: array for name, array in arrays.items() if name.startswith(f"{number}_")}
                 for number in range(1, int(card["windows"]) + 1)
@@ -190,6 +196,7 @@ class PosteriorArtifact:
                 samples=int(card["samples"]),
                 block=int(card["block"]),
                 windows=tuple(PosteriorWindow.of(network, found) for found in of_window),
+                periodic=bool(card["periodic"]),
                 trained_over=dict(card["trained_over"]),
                 held_out=dict(card["held_out"]),
                 provenance=dict(card["provenance"]),

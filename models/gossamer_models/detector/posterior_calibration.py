@@ -15,8 +15,8 @@ from ..arrays import Matrix, Vector
 from ..errors import DataError
 from .features import block_means
 from .fuzzy_rules import QUADRANT
-from .learned import Features, analyse, deviation, heads_of
-from .posterior import judge_records
+from .learned import Features, analyse, deviation, explain, heads_of
+from .posterior import FLOOR, judge_records
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
 from .posterior_records import Sensing, Windows, reflect
 
@@ -48,7 +48,7 @@ def calibrate(
     -------
     PosteriorWindow
         With a temperature of the probabilities [1]_ and a factor on the deviations in the weights of its last layer, and
-        with limits.
+        with errors of the decoder and limits.
 
     Raises
     ------
@@ -69,8 +69,18 @@ def calibrate(
     clean, d = reflect(held_out.records, held_out.damage)
     noisy = sensing.samples(clean, random)
     window = _with_honest_heads(window, analyse(window, block_means(noisy, block)), d)
+    found = analyse(window, block_means(sensing.gained(clean, random), block))
+    left = found.c - explain(window, found)
+    squares, directions = np.linalg.eigh(left.T @ left / len(left))
+    directions = directions.astype(np.float16).astype(float)  # as the file holds them
+    window = replace(window, directions=directions, errors=np.sqrt(np.maximum(squares, FLOOR**2)))
     artifact = PosteriorArtifact(
-        start_time=0.0, sampling_step=1.0, samples=clean.shape[-1], block=block, windows=(window,)
+        start_time=0.0,
+        sampling_step=1.0,
+        samples=clean.shape[-1],
+        block=block,
+        windows=(window,),
+        periodic=False,
     )
     return replace(window, limits=_limits(judge_records(artifact, 0, noisy)["ratios"]))
 

@@ -1,4 +1,4 @@
-r"""Fit the perceptrons of one window: the network, and the decoder that tells whether its answer explains the record.
+r"""Fit the networks of a window: the one for the damage, and the decoder that tells whether its answer explains the record.
 
 Symbols: ``n`` cases, ``c`` components [1], ``s2`` variance of the noise of a block mean [1], ``lam`` variances of the
 components, ``d`` damage [1], ``P``, ``m``, ``sd`` probability, mean and standard deviation of the damage of a damaged zone
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Matrix, Vector
+from ..arrays import Vector
 from .features import SECTORS, SENSORS, Components, block_means
 from .fuzzy_rules import QUADRANT, FuzzyRules
 from .learned import all_heads, analyse, damage_of, deviation, features
@@ -28,7 +28,9 @@ BETA = 0.5  # of the weight sd^(2 beta) in the loss of the mean
 FAR = 4.0  # standard deviations beyond which a case pulls no more
 COLOURED_DRAWS = 1024
 WRONG_GAIN = (0.6, 1.4)  # of a spoilt sensor [1]
+GAIN_SHARE, DEAD_SHARE = 0.5, 0.15  # of the spoilt records; in the others two sensors are swapped
 WORST_POLYNOMIALS = 0.3  # residual over deviation of the components up to which cases are moved by polynomials
+_SENSORS = np.arange(SENSORS).reshape(2, 2)
 
 
 def loss_gradient(heads: Rows32, d: Rows32) -> tuple[float, Rows32]:
@@ -101,16 +103,13 @@ def _other_damage(damage: Rows32, random: np.random.Generator) -> Rows32:
     return np.where(order < (damage > 0.0).sum(axis=1, keepdims=True), drawn, 0.0).astype(np.float32)
 
 
-_SENSORS = np.arange(SENSORS).reshape(2, 2)
-
-
 def _shares(parts: Components) -> Rows32:
     """Return the weight of each sensor in each component, shape (4, K)."""
     return np.asarray(SECTORS[parts.sectors.astype(int)].T, np.float32)
 
 
 def spoilt_sensors(gains: Vector, random: np.random.Generator) -> tuple[Vector, NDArray[np.int64]]:
-    """Spoil a sensor of each record: half of them have a wrong gain, some are dead, the others are two that are swapped.
+    """Spoil a sensor of each record: it has a wrong gain, is dead, or is swapped with another one.
 
     Parameters
     ----------
@@ -129,18 +128,20 @@ def spoilt_sensors(gains: Vector, random: np.random.Generator) -> tuple[Vector, 
     n = len(gains)
     first, second = random.permuted(np.tile(np.arange(SENSORS), (n, 1)), axis=1)[:, :2].T
     rows, kind = np.arange(n), random.random(n)
-    factor = np.where(kind < 0.5, random.uniform(*WRONG_GAIN, n), np.where(kind < 0.65, 0.0, 1.0))
+    factor = np.where(
+        kind < GAIN_SHARE, random.uniform(*WRONG_GAIN, n), np.where(kind < GAIN_SHARE + DEAD_SHARE, 0.0, 1.0)
+    )
     gains = gains.copy()
     gains[rows, first] *= factor
     sensors = np.tile(np.arange(SENSORS), (n, 1))
-    swapped = rows[kind >= 0.65]
+    swapped = rows[kind >= GAIN_SHARE + DEAD_SHARE]
     sensors[swapped, first[swapped]], sensors[swapped, second[swapped]] = second[swapped], first[swapped]
     return gains, sensors
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What both perceptrons of a window learn from; every case and its mirror images.
+    """What both networks of a window learn from; every case and its mirror images.
 
     Attributes
     ----------
@@ -208,7 +209,7 @@ class Fit:
         )
 
     def epoch(self, virtual: bool, spoilt: float) -> tuple[Rows32, Rows32, Rows32, Rows32]:
-        """Draw gain and noise of every case.
+        """Draw gain, noise and spoilt sensors of every case.
 
         Parameters
         ----------
@@ -271,8 +272,9 @@ class Fit:
 
     def rest(self) -> float:
         """Return the root mean square of what clean records have outside the components, per degree of freedom [1]."""
-        *_, s2, _ = self.epoch(virtual=False, spoilt=0.0)
-        return float(np.sqrt(np.mean(s2)))
+        n = len(self.c)
+        _, outside = self.read(self.sensing.gains(n, self.random), np.tile(np.arange(SENSORS), (n, 1)))
+        return float(np.sqrt(outside.mean() / (SENSORS * degrees_of_freedom(self.parts)) + FLOOR**2))
 
     def _batches(self, epochs: int, spoilt: float) -> Iterator[tuple[float, tuple[Rows32, Rows32, Rows32, Rows32]]]:
         """Deal batches of ``epoch``, with the step size of Adam."""
@@ -321,12 +323,3 @@ class Fit:
             adam.step([*gradients, hidden.T @ g_in[:, ZONES:]], rate)
             report()
         return decoder, latent
-
-    def unexplained(self, net: Perceptron | FuzzyRules, decoder: Perceptron, latent: Rows32, scales: Vector) -> Matrix:
-        """Return what the decoder leaves of the components of clean records, shape (n, K)."""
-        _, clean, s2, _ = self.epoch(virtual=False, spoilt=0.0)
-        found = features(self.parts.variances, clean.astype(float), s2.astype(float))
-        given = np.hstack(
-            [damage_of(all_heads(net, found, image_signs(self.parts.sectors))), net.values(found)[-2] @ latent]
-        )
-        return np.asarray(clean - decoder.values(given)[-1] * scales)

@@ -58,7 +58,8 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     Strains are read every ``sampling_step``, the first time one sampling step after ``start_time`` and ``delay``; between
     communication points they are taken as linear (held, where a communication step is longer than the sampling step). A
     window ends after ``window_length``; ``judge_window`` says what follows from it. With ``repeat`` the next window follows
-    at once. Windows beyond the last one trained use its network, for a response that has become periodic.
+    at once. Windows beyond the last one trained use its network, for a response that has become periodic; if it was not
+    trained for that (``PosteriorArtifact.periodic``) they are not valid.
 
     Before the first window ends nothing is known: all outputs are 0. ``valid`` is 1 if the windows are those of the
     training, ``misfit`` is 1 or less, and ``risk`` is ``LARGEST_RISK`` or less.
@@ -67,9 +68,11 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     count = trained.samples // trained.block
     numbers = range(len(trained.windows))
 
-    def outputs(register: Register, number: int, p: Values) -> Outputs:
+    def outputs(register: Register, number: int, late: ca.MX, p: Values) -> Outputs:
         judged = judge_window(trained.windows[number], trained.block, *register.features(trained.samples))
         valid = as_trained(trained, p) * (judged.misfit <= 1.0) * (judged.risk <= LARGEST_RISK)
+        if not trained.periodic:
+            valid *= 1.0 - late
         return Outputs(judged.damage, judged.deviation, judged.probability, judged.misfit, judged.risk, valid)
 
     def init(_: Values, p: Values) -> tuple[PosteriorState, Results]:
@@ -81,7 +84,8 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
         clock, sample = x.clock.advance(u.strain, p, h)
         register = x.register.advance(sample.strain, sample.due, sample.number, trained.block)
         case = ca.if_else(sample.ends, ca.fmin(x.clock.number, numbers[-1]), -1)
-        judged = [pack(outputs(register, number, p)) for number in numbers]
+        late = x.clock.number > numbers[-1]
+        judged = [pack(outputs(register, number, late, p)) for number in numbers]
         latest = unpack(x.outputs, ca.conditional(case, judged, pack(x.outputs), True))
         return PosteriorState(clock, register.restarted(sample.ends), latest), results_of(latest)
 

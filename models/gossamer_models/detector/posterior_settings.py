@@ -28,8 +28,8 @@ class Training:
         Share of the cases that are moved to other damages until the last quarter of the epochs; see ``Fit.epoch``.
     spoilt : float
         Share of the records with a wrong sensor, so that the network is not sure of its answer where it sees one.
-    epochs, decoder_epochs, batch : int
-        Passes of the network and of its decoder through the cases, and cases of a step.
+    epochs, batch : int
+        Passes of the network through the cases, and cases of a step.
     rate : float
         First step size of Adam; it falls to 0 along half a cosine.
     held_out : float
@@ -48,10 +48,14 @@ class Training:
     latent: int = 8
     inner: int = 96
     epochs: int = 150
-    decoder_epochs: int = 100
     virtual: float = 0.9
     spoilt: float = 0.03
     batch: int = 256
     rate: float = 2e-3
     held_out: float = 0.15
     seed: int = 0
+
+    @property
+    def decoder_epochs(self) -> int:
+        """Passes of the decoder through the cases."""
+        return 1 + self.epochs // 4

@@ -8,14 +8,15 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from ..errors import DataError
 from .features import principal_components
-from .posterior import FLOOR
+from .fuzzy_rules import PEAKS
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
 from .posterior_calibration import calibrate
 from .posterior_fit import Fit
@@ -45,9 +46,17 @@ def train_posterior(
     Raises
     ------
     DataError
-        There are too few cases, or the runs are too short.
+        There are too few cases, the runs are too short, or the network cannot state damages as large.
     """
     t = training or Training()
+    campaign = json.loads(data.attrs["campaign"])
+    deepest = max([campaign["damage"]["depth"][1], *(d for case in campaign["damage"]["cases"] for d in case.values())])
+    if t.network == "neuro-fuzzy" and deepest > PEAKS[-1]:
+        msg = (
+            f"the campaign has damage of {100.0 * deepest:g} %, but the last fuzzy set of a neuro-fuzzy network peaks at "
+            f"{100.0 * PEAKS[-1]:g} %. Choose a perceptron, or less damage."
+        )
+        raise DataError(msg)
     sensing = Sensing.of(data)
     cuts = [cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)]
     windows: list[PosteriorWindow] = []
@@ -57,19 +66,18 @@ def train_posterior(
         for number, cut in enumerate(cuts):
             report = (lambda: None) if progress is None else (lambda: progress(next(done) / total))
             windows.append(_train_window(cut, sensing, replace(t, seed=t.seed + number), report))
-    campaign = json.loads(data.attrs["campaign"])
     return PosteriorArtifact(
         start_time=0.0,
         sampling_step=float(campaign["step"]),
         samples=t.samples,
         block=t.block,
         windows=tuple(windows),
-        trained_over=trained_over(campaign),
+        periodic=data.sizes["time"] > t.windows * t.samples,
+        trained_over=trained_over(campaign) | {"share of records with a spoilt sensor [1]": [t.spoilt, t.spoilt]},
         provenance={
-            "command": "gossamer train",
             "campaign": str(data.attrs["sha256"]),
             "cases": str(data.sizes["case"]),
-            "epochs": str(t.epochs),
+            "settings": json.dumps(asdict(t)),
         },
     )
 
@@ -103,8 +111,6 @@ def _train_window(cut: Windows, sensing: Sensing, t: Training, report: Callable[
     scales = np.sqrt(parts.variances + SMALL**2)
     net = fit.network(report)
     decoder, latent = fit.decoder(net, scales, report)
-    left = fit.unexplained(net, decoder, latent, scales)
-    spread, directions = np.linalg.eigh(left.T @ left / len(left))
     window = PosteriorWindow(
         mean=parts.mean,
         axes=parts.axes,
@@ -116,8 +122,8 @@ def _train_window(cut: Windows, sensing: Sensing, t: Training, report: Callable[
         latent=np.asarray(latent, float),
         decoder=tuple(np.asarray(a, float) for a in decoder.arrays),
         scales=scales,
-        directions=directions.astype(np.float16).astype(float),
-        errors=np.sqrt(np.maximum(spread, FLOOR**2)),
+        directions=np.eye(t.components),
+        errors=np.ones(t.components),
         limits=np.ones(4),
     )
     return calibrate(window, t.block, calibration, sensing, random)

@@ -76,7 +76,7 @@ class Forward:
         """Return the scale of records of a kind; raise ``ParameterError`` for resistance without sensors."""
         if kind == "strain":
             return Reading(zero=np.zeros((N_SENSORS, 1)), scale=np.ones((N_SENSORS, 1)))
-        known = self._with_sensors().parameters
+        known = self.require_sensors().parameters
         zero, scale = (known[name][:, None] for name in ("rest_resistance", "full_scale_resistance_change"))
         return Reading(zero=zero, scale=scale)
 
@@ -103,9 +103,10 @@ class Forward:
 
     def resistance(self, strain: Matrix, h: float) -> Matrix:
         """Return the resistance [ohm] of sensors under strain, shape (m, 4, n); not a number where a case failed."""
-        return self._with_sensors().read(strain, h)[0]
+        return self.require_sensors().read(strain, h)[0]
 
-    def _with_sensors(self) -> Sensors:
+    def require_sensors(self) -> Sensors:
+        """Return the sensors; raise ``ParameterError`` if there are none."""
         if self.sensors is None:
             msg = "the record holds resistance, but the twin has no sensor. Give it one: Twin(sensor=...)."
             raise ParameterError(msg)

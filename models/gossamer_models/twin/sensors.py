@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..batch.cases import BatchState
+from ..errors import ParameterError
 from ..membrane import MembraneParams
 from ..membrane.params import stretch
 from ..sensor import SensorArtifact, sensor_model
@@ -31,6 +32,11 @@ class Sensors:
     parameters : mapping of str to float or array_like of shape (4,)
         Parameters that differ from their start values.
 
+    Raises
+    ------
+    ParameterError
+        A parameter has another shape.
+
     Attributes
     ----------
     parameters : dict of ndarray, shape (4,)
@@ -43,6 +49,10 @@ class Sensors:
         model = sensor_model(artifact)
         starts = {v.name: v.start for v in model.variables if v.causality == "parameter" and v.start is not None}
         known: dict[str, ArrayLike] = {**starts, "rest_strain": stretch(params) - 1.0, **(parameters or {})}
+        for name, value in known.items():
+            if np.shape(value) not in ((), (1,), (N_SENSORS,)):
+                msg = f"sensor parameter {name!r} has shape {np.shape(value)}. Give one value, or one for each of 4 sensors."
+                raise ParameterError(msg)
         self.parameters = {name: np.broadcast_to(value, (N_SENSORS,)) for name, value in known.items()}
         self._batch = Batch(model, ("resistance",), ("strain",))
 

@@ -120,7 +120,8 @@ class Twin:
         ParameterError
             The record holds resistance and the twin has no sensor, or the start has another shape.
         """
-        self._forward.reading(record.kind)  # refuses resistance without a sensor
+        if record.kind == "resistance":
+            self._forward.require_sensors()
         given = None if start is None else np.clip(np.asarray(start, dtype=float), 0.0, MOST_DAMAGE)
         if given is not None and given.shape != (N_ZONES,):
             msg = f"a start has one damage for each of {N_ZONES} zones, not shape {given.shape}"

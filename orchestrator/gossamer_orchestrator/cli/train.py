@@ -36,17 +36,18 @@ class Kind(StrEnum):
 
 def train(
     source: Annotated[
-        str,
+        str | None,
         typer.Argument(
             help="Folder of a campaign that has been run, a campaign file, a scenario with the membrane to train for, or "
-            "the name of a shipped one."
+            "the name of a shipped one; detector_nominal by default. With --kind thesis: single (default), single_noisy, "
+            "multiple or multiple_noisy.",
         ),
-    ] = NOMINAL,
+    ] = None,
     kind: Annotated[
         Kind,
         typer.Option(
-            help="neuro-fuzzy: the thesis' network on indices that are trained; perceptron: two hidden layers; thesis: its "
-            "trainings on 16 energies, where SOURCE is single, single_noisy, multiple or multiple_noisy."
+            help="neuro-fuzzy: the thesis' network on indices that are trained; perceptron: two hidden layers; thesis: one "
+            "of its own trainings, on 16 energies."
         ),
     ] = Kind.NEURO_FUZZY,
     out: Annotated[
@@ -58,7 +59,7 @@ def train(
     window: Annotated[
         float | None, typer.Option(help="Length of a window [s]; 0.2532 or what the scenario says.", metavar="SECONDS")
     ] = None,
-    epochs: Annotated[int | None, typer.Option(help="Passes through the cases.", min=1)] = None,
+    epochs: Annotated[int | None, typer.Option(help="Passes through the cases; 150 by default.", min=1)] = None,
 ) -> None:
     """Train a detector on simulated damage.
 
@@ -71,7 +72,7 @@ def train(
 
         gossamer train
 
-        gossamer train detector_wide --out wide.json && gossamer build detector --artifact wide.json
+        gossamer train mine.toml && gossamer build detector --artifact out/detector/mine.json
 
         gossamer train my_scenario.toml
 
@@ -81,27 +82,38 @@ def train(
 
     console = wide(stderr=True)
     if kind is Kind.THESIS:
-        _train_thesis(source, out, console)
+        if window is not None or epochs is not None:
+            msg = (
+                "--window and --epochs are not for --kind thesis, whose windows and networks are fixed. Leave them out."
+            )
+            raise OrchestratorError(msg)
+        _train_thesis(source or "single", out, console)
         return
     network: Network = "neuro-fuzzy" if kind is Kind.NEURO_FUZZY else "perceptron"
-    from gossamer_models.assessment.training import held_out_errors
+    from gossamer_models.assessment.after_training import held_out_errors
     from gossamer_models.detector.posterior_settings import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
     with model_errors():
-        data, name, length = _data(source, console)
+        data, name, length = _data(source or NOMINAL, console)
         length = window or length
         samples = Training().samples if length is None else 4 * max(round(length / float(data["time"][0])) // 4, 1)
         windows = min(Training().windows, max(data.sizes["time"] // samples, 1))
         training = Training(network=network, samples=samples, windows=windows)
         if epochs is not None:
-            training = replace(training, epochs=epochs, decoder_epochs=min(epochs, training.decoder_epochs))
-        path = out or Path("out/detector") / f"{name}.json"
+            training = replace(training, epochs=epochs)
+        end = "" if kind is Kind.NEURO_FUZZY else f"_{kind}"
+        path = out or Path("out/detector") / f"{name}{end}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         with Progress(console=console, disable=not console.is_terminal) as progress:
             task = progress.add_task("training", total=1.0)
             artifact = train_posterior(data, training, lambda done: progress.update(task, completed=done))
-        artifact = replace(artifact, held_out=held_out_errors(artifact, data, training))
+        command = f"gossamer train {name} --kind {kind} --epochs {training.epochs}"
+        artifact = replace(
+            artifact,
+            held_out=held_out_errors(artifact, data, training),
+            provenance={"command": command, **artifact.provenance},
+        )
         artifact.write(path)
     console.print(_table(artifact.held_out))
     typer.echo(path)
@@ -162,13 +174,12 @@ def _campaign_of(file: Path, nominal: Campaign) -> tuple[Campaign, float | None]
     return replace(nominal, membrane=replace(nominal.membrane, parameters=constants), stop=steps * nominal.step), length
 
 
-def _train_thesis(source: str, out: Path | None, console: Console) -> None:
-    from gossamer_models.assessment.training import thesis_errors
-    from gossamer_models.detector.training import TRAININGS, train_detector
+def _train_thesis(name: str, out: Path | None, console: Console) -> None:
+    from gossamer_models.assessment.after_training import thesis_errors
+    from gossamer_models.detector.thesis_training import TRAININGS, train_detector
 
-    name = "single" if source == NOMINAL else source
     if name not in TRAININGS:
-        msg = f"--kind thesis has no training {source!r}. {suggest(source, TRAININGS)} It has {', '.join(TRAININGS)}."
+        msg = f"the thesis has no training {name!r}. {suggest(name, TRAININGS)}"
         raise OrchestratorError(msg)
     path = out or Path("out/detector") / f"{name}_damage.json"
     with model_errors(), console.status("simulating and training"):
@@ -176,7 +187,10 @@ def _train_thesis(source: str, out: Path | None, console: Console) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         artifact.write(path)
         found = thesis_errors(artifact, noisy=TRAININGS[name].noisy)
-    console.print(_table(found))
+    rows: dict[str, dict[str, float]] = {}
+    for cases, (ours, printed) in found.items():
+        rows |= {cases: ours, f"{cases}: the thesis": printed}
+    console.print(_table(rows))
     typer.echo(path)
 
 

@@ -1,4 +1,4 @@
-"""Errors of a detector that has just been trained: on held-out cases of its campaign, or on the test cases of the thesis."""
+"""Errors of a detector after its training: on held-out cases of its campaign, or on the test cases of the thesis."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ..detector.posterior_records import Sensing, cut_windows
 from ..detector.posterior_settings import Training
 from ..detector.posterior_training import split
 from ..detector.thesis_tables import GROUPS
-from ..detector.training import SAMPLES, simulate_cases, with_noise
+from ..detector.thesis_training import SAMPLES, simulate_cases, with_noise
 from .figures import figures
-from .judges import AlwaysZero, DetectorJudge, Judge, PosteriorJudge, Verdicts
+from .judges import DetectorJudge, PosteriorJudge, Verdicts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,6 +35,9 @@ def held_out_errors(artifact: PosteriorArtifact, data: xr.Dataset, training: Tra
         calls`` and ``wrong``, shares of the records; ``wrong and valid``, share of the wrong ones.
     """
     sensing, random, found = Sensing.of(data), np.random.default_rng(training.seed), {}
+    damage = data["damage"].to_numpy()
+    damage = damage[damage.max(axis=1) > 0.0]
+    found["always 0"] = errors(damage, Verdicts(damage=0.0 * damage, valid=np.ones(len(damage), dtype=bool)))
     for number in range(len(artifact.windows)):
         cut = cut_windows(data, number, training.samples, number == training.windows - 1, training.seed)
         test = split(cut, training)[2]
@@ -44,12 +47,11 @@ def held_out_errors(artifact: PosteriorArtifact, data: xr.Dataset, training: Tra
             for some, what in ((damaged, "damaged"), (~damaged, "healthy")):
                 if some.any():
                     found[f"window {number + 1}, {what}, {noise}"] = errors(test.damage[some], verdicts[some])
-    nothing = AlwaysZero()(test.records[damaged], 1.0)
-    return found | {"always 0": errors(test.damage[damaged], nothing)}
+    return found
 
 
-def thesis_errors(artifact: DetectorArtifact, *, noisy: bool) -> dict[str, dict[str, float]]:
-    """Assess a detector on the test cases of the thesis, in their first window, beside what the thesis says of them.
+def thesis_errors(artifact: DetectorArtifact, *, noisy: bool) -> dict[str, tuple[dict[str, float], dict[str, float]]]:
+    """Assess a detector on the test cases of the thesis, in their first window.
 
     Parameters
     ----------
@@ -57,16 +59,20 @@ def thesis_errors(artifact: DetectorArtifact, *, noisy: bool) -> dict[str, dict[
         Trained detector.
     noisy : bool
         Whether the strain has the noise of the thesis.
+
+    Returns
+    -------
+    dict
+        By group of cases: the figures of the detector, and those of what the thesis prints for its own.
     """
-    judge: Judge = DetectorJudge(detector_model(artifact))
+    judge = DetectorJudge(detector_model(artifact))
     found = {}
     for what, tables, rows in GROUPS:
         strains = simulate_cases(tables.damage[rows], SAMPLES)
         verdicts = judge(with_noise(strains, SEED) if noisy else strains, artifact.sampling_step)
         printed: Matrix = (tables.noisy if noisy else tables.clean)[rows] / 100.0
         thesis = Verdicts(damage=printed, valid=np.ones(len(printed), dtype=bool))
-        found[what] = errors(tables.damage[rows], verdicts)
-        found[f"{what}: the thesis"] = errors(tables.damage[rows], thesis)
+        found[what] = errors(tables.damage[rows], verdicts), errors(tables.damage[rows], thesis)
     return found
 
 
