@@ -47,7 +47,7 @@ def results(tmp_path, forward, strain):
     resistance = forward.resistance(strain, STEP)[0]
     time = STEP * np.arange(STEPS + 1)
     variables = {"gauge.strain": (("time", "strain_index"), np.vstack([np.zeros(4), strain[0].T]))}
-    parameters = forward.sensor_parameters
+    parameters = forward.sensors.parameters
     fmus = {"gauge": {"model": "membrane", "parameters": {"mass_damping": 30.0, "other": 1.0}}}
     connections = []
     for k in range(4):
