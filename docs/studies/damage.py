@@ -167,7 +167,7 @@ def _detection(assessment: Assessment) -> list[str]:
     lines = ["", "## Probability of detection", ""]
     lines.append(
         "One damaged zone. The threshold of a call is chosen so that 1 % of one half of the healthy records are called; "
-        "false calls are counted in the other half. a90/95 as in MIL-HDBK-1823A; sizes in % damage."
+        "false calls are counted in the other half. a90/95 as in MIL-HDBK-1823A; sizes in % damage; none: above 100 %."
     )
     head = (
         "method",
@@ -189,9 +189,9 @@ def _detection(assessment: Assessment) -> list[str]:
 
 def _bounds(rows: Sequence[DetectionRow]) -> tuple[str, ...]:
     whole, zones = next(row for row in rows if row.zone == 0), [row for row in rows if row.zone]
-    bounds = sorted((100.0 * row.a90_95 if math.isfinite(row.a90_95) else math.inf, row.zone) for row in zones)
+    bounds = sorted((100.0 * row.a90_95 if row.a90_95 <= 1.0 else math.inf, row.zone) for row in zones)
     ends = [f"{number(a)} (zone {zone})" if math.isfinite(a) else "none" for a, zone in (bounds[:1] + bounds[-1:])]
-    together = number(100.0 * whole.a90_95) if math.isfinite(whole.a90_95) else f"none: {whole.remark}"
+    together = number(100.0 * whole.a90_95) if whole.a90_95 <= 1.0 else f"none{': ' * bool(whole.remark)}{whole.remark}"
     false = f"{100.0 * whole.false_calls.value:.1f} (< {100.0 * whole.false_calls.high:.1f})"
     return f"{100.0 * whole.threshold:.2f}", false, together, *(ends or ("-", "-"))
 

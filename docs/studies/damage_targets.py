@@ -89,7 +89,7 @@ def metrics(assessment: Assessment) -> Iterator[Line]:
                 for row in assessment.detections
                 if row.judge == judge and row.zone and row.condition.startswith(condition)
             ]
-            worst = max((100.0 * row.a90_95 if math.isfinite(row.a90_95) else 100.0 for row in rows), default=math.nan)
+            worst = max((100.0 * row.a90_95 if row.a90_95 <= 1.0 else 100.0 for row in rows), default=math.nan)
             yield _line(f"{judge}, {condition}: a90/95 of the worst zone (100: none)", "% damage", worst, reach)
 
 

@@ -60,14 +60,14 @@ def plot_detection(row: DetectionRow, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_reliability(rows: Sequence[Row], *, ax: Axes | None = None) -> Axes:
-    """Draw observed over nominal share of true values in the stated intervals; a right deviation gives the diagonal."""
+    """Draw observed over nominal share of damages in the stated intervals; a right deviation gives the diagonal."""
     ax = axes_for(ax)
     ax.plot([0.0, 1.0], [0.0, 1.0], color=GREY, lw=0.8, ls="--")
     for k, row in enumerate(rows):
         label = f"{row.judge}, {row.condition}: z rms {row.figures.damaged_z_rms:.2f} in damaged zones"
         ax.plot(NOMINAL, row.reliability, "o-", color=COLOURS[k % 6], ms=3, lw=1.2, label=label)
     ax.set(xlabel="stated share [1]", ylabel="observed share [1]", xlim=(0.0, 1.0), ylim=(0.0, 1.02), aspect="equal")
-    ax.legend(loc="upper left")
+    ax.legend(loc="lower right")
     return ax
 
 
@@ -144,7 +144,8 @@ def save_pictures(assessment: Assessment, folder: Path) -> list[Path]:
                 figure = _figure(7.0, 6.5)
                 plot_confusion(counts, ax=figure.add_subplot())
                 save(f"confusion {counts.judge} {counts.condition}", figure)
-        stated = [row for row in assessment.rows if row.reliability and row.condition in ("clean", "noise")]
+        wanted = [row for row in assessment.rows if row.reliability and row.condition in ("clean", "noise")]
+        stated = [row for row in wanted if not np.isnan(row.reliability).any()]  # some judge is never valid
         if stated:
             figure = _figure(6.0, 5.5)
             plot_reliability(stated, ax=figure.add_subplot())

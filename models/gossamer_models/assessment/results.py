@@ -32,7 +32,7 @@ class Row:
     figures : Figures
         Of all records.
     reliability : list of float
-        Observed share [1] of true values in the stated intervals ``figures.NOMINAL``; empty without a stated deviation.
+        Observed share [1] of damages in the stated intervals ``figures.NOMINAL``; empty without a stated deviation.
     largest : list of float
         Largest valid estimate [1] of each record; only of healthy ones.
     """
