@@ -166,13 +166,14 @@ def _false_calls(assessment: Assessment, judge: str, condition: str) -> str:
 def _detection(assessment: Assessment) -> list[str]:
     lines = ["", "## Probability of detection", ""]
     lines.append(
-        "One damaged zone. The threshold of a call is chosen so that 1 % of one half of the healthy records are called; "
+        "One damaged zone. A call is a valid answer whose P(damaged), or else its estimate, is above a threshold, which is "
+        "chosen so that 1 % of one half of the healthy records are called; "
         "false calls are counted in the other half. a90/95 as in MIL-HDBK-1823A; sizes in % damage; none: above 100 %."
     )
     head = (
         "method",
         "condition",
-        "threshold",
+        "call",
         "false calls [%]",
         "a90/95, all zones together",
         "best zone",
@@ -193,7 +194,7 @@ def _bounds(rows: Sequence[DetectionRow]) -> tuple[str, ...]:
     ends = [f"{number(a)} (zone {zone})" if math.isfinite(a) else "none" for a, zone in (bounds[:1] + bounds[-1:])]
     together = number(100.0 * whole.a90_95) if whole.a90_95 <= 1.0 else f"none{': ' * bool(whole.remark)}{whole.remark}"
     false = f"{100.0 * whole.false_calls.value:.1f} (< {100.0 * whole.false_calls.high:.1f})"
-    return f"{100.0 * whole.threshold:.2f}", false, together, *(ends or ("-", "-"))
+    return f"{whole.score} > {100.0 * whole.threshold:.2f} %", false, together, *(ends or ("-", "-"))
 
 
 def _cases(assessment: Assessment) -> Iterator[str]:

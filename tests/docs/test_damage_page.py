@@ -26,6 +26,7 @@ def detection(judge, zone):
         judge=judge,
         condition="noise, 0.9 s",
         zone=zone,
+        score="P(damaged)",
         threshold=0.01,
         false_calls=share([False] * 50),
         sizes=60,

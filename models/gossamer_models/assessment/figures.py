@@ -106,6 +106,15 @@ def largest_calls(verdicts: Verdicts) -> Vector:
     return np.asarray(np.where(verdicts.valid, verdicts.damage.max(axis=1), 0.0))
 
 
+def scores(verdicts: Verdicts) -> Matrix:
+    """Return what a call is decided by, shape (n, 16): P(damaged) where it is stated, else the estimate; 0 if not valid.
+
+    An estimate is 0 below P = 1/2, where P still tells a small damage from none.
+    """
+    stated = verdicts.damage if verdicts.probability is None else verdicts.probability
+    return np.asarray(np.where(verdicts.valid[:, None], stated, 0.0))
+
+
 def scaled_errors(damage: Matrix, verdicts: Verdicts) -> Vector:
     """Return z of all zones of valid records, in a row; empty if no deviation is stated.
 
@@ -127,7 +136,7 @@ def reliability(damage: Matrix, verdicts: Verdicts) -> Vector:
     return np.array([_mean(z <= norm.ppf(0.5 + nominal / 2.0)) for nominal in NOMINAL])
 
 
-def confusion(damage: Matrix, verdicts: Verdicts, threshold: float = CALL) -> Matrix:
+def confusion(damage: Matrix, verdicts: Verdicts, threshold: float) -> Matrix:
     """Count which zone is called first where one zone is damaged.
 
     Parameters
@@ -137,16 +146,17 @@ def confusion(damage: Matrix, verdicts: Verdicts, threshold: float = CALL) -> Ma
     verdicts : Verdicts
         Of the same n records.
     threshold : float
-        Of a call [1].
+        Of a call, in ``scores`` [1].
 
     Returns
     -------
     ndarray, shape (16, 17)
-        Records by damaged zone (row) and zone with the largest estimate (column); the last column counts those without a
+        Records by damaged zone (row) and zone with the largest score (column); the last column counts those without a
         call.
     """
     single = (damage > 0.0).sum(axis=1) == 1
-    found = np.where(calls(verdicts, threshold).any(axis=1), verdicts.damage.argmax(axis=1), N_ZONES)
+    score = scores(verdicts)
+    found = np.where(score.max(axis=1) > threshold, score.argmax(axis=1), N_ZONES)
     counts = np.zeros((N_ZONES, N_ZONES + 1))
     np.add.at(counts, (damage[single].argmax(axis=1), found[single]), 1.0)
     return counts

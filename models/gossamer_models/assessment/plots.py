@@ -172,7 +172,9 @@ def _detections(rows: Sequence[DetectionRow]) -> Figure:
         grid = figure.subplots(4, 4, sharex=True, sharey=True)[::-1].ravel()
         for zone, ax in enumerate(grid, start=1):
             plot_detection(zones[zone], ax=ax)
-    figure.suptitle(f"{rows[0].judge}, {rows[0].condition}: {100.0 * rows[0].threshold:.2g} % damage is a call")
+    figure.suptitle(
+        f"{rows[0].judge}, {rows[0].condition}: {rows[0].score} above {100.0 * rows[0].threshold:.2g} % is a call"
+    )
     figure.supxlabel("damage [%]")
     figure.supylabel("probability of detection [1]")
     return figure

@@ -54,6 +54,8 @@ class DetectionRow:
         Names.
     zone : int
         1 to 16, or 0 for all zones together.
+    score : {"P(damaged)", "estimate"}
+        What a call is decided by.
     threshold : float
         Of a call [1], chosen on half of the healthy records.
     false_calls : Share
@@ -73,6 +75,7 @@ class DetectionRow:
     judge: str
     condition: str
     zone: int
+    score: str
     threshold: float
     false_calls: Share
     sizes: int

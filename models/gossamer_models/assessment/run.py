@@ -17,7 +17,7 @@ from ..detector.thesis_tables import TABLES, ThesisTables
 from ..errors import ParameterError
 from ..membrane.mesh import N_ZONES
 from .conditions import SIZES, Condition, conditions, detections, table_conditions
-from .figures import calls, confusion, figures, largest_calls, reliability
+from .figures import confusion, figures, largest_calls, reliability, scores
 from .judges import Judge, Verdicts
 from .kept import ask
 from .pod import fit_pod
@@ -150,13 +150,13 @@ def _detection(
     """Choose a threshold on every other healthy record, count on the others, and fit each zone and all together."""
     most = None if judge.most is None else judge.most * N_ZONES
     quiet, _ = _ask(judge, healthy, most, folder)
-    largest = largest_calls(quiet)
+    largest = scores(quiet).max(axis=1)
     threshold = threshold_for(largest[::2], FALSE_CALLS)
     false_calls = share(largest[1::2] > threshold)
     verdicts, n = _ask(judge, damaged, most, folder)
     damage = damaged.damage[:n]
     a, zone = damage.max(axis=1), damage.argmax(axis=1)
-    hit = calls(verdicts, threshold)[np.arange(n), zone]
+    hit = scores(verdicts)[np.arange(n), zone] > threshold
     rows = []
     for number in range(N_ZONES + 1):
         among: Rows = np.ones(n, dtype=bool) if number == 0 else zone == number - 1
@@ -170,6 +170,7 @@ def _detection(
                 condition=name,
                 zone=number,
                 threshold=threshold,
+                score="estimate" if verdicts.probability is None else "P(damaged)",
                 false_calls=false_calls,
                 sizes=int(among.sum()),
                 hits=int(hit[among].sum()),
