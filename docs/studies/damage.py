@@ -194,7 +194,7 @@ def _bounds(rows: Sequence[DetectionRow]) -> tuple[str, ...]:
     ends = [f"{number(a)} (zone {zone})" if math.isfinite(a) else "none" for a, zone in (bounds[:1] + bounds[-1:])]
     together = number(100.0 * whole.a90_95) if whole.a90_95 <= 1.0 else f"none{': ' * bool(whole.remark)}{whole.remark}"
     false = f"{100.0 * whole.false_calls.value:.1f} (< {100.0 * whole.false_calls.high:.1f})"
-    return f"{whole.score} > {100.0 * whole.threshold:.2f} %", false, together, *(ends or ("-", "-"))
+    return f"{whole.score} > {100.0 * whole.threshold:.2g} %", false, together, *(ends or ("-", "-"))
 
 
 def _cases(assessment: Assessment) -> Iterator[str]:

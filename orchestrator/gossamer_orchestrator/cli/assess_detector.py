@@ -125,7 +125,7 @@ def _detections(found: Assessment) -> Table:
             row.judge,
             row.condition,
             str(row.zone or "all"),
-            f"{row.score} > {100.0 * row.threshold:.2f} %",
+            f"{row.score} > {100.0 * row.threshold:.2g} %",
             f"{_share(row.false_calls)} (< {100.0 * row.false_calls.high:.1f})",
             f"{row.hits} of {row.sizes}",
             *(_number(100.0 * size) for size in (row.a50, row.a90, row.a90_95)),
