@@ -48,6 +48,7 @@ TINY = Campaign(
     noise=Noise(strain=Distribution(uniform=(0.0, 0.02))),
 )
 SCRIPT = """
+import signal
 import sys
 import time
 from pathlib import Path
@@ -55,6 +56,7 @@ from campaign_under_test import TINY
 from gossamer_models.campaign import run_campaign
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background of a shell ignores it
     scheduler = sys.argv[2] if len(sys.argv) > 2 else None
     slow = lambda done, total: time.sleep(0.05)  # so that there is time to interrupt it
     run_campaign(TINY, Path(sys.argv[1]), workers=2, scheduler=scheduler, progress=slow)
