@@ -17,7 +17,7 @@ from ..membrane.mesh import N_ZONES
 from .judges import Verdicts
 from .proportions import Share, share
 
-CALL = 0.05  # [1] damage that counts as a call where no other threshold is named
+CALL = 0.05  # [1] damage that counts as a call
 NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)  # central intervals of the reliability diagram
 
 
@@ -74,7 +74,7 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
     """
     error = np.abs(verdicts.damage - damage)
     damaged = damage > 0.0
-    called = calls(verdicts, CALL)
+    called = verdicts.valid[:, None] & (verdicts.damage > CALL)
     wrong = error.max(axis=1) > WRONG
     z = np.abs(scaled_errors(damage, verdicts))
     damaged_z = z[damaged[verdicts.valid].ravel()] if z.size else z
@@ -94,11 +94,6 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
         damaged_within_95=_mean(damaged_z <= norm.ppf(0.975)),
         brier=math.nan if P is None else _mean((P - damaged) ** 2),
     )
-
-
-def calls(verdicts: Verdicts, threshold: float) -> Rows:
-    """Tell which zones are called, shape (n, 16): a valid estimate above a threshold [1]."""
-    return np.asarray(verdicts.valid[:, None] & (verdicts.damage > threshold))
 
 
 def largest_calls(verdicts: Verdicts) -> Vector:

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from .least_squares import Point, Quadratic
+from .least_squares import Point, Quadratic, quadratic_about
 from .quadratic import bounded_minimum, change
 
 DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])  # one for each lane
@@ -25,6 +25,7 @@ class LeastSquares(Protocol):
 
     low: Vector
     high: Vector
+    prior: Vector  # curvature that the priors add to each unknown
 
     def points(self, x: Matrix) -> list[Point]:
         """Simulate rows of unknowns."""
@@ -32,10 +33,6 @@ class LeastSquares(Protocol):
 
     def derivatives(self, point: Point, free: Rows) -> Matrix:
         """Return the derivatives of the weighed predictions."""
-        ...
-
-    def quadratic(self, point: Point, free: Rows, J: Matrix) -> Quadratic:
-        """Return the quadratic model of chi2."""
         ...
 
 
@@ -85,7 +82,7 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
     """
     point = problem.points(np.clip(start, problem.low, problem.high)[None])[0]
     J = problem.derivatives(point, free)
-    model, fresh = problem.quadratic(point, free, J), True
+    model, fresh = quadratic_about(point, free, J, problem.prior), True
     for _ in range(most):
         low, high = problem.low[free] - point.x[free], problem.high[free] - point.x[free]
         moves = [bounded_minimum(model.A + np.diag(lam * np.diag(model.A)), model.g, low, high) for lam in DAMPINGS]
@@ -103,5 +100,5 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
         fresh = promised > SHORT or gained < LINEAR * promised
         if fresh:
             J = problem.derivatives(point, free)
-        model = problem.quadratic(point, free, J)
+        model = quadratic_about(point, free, J, problem.prior)
     return Minimum(point=point, J=J, model=model)

@@ -14,7 +14,6 @@ from .least_squares import (
     DAMAGE_STEP,
     MOST_DAMAGE,
     Point,
-    Quadratic,
     check_derivatives,
     neighbours,
     points_at,
@@ -57,7 +56,7 @@ class OnsetProblem:
         self.low = np.zeros(1 + N_ZONES)
         self.high = np.r_[y.shape[1] - 1.0, np.full(N_ZONES, MOST_DAMAGE)]
         self.values = int(self._present.sum()) - N_SENSORS
-        self._prior = np.r_[float(self._steps) ** -2, np.ones(N_ZONES)]  # weak: any time, any damage
+        self.prior = np.r_[float(self._steps) ** -2, np.ones(N_ZONES)]  # weak: any time, any damage
 
     def history(self, x: Matrix) -> Matrix:
         """Return damage at the end of every step, shape (m, n, 16); a step in which it begins has a part of it."""
@@ -68,7 +67,7 @@ class OnsetProblem:
         """Simulate rows of unknowns, shape (m, 17)."""
         readings = self._readings(x)
         r = self._y - weigh(readings, self._present, self._sigma)
-        return points_at(x, readings, r, self._prior)
+        return points_at(x, readings, r, self.prior)
 
     def derivatives(self, point: Point, free: Rows) -> Matrix:
         """Return the derivatives of the weighed readings by the free unknowns, shape (4 n, number of them).
@@ -83,10 +82,6 @@ class OnsetProblem:
         weighed = weigh(self._readings(rows), self._present, self._sigma)
         return check_derivatives((weighed - (self._y - point.r)).T / steps)
 
-    def quadratic(self, point: Point, free: Rows, J: Matrix) -> Quadratic:
-        """Return the quadratic model of chi2 at a point over the free unknowns, from their derivatives."""
-        return quadratic_about(point, free, J, self._prior)
-
     def first_guesses(self, steps: int) -> list[Vector]:
         """Return some onsets within the first steps, each with damages by one step of Newton's method, best first."""
         zones = np.arange(1 + N_ZONES) > 0
@@ -95,7 +90,7 @@ class OnsetProblem:
         for share in (SHARES, (1.0,)):
             trials = []
             for point in self.points(guesses):
-                model = self.quadratic(point, zones, self.derivatives(point, zones))
+                model = quadratic_about(point, zones, self.derivatives(point, zones), self.prior)
                 d = bounded_minimum(model.A, model.g, -point.x[1:], self.high[1:] - point.x[1:])
                 moves = [np.r_[0.0, part * d] for part in share]
                 trials += [np.clip(point.x + move, self.low, self.high) for move in moves]

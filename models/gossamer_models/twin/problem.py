@@ -1,7 +1,7 @@
 r"""The least-squares problem of one record: what is unknown, what is predicted, how it is weighed.
 
 Symbols: ``x`` unknowns, first the 16 damages [1], then the nuisances in units of their priors; ``r`` weighed residuals and
-``J`` derivatives of the weighed predictions; ``A``, ``g`` curvature and slope of half of chi2.
+``J`` derivatives of the weighed predictions.
 """
 
 from __future__ import annotations
@@ -16,11 +16,9 @@ from .least_squares import (
     DAMAGE_STEP,
     MOST_DAMAGE,
     Point,
-    Quadratic,
     check_derivatives,
     neighbours,
     points_at,
-    quadratic_about,
 )
 from .nuisances import BEYOND, Nuisances
 from .record import Record
@@ -59,7 +57,7 @@ class Problem:
     ) -> None:
         self.forward, self.record, self.nuisances = forward, record, nuisances
         self.size = N_ZONES + len(nuisances.names)
-        self._prior = np.r_[np.zeros(N_ZONES), np.ones(len(nuisances.names))]
+        self.prior = np.r_[np.zeros(N_ZONES), np.ones(len(nuisances.names))]
         self._simulated = N_ZONES + len(nuisances.simulated)
         self.low = np.r_[np.zeros(N_ZONES), np.full(len(nuisances.names), -BEYOND)]
         self.high = np.r_[np.full(N_ZONES, MOST_DAMAGE), np.full(len(nuisances.names), BEYOND)]
@@ -86,7 +84,7 @@ class Problem:
         """Simulate rows of unknowns, shape (m, n)."""
         perfect = self._perfect(x)
         r = self._y - self._weights.weigh(self._read(perfect, x))
-        return points_at(x, perfect, r, self._prior)
+        return points_at(x, perfect, r, self.prior)
 
     def derivatives(self, point: Point, free: Rows) -> Matrix:
         """Return the derivatives of the weighed predictions by the free unknowns, shape (values, number of them).
@@ -110,10 +108,6 @@ class Problem:
             rows[np.arange(linear.size), linear] += 1.0
             J[:, simulated.size :] = (self._weights.weigh(self._read(point.predicted[None], rows)) - here).T
         return check_derivatives(J)
-
-    def quadratic(self, point: Point, free: Rows, J: Matrix) -> Quadratic:
-        """Return the quadratic model of chi2 at a point over the free unknowns, from their derivatives."""
-        return quadratic_about(point, free, J, self._prior)
 
     def _read(self, y: Matrix, x: Matrix) -> Matrix:
         """Return what sensors with gain and offset read, shape (m, 4, n)."""

@@ -16,7 +16,7 @@ from ..arrays import Rows, Vector
 from ..errors import ConvergenceError
 from ..membrane.mesh import N_ZONES
 from .descent import NEGLIGIBLE, descend
-from .least_squares import Point, Quadratic
+from .least_squares import Point, Quadratic, quadratic_about
 from .nuisances import LOAD, MODULUS
 from .problem import Problem
 from .quadratic import change
@@ -147,7 +147,9 @@ def _finish(whole: Problem, x: Vector, early_chi2: float, *, sparse: bool) -> Fi
         return Fit(whole, found.point, found.model, free, early_chi2)
     model = found.model
     if MODULUS in whole.nuisances.kinds:
-        model = whole.quadratic(whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J)
+        model = quadratic_about(
+            whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J, whole.prior
+        )
     kept, move = drop_zones(model, box(whole, model.at))
     x, best, worth = _moved(whole, model.at, move, kept), None, np.inf
     J = np.empty((whole.values, whole.size))
@@ -157,7 +159,7 @@ def _finish(whole: Problem, x: Vector, early_chi2: float, *, sparse: bool) -> Fi
         if best is not None and reached >= worth:
             break
         J[:, kept], J[:, ~kept] = found.J, whole.derivatives(found.point, ~kept)
-        full = whole.quadratic(found.point, free, J)
+        full = quadratic_about(found.point, free, J, whole.prior)
         best, worth = Fit(whole, found.point, full, kept, early_chi2), reached
         other, move = drop_zones(full, box(whole, full.at))
         promised = found.point.chi2 + change(full.A, full.g, move) + THRESHOLD * other[:N_ZONES].sum()
