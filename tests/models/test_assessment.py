@@ -43,7 +43,7 @@ COARSE = Mesh(elements_per_side=4, order=1)
 class Seer:
     """Sees the damage, which its records carry in place of strain, with an error of ``sigma`` that it states."""
 
-    reads, most, identity = "strain", None, "seer"
+    reads, most, sizes, identity = "strain", None, None, "seer"
 
     def __init__(self, sigma=0.01, name="seer", blind=False):
         self.sigma, self.name, self.blind = sigma, name, blind

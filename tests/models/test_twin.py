@@ -310,6 +310,28 @@ def test_splines_weigh_by_the_inverse_of_the_covariance():
     assert plain @ plain == pytest.approx(np.sum((r / noise[:, None])[present] ** 2))
 
 
+def test_what_the_learned_error_does_not_cover_is_neither_compared_nor_simulated(forward):
+    length = 45 * SPACING  # 0.15 of 0.18 s
+    none = Discrepancy(elements_per_side=4, order=1, length=length, components=np.zeros((1, 4, 48)), provenance={})
+    twin = Twin(*MESH, discrepancy=none)
+    values = strain(forward, TWO, 0.02)
+    whole, beginning = (
+        twin.fit(Record(step=STEP, values=part, noise=NOISE)) for part in (values, values[:, : round(length / STEP)])
+    )
+    assert whole.valid
+    assert (whole.damage == beginning.damage).all()
+    assert whole.simulations == beginning.simulations
+
+
+def test_a_hopeless_record_is_given_up_soon(forward, twin):
+    """Noise of a thousandth of that of the record: no damage explains it, and no other start is tried."""
+    wrong = strain(forward, TWO, 0.02, pressure_frequency=9.0)
+    right = strain(forward, TWO, 0.02)
+    given_up, found = (twin.fit(Record(step=STEP, values=values, noise=NOISE)) for values in (wrong, right))
+    assert not given_up.valid
+    assert given_up.simulations < 2 * found.simulations
+
+
 def test_a_learned_covariance_is_that_of_its_pairs():
     random = np.random.default_rng(4)
     n, h = 200, 12 * SPACING / 200

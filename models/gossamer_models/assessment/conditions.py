@@ -66,7 +66,7 @@ def conditions(cases: int, mesh: Mesh, other: Mesh, *, seed: int = 10, stop: flo
     cases : int
         Records of each.
     mesh, other : Mesh
-        Membrane of all conditions, and of the one called "another mesh".
+        Membrane of all conditions, and of the one called "another mesh"; "another law" has Hencky's on the former.
     seed : int
         Of all campaigns; none of the training.
     stop : float
@@ -84,6 +84,7 @@ def conditions(cases: int, mesh: Mesh, other: Mesh, *, seed: int = 10, stop: flo
         Condition(name="swapped sensors", store="random", campaign=random, fault="swapped"),
         Condition(name="whole chain", store="chain", campaign=_through_chain(random)),
         Condition(name="another mesh", store="mesh", campaign=replace(random, membrane=other)),
+        Condition(name="another law", store="law", campaign=replace(random, membrane=replace(mesh, law="hencky"))),
         Condition(name="healthy, clean", store="healthy", campaign=healthy, noisy=False),
         Condition(name="healthy, noise", store="healthy", campaign=healthy),
         Condition(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
@@ -66,6 +67,8 @@ class Judge(Protocol):
         What it is given.
     most : int or None
         Records of a condition that it has time for; None for all.
+    sizes : int or None
+        Sizes of damage in each zone that it has time for, to tell its probability of detection; None for all, 0 for none.
     identity : str
         Changes whenever its answers may change, so that those that were kept are not taken for its own.
     """
@@ -76,6 +79,8 @@ class Judge(Protocol):
     def reads(self) -> Signal: ...  # noqa: D102
     @property
     def most(self) -> int | None: ...  # noqa: D102
+    @property
+    def sizes(self) -> int | None: ...  # noqa: D102
     @property
     def identity(self) -> str: ...  # noqa: D102
 
@@ -90,6 +95,7 @@ class AlwaysZero:
     name: str = "always 0"
     reads: Signal = "strain"
     most: int | None = None
+    sizes: int | None = None
     identity: str = "always 0"
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:  # noqa: ARG002
@@ -111,6 +117,7 @@ class DetectorJudge:
     name: str = "energies"
     reads: Signal = "strain"
     most: int | None = None
+    sizes: int | None = None
 
     @property
     def identity(self) -> str:
@@ -140,6 +147,7 @@ class PosteriorJudge:
     name: str = "network"
     reads: Signal = "strain"
     most: int | None = None
+    sizes: int | None = None
 
     @property
     def identity(self) -> str:
@@ -178,13 +186,12 @@ class TwinJudge:
     name: str = "twin"
     reads: Signal = "strain"
     most: int | None = None
+    sizes: int | None = None
 
     @property
     def identity(self) -> str:
         """Settings of the twin, and digest of the program that it is part of."""
-        sources = sorted(Path(__file__).parents[1].rglob("*.py"))
-        digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources if path.parent.name in OF_TWIN))
-        return f"{self.reads} {self.twin.nuisances} {self.twin.sparse} {self.twin.params} {digest.hexdigest()}"
+        return f"{self.reads} {self.twin.nuisances} {self.twin.sparse} {self.twin.params} {_digest_of_twin()}"
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Fit every record; one that cannot be fitted is not valid."""
@@ -201,6 +208,13 @@ class TwinJudge:
             found[:, k] = answer.damage, answer.deviation, answer.probability
             valid[k] = answer.valid
         return _finite(damage=found[0], deviation=found[1], probability=found[2], valid=valid)
+
+
+@cache
+def _digest_of_twin() -> str:
+    """Return the digest of the program that a twin is part of, as it was when first asked for."""
+    sources = sorted(Path(__file__).parents[1].rglob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources if path.parent.name in OF_TWIN)).hexdigest()
 
 
 def read_judge(path: Path) -> Judge:
@@ -222,22 +236,24 @@ def shipped_judges() -> list[Judge]:
     return [read_judge(path) for path in shipped_detectors().values()]
 
 
-def twin_judges(most: int) -> tuple[TwinJudge, ...]:
+def twin_judges(most: int, sizes: int) -> tuple[TwinJudge, ...]:
     """Return the twins: one that fits damage and offsets, one that fits load and sensors too, one on resistance.
 
     Parameters
     ----------
     most : int
         Records of a condition that each has time for.
+    sizes : int
+        Sizes of damage in each zone that the first and the last have time for.
     """
     from ..sensor import default_artifact
     from ..twin import Twin
 
     resistance = Twin(sensor=default_artifact())
     return (
-        TwinJudge(Twin(), "twin", most=most),
-        TwinJudge(Twin(nuisances=LOAD_AND_SENSORS), "twin, load and sensors fitted", most=most),
-        TwinJudge(resistance, "twin on resistance", "resistance", most=most),
+        TwinJudge(Twin(), "twin", most=most, sizes=sizes),
+        TwinJudge(Twin(nuisances=LOAD_AND_SENSORS), "twin, load and sensors fitted", most=most, sizes=0),
+        TwinJudge(resistance, "twin on resistance", "resistance", most=most, sizes=sizes),
     )
 
 

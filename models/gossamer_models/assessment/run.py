@@ -106,6 +106,8 @@ def assess(
         begin(pair.name)
         healthy, damaged = (make_records(c, folder, workers=workers) for c in (pair.healthy, pair.damaged))
         for judge in _readers(judges, healthy):
+            if judge.sizes == 0:
+                continue
             rows, counts = _detection(judge, pair.name, healthy, damaged, folder)
             found.detections.extend(rows)
             found.confusions.append(counts)
@@ -148,8 +150,8 @@ def _detection(
     judge: Judge, name: str, healthy: Records, damaged: Records, folder: Path
 ) -> tuple[list[DetectionRow], ConfusionRow]:
     """Choose a threshold on every other healthy record, count on the others, and fit each zone and all together."""
-    most = None if judge.most is None else judge.most * N_ZONES
-    quiet, _ = _ask(judge, healthy, most, folder)
+    most = None if judge.sizes is None else judge.sizes * N_ZONES
+    quiet, _ = _ask(judge, healthy, None if most is None else most // 2, folder)
     largest = scores(quiet).max(axis=1)
     threshold = threshold_for(largest[::2], FALSE_CALLS)
     false_calls = share(largest[1::2] > threshold)

@@ -52,7 +52,8 @@ def build_kernels(campaign: Campaign) -> Kernels:
     GossamerError
         A model or its artifact cannot be used.
     """
-    membrane = membrane_model(campaign.membrane.elements_per_side, campaign.membrane.order, compiled=has_compiler())
+    mesh = campaign.membrane
+    membrane = membrane_model(mesh.elements_per_side, mesh.order, mesh.law, compiled=has_compiler())
     chain = campaign.chain
     models = () if chain is None else chain_models(chain)
     return Kernels(

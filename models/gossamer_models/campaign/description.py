@@ -31,7 +31,7 @@ class Mesh:
 
     Attributes
     ----------
-    elements_per_side, order : int
+    elements_per_side, order, law
         As in ``membrane_model``.
     parameters : mapping of str to float
         Parameters and constant inputs by name; the others keep their start values.
@@ -39,6 +39,7 @@ class Mesh:
 
     elements_per_side: int = 4
     order: int = 4
+    law: Literal["st_venant_kirchhoff", "hencky", "relaxed"] = "st_venant_kirchhoff"
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from ..arrays import Vector
 from ..variables import by_name
 from .element import element_force, element_force_function, element_mass, element_tangent_function, make_element
+from .law import LAWS
 from .mesh import N_ZONES, dofs, square_mesh
 from .params import PARAMETERS, MembraneParams, stretch
 from .quadrature import lobatto_points
@@ -38,6 +39,8 @@ class MembraneEquations:
         Multiple of 4.
     order : int
         Order of the elements: 1 for bilinear, 2 and more for spectral ones.
+    law : str
+        Law of the material, one of ``law.LAWS``.
     compiled : bool
         True: write forces as a loop over elements, faster as compiled C. False: as one expression of matrices with a column
         per element, faster in CasADi's virtual machine. The numbers are the same but for round-off.
@@ -49,10 +52,12 @@ class MembraneEquations:
     that unit and the thickness.
     """
 
-    def __init__(self, elements_per_side: int = 4, order: int = 4, *, compiled: bool = False) -> None:
+    def __init__(
+        self, elements_per_side: int = 4, order: int = 4, law: str = "st_venant_kirchhoff", *, compiled: bool = False
+    ) -> None:
         self._compiled = compiled
         mesh = self.mesh = square_mesh(elements_per_side, order)
-        self.element = make_element(order)
+        self.element = make_element(order, law=LAWS[law])
         self.n_q = 3 * mesh.interior.size
         self._units_per_side = float(elements_per_side)
         interior_of = np.full(3 * len(mesh.nodes), self.n_q)

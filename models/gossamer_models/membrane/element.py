@@ -21,17 +21,12 @@ from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Vector
+from .law import Entry, Law, Matrix, matrix, principal, st_venant_kirchhoff
 from .quadrature import derivative_matrix, gauss_points, lobatto_points, value_matrix
 
-Entry: TypeAlias = ca.MX  # or ca.SX
-Matrix: TypeAlias = NDArray[np.object_]  # of entries
 Operator: TypeAlias = tuple[ca.DM, ...]  # factors, the first one acts first
-
-# keeps the derivative of the larger principal strain finite where both are equal; 1e-12 relative to a stretch
-_TINY = 1e-24
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +47,8 @@ class Element:
         Determinant of the reference map [length^2], one number or one for every point.
     J_inverse : ndarray of objects: float or casadi.DM, shape (2, 2)
         Derivative of the parent coordinates by the reference coordinates [1/length], likewise.
+    law : callable
+        Stress of the material, one of ``law.LAWS``.
     """
 
     order: int
@@ -62,9 +59,10 @@ class Element:
     w: Vector
     J: float | ca.DM
     J_inverse: Matrix
+    law: Law
 
 
-def make_element(order: int, X: Vector | None = None) -> Element:
+def make_element(order: int, X: Vector | None = None, law: Law = st_venant_kirchhoff) -> Element:
     r"""Make the bilinear element (order 1) or a spectral element of higher order.
 
     Parameters
@@ -75,6 +73,8 @@ def make_element(order: int, X: Vector | None = None) -> Element:
         is diagonal without lumping.
     X : ndarray, shape ((order + 1)^2, 2), optional
         Reference positions of the nodes, s fastest [length]; by default the parent square itself.
+    law : callable
+        Stress of the material, one of ``law.LAWS``.
 
     Returns
     -------
@@ -90,8 +90,8 @@ def make_element(order: int, X: Vector | None = None) -> Element:
     value, slope = value_matrix(nodes, points), derivative_matrix(nodes, points)
     grid = np.column_stack([np.tile(nodes, order + 1), np.repeat(nodes, order + 1)])
     N, D_s, D_t = _operator(value, value), _operator(slope, value), _operator(value, slope)
-    J, J_inverse = (1.0, _matrix([[1.0, 0.0], [0.0, 1.0]])) if X is None else _reference_map(X, D_s, D_t)
-    return Element(order, grid, N, D_s, D_t, np.outer(weights, weights).ravel(), J, J_inverse)
+    J, J_inverse = (1.0, matrix([[1.0, 0.0], [0.0, 1.0]])) if X is None else _reference_map(X, D_s, D_t)
+    return Element(order, grid, N, D_s, D_t, np.outer(weights, weights).ravel(), J, J_inverse, law)
 
 
 def element_mass(element: Element) -> Vector:
@@ -128,13 +128,12 @@ def element_force(
 
     Notes
     -----
-    With :math:`F = \sum_I x_I \otimes \nabla N_I`, :math:`e = F^T F - 1` and St Venant-Kirchhoff's law in plane stress,
-    :math:`S = \tfrac12 D\,[(1-\nu)\,e + \nu\,\mathrm{tr}(e)\,1]`, the force on node :math:`I` is
+    With :math:`F = \sum_I x_I \otimes \nabla N_I`, :math:`e = F^T F - 1` and the stress :math:`S(e)` of the element's law,
+    the force on node :math:`I` is
 
     .. math:: f_I = \int N_I\,p\; x_{,s} \times x_{,t}\,\mathrm{d}s\,\mathrm{d}t - \int F S\,\nabla N_I\,\mathrm{d}A,
 
     the total Lagrangian form of [1]_ with the consistent follower load of [2]_, both by the quadrature of the element.
-    Compression is carried: no wrinkling.
 
     References
     ----------
@@ -159,7 +158,7 @@ def element_force_function(element: Element) -> ca.Function:
     tangents = ca.Function("tangents", [x], [ca.horzcat(*_tangents(ca.vertsplit(x, m), element).flat).T])
     law = _law_function(element)
     P, load = ca.SX.sym("P", 6, points), ca.SX.sym("load", 3, points)
-    rows = _matrix([[P[2 * i + a, :].T for a in range(2)] for i in range(3)])
+    rows = matrix([[P[2 * i + a, :].T for a in range(2)] for i in range(3)])
     balance = ca.Function("balance", [P, load], [_balance(rows, [load[i, :].T for i in range(3)], element)])
     positions, E, nu, pressure = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("E"), ca.MX.sym("nu"), ca.MX.sym("load")]
     all_points = law.map(points, [False, False, True, True, True])
@@ -202,7 +201,7 @@ def element_tangent_function(element: Element, axes: int) -> ca.Function:
 
 def _tangents(x: Sequence[Entry], element: Element) -> Matrix:
     """Return the tangents x,s and x,t at the points, shape (3, 2)."""
-    return _matrix([[_apply(operator, column) for operator in (element.D_s, element.D_t)] for column in x])
+    return matrix([[_apply(operator, column) for operator in (element.D_s, element.D_t)] for column in x])
 
 
 def _points(
@@ -211,7 +210,7 @@ def _points(
     """Return what each point adds: stress, load, and as ``element_force`` does its wave modulus over D and strain."""
     F = tangents @ element.J_inverse
     e = F.T @ F - np.eye(2)
-    P = F @ _stress(e, w * element.J * D, nu) @ element.J_inverse.T
+    P = F @ element.law(e, w * element.J * D, nu) @ element.J_inverse.T
     normal = np.cross(tangents[:, 0], tangents[:, 1])
     strain, wave = _largest(e, nu)
     return P, [w * pressure * component for component in normal], wave, strain
@@ -234,7 +233,7 @@ def _law_function(element: Element) -> ca.Function:
     T, w, D, nu, pressure = symbols = [
         ca.SX.sym(name, size) for name, size in zip("TwDnp", (6, 1, 1, 1, 1), strict=True)
     ]
-    tangents = _matrix([[T[2 * i + a] for a in range(2)] for i in range(3)])
+    tangents = matrix([[T[2 * i + a] for a in range(2)] for i in range(3)])
     P, load, wave, strain = _points(tangents, element, w, D, nu, pressure)
     return ca.Function("law", symbols, ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), wave, strain]))
 
@@ -250,7 +249,7 @@ def _reference_map(X: Vector, D_s: Operator, D_t: Operator) -> tuple[ca.DM, Matr
     """Return the determinant of the reference map at every point, and the inverse of its Jacobian."""
     J = np.stack([np.asarray(_apply(operator, ca.DM(X))) for operator in (D_s, D_t)], axis=-1)
     inverse = np.linalg.inv(J)
-    return ca.DM(np.linalg.det(J)), _matrix([[ca.DM(inverse[:, a, b]) for b in range(2)] for a in range(2)])
+    return ca.DM(np.linalg.det(J)), matrix([[ca.DM(inverse[:, a, b]) for b in range(2)] for a in range(2)])
 
 
 def _dense(operator: Operator, nodes: int) -> ca.DM:
@@ -266,28 +265,14 @@ def _apply_transposed(operator: Operator, x: Any) -> Any:  # noqa: ANN401
     return reduce(lambda value, factor: ca.mtimes(factor.T, value), reversed(operator), x)
 
 
-def _matrix(rows: Sequence[Sequence[Any]]) -> Matrix:
-    """Make a matrix of numbers or CasADi matrices; NumPy by itself would look into those."""
-    matrix = np.empty((len(rows), len(rows[0])), dtype=object)
-    for place in np.ndindex(matrix.shape):
-        matrix[place] = rows[place[0]][place[1]]
-    return matrix
-
-
-def _stress(e: Matrix, D: Entry, nu: Entry) -> Matrix:
-    """Return the second Piola-Kirchhoff stress [Pa], St Venant-Kirchhoff's law in plane stress."""
-    shear = D / 2.0 * (1.0 - nu) * e[0, 1]
-    return _matrix([[D / 2.0 * (e[0, 0] + nu * e[1, 1]), shear], [shear, D / 2.0 * (e[1, 1] + nu * e[0, 0])]])
-
-
 def _largest(e: Matrix, nu: Entry) -> tuple[Entry, Entry]:
     r"""Return twice the larger principal strain and :math:`\rho_0 c_0^2/D` [1] of the longitudinal wave along it.
 
     Notes
     -----
-    Along the principal stretch :math:`\lambda` it is :math:`\lambda^2 + S/D`, :math:`c_0` in reference lengths; a transverse
-    wave has :math:`S` alone. The principal values of e are half of trace plus and minus spread.
+    The wave is that of St Venant-Kirchhoff's law; in tension the other laws have slower ones. Along the principal stretch
+    :math:`\lambda` it is :math:`\lambda^2 + S/D`, :math:`c_0` in reference lengths; a transverse wave has :math:`S` alone.
+    The principal values of e are half of trace plus and minus spread.
     """
-    trace = e[0, 0] + e[1, 1]
-    spread = ca.sqrt((e[0, 0] - e[1, 1]) ** 2 + 4.0 * e[0, 1] ** 2 + _TINY)
+    trace, spread = principal(e)
     return (trace + spread) / 2.0, 1.0 + (3.0 + nu) / 4.0 * trace + (3.0 - nu) / 4.0 * spread

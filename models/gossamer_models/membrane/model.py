@@ -12,9 +12,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ..errors import ParameterError
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, local, output
 from .assembly import MembraneEquations
+from .law import LAWS
 from .mesh import N_ZONES, ZONES_PER_SIDE
 from .params import PARAMETERS
 from .prestress import prestress
@@ -41,7 +43,9 @@ class MembraneState:
     phase: ca.MX
 
 
-def membrane_model(elements_per_side: int = 4, order: int = 4, *, compiled: bool = False) -> StepModel:
+def membrane_model(
+    elements_per_side: int = 4, order: int = 4, law: str = "st_venant_kirchhoff", *, compiled: bool = False
+) -> StepModel:
     r"""Build the step model of a prestressed square membrane under pressure, with damage in 16 zones.
 
     Parameters
@@ -50,6 +54,9 @@ def membrane_model(elements_per_side: int = 4, order: int = 4, *, compiled: bool
         Multiple of 4, at least 4.
     order : int
         Order of the elements: 1 for bilinear, 2 to 12 for spectral ones.
+    law : {"st_venant_kirchhoff", "hencky", "relaxed"}
+        Law of the material. St Venant-Kirchhoff's carries compression, the relaxed one wrinkles instead; Hencky's is linear
+        in the logarithmic strain.
     compiled : bool
         True if the step is to become C code rather than to run in CasADi's virtual machine; the numbers are the same.
 
@@ -61,7 +68,7 @@ def membrane_model(elements_per_side: int = 4, order: int = 4, *, compiled: bool
     Raises
     ------
     ParameterError
-        ``elements_per_side`` does not fit the 4 x 4 damage zones, or ``order`` is out of range.
+        ``elements_per_side`` does not fit the 4 x 4 damage zones, ``order`` is out of range, or there is no such law.
 
     Notes
     -----
@@ -84,7 +91,10 @@ def membrane_model(elements_per_side: int = 4, order: int = 4, *, compiled: bool
        2nd ed., Wiley, 2014, Section 6.2.
     .. [2] E. Hairer, C. Lubich, G. Wanner, Acta Numerica 12, 399-450, 2003, doi:10.1017/S0962492902000144.
     """
-    equations = MembraneEquations(elements_per_side, order, compiled=compiled)
+    if law not in LAWS:
+        msg = f"there is no law {law!r} of the membrane's material. Choose one of {', '.join(LAWS)}."
+        raise ParameterError(msg)
+    equations = MembraneEquations(elements_per_side, order, law, compiled=compiled)
     n = equations.n_q
     normal = ca.DM(np.tile([0.0, 0.0, 1.0], n // 3))
 
@@ -121,7 +131,8 @@ def membrane_model(elements_per_side: int = 4, order: int = 4, *, compiled: bool
     return StepModel.written(
         name="membrane",
         description="Prestressed square membrane with damage zones, "
-        f"{elements_per_side} x {elements_per_side} elements of order {order}",
+        f"{elements_per_side} x {elements_per_side} elements of order {order}"
+        + ("" if law == "st_venant_kirchhoff" else f", law {law}"),
         variables=(*PARAMETERS, *INPUTS, *OUTPUTS, *LOCALS),
         init=init,
         step=step,

@@ -27,6 +27,9 @@ NOISE_DOUBT = math.sqrt(2.0 * 3.4)  # of a variance from n differences of order 
 ROUGH = 1.0  # of chi2: where a stage may stop that another follows
 MOST_CHANGES = 4  # of the zones that are kept
 MOST_STARTS = 4  # after the first
+HOPELESS = 5.0  # deviations of chi2 above the expected one
+MOST_STEPS = 12  # of one descent
+FEW_STEPS = 2  # where it is hopeless
 
 
 @dataclass(frozen=True)
@@ -92,29 +95,34 @@ def search(stages: Sequence[Problem], given: Vector | None, *, sparse: bool) -> 
     Notes
     -----
     A start is followed to the end only where its early stages end below those of the best fit before: that is what finds
-    false minima, and it spares records that no damage explains.
+    false minima. The first stage has one valley: where its bottom is hopeless from no damage, other starts are not tried.
     """
     *early, whole = stages
     best: Fit | None = None
     for damage in _starts(stages[0], given):
         try:
-            x, reached = _unknowns(whole, damage), np.inf
+            x, reached, hopeless = _unknowns(whole, damage), np.inf, False
             for stage in early:
-                begun = descend(stage, x, np.ones(stage.size, dtype=bool), enough=ROUGH)
+                most = FEW_STEPS if hopeless else MOST_STEPS
+                begun = descend(stage, x, np.ones(stage.size, dtype=bool), most, enough=ROUGH)
                 x, reached = begun.point.x, begun.point.chi2
-            if best is not None and reached > best.early_chi2 - THRESHOLD:
-                continue
-            fit = _finish(whole, x, reached, sparse=sparse)
+                hopeless |= stage is stages[0] and misfit(stage, begun.point) > HOPELESS
+            if best is None or reached <= best.early_chi2 - THRESHOLD:
+                fit = _finish(whole, x, reached, sparse=sparse, hopeless=hopeless)
+                best = fit if best is None or fit.point.chi2 < best.point.chi2 else best
         except ConvergenceError:
             continue
-        if best is None or fit.point.chi2 < best.point.chi2:
-            best = fit
-        if best.passes:
+        if best.passes or (hopeless and not damage.any()):
             break
     if best is None:
         msg = "the twin's membrane fails from every start. Check its parameters and the load."
         raise ConvergenceError(msg)
     return best
+
+
+def misfit(problem: Problem, point: Point) -> float:
+    """Return by how many deviations chi2 is above the expected one."""
+    return (point.chi2 - problem.values) / math.sqrt(2.0 * problem.values)
 
 
 def box(problem: Problem, at: Vector) -> Box:
@@ -139,10 +147,11 @@ def _unknowns(problem: Problem, damage: Vector) -> Vector:
     return np.concatenate([damage, np.zeros(problem.size - N_ZONES)])
 
 
-def _finish(whole: Problem, x: Vector, early_chi2: float, *, sparse: bool) -> Fit:
+def _finish(whole: Problem, x: Vector, early_chi2: float, *, sparse: bool, hopeless: bool) -> Fit:
     """Go on with the whole record, drop zones, and think again where they stand after that."""
+    most, changes = (FEW_STEPS, 1) if hopeless else (MOST_STEPS, MOST_CHANGES)
     free = np.ones(whole.size, dtype=bool)
-    found = descend(whole, x, free, enough=ROUGH if sparse else NEGLIGIBLE)
+    found = descend(whole, x, free, most, enough=ROUGH if sparse else NEGLIGIBLE)
     if not sparse:
         return Fit(whole, found.point, found.model, free, early_chi2)
     model = found.model
@@ -153,8 +162,8 @@ def _finish(whole: Problem, x: Vector, early_chi2: float, *, sparse: bool) -> Fi
     kept, move = drop_zones(model, box(whole, model.at))
     x, best, worth = _moved(whole, model.at, move, kept), None, np.inf
     J = np.empty((whole.values, whole.size))
-    for _ in range(MOST_CHANGES):
-        found = descend(whole, x, kept)
+    for _ in range(changes):
+        found = descend(whole, x, kept, most)
         reached = found.point.chi2 + THRESHOLD * kept[:N_ZONES].sum()
         if best is not None and reached >= worth:
             break

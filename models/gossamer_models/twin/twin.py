@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Matrix, Rows, Vector
+from ..arrays import Matrix, Rows
 from ..errors import DataError, ParameterError
 from ..membrane import MembraneParams
 from ..membrane.mesh import N_ZONES
@@ -27,7 +27,7 @@ from .modulus import modulus_instead
 from .nuisances import MODULUS, Nuisances
 from .problem import Problem
 from .record import LEAST_SAMPLES, N_SENSORS, Record, dead_sensors
-from .search import ROUGH, Fit, box, chi2_bound, search
+from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, misfit, search
 from .sparse import evidence, probability
 from .wiring import Wiring, best_wiring
 
@@ -133,32 +133,43 @@ class Twin:
         if not record.sensors:
             msg = "no sensor has values that move. Check the columns and the wiring."
             raise DataError(msg)
-        stages = self._stages(record, record.noise_deviation())
-        fit = search(stages, given, sparse=self.sparse)
+        fit = search(self._stages(record), given, sparse=self.sparse)
         wiring = None if fit.passes else best_wiring(record, self._early_misfit)
         if wiring is not None:
             record = wiring.applied(record)
-            other = search(self._stages(record, record.noise_deviation()), given, sparse=self.sparse)
+            other = search(self._stages(record), given, sparse=self.sparse)
             if other.passes:
                 return self._answer(other, [*doubts, wiring.doubt], wiring)
         return self._answer(fit, doubts, None)
 
-    def _stages(self, record: Record, noise: Vector) -> list[Problem]:
+    def _stages(self, record: Record) -> list[Problem]:
         """Make the problems of longer and longer beginnings of a record."""
-        lengths = [math.ceil(time / record.step) for time in EARLY]
-        lengths = [n for n in lengths if LEAST_SAMPLES <= n < record.samples]
-        parts = [replace(record, values=record.values[:, :n]) for n in lengths]
-        nuisances = Nuisances(self.nuisances, self.params, record.step * record.samples, self.params.pressure_amplitude)
-        return [Problem(self._forward, part, nuisances, noise, self.discrepancy) for part in (*parts, record)]
+        return [self._problem(record, samples) for samples in (*_early_samples(record), self._compared(record))]
+
+    def _compared(self, record: Record) -> int:
+        """Return how many samples are compared: all, or those that the discrepancy covers."""
+        if self.discrepancy is None:
+            return record.samples
+        return min(record.samples, math.floor(self.discrepancy.length / record.step * (1.0 + 1e-12)))
+
+    def _problem(self, record: Record, samples: int) -> Problem:
+        """Make the problem of the beginning of a record; its noise is that of all of it."""
+        length = record.step * self._compared(record)
+        nuisances = Nuisances(self.nuisances, self.params, length, self.params.pressure_amplitude)
+        part = replace(record, values=record.values[:, :samples])
+        return Problem(self._forward, part, nuisances, record.noise_deviation(), self.discrepancy)
 
     def _early_misfit(self, record: Record) -> float:
-        """Return by how many deviations chi2 of the early stages is above the expected one."""
-        *early, whole = self._stages(record, record.noise_deviation())
-        x = np.zeros(whole.size)
-        for stage in early or [whole]:
-            found = descend(stage, x, np.ones(whole.size, dtype=bool), enough=ROUGH)
-            x = found.point.x
-        return (found.point.chi2 - stage.values) / math.sqrt(2.0 * stage.values)
+        """Return the misfit of the last early stage, or of the first one that is hopeless."""
+        x, found = None, np.inf
+        for samples in _early_samples(record) or [self._compared(record)]:
+            stage = self._problem(record, samples)
+            start = np.zeros(stage.size) if x is None else x
+            point = descend(stage, start, np.ones(stage.size, dtype=bool), enough=ROUGH).point
+            x, found = point.x, misfit(stage, point)
+            if found > HOPELESS:
+                break
+        return found
 
     def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None) -> Answer:
         problem, kept = fit.problem, fit.kept
@@ -204,6 +215,12 @@ class Twin:
             samples=problem.values,
             simulations=problem.simulations,
         )
+
+
+def _early_samples(record: Record) -> list[int]:
+    """Return the lengths of the early stages."""
+    lengths = [math.ceil(time / record.step) for time in EARLY]
+    return [n for n in lengths if LEAST_SAMPLES <= n < record.samples]
 
 
 def _is_learned(elements_per_side: int, order: int, params: MembraneParams) -> bool:

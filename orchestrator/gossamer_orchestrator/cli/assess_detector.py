@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gossamer_models.assessment import Assessment, Share
     from rich.table import Table
 
-TWIN_RECORDS = 8  # of a condition that the twin has time for
+TWIN_RECORDS, TWIN_SIZES = 6, 12  # records of a condition, sizes of damage in each zone that the twin has time for
 
 
 def assess_detector(
@@ -56,7 +56,7 @@ def assess_detector(
     with model_errors(), bar:
         task = bar.add_task("reading detectors", total=None)
         judges = [read_judge(path) for path in artifact] if artifact else shipped_judges()
-        twins = twin_judges(TWIN_RECORDS) if twin else ()
+        twins = twin_judges(TWIN_RECORDS, TWIN_SIZES) if twin else ()
 
         def report(what: str, done: int, total: int) -> None:
             bar.update(task, description=what, completed=done, total=total)

@@ -1,0 +1,102 @@
+"""Laws of the membrane's material, against their energies and closed forms."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from gossamer_models import ParameterError, Stepper
+from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane.law import LAWS, hencky, matrix, relaxed, st_venant_kirchhoff
+from hypothesis import given
+from hypothesis import strategies as st
+
+E, NU = 1e7, 0.33
+D = E / (1.0 - NU**2)
+strains = st.floats(-0.3, 0.8)
+angles = st.floats(0.0, np.pi)
+
+
+def stress(law, e):
+    return np.array(law(np.asarray(e, dtype=object), D, NU), dtype=float)
+
+
+def strained(e1, e2, angle):
+    """Return twice the Green-Lagrange strain with given principal values, and the directions of those."""
+    n = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return n @ np.diag([e1, e2]) @ n.T, n
+
+
+def energy(e):
+    """Hencky's energy, from the logarithm of the right Cauchy-Green tensor."""
+    h = np.log(np.linalg.eigvalsh(np.eye(2) + e)) / 2.0
+    return D / 2.0 * (h @ h + 2.0 * NU * h[0] * h[1])
+
+
+@given(strains, strains, angles)
+def test_henckys_stress_is_the_derivative_of_its_energy(e1, e2, angle):
+    e, _ = strained(e1, e2, angle)
+    step = 1e-5
+    change = np.empty((2, 2))
+    for a, b in np.ndindex(2, 2):
+        de = np.zeros((2, 2))
+        de[a, b] += step
+        de[b, a] += step
+        change[a, b] = (energy(e + de / 2.0) - energy(e - de / 2.0)) / step
+    assert stress(hencky, e) == pytest.approx(change, abs=1e-7 * E)
+
+
+@given(st.floats(0.01, 0.8), angles)
+def test_a_strip_that_contracts_freely_carries_the_uniaxial_stress_of_henckys_law(e1, angle):
+    h = np.log(1.0 + e1) / 2.0
+    e, n = strained(e1, np.exp(-2.0 * NU * h) - 1.0, angle)
+    assert n.T @ stress(hencky, e) @ n == pytest.approx(np.diag([E * h / (1.0 + e1), 0.0]), abs=1e-9 * E)
+
+
+@given(st.floats(-0.3, 0.8), st.floats(0.0, 1.0), angles)
+def test_a_relaxed_membrane_that_is_taut_is_the_unrelaxed_one_to_the_bit(e1, share, angle):
+    e1 = abs(e1) + 0.01
+    e, _ = strained(e1, -NU * e1 + 1e-9 + share * (1.0 + NU) * e1, angle)
+    assert np.array_equal(stress(relaxed, e), stress(st_venant_kirchhoff, e))
+
+
+@given(st.floats(0.01, 0.8), st.floats(0.01, 0.3), angles)
+def test_a_wrinkled_membrane_is_in_uniaxial_tension_along_its_wrinkles(e1, beyond, angle):
+    e, n = strained(e1, -NU * e1 - beyond, angle)
+    assert n.T @ stress(relaxed, e) @ n == pytest.approx(np.diag([E * e1 / 2.0, 0.0]), abs=1e-9 * E)
+
+
+@given(st.floats(-0.4, -0.001), st.floats(-0.4, -0.001), angles)
+def test_a_slack_membrane_carries_nothing(e1, e2, angle):
+    assert stress(relaxed, strained(e1, e2, angle)[0]) == pytest.approx(np.zeros((2, 2)), abs=1e-9 * E)
+
+
+@pytest.mark.parametrize("law", LAWS.values())
+def test_every_law_is_hookes_at_small_tension(law):
+    e, _ = strained(2e-6, 1e-6, 0.3)
+    assert stress(law, e) == pytest.approx(stress(st_venant_kirchhoff, e), rel=1e-5)
+
+
+@pytest.mark.parametrize("law", LAWS.values())
+def test_the_tangent_of_every_law_is_that_of_hooke_where_both_principal_strains_are_equal(law):
+    e = ca.SX.sym("e", 3)
+    S = law(matrix([[e[0], e[2]], [e[2], e[1]]]), D, NU)
+    tangent = ca.Function("tangent", [e], [ca.jacobian(ca.vertcat(S[0, 0], S[1, 1], S[0, 1]), e)])
+    hooke = D / 2.0 * np.array([[1.0, NU, 0.0], [NU, 1.0, 0.0], [0.0, 0.0, 1.0 - NU]])
+    assert np.asarray(tangent([1e-7, 1e-7, 0.0])) == pytest.approx(hooke, abs=1e-6 * D)
+
+
+def test_the_prestressed_membrane_finds_its_equilibrium_with_every_law_and_softens_by_henckys():
+    deflections = {}
+    for law in LAWS:
+        stepper = Stepper(membrane_model(4, 2, law))
+        stepper.set("damage[6]", 0.4)
+        stepper.initialize()
+        for _ in range(100):
+            stepper.step(3e-4)
+        deflections[law] = stepper.get("deflection")
+    assert deflections["relaxed"] == deflections["st_venant_kirchhoff"]  # taut all the time
+    assert deflections["hencky"] > 1.02 * deflections["relaxed"]
+
+
+def test_an_unknown_law_is_refused_by_name():
+    with pytest.raises(ParameterError, match=r"no law .neo-hookean.*hencky"):
+        membrane_model(4, 2, "neo-hookean")
