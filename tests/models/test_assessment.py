@@ -31,10 +31,13 @@ from gossamer_models.assessment.kept import ask
 from gossamer_models.assessment.plots import save_pictures
 from gossamer_models.assessment.records import Records, make_records, with_fault
 from gossamer_models.assessment.results import FILE
+from gossamer_models.batch import Batch
 from gossamer_models.campaign import Mesh, draw_cases
 from gossamer_models.detector import detector_model
 from gossamer_models.detector.thesis_tables import MULTIPLE_TRAINING, SINGLE_TRAINING, TABLE_7_3, TABLES, as_array
+from gossamer_models.membrane import membrane_model
 from gossamer_models.twin import Twin
+from gossamer_models.twin.forward import STRAINS
 from scipy.stats import norm
 
 COARSE = Mesh(elements_per_side=4, order=1)
@@ -176,6 +179,23 @@ def test_the_judge_of_a_detector_says_what_the_detector_says():
     found = read_judge(Path("single_damage"))(histories, 3e-4)
     assert not found.valid[0]  # like nothing it was trained on
     assert (found.damage == DetectorJudge(detector_model())(histories, 3e-4).damage).all()
+
+
+def test_of_a_network_the_last_window_with_a_valid_answer_counts():
+    judge = read_judge(Path("nominal"))
+    trained = judge.artifact
+    batch = Batch(membrane_model(compiled=True), STRAINS)
+    first = round(trained.start_time / trained.sampling_step)
+    end = first + 2 * trained.samples
+    history = batch.run(end, trained.sampling_step, {"damage": 0.3 * np.eye(16)[5:6]}).results
+    torn = history.copy()
+    torn[:, :, end - trained.samples // 2 :] += 0.3
+    early = judge(history[:, :, : first + trained.samples], trained.sampling_step)
+    late, saved = (judge(h, trained.sampling_step) for h in (history, torn))
+    assert early.valid.all()
+    assert late.valid.all()
+    assert (saved.damage == early.damage).all()
+    assert not (late.damage == early.damage).all()
 
 
 def test_a_seer_is_assessed_for_what_it_is(seen):

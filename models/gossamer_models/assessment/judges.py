@@ -141,7 +141,7 @@ class DetectorJudge:
 
 @dataclass(frozen=True)
 class PosteriorJudge:
-    """A posterior network, many records at once; the last whole window that it is trained for counts."""
+    """A posterior network, many records at once; of each, the last window with a valid answer counts, as in a run."""
 
     artifact: PosteriorArtifact
     name: str = "network"
@@ -156,7 +156,7 @@ class PosteriorJudge:
         return hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
-        """Judge the last window of the records."""
+        """Judge all whole windows that the artifact is trained for, and choose."""
         trained = self.artifact
         first = round(trained.start_time / step)
         windows = (histories.shape[-1] - first) // trained.samples
@@ -168,9 +168,16 @@ class PosteriorJudge:
                 f"{trained.start_time:g} s, not {histories.shape[-1]} samples and {step:g} s. Simulate longer records."
             )
             raise DataError(msg)
-        end = first + windows * trained.samples
-        number = min(windows, len(trained.windows)) - 1
-        return self.window(number, histories[:, :, end - trained.samples : end].astype(float))
+        said = []
+        for k in range(windows):
+            begin = first + k * trained.samples
+            part = histories[:, :, begin : begin + trained.samples].astype(float)
+            said.append(self.window(min(k, len(trained.windows) - 1), part))
+        valid = np.array([verdicts.valid for verdicts in said])
+        last = np.where(valid.any(axis=0), windows - 1 - valid[::-1].argmax(axis=0), windows - 1)
+        chosen = last, np.arange(len(histories))
+        parts = ("damage", "deviation", "probability", "valid")
+        return Verdicts(**{name: np.array([getattr(verdicts, name) for verdicts in said])[chosen] for name in parts})
 
     def window(self, number: int, records: Matrix) -> Verdicts:
         """Judge records of one window, from 0, shape (n, 4, samples) [1]."""
