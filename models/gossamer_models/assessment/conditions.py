@@ -49,6 +49,8 @@ class Condition:
         Whether the campaign's noise of strain is added; the chain always has its own.
     fault : {"none", "dead", "swapped"}
         A sensor that repeats its first reading, or two that are exchanged: which ones, the number of the case tells.
+    quick : bool
+        Whether only quick judges are asked: what is varied alone is varied with everything else too.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Condition:
     campaign: Campaign
     noisy: bool = True
     fault: Fault = "none"
+    quick: bool = False
 
 
 def conditions(cases: int, mesh: Mesh, other: Mesh, *, seed: int = 10, stop: float = 0.3) -> list[Condition]:
@@ -110,7 +113,7 @@ def _mismatches(random: Campaign) -> Iterator[Condition]:
     for name, (what, *factors) in MISMATCHES.items():
         for factor in factors:
             campaign = replace(random, vary={what: Vary(factor=(factor, factor))})
-            yield Condition(name=f"{name} x {factor:g}", store=f"{name}_{factor:g}", campaign=campaign)
+            yield Condition(name=f"{name} x {factor:g}", store=f"{name}_{factor:g}", campaign=campaign, quick=True)
 
 
 def _through_chain(campaign: Campaign) -> Campaign:

@@ -101,7 +101,8 @@ def assess(
         begin(condition.name)
         records = make_records(condition, folder, workers=workers)
         for judge in _readers(judges, records):
-            found.rows.append(_row(judge, condition, records, folder))
+            if judge.most is None or not condition.quick:
+                found.rows.append(_row(judge, condition, records, folder))
     for pair in pairs:
         begin(pair.name)
         healthy, damaged = (make_records(c, folder, workers=workers) for c in (pair.healthy, pair.damaged))
