@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from .errors import ParameterError
+from .files import replacing
 from .fitting.errors import Errors, nrmse
 from .fitting.plots import RECORD_PICTURES
 from .fitting.reading import Columns, read_records
@@ -203,7 +204,8 @@ def save_pictures(result: Identified, folder: Path) -> list[Path]:
         pictures |= {name: partial(plot, result.fit.artifact) for name, plot in SENSOR_PICTURES.items()}
     for name, plot in pictures.items():
         ax = plot()
-        ax.figure.savefig(folder / f"{name}.png", dpi=130)
+        with replacing(folder / f"{name}.png") as path:
+            ax.figure.savefig(path, dpi=130)
         plt.close(ax.figure)
     return [folder / f"{name}.png" for name in pictures]
 

@@ -30,6 +30,7 @@ import numpy as np
 
 from ..arrays import Vector
 from ..errors import DataError
+from ..files import reason
 from .options import option
 from .records import Record
 from .repairs import LARGEST_JUMP, Samples, check, drop_missing, order_times
@@ -168,7 +169,8 @@ def _open(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
             header = [name.strip() for name in next(reader)]
             pairs = [(row, reader.line_num) for row in reader if any(cell.strip() for cell in row)]
     except (OSError, UnicodeDecodeError, csv.Error, StopIteration) as error:
-        msg = f"cannot read {path}: {str(error) or 'it is empty'}. Name a CSV file with a header line."
+        what = "it is empty" if isinstance(error, StopIteration) else reason(error)
+        msg = f"cannot read {path}: {what}. Name a CSV file with a header line."
         raise DataError(msg) from error
     if not pairs:
         msg = f"{path} holds no samples. Name a CSV file with a header line and numbers below it."

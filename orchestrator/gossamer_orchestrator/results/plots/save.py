@@ -8,6 +8,7 @@ from pathlib import Path
 import xarray as xr
 
 from ...errors import ResultsError
+from ...files import replacing
 from . import damage, deflection, sensors
 
 logger = logging.getLogger(__name__)
@@ -41,7 +42,8 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
                 reasons.append(str(error))
                 continue
             figure.suptitle(str(data.attrs.get("title", "")))
-            figure.savefig(path)
+            with replacing(path) as unfinished:
+                figure.savefig(unfinished)
             written.append(path)
     if not written:
         logger.warning("no pictures: %s", reasons[0])
