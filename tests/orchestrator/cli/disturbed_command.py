@@ -2,7 +2,7 @@
 
 ::
 
-    python disturbed_command.py SEED COMMAND ...
+    python disturbed_command.py SEED TIMES COMMAND ...
 
 runs the command in ``complete``, a copy of the folder ``before``, and counts the moments at which a name or a file in this
 folder changes. Then it runs it in other copies: in ``killed_0``, ``killed_1``, ... it ends itself with SIGKILL at a moment
@@ -22,7 +22,6 @@ from pathlib import Path
 from gossamer_orchestrator.cli import app
 
 CHANGES = ("open", "os.rename", "os.remove", "os.mkdir", "os.truncate")
-MOMENTS = 5
 LIMITS = (2_000, 30_000, 300_000)  # [byte]
 
 
@@ -71,16 +70,17 @@ def fork(folder, command, at=0, limit=0):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), int(text or 0)
 
 
-def main(seed, *command):
+def main(seed, times, *command):
     """Run the command once, then disturb it."""
     code, total = fork("complete", command)
-    if code or total < MOMENTS:
+    times = int(times)
+    if code or total < times:
         sys.exit(f"the command ended with code {code} after {total} moments")
-    for number, at in enumerate(random.Random(int(seed)).sample(range(1, total + 1), MOMENTS)):
+    for number, at in enumerate(random.Random(int(seed)).sample(range(1, total + 1), times)):
         code, _ = fork(f"killed_{number}", command, at)
         if code != -signal.SIGKILL:
             sys.exit(f"it was not killed at moment {at} of {total}, but ended with code {code}")
-    codes = [fork(f"full_{number}", command, limit=limit)[0] for number, limit in enumerate(LIMITS)]
+    codes = [fork(f"full_{number}", command, limit=limit)[0] for number, limit in enumerate(LIMITS[:times])]
     if codes[0] != 1 or not set(codes) <= {0, 1}:
         sys.exit(f"with little space it ended with codes {codes}: {os.strerror(errno.EFBIG)} was expected")
 
