@@ -72,7 +72,8 @@ def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | 
         problems.raise_if_any()
         raise
     _check_time(scenario, problems)
-    _check_recording(scenario, problems)
+    if not problems.found:
+        _check_recording(scenario, problems)
     problems.raise_if_any()
     return scenario
 

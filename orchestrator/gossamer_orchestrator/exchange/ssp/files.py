@@ -112,9 +112,9 @@ def _schema_reason(path: Path) -> str | None:
     root = etree.parse(path).getroot()
     name = etree.QName(root).localname
     kind = _SCHEMAS[name][root.get("version", "1.0").startswith("2")]
-    schema = xmlschema.XMLSchema11 if "11" in kind else xmlschema.XMLSchema10
+    schema = (xmlschema.XMLSchema11 if "11" in kind else xmlschema.XMLSchema10)(ModelicaStandard.schemas[kind])
     try:
-        schema(ModelicaStandard.schemas[kind]).validate(path)
+        xmlschema.validate(path, schema, namespaces=ModelicaStandard.namespaces)
     except xmlschema.XMLSchemaException as error:
         return f"{getattr(error, 'reason', None) or error} (at {getattr(error, 'path', None) or name})"
     return None
