@@ -54,8 +54,8 @@ def parse_scenario(
 ) -> Scenario:
     """Check the text of a scenario; ``name`` stands in messages, paths of FMUs are relative to ``folder``."""
     content = parse_toml(text, name, "scenario")
-    content |= {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
-    return make_scenario(content, source=Source(name, text), folder=folder)
+    given = {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
+    return make_scenario(content | given, source=Source(name, text, tuple(given)), folder=folder)
 
 
 def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | None = None) -> Scenario:

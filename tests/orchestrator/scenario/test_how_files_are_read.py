@@ -67,3 +67,10 @@ def test_a_long_value_is_cut_in_a_message():
     with pytest.raises(ScenarioError) as refused:
         parse_scenario(GAIN.replace("step = 0.1", f'step = "{20_000 * "x"}"'))
     assert len(str(refused.value)) < 400
+
+
+def test_a_mistake_in_an_option_is_not_given_a_line_of_the_file():
+    with pytest.raises(ScenarioError, match=r"^--stop: 'stop' = 0.55 s is not a whole number of steps"):
+        parse_scenario(GAIN, name="g.toml", stop=0.55)
+    with pytest.raises(ScenarioError, match=r"^g.toml:2: 'stop' = 0.55 s"):
+        parse_scenario(GAIN.replace("1.0", "0.55", 1), name="g.toml")
