@@ -7,6 +7,8 @@ import uuid
 import zipfile
 from pathlib import Path
 
+from gossamer_models.files import replacing
+
 _NAMESPACE = uuid.UUID("6f2ad6c2-5a57-5d3c-9c1d-2f4a3c1f6d10")
 
 
@@ -20,17 +22,11 @@ def identifier(members: dict[str, bytes]) -> str:
 
 def write_archive(path: Path, members: dict[str, bytes]) -> Path:
     """Write files, given by name, as an FMU; its folder is made if needed, and an interrupted write leaves nothing."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_suffix(".partial")
-    try:
-        with zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, data in sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0])):
-                member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
-                member.compress_type = zipfile.ZIP_DEFLATED
-                member.external_attr = 0o644 << 16
-                member.create_system = 3
-                archive.writestr(member, data)
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with replacing(path) as unfinished, zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0])):
+            member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            member.compress_type = zipfile.ZIP_DEFLATED
+            member.external_attr = 0o644 << 16
+            member.create_system = 3
+            archive.writestr(member, data)
     return path

@@ -1,7 +1,9 @@
 """Stored results of identification and training.
 
 A JSON card holds a schema, a version and the provenance of the numbers. Large arrays lie beside it in an NPZ file of
-the same name, whose digest the card holds.
+the same name, whose digest the card holds. So that a card is never without its arrays, whatever ends the writer, new arrays
+first get a name with their digest, then the card is replaced, then they take the name of the old ones; a reader takes
+whichever belongs to the card.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 
 from .arrays import Vector
 from .errors import ArtifactError
+from .files import reason, replacing
 
 
 def write_artifact(
@@ -33,7 +36,7 @@ def write_artifact(
     Parameters
     ----------
     path : Path
-        JSON file to write; its folder exists.
+        JSON file to write; its folder is made if needed.
     schema, version : str, int
         Kind and version of the content; a reader refuses every other.
     provenance : dict
@@ -47,11 +50,20 @@ def write_artifact(
     if arrays is not None:
         buffer = io.BytesIO()
         np.savez_compressed(buffer, allow_pickle=False, **arrays)
-        path.with_suffix(".npz").write_bytes(buffer.getvalue())
         card["arrays_sha256"] = hashlib.sha256(buffer.getvalue()).hexdigest()
+        with replacing(_new_arrays(path, card)) as unfinished:
+            unfinished.write_bytes(buffer.getvalue())
     text = json.dumps(card, indent=1)
     text = re.sub(r"\[\n[^\[\]{}\"]*\]", lambda row: " ".join(row[0].split()), text)  # a row of numbers on one line
-    path.write_text(text + "\n", encoding="utf-8")
+    with replacing(path) as unfinished:
+        unfinished.write_text(text + "\n", encoding="utf-8")
+    if arrays is not None:
+        _new_arrays(path, card).replace(path.with_suffix(".npz"))
+
+
+def _new_arrays(path: Path, card: dict[str, Any]) -> Path:
+    """Return where the arrays of a card are until it has been written."""
+    return path.with_name(f".{path.stem}.{str(card.get('arrays_sha256'))[:16]}.npz")
 
 
 def read_artifact(path: Path, schema: str, *versions: int) -> dict[str, Any]:
@@ -88,8 +100,8 @@ def _card(path: Path) -> dict[str, Any]:
     try:
         card = dict(json.loads(path.read_text(encoding="utf-8")))
         card["schema"], card["version"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        msg = f"cannot read the artifact {path}: {error!r}. Make it again or name another file."
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        msg = f"cannot read the artifact {path}: {reason(error)}. Make it again or name another file."
         raise ArtifactError(msg) from error
     return card
 
@@ -104,7 +116,8 @@ def read_arrays(path: Path, card: dict[str, Any]) -> dict[str, Vector]:
     """
     beside = path.with_suffix(".npz")
     try:
-        content = beside.read_bytes()
+        new = _new_arrays(path, card)
+        content = (new if new.is_file() else beside).read_bytes()
         if hashlib.sha256(content).hexdigest() != card.get("arrays_sha256"):
             msg = f"{beside} is not the file that {path} was written with: its SHA-256 differs. Make both again."
             raise ArtifactError(msg)
@@ -113,5 +126,5 @@ def read_arrays(path: Path, card: dict[str, Any]) -> dict[str, Vector]:
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         if isinstance(error, ArtifactError):
             raise
-        msg = f"cannot read the arrays {beside}: {error!r}. Make the artifact again."
+        msg = f"cannot read the arrays {beside}: {reason(error)}. Make the artifact again."
         raise ArtifactError(msg) from error

@@ -15,6 +15,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from .errors import CompilerError
+
+PACKAGE = "ziglang==0.17.0"  # as in pyproject.toml
 FLAGS = (
     "-std=c11",
     "-O2",
@@ -33,7 +36,7 @@ def has_compiler() -> bool:
 def require_compiler(what: str) -> None:
     """Raise ``ModuleNotFoundError`` if the compiler that ``what`` (plural) need is not installed."""
     if not has_compiler():
-        msg = f"{what} need the compiler ziglang. Install it with make, or: pip install -e '.[native]'"
+        msg = f"{what} need the compiler ziglang. Install it with: pip install {PACKAGE}"
         raise ModuleNotFoundError(msg)
 
 
@@ -74,7 +77,7 @@ def compile_shared(
 
     Raises
     ------
-    RuntimeError
+    CompilerError
         The compiler is not installed or refused the sources; its message is quoted.
     """
     with TemporaryDirectory() as temporary:
@@ -92,6 +95,7 @@ def compile_shared(
             check=False,
         )
         if done.returncode:
-            msg = f"the compiler failed for {what}:\n{done.stderr[-2000:]}"
-            raise RuntimeError(msg)
+            how = done.stderr[-2000:].strip() or f"it ended with code {done.returncode}; the disk may be full"
+            msg = f"the compiler failed for {what}:\n{how}"
+            raise CompilerError(msg)
         return (folder / library).read_bytes()

@@ -29,5 +29,9 @@ class ArtifactError(GossamerError, ValueError):
     """A stored artifact that is truncated, of another kind, or of a version this program does not know."""
 
 
+class CompilerError(GossamerError, RuntimeError):
+    """The C compiler failed, for instance on a full disk."""
+
+
 class DataError(GossamerError, ValueError):
     """Measured or tabulated data that cannot be used as they are."""

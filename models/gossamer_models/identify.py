@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import Field, dataclass, fields, replace
 from functools import partial
@@ -12,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from .errors import ParameterError
+from .files import replacing
 from .fitting.errors import Errors, nrmse
 from .fitting.plots import RECORD_PICTURES
 from .fitting.reading import Columns, read_records
-from .fitting.records import training_rows
+from .fitting.records import thin, training_rows
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
@@ -24,6 +26,8 @@ from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.settings import MODELS as PREISACH
 from .sensor.plots import SENSOR_PICTURES
+
+log = logging.getLogger(__name__)
 
 Fit = PreisachFit | FractionalFit
 Settings = PreisachSettings | FractionalSettings
@@ -117,7 +121,8 @@ def identify_files(
     Parameters
     ----------
     paths : sequence of Path
-        CSV files, one record each.
+        CSV files, one record each; of more than ``fitting.records.MOST_SAMPLES`` samples together some are left out by
+        the rule of ``fitting.records.thin``, and the log says so before the fit.
     columns : Columns or None
         Columns to read, with their units.
     weights : sequence of float or None
@@ -141,7 +146,11 @@ def identify_files(
         Fit and errors; the artifact carries its provenance.
     """
     settings = settings or PreisachSettings()
-    records = read_records(paths, columns, weights)
+    read = read_records(paths, columns, weights)
+    records = thin(read)
+    for before, record in zip(read, records, strict=True):
+        if record is not before:
+            log.warning("%s: %s", record.name, record.repairs[-1])
     rows = tuple(training_rows(record, train) for record in records)
     given: dict[str, Any] = {"full_scale": full_scale, "rest_resistance": rest_resistance}
     fit: Fit
@@ -172,7 +181,7 @@ def identify_files(
     provenance = {
         "data": ", ".join(record.name for record in records),
         "origin": origin,
-        "sha256": ", ".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in paths),
+        "sha256": ", ".join(_digest(path) for path in paths),
         "command": command,
         "train": train,
         **stated,
@@ -184,6 +193,11 @@ def identify_files(
     artifact: Any = replace(fit.artifact, provenance=provenance)
     fit = replace(fit, artifact=artifact)
     return Identified(fit=fit, errors=errors, remarks=(*repairs, *doubted))
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def save_pictures(result: Identified, folder: Path) -> list[Path]:
@@ -203,7 +217,8 @@ def save_pictures(result: Identified, folder: Path) -> list[Path]:
         pictures |= {name: partial(plot, result.fit.artifact) for name, plot in SENSOR_PICTURES.items()}
     for name, plot in pictures.items():
         ax = plot()
-        ax.figure.savefig(folder / f"{name}.png", dpi=130)
+        with replacing(folder / f"{name}.png") as path:
+            ax.figure.savefig(path, dpi=130)
         plt.close(ax.figure)
     return [folder / f"{name}.png" for name in pictures]
 

@@ -16,6 +16,8 @@ _HEADS = {
     b"%PDF": "It is a PDF.",
     b"CDF": "It is a results file (netCDF): open it with xarray.",
     b"\x89HDF": "It is HDF5.",
+    b"\xff\xfe": "It is text in UTF-16: save it as UTF-8.",
+    b"\xfe\xff": "It is text in UTF-16: save it as UTF-8.",
     b"\x7fELF": "It is a Linux binary.",
 }
 
@@ -35,7 +37,7 @@ def explain_file(path: Path) -> str:
             head = file.read(4096)
     except (OSError, zipfile.BadZipFile):
         return "It cannot be read; build or copy it again."
-    if path.suffix == ".toml":
-        return "It seems to be a scenario: run it with 'gossamer run'."
     kind = next((text for start, text in _HEADS.items() if head.startswith(start)), None)
+    if kind is None and path.suffix == ".toml":
+        return "It seems to be a scenario: run it with 'gossamer run'."
     return kind or ("It is empty." if not head else "It is some other data." if b"\0" in head else "It is text.")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Matrix
+from ..files import replacing
 from .judges import Judge, Verdicts
 
 SLOW = 8  # records that are judged, then kept, at a time
@@ -37,11 +38,10 @@ def ask(judge: Judge, histories: Matrix, step: float, folder: Path) -> Verdicts:
         path = folder / f"{key.hexdigest()[:32]}.npz"
         if not path.exists():
             found = judge(some, step)
-            folder.mkdir(parents=True, exist_ok=True)
-            unfinished = path.with_suffix(".partial")
-            with unfinished.open("wb") as file:
-                np.savez(file, **{name: getattr(found, name) for name in PARTS if getattr(found, name) is not None})
-            unfinished.rename(path)
+            with replacing(path) as unfinished:
+                np.savez(
+                    unfinished, **{name: getattr(found, name) for name in PARTS if getattr(found, name) is not None}
+                )
         with np.load(path, allow_pickle=False) as arrays:
             parts.append(dict(arrays))
     return Verdicts(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})

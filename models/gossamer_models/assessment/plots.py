@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..files import replacing
 from ..fitting.plots import axes_for
 from ..membrane.mesh import N_ZONES
 from .figures import CALL, NOMINAL
@@ -131,7 +132,8 @@ def save_pictures(assessment: Assessment, folder: Path) -> list[Path]:
 
     def save(name: str, figure: Figure) -> None:
         paths.append(folder / f"{re.sub('[^a-z0-9]+', '_', name.lower()).strip('_')}.png")
-        figure.savefig(paths[-1])
+        with replacing(paths[-1]) as path:
+            figure.savefig(path)
 
     with mpl.rc_context(LOOK):
         for judge in assessment.judges:

@@ -14,6 +14,7 @@ from typing import Any
 
 from ..artifacts import read_artifact, write_artifact
 from ..errors import DataError
+from ..files import reason, replacing
 from .figures import Figures
 from .proportions import Share
 
@@ -152,7 +153,7 @@ def write_assessment(assessment: Assessment, folder: Path) -> list[Path]:
         "thesis_tables.csv": [_table_line(row) for row in assessment.tables],
     }
     for name, lines in tables.items():
-        with (folder / name).open("w", newline="", encoding="utf-8") as file:
+        with replacing(folder / name) as path, path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, list(lines[0]) if lines else [])
             writer.writeheader()
             writer.writerows(lines)
@@ -182,7 +183,7 @@ def read_assessment(folder: Path) -> Assessment:
             tables=[TableRow(**row) for row in card["tables"]],
         )
     except (KeyError, TypeError) as error:
-        msg = f"{folder / FILE} does not hold a whole assessment: {error!r}. Run gossamer assess-detector again."
+        msg = f"{folder / FILE} does not hold a whole assessment: {reason(error)}. Run gossamer assess-detector again."
         raise DataError(msg) from error
 
 

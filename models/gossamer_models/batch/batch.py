@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..compiler import has_compiler
+from ..compiler import PACKAGE, has_compiler
 from ..errors import InputError, StateError
 from ..step_model import StepModel
 from . import code
@@ -157,9 +157,7 @@ def _compiled(model: StepModel, results: Sequence[str]) -> Kernel | None:
     """Return the compiled kernel, or None and a warning where there is none."""
     slow = "the cases of model '%s' run one after the other, some tens of times as slow as compiled: %s"
     if not has_compiler():
-        log.warning(
-            slow, model.name, "the compiler ziglang is missing. Install it with make, or: pip install -e '.[native]'"
-        )
+        log.warning(slow, model.name, f"the compiler ziglang is missing. Install it with: pip install {PACKAGE}")
         return None
     parts = [model.digest, *results, *code.own_sources().values(), code.MAX_EXPANDED]
     key = hashlib.sha256(repr(parts).encode()).hexdigest()

@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..compiler import FLAGS, compile_shared, compiler_version
+from ..files import replacing
 
 # the numbers are the same on any processor, the instructions are not
 OPTIONS = ("-march=native", "-mprefer-vector-width=512") if platform.machine() in ("x86_64", "AMD64") else ()
@@ -101,14 +102,8 @@ def processor() -> str:
 
 def _write(folder: Path, name: str, content: bytes) -> Path:
     """Write a file whole: another process sees all of it or nothing."""
-    handle, temporary = tempfile.mkstemp(dir=folder)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        Path(temporary).replace(folder / name)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with replacing(folder / name) as unfinished:
+        unfinished.write_bytes(content)
     return folder / name
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ArtifactError
+from ..files import reason
 
 
 def require(condition: bool | np.bool_, problem: str) -> None:
@@ -26,5 +27,5 @@ def usable(path: Path) -> Iterator[None]:
     except ArtifactError:
         raise
     except (KeyError, TypeError, ValueError, IndexError) as error:
-        msg = f"{path} does not hold a usable detector: {error!r}. Train the detector again."
+        msg = f"{path} does not hold a usable detector: {reason(error)}. Train the detector again."
         raise ArtifactError(msg) from error

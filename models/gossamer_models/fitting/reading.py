@@ -21,15 +21,19 @@ Rules, each with the line of the file named where it applies:
 from __future__ import annotations
 
 import csv
+import math
 import re
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..errors import DataError
+from ..files import reason
 from .options import option
 from .records import Record
 from .repairs import LARGEST_JUMP, Samples, check, drop_missing, order_times
@@ -92,30 +96,15 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
         The file cannot be read or breaks one of the rules above; the message names the line.
     """
     columns = columns or Columns()
-    header, rows, lines = _open(path)
-    strain_at, strain_unit = _find(path, header, columns.strain, columns.strain_unit, STRAIN, STRAINS, "strain")
-    resistance_at, resistance_unit = _find(
-        path, header, columns.resistance, columns.resistance_unit, RESISTANCE, OHMS, "resistance"
-    )
-    wanted = [(strain_at, strain_unit), (resistance_at, resistance_unit)]
-    if columns.sampling_step is not None and (columns.time is not None or columns.time_unit is not None):
-        msg = f"{path}: a column or unit of time and a sampling step are given. Leave one of them out."
-        raise DataError(msg)
-    if columns.sampling_step is None:
-        wanted.insert(0, _find(path, header, columns.time, columns.time_unit, TIME, SECONDS, "time"))
-    elif not columns.sampling_step > 0.0:
-        msg = f"the sampling step must be a positive time [s], not {columns.sampling_step:g}"
-        raise DataError(msg)
-    numbers: list[Vector] = [
-        np.array([unit * _number(row, at) for row in rows], dtype=np.float64) for at, unit in wanted
-    ]
+    header, unread, lines, numbers = _read_columns(path, columns)
     if columns.sampling_step is not None:
-        numbers.insert(0, columns.sampling_step * np.arange(len(rows), dtype=np.float64))
+        numbers.insert(0, columns.sampling_step * np.arange(len(lines), dtype=np.float64))
+    strain_at = _find(path, header, columns.strain, columns.strain_unit, STRAIN, STRAINS, "strain")[0]
     stated = columns.strain_unit is not None or _split(header[strain_at], STRAINS)[1] is not None
-    samples = Samples(path, numbers, np.array(lines, dtype=int), strain_unit_stated=stated)
+    samples = Samples(path, numbers, lines, strain_unit_stated=stated)
     if columns.sampling_step is not None:
         samples.repairs.append(f"no clock was read: samples are taken as {columns.sampling_step:g} s apart")
-    drop_missing(samples, rows)
+    drop_missing(samples, unread)
     order_times(samples, sort=columns.sort)
     time, strain, resistance = samples.columns
     check(samples)
@@ -158,7 +147,12 @@ def read_records(
     return records
 
 
-def _open(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
+def _read_columns(path: Path, columns: Columns) -> tuple[list[str], list[str], NDArray[np.int_], list[Vector]]:
+    """Read the header, the cells of the first line that lacks a number, and the lines and values [SI] of all samples.
+
+    No more than the numbers is kept, so that a file of any length fits.
+    """
+    lines, unread = array("q"), list[str]()
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             sample = file.read(4096)
@@ -166,21 +160,47 @@ def _open(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
             first = sample.splitlines()[0] if sample else ""
             reader = csv.reader(file, delimiter=max(",;\t", key=first.count))
             header = [name.strip() for name in next(reader)]
-            pairs = [(row, reader.line_num) for row in reader if any(cell.strip() for cell in row)]
+            wanted = _wanted(path, header, columns)
+            values = [array("d") for _ in wanted]
+            for row in reader:
+                if not any(cell.strip() for cell in row):
+                    continue
+                if any(cell.strip() for cell in row[len(header) :]):
+                    msg = (
+                        f"{path}, line {reader.line_num}: {len(row)} cells under {len(header)} names. Write decimal points, "
+                        "and a name for every column."
+                    )
+                    raise DataError(msg)
+                lines.append(reader.line_num)
+                for column, (place, unit) in zip(values, wanted, strict=True):
+                    column.append(unit * _number(row, place))
+                if not unread and not all(math.isfinite(column[-1]) for column in values):
+                    unread = row
     except (OSError, UnicodeDecodeError, csv.Error, StopIteration) as error:
-        msg = f"cannot read {path}: {str(error) or 'it is empty'}. Name a CSV file with a header line."
+        what = "it is empty" if isinstance(error, StopIteration) else reason(error)
+        msg = f"cannot read {path}: {what}. Name a CSV file with a header line."
         raise DataError(msg) from error
-    if not pairs:
+    if not lines:
         msg = f"{path} holds no samples. Name a CSV file with a header line and numbers below it."
         raise DataError(msg)
-    for row, line in pairs:
-        if any(cell.strip() for cell in row[len(header) :]):
-            msg = (
-                f"{path}, line {line}: {len(row)} cells under {len(header)} names. Write decimal points, and "
-                "a name for every column."
-            )
-            raise DataError(msg)
-    return header, [row for row, _ in pairs], [line for _, line in pairs]
+    return header, unread, np.array(lines, dtype=int), [np.array(column, dtype=np.float64) for column in values]
+
+
+def _wanted(path: Path, header: list[str], columns: Columns) -> list[tuple[int, float]]:
+    """Return the places of time, unless there is a sampling step, strain and resistance, and their factors to SI."""
+    wanted = [
+        _find(path, header, columns.strain, columns.strain_unit, STRAIN, STRAINS, "strain"),
+        _find(path, header, columns.resistance, columns.resistance_unit, RESISTANCE, OHMS, "resistance"),
+    ]
+    if columns.sampling_step is None:
+        return [_find(path, header, columns.time, columns.time_unit, TIME, SECONDS, "time"), *wanted]
+    if columns.time is not None or columns.time_unit is not None:
+        msg = f"{path}: a column or unit of time and a sampling step are given. Leave one of them out."
+        raise DataError(msg)
+    if not columns.sampling_step > 0.0:
+        msg = f"the sampling step must be a positive time [s], not {columns.sampling_step:g}"
+        raise DataError(msg)
+    return wanted
 
 
 def _find(

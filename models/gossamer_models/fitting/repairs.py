@@ -36,8 +36,8 @@ class Samples:
         self.lines = self.lines[rows]
 
 
-def drop_missing(samples: Samples, rows: list[list[str]]) -> None:
-    """Leave out samples without a finite number; ``rows`` are the cells of the file, for the message."""
+def drop_missing(samples: Samples, first: list[str]) -> None:
+    """Leave out samples without a finite number; ``first`` are the cells of the first of them, for the message."""
     good = np.all([np.isfinite(c) for c in samples.columns], axis=0)
     missing = int((~good).sum())
     if not missing:
@@ -46,7 +46,7 @@ def drop_missing(samples: Samples, rows: list[list[str]]) -> None:
     if missing > MOST_MISSING * good.size:
         msg = (
             f"{samples.path}, line {line}: {missing} of {good.size} samples hold no finite number, more than "
-            f"{100 * MOST_MISSING:g} %. It reads {' | '.join(rows[int(np.argmin(good))])}: write decimal points, clean the "
+            f"{100 * MOST_MISSING:g} %. It reads {' | '.join(first)}: write decimal points, clean the "
             "record or name other columns."
         )
         raise DataError(msg)

@@ -20,6 +20,7 @@ from scipy.interpolate import BSpline
 from ..arrays import Matrix
 from ..artifacts import read_arrays, read_artifact, write_artifact
 from ..errors import ArtifactError, DataError
+from ..files import reason
 from .record import N_SENSORS
 
 SCHEMA, VERSION = "gossamer.discrepancy", 1
@@ -83,7 +84,7 @@ class Discrepancy:
                 provenance=dict(card["provenance"]),
             )
         except (KeyError, TypeError, ValueError) as error:
-            msg = f"{path} lacks a part of a discrepancy: {error!r}. Make it again."
+            msg = f"{path} lacks a part of a discrepancy: {reason(error)}. Make it again."
             raise ArtifactError(msg) from error
 
 

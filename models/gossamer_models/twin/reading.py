@@ -13,6 +13,7 @@ import numpy as np
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
+from ..files import reason
 from .record import N_SENSORS, Record
 
 TIME = "time"
@@ -43,7 +44,7 @@ def read_table(path: Path, kind: str | None = None, noise: float | None = None) 
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = [row for row in csv.reader(file) if row]
     except (OSError, UnicodeDecodeError) as error:
-        msg = f"cannot read {path}: {error}. Name a CSV file."
+        msg = f"cannot read {path}: {reason(error)}. Name a CSV file."
         raise DataError(msg) from error
     names = [name.strip().rpartition(" [")[0] or name.strip() for name in rows[0]] if rows else []
     found = [k for k in KINDS if kind in (None, k) and any(f"{k}[{i + 1}]" in names for i in range(N_SENSORS))]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import model_errors, wide
+from .common import keep_inputs, model_errors, wide
 
 if TYPE_CHECKING:
     from gossamer_models.assessment import Assessment, Share
@@ -50,6 +50,7 @@ def assess_detector(
     from gossamer_models.assessment.plots import save_pictures
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    keep_inputs(artifact or (), (out / name for name in ("assessment.json", "assessment.npz")))
     console = wide(stderr=True)
     columns = (TextColumn("{task.description:>28}"), BarColumn(), TextColumn("{task.completed} of {task.total}"))
     bar = Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal)

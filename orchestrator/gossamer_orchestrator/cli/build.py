@@ -10,7 +10,7 @@ from rich.console import Console
 
 from ..errors import FmuError
 from ..names import suggest
-from .common import FMUS, model_errors, print_kinds
+from .common import FMUS, keep_inputs, model_errors, print_kinds
 
 
 def build(
@@ -59,7 +59,7 @@ def build(
 ) -> None:
     """Build the FMUs.
 
-    Prints the path of every FMU. Native FMUs need the compiler that make installs, or pip install -e '.[native]'.
+    Prints the path of every FMU. Native FMUs need the compiler that make installs, or pip install ziglang==0.17.0.
 
     For example:
 
@@ -79,6 +79,7 @@ def build(
     """
     options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
     choices = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order}
+    keep_inputs([artifact], [out / f"{name}.fmu" for name in names or ()])
     paths = build_fmus(out, names, **choices, **options).values()
     for path in paths:
         typer.echo(path)

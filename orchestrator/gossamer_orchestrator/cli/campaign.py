@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from ..scenario.shipped import find_scenario
-from .common import model_errors
+from .common import keep_inputs, model_errors
 
 if TYPE_CHECKING:
     from gossamer_models.campaign import Summary
@@ -45,6 +45,7 @@ def campaign(
 
     file = find_scenario(campaign, "campaign")
     path = Path("out/campaigns") / f"{file.stem}.zarr" if out is None else out
+    keep_inputs([file], [path])
     console = Console(stderr=True)
     bar = Progress(
         TextColumn("{task.description}"),

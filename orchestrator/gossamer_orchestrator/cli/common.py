@@ -32,8 +32,30 @@ def model_errors() -> Iterator[None]:
     except (GossamerError, ModuleNotFoundError) as error:
         raise OrchestratorError(str(error)) from error
     except OSError as error:
-        msg = f"cannot write there: {error}. Name another place with --out."
+        msg = f"cannot use {error.filename or 'the disk'}: {error.strerror or error}. Name another place with --out."
         raise OrchestratorError(msg) from error
+
+
+def keep_inputs(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
+    """Refuse to write over what a command reads, under whatever name.
+
+    Parameters
+    ----------
+    inputs, outputs : iterable of Path or None
+        Files or folders, by relative paths, links or otherwise; None is passed over.
+
+    Raises
+    ------
+    OrchestratorError
+        An output is an input, or lies in one that is a folder.
+    """
+    read = [path for path in inputs if path is not None]
+    for output in (path for path in outputs if path is not None):
+        for given in read:
+            same = output.exists() and given.exists() and output.samefile(given)
+            if same or output.resolve().is_relative_to(given.resolve()):
+                msg = f"{output} would overwrite {given}, which is an input. Name another place with --out."
+                raise OrchestratorError(msg)
 
 
 def print_kinds(what: str, paths: Iterable[Path]) -> None:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import OrchestratorError
 from ..scenario.shipped import find_scenario
-from .common import FMUS, FmuFolder, print_kinds
+from .common import FMUS, FmuFolder, keep_inputs, print_kinds
 
 if TYPE_CHECKING:
     from ..scenario.schema import Scenario
@@ -66,9 +65,8 @@ def _write(write: Callable[[Scenario, Path, Path], Path], text: str, fmus: Path,
 
     path = find_scenario(text)
     target = Path("out") / f"{path.stem}{ending}" if out is None else out
-    if target.resolve() == path.resolve():
-        msg = f"{target} is the scenario itself. Name another file with --out."
-        raise OrchestratorError(msg)
     with open_scenario(path) as opened:
+        packed = [opened.fmu_path(component, fmus) for component in opened.components]
+        keep_inputs([path, *packed], [target])
         typer.echo(write(opened, fmus, target))
-        print_kinds("packed", (opened.fmu_path(component, fmus) for component in opened.components))
+        print_kinds("packed", packed)

@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperCommand
 
 from ..errors import OrchestratorError
-from .common import model_errors, wide
+from .common import keep_inputs, model_errors, wide
 
 
 class CommandWithFields(TyperCommand):
@@ -134,6 +134,7 @@ def identify(
     from gossamer_models.identify import SETTINGS, identify_files, options, save_pictures, settings_for
     from rich.table import Table
 
+    keep_inputs(files, [out])
     console = wide(stderr=True)
     readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
     chosen = {
@@ -157,7 +158,6 @@ def identify(
             origin=origin,
             progress=status.update,
         )
-        out.parent.mkdir(parents=True, exist_ok=True)
         result.fit.artifact.write(out)
         drawn = save_pictures(result, out.with_suffix("")) if pictures else []
     known = "given" if rest_resistance is not None else "fitted"

@@ -41,7 +41,7 @@ def info(
 
 def verify(
     fmus: Annotated[list[Path], typer.Argument(help="FMU files of any tool.")],
-    limit: Annotated[float, typer.Option(help="Time that one check may take [s].")] = 30.0,
+    limit: Annotated[float, typer.Option(help="Time that one call of the FMU may take [s].")] = 30.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON in place of tables.")] = False,
 ) -> None:
     """Check FMUs against FMI and against their declared capabilities.

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from ..errors import ResultsError
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
-from .common import FMUS, FmuFolder
+from .common import FMUS, FmuFolder, wide
 from .watch import LiveWatch
 
 DEMO = "damage_begins"
@@ -101,7 +100,7 @@ def _run(
 
         for path in save_pictures(data, out):
             typer.echo(path)
-    console = Console(stderr=True)
+    console = wide(stderr=True)
     try:
         ended = windows(data)
     except ResultsError:

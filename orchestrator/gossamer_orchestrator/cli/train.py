@@ -13,7 +13,7 @@ from rich.console import Console
 from ..errors import OrchestratorError, ScenarioError
 from ..names import suggest
 from ..scenario.shipped import find_scenario, shipped_scenarios
-from .common import model_errors, wide
+from .common import keep_inputs, model_errors, wide
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -89,6 +89,7 @@ def train(
             raise OrchestratorError(msg)
         _train_thesis(source or "single", out, console)
         return
+    keep_inputs([Path(source or NOMINAL)], [out])
     network: Network = "neuro-fuzzy" if kind is Kind.NEURO_FUZZY else "perceptron"
     from gossamer_models.assessment.after_training import held_out_errors
     from gossamer_models.detector.posterior_settings import Training
@@ -104,7 +105,6 @@ def train(
             training = replace(training, epochs=epochs)
         end = "" if kind is Kind.NEURO_FUZZY else f"_{kind}"
         path = out or Path("out/detector") / f"{name}{end}.json"
-        path.parent.mkdir(parents=True, exist_ok=True)
         with Progress(console=console, disable=not console.is_terminal) as progress:
             task = progress.add_task("training", total=1.0)
             artifact = train_posterior(data, training, lambda done: progress.update(task, completed=done))
@@ -184,7 +184,6 @@ def _train_thesis(name: str, out: Path | None, console: Console) -> None:
     path = out or Path("out/detector") / f"{name}_damage.json"
     with model_errors(), console.status("simulating and training"):
         artifact = train_detector(TRAININGS[name])
-        path.parent.mkdir(parents=True, exist_ok=True)
         artifact.write(path)
         found = thesis_errors(artifact, noisy=TRAININGS[name].noisy)
     rows: dict[str, dict[str, float]] = {}

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from .common import model_errors
+from ..files import replacing
+from .common import keep_inputs, model_errors
 from .twin_options import (
     ElementsOption,
     KindOption,
@@ -18,6 +19,8 @@ from .twin_options import (
     ParamsOption,
     RecordArgument,
     SensorOption,
+    beside,
+    file_of,
 )
 
 if TYPE_CHECKING:
@@ -65,6 +68,8 @@ def twin(
     from .twin_record import find_record, sensor_of
 
     console = Console(stderr=True)
+    path = beside(record, "twin.json") if out is None else out
+    keep_inputs([file_of(record), sensor], [path])
     with model_errors():
         with console.status("reading"):
             found = find_record(record, kind, noise, stop, params or [])
@@ -80,9 +85,8 @@ def twin(
                 nuisances=nuisances,
                 sparse=sparse,
             ).fit(found.record)
-        path = (record if record.is_dir() else record.parent) / "twin.json" if out is None else out
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
+        with replacing(path) as unfinished:
+            unfinished.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
     console.print(zone_table(answer))
     console.print(_summary(answer), highlight=False)
     for doubt in answer.doubts:

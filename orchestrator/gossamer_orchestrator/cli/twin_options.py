@@ -22,3 +22,13 @@ SensorOption: TypeAlias = Annotated[
 ]
 ElementsOption: TypeAlias = Annotated[int, typer.Option(help="Elements of the twin per side.")]
 OrderOption: TypeAlias = Annotated[int, typer.Option(help="Their order; 1 for bilinear ones.")]
+
+
+def beside(record: Path, name: str) -> Path:
+    """Return the path of a file beside a record, or in its folder if it is one."""
+    return (record if record.is_dir() else record.parent) / name
+
+
+def file_of(record: Path) -> Path:
+    """Return the file of a record that may be given as the folder of a run."""
+    return beside(record, "results.nc") if record.is_dir() else record

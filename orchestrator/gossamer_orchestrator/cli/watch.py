@@ -11,7 +11,8 @@ import typer
 from rich.console import Console
 
 from ..errors import OrchestratorError
-from .common import model_errors
+from ..files import replacing
+from .common import keep_inputs, model_errors
 from .twin_options import (
     ElementsOption,
     KindOption,
@@ -20,6 +21,8 @@ from .twin_options import (
     ParamsOption,
     RecordArgument,
     SensorOption,
+    beside,
+    file_of,
 )
 
 if TYPE_CHECKING:
@@ -62,6 +65,8 @@ def watch(
     from .twin_record import find_record
 
     console = Console(stderr=True)
+    path = beside(record, "watch.json") if out is None else out
+    keep_inputs([file_of(record), sensor], [path])
     with model_errors():
         found = find_record(record, kind, noise, None, params or [])
         samples = _samples(window, found)
@@ -73,7 +78,7 @@ def watch(
         report = _Report(console)
         for first in range(0, found.record.samples - samples + 1, samples):
             report.take(watching.advance(found.record.values[:, first : first + samples]))
-    typer.echo(report.end((record if record.is_dir() else record.parent) / "watch.json" if out is None else out))
+    typer.echo(report.end(path))
 
 
 class LiveWatch:
@@ -161,8 +166,8 @@ class _Report:
             self._console.print(text, style="bold yellow", highlight=False)
         findings = [{name: _plain(value) for name, value in asdict(each).items()} for each in self._findings]
         content = {"alarms": self._alarms, "findings": findings, "misfit": self.misfits}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        with replacing(path) as unfinished:
+            unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         return path
 
 

@@ -7,18 +7,22 @@ from pathlib import Path
 
 from ..scenario.load import load_scenario
 from ..scenario.schema import Scenario
+from ..scenario.shipped import find_scenario
 
 
 def open_scenario(
-    path: Path, *, step: float | None = None, stop: float | None = None
+    path: Path | str, *, step: float | None = None, stop: float | None = None
 ) -> AbstractContextManager[Scenario]:
     """Read a scenario file or unpack an ``.ssp``, whose FMUs are there inside the ``with`` block only.
+
+    A name without a folder may be that of a shipped scenario, see ``find_scenario``.
 
     Raises
     ------
     ScenarioError
         See ``load_scenario`` and ``open_ssp``.
     """
+    path = find_scenario(str(path))
     if path.suffix == ".ssp":
         from .ssp.reader import open_ssp  # loads pyssp-standard, which a TOML file does not need
 

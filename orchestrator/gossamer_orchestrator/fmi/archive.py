@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from ..errors import FmuError, OrchestratorError, writing
 from ..file_kinds import explain_file
+from ..files import replacing
 from ..names import suggest
 
 MAX_FILES = 20_000
@@ -134,17 +135,10 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
     OrchestratorError
         It cannot be written there.
     """
-    partial = path.with_suffix(".partial")
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with zipfile.ZipFile(partial, "w") as archive:
-                for name, content in members.items():
-                    member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
-                    member.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
-                    member.external_attr = 0o644 << 16
-                    member.create_system = 3
-                    archive.writestr(member, content)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+    with writing(path), replacing(path) as unfinished, zipfile.ZipFile(unfinished, "w") as archive:
+        for name, content in members.items():
+            member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            member.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
+            member.external_attr = 0o644 << 16
+            member.create_system = 3
+            archive.writestr(member, content)

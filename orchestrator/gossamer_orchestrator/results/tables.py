@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from .judgements import Judgement
@@ -39,29 +40,35 @@ def zone_table(judgement: Judgement) -> Table:
 
 def history_table(ended: list[Judgement]) -> Table:
     """Tabulate the windows: the most damaged zone by the estimate, and the errors."""
-    table = Table(title="Judgements")
     likeness = next((judgement.likeness for judgement in ended if judgement.likeness), "similarity")
-    for heading in (
-        r"t \[s]",  # [s] would strike the rest through
+    headings = (
+        "t [s]",
         "most damaged zone",
         "estimated [%]",
         "true there [%]",
         "mean abs. error [%]",
         likeness,
         "valid",
-    ):
-        table.add_column(heading, justify="right", min_width=max(map(len, heading.split())))
+    )
+    rows = []
     for judgement in ended:
         zone = int(np.argmax(judgement.estimated))
         found = judgement.estimated[zone] >= LEAST_SHOWN
-        table.add_row(
-            f"{judgement.time:.4f}",
-            f"{zone + 1}" if found else "-",
-            f"{100 * judgement.estimated[zone]:.1f}",
-            f"{100 * judgement.true[zone]:.0f}" if found else "-",
-            f"{100 * judgement.mean_absolute_error:.2f}",
-            f"{judgement.likeness_value:.2g}",
-            "yes" if judgement.valid else "no",
-            style=None if judgement.valid else "dim",
+        rows.append(
+            (
+                f"{judgement.time:.4f}",
+                f"{zone + 1}" if found else "-",
+                f"{100 * judgement.estimated[zone]:.1f}",
+                f"{100 * judgement.true[zone]:.0f}" if found else "-",
+                f"{100 * judgement.mean_absolute_error:.2f}",
+                f"{judgement.likeness_value:.2g}",
+                "yes" if judgement.valid else "no",
+            )
         )
+    table = Table(title="Judgements")
+    for heading, *cells in zip(headings, *rows, strict=True):
+        width = max(map(len, [*heading.split(), *cells]))  # as narrow as words allow, so that it fits 80 columns
+        table.add_column(escape(heading), justify="right", width=width)
+    for judgement, row in zip(ended, rows, strict=True):
+        table.add_row(*row, style=None if judgement.valid else "dim")
     return table

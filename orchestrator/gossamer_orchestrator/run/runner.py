@@ -34,7 +34,7 @@ def run_scenario(
     Parameters
     ----------
     scenario : Scenario or path
-        What to run: a scenario file or an ``.ssp``.
+        What to run: a scenario file, an ``.ssp``, or the name of a shipped scenario.
     fmus : path
         Folder in which FMUs are looked up by name.
     out : path or None
@@ -62,7 +62,7 @@ def run_scenario(
     >>> data["detector.damage"].isel(time=-1)
     """
     if not isinstance(scenario, Scenario):
-        with open_scenario(Path(scenario), step=step, stop=stop) as opened:
+        with open_scenario(scenario, step=step, stop=stop) as opened:
             return run_scenario(opened, fmus, out, observers=observers)
     plan = make_plan(scenario, Path(fmus))
     recorder = Recorder(plan)

@@ -54,8 +54,8 @@ def parse_scenario(
 ) -> Scenario:
     """Check the text of a scenario; ``name`` stands in messages, paths of FMUs are relative to ``folder``."""
     content = parse_toml(text, name, "scenario")
-    content |= {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
-    return make_scenario(content, source=Source(name, text), folder=folder)
+    given = {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
+    return make_scenario(content | given, source=Source(name, text, tuple(given)), folder=folder)
 
 
 def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | None = None) -> Scenario:
@@ -72,6 +72,8 @@ def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | 
         problems.raise_if_any()
         raise
     _check_time(scenario, problems)
+    if not problems.found:
+        _check_recording(scenario, problems)
     problems.raise_if_any()
     return scenario
 
@@ -81,6 +83,17 @@ def _known(location: Location) -> list[str]:
     around = (*location[2:-1], location[0])  # without the name of a component or the number of an element
     owner = next((_TABLES[part] for part in around if part in _TABLES), Scenario)
     return [field.alias or name for name, field in owner.model_fields.items()]
+
+
+def _check_recording(scenario: Scenario, problems: Problems) -> None:
+    """Require that something is recorded, more often than at the ends of the run."""
+    record = scenario.record
+    if record.variables == []:
+        text = "'variables' in 'record' is empty: nothing would be recorded. Name some, or remove it to record every output."
+        problems.add(("record", "variables"), text)
+    if record.every > max(scenario.ticks, 1):
+        text = f"'every' in 'record' is {record.every}, but the run has {scenario.ticks} steps. Use a smaller number."
+        problems.add(("record", "every"), text)
 
 
 def _check_time(scenario: Scenario, problems: Problems) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import FmuError
+from ..file_kinds import explain_file
 from ..fmi.file import FmuFile
 from ..names import matches, suggest
 from .connections import check_connections
@@ -140,7 +141,7 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems) -> dict[st
             problems.found.append(f"{scenario.source.name}: {text}, or name their folder with --fmus.")
             continue
         if path not in found:
-            found[path] = _read_file(component.fmu, path, place, problems)
+            found[path] = _read_file(component.fmu, path, scenario.folder / component.fmu, place, problems)
         file = found[path]
         if file is not None:
             if file.description.coSimulation.canBeInstantiatedOnlyOncePerProcess and file in files.values():
@@ -150,8 +151,12 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems) -> dict[st
     return files
 
 
-def _read_file(fmu: str, path: Path, place: Location, problems: Problems) -> FmuFile | None:
-    """Read an FMU; None, and a problem, if that is not possible."""
+def _read_file(fmu: str, path: Path, literal: Path, place: Location, problems: Problems) -> FmuFile | None:
+    """Read an FMU; None, and a problem, if that is not possible; ``literal`` is the file if the name were a path."""
+    other = next((each for each in (path, literal) if each.exists() and not path.is_file()), None)
+    if other is not None:
+        problems.add(place, f"{fmu!r} is not an FMU, whose name ends in .fmu. {explain_file(other)}")
+        return None
     if not path.is_file():
         near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
         more = "" if fmu.endswith(".fmu") else " Build the FMUs with 'gossamer build' or name their folder with --fmus."

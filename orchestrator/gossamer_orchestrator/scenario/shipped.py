@@ -32,7 +32,7 @@ def find_scenario(text: str, kind: Kind = "scenario") -> Path:
     path = Path(text)
     if path.is_file() or (path.suffix == ".toml" and path.stem not in shipped):
         return path  # a missing file is reported where it is read
-    if path.stem in shipped and path.parent == Path():
+    if path.stem in shipped and path.suffix in ("", ".toml") and path.parent == Path():
         return shipped[path.stem]
     msg = f"there is no {kind} file {text!r}, and no shipped {kind} of that name. {suggest(text, shipped)}"
     raise ScenarioError(msg)

@@ -29,10 +29,13 @@ class Source:
         File name for messages.
     text : str
         The whole file.
+    options : tuple of str
+        Keys whose value was given by an option of the same name instead.
     """
 
     name: str
     text: str = field(repr=False)
+    options: tuple[str, ...] = ()
 
     @cached_property
     def _lines(self) -> dict[Location, int]:
@@ -58,7 +61,12 @@ class Source:
         return found
 
     def where(self, location: Location) -> str:
-        """Return ``file:line`` for a key, or for the innermost table around it that is there, or the file's first line."""
+        """Return ``file:line`` for a key, or for the innermost table around it that is there, or the file's first line.
+
+        For a key that an option gives, return the option.
+        """
+        if location and location[0] in self.options:
+            return f"--{location[0]}"
         around = (location[:size] for size in range(len(location), 0, -1))
         line = next((self._lines[place] for place in around if place in self._lines), 1)
         return f"{self.name}:{line}" if self.text else self.name

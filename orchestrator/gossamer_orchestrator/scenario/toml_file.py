@@ -13,6 +13,8 @@ from ..file_kinds import explain_file
 from ..names import suggest
 from .source import Location
 
+LONGEST = 200  # characters of a value in a message
+
 
 def read_text(path: Path, what: str) -> str:
     """Return the text of a file; ``what`` it should be, for instance ``scenario``, stands in messages.
@@ -23,7 +25,7 @@ def read_text(path: Path, what: str) -> str:
         There is no such file, or it is no text in UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # some editors begin it with a byte order mark
     except FileNotFoundError:
         near = suggest(path.name, sorted(p.name for p in path.parent.glob("*.toml")))
         msg = f"there is no {what} file {path}. {near}"
@@ -65,4 +67,9 @@ def explain(kind: str, location: Location, message: str, value: Any, known: Iter
         return f"{location[-2]!r} cannot be a name. Use letters, digits and underscores, and no digit at the start."
     if kind == "string_pattern_mismatch" and key in ("from", "to"):
         return f"{key!r}{place}: write component.variable, not {value!r}."
-    return f"{key!r}{place}: {message[0].lower()}{message[1:]}, not {value!r}."
+    return f"{key!r}{place}: {message[0].lower()}{message[1:]}, not {_short(value)}."
+
+
+def _short(value: Any) -> str:  # noqa: ANN401
+    text = repr(value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."

@@ -6,7 +6,7 @@ import ctypes
 
 from ..fmi.file import explain_platforms, platforms
 from ..fmi.fmutool import collect_errors
-from .registry import FAILED, NOT_APPLICABLE, PASSED, REMARK, Outcome, check, none_of
+from .registry import FAILED, NOT_APPLICABLE, PASSED, REMARK, Outcome, check, none_of, sentence
 from .subject import REALS, Subject
 
 
@@ -65,8 +65,8 @@ def _functions(subject: Subject) -> Outcome:
     kind = fmi2.FMU2Slave if subject.version == 2 else fmi3.FMU3Slave
     wanted = [name for name in dir(kind) if name.startswith(prefix)]
     try:
-        library = ctypes.CDLL(str(subject.library))
+        library = subject.calls.make(ctypes.CDLL, str(subject.library))
     except OSError as error:
-        return FAILED, f"Its binary cannot be loaded: {error}."
+        return FAILED, sentence(f"Its binary cannot be loaded: {error}")
     missing = [name for name in wanted if not hasattr(library, name)]
     return none_of(missing, "Its binary lacks", f"All {len(wanted)} {prefix} functions are there.")

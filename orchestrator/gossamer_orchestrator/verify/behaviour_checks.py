@@ -7,16 +7,17 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 from ..fmi.slave import DISCARD, ERROR, FATAL, OK, WARNING
 from .registry import FAILED, NOT_APPLICABLE, PASSED, REMARK, Outcome, check, none_of
-from .subject import REALS, STEPS, Subject, Trial, length, swing
+from .subject import REALS, Subject, Trial, length, swing
 
 _WORDS = {OK: "accepted", WARNING: "accepted with a warning", DISCARD: "discarded", ERROR: "refused with an error"}
 _STATE = ("canGetAndSetFMUstate",)
-_SECONDS = 0.5  # spent on counting memory
+_SECONDS, _LEAST = 0.5, 100  # spent on counting memory, and steps
 _LEAK = 16.0  # [byte] per step
 _NOISE = 2.0**17  # [byte]
 _TOLERANCE = 1e-3
@@ -52,25 +53,30 @@ def _first_outputs(subject: Subject) -> Outcome:
 @check("readable")
 def _readable(subject: Subject) -> Outcome:
     with subject.instance() as one:
-        unreadable = [v.name for v in subject.variables if one.attempt(one.get, v) > WARNING]
-    good = f"All {len(subject.variables)} variables can be read after initialization."
+        read = [v for v in subject.variables if v.type != "Clock" and not v.clocks]  # those in an event only
+        unreadable = [v.name for v in read if one.attempt(one.get, v) > WARNING]
+    good = f"All {len(read)} variables can be read after initialization."
     return none_of(unreadable, "Cannot be read after initialization", good)
 
 
 @check("steps")
 def _steps(subject: Subject) -> Outcome:
     with subject.instance() as one:
-        for k in range(STEPS):
+        for k in range(subject.steps):
             verdict = one.attempt(one.step, k)
             if verdict > WARNING:
                 return FAILED, f"Step {k} of {subject.size:g} s is {_WORDS.get(verdict, 'fatal')}.{subject.log.tail()}"
             if one.not_finite():
                 return FAILED, f"An output is not finite after step {k} of {subject.size:g} s."
-    return PASSED, f"{STEPS} steps of {subject.size:g} s with start values, outputs finite."
+            if one.ended:
+                end = subject.start + (k + 1) * subject.size
+                what = f"It ends the simulation in step {k} of {subject.size:g} s, by t = {end:g} s"
+                return REMARK, f"{what}; its outputs are finite until then.{subject.log.tail()}"
+    return PASSED, f"{subject.steps} steps of {subject.size:g} s with start values, outputs finite."
 
 
 def _equal(first: list[str], second: list[str], good: str, bad: str) -> Outcome:
-    differ = [k for k, (a, b) in enumerate(zip(first, second, strict=True)) if a != b]
+    differ = [k for k, (a, b) in enumerate(zip_longest(first, second)) if a != b]
     return (FAILED, f"{bad}, the outputs differ from step {differ[0]} on.") if differ else (PASSED, good)
 
 
@@ -78,26 +84,27 @@ def _equal(first: list[str], second: list[str], good: str, bad: str) -> Outcome:
 def _restore(subject: Subject) -> Outcome:
     with subject.instance() as one:
         older = one.save()
-        one.excite(0, STEPS // 2)
+        one.excite(0, subject.half)
         state = one.save(over=older)
-        first = one.excite(STEPS // 2, STEPS)
+        first = one.excite(subject.half, subject.steps)
         one.restore(state)
-        second = one.excite(STEPS // 2, STEPS)
-    good = f"{STEPS // 2} steps repeated from a saved state are equal to the bit."
+        second = one.excite(subject.half, subject.steps)
+    good = f"{subject.half} steps repeated from a saved state are equal to the bit."
     return _equal(first, second, good, "Repeated from a saved state")
 
 
 @check("serialize", needs=(*_STATE, "canSerializeFMUstate"))
 def _serialize(subject: Subject) -> Outcome:
     with subject.instance() as one:
-        one.excite(0, STEPS // 2)
-        state = one.save()
+        one.excite(0, subject.half)
+        state, ended = one.save(), one.ended
         data = one.slave.serializeFMUState(state)
         one.slave.freeFMUState(state)
-        first = one.excite(STEPS // 2, STEPS)
+        first = one.excite(subject.half, subject.steps)
         with nullcontext(one) if subject.can.canBeInstantiatedOnlyOncePerProcess else subject.instance() as other:
             other.restore(other.slave.deserializeFMUState(data))
-            second = other.excite(STEPS // 2, STEPS)
+            other.ended = ended
+            second = other.excite(subject.half, subject.steps)
     good = f"{len(data)} bytes carry the state to another instance, which continues to the bit."
     return _equal(first, second, good, "Continued in another instance from a serialized state")
 
@@ -105,11 +112,10 @@ def _serialize(subject: Subject) -> Outcome:
 @check("reset")
 def _reset(subject: Subject) -> Outcome:
     with subject.instance() as one:
-        first = one.excite(0, STEPS)
-        one.slave.reset()
-        one.initialize()
-        second = one.excite(0, STEPS)
-    return _equal(first, second, f"{STEPS} steps repeated after a reset are equal to the bit.", "After a reset")
+        first = one.excite(0, subject.steps)
+        one.rewind()
+        second = one.excite(0, subject.steps)
+    return _equal(first, second, f"{subject.steps} steps repeated after a reset are equal to the bit.", "After a reset")
 
 
 @check("two instances")
@@ -117,10 +123,10 @@ def _two(subject: Subject) -> Outcome:
     if subject.can.canBeInstantiatedOnlyOncePerProcess:
         return NOT_APPLICABLE, "It declares canBeInstantiatedOnlyOncePerProcess."
     with subject.instance() as alone:
-        expected = alone.excite(0, STEPS)
+        expected = alone.excite(0, subject.steps)
     with subject.instance() as one, subject.instance() as other:
         found = []
-        for k in range(STEPS):
+        for k in range(subject.steps):
             found += one.excite(k, k + 1)
             other.excite(k, k + 1, phase=1.0)
     good = "An instance beside another with other inputs gives the outputs it gives alone."
@@ -141,7 +147,7 @@ def _fixed(subject: Subject) -> Outcome:
         after = one.get(variable)
     if after == before:
         return PASSED, f"Setting {variable.name!r} after initialization is ignored.{subject.log.tail()}"
-    return FAILED, f"{variable.name!r} is fixed, but can be set after initialization."
+    return REMARK, f"{variable.name!r} is fixed, but can be set after initialization, which a host must not do."
 
 
 @check("not a number")
@@ -213,9 +219,11 @@ def _derivatives(subject: Subject) -> Outcome:
         return NOT_APPLICABLE, "It has no Real input or no Real output."
     worst = 0.0
     with subject.instance() as one:
-        one.excite(0, STEPS // 2)
+        one.excite(0, subject.half)
+        if one.ended:
+            return NOT_APPLICABLE, "It ends the simulation before."
         for i, variable in enumerate(subject.inputs[:8]):
-            at = math.sin(0.15 * STEPS + i)
+            at = math.sin(0.3 * subject.half + i)
             worst = max(worst, min(_derivative_error(one, variable, at, outputs, step=step) for step in (True, False)))
     if not worst < _TOLERANCE:
         return FAILED, f"They differ from difference quotients by up to {worst:.1e} of the largest."
@@ -229,7 +237,7 @@ def _derivative_error(one: Trial, variable: Any, at: float, outputs: list[Any], 
         state = one.save()
         one.set(variable, values)
         if step:
-            one.step(STEPS // 2)
+            one.step(one.subject.half)
         found = result()
         one.restore(state)
         return found
@@ -253,21 +261,29 @@ def _memory(subject: Subject) -> Outcome:
         return int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
     with subject.instance() as one:
+        done = 0  # steps since the beginning of a run
 
-        def grow(begin: int, end: int) -> float:
+        def grow(count: int) -> float:
+            nonlocal done
             before = resident()
-            for k in range(begin, end):
-                one.excite(k, k + 1)
+            for _ in range(count):
+                if one.ended or (subject.ends and done == subject.steps):
+                    one.rewind()
+                    done = 0
+                one.excite(done, done + 1)
+                done += 1
                 if subject.can.canGetAndSetFMUstate:
                     one.slave.freeFMUState(one.save())
             return float(resident() - before)
 
+        if subject.ends and one.attempt(one.rewind) > WARNING:
+            return NOT_APPLICABLE, "Its experiment has an end, and it cannot be reset to begin again."
         steps, until = 0, time.monotonic() + _SECONDS
-        while steps < STEPS or time.monotonic() < until:
-            grow(steps, steps + 50)
+        while steps < _LEAST or time.monotonic() < until:
+            grow(50)
             steps += 50
         # what grows once is a cache; a leak goes on
-        growth = max(min(grow(steps, 2 * steps), grow(2 * steps, 3 * steps)), 0.0)
+        growth = max(min(grow(steps), grow(steps)), 0.0)
     text = f"Its process grew by {growth / 1024:.0f} KiB in {steps} steps, each with a saved and freed state if it has any."
     if growth > _LEAK * steps and growth > _NOISE:
         return FAILED, text

@@ -14,15 +14,19 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Collection
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 from ..errors import FmuError
 from ..fmi.archive import unpack
+from .calls import PATIENCE, Watch
 from .checks import CHECKS
-from .registry import FAILED, NOT_APPLICABLE, PASSED, Finding
+from .registry import FAILED, NOT_APPLICABLE, PASSED, REMARK, Finding
 
 LIMIT = 30.0  # [s]
+_POLL = 0.05  # [s]
+_ROUNDS = 100
+_TEMPORARY = ("TMPDIR", "TEMP", "TMP")  # their value marks the processes of one verification
 
 
 def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LIMIT) -> list[Finding]:
@@ -35,12 +39,13 @@ def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LI
     only : collection of str, optional
         Names of checks to make, besides those that others depend on; all of them by default.
     limit : float
-        Time that one check may take [s]; an FMU that takes longer is stopped.
+        Time that one call of the FMU may take [s]; then its process is ended. Checks themselves may take longer.
 
     Returns
     -------
     list of Finding
-        One per check. A check that an earlier failure makes meaningless is not applicable.
+        One per check; one more if the FMU leaves processes behind. A check that an earlier failure makes meaningless is
+        not applicable.
     """
     # The FMU may leave anything behind, and on Windows its library may still be open.
     with tempfile.TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True) as scratch:
@@ -52,43 +57,90 @@ def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LI
         files = sum(p.is_file() for p in folder.rglob("*"))
         findings = [Finding("archive", PASSED, f"{files} files, none damaged or misplaced.")]
         names = [name for name, check in CHECKS.items() if check.gate or only is None or name in only]
+        left = 0
         while names:
-            findings += _run_process(path.resolve(), Path(scratch), limit, names)
+            found, more = _run_process(path.resolve(), Path(scratch), limit, names)
+            findings, left = findings + found, left + more
             last, names = findings[-1], names[names.index(findings[-1].check) + 1 :]
             if last.verdict == FAILED and CHECKS[last.check].gate:
                 why = f"The check {last.check!r} failed."
-                return findings + [Finding(name, NOT_APPLICABLE, why) for name in names]
+                findings += [Finding(name, NOT_APPLICABLE, why) for name in names]
+                break
+    if left:
+        why = f"It left {left} running process{'es' * (left > 1)} behind, which verify has ended."
+        findings.append(Finding("processes", REMARK, why))
     return findings
 
 
-def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> list[Finding]:
-    """Run checks in one process; return its findings, the last one that it died or hung if it did."""
-    report, late = scratch / "report", scratch / "late"
-    for file in (report, late):
-        file.write_bytes(b"")
-    command = [sys.executable, "-m", f"{__package__}.worker", str(path), str(scratch), str(limit), *names]
-    code: int | None = None
-    with suppress(subprocess.TimeoutExpired):
-        code = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            check=False,
-            cwd=scratch,
-            env=os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(scratch)),
-            timeout=limit * (len(names) + 1),
-        ).returncode
+def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> tuple[list[Finding], int]:
+    """Run checks in one process; return its findings, the last one that it died or hung if it did, and what it left."""
+    report = scratch / "report"
+    report.write_bytes(b"")
+    command = [sys.executable, "-m", f"{__package__}.worker", str(path), str(scratch), *names]
+    with closing(Watch(scratch / "calls", limit)) as watch:
+        code, left = _watch_process(command, scratch, watch)
+        called = watch.in_call()
     lines = report.read_text("utf-8").split("\n")[:-1]  # without a line cut short by the end of the process
     findings = [Finding(name, *json.loads(line)) for name, line in zip(names, lines, strict=False)]
-    death = None
-    if code is None or late.stat().st_size:
+    death, verdict = None, FAILED
+    if code is None and called:
         death = f"The FMU did not answer within {limit:g} s."
+    elif code is None:
+        death = f"The check itself took more than {PATIENCE:g} s; no function of the FMU was running."
+        verdict = FAILED if CHECKS[names[len(findings)]].gate else REMARK
     elif code < 0:
         name = next((each.name for each in signal.Signals if each == -code), f"signal {-code}")  # some have no name
         death = f"The FMU crashed its process: {name}."
     elif code or not findings:
         death = f"The FMU ended its process with exit code {code:#x}."
     if death is not None and len(findings) < len(names):
-        findings.append(Finding(names[len(findings)], FAILED, death))
-    return findings
+        findings.append(Finding(names[len(findings)], verdict, death))
+    return findings, left
+
+
+def _watch_process(command: list[str], scratch: Path, watch: Watch) -> tuple[int | None, int]:
+    """Run a worker; return its exit code, None if it made no progress, and how many processes it left behind."""
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        cwd=scratch,
+        env=os.environ | dict.fromkeys(_TEMPORARY, str(scratch)),
+        start_new_session=True,
+    ) as child:
+        code: int | None = None
+        try:
+            while code is None and not watch.is_late():
+                with suppress(subprocess.TimeoutExpired):
+                    code = child.wait(_POLL)
+        finally:
+            if sys.platform == "win32":  # while it lives, its own processes are known there
+                subprocess.run(["taskkill", "/T", "/F", "/PID", str(child.pid)], capture_output=True, check=False)
+            child.kill()
+            child.wait()
+            left = _end_others(child.pid, scratch)
+    return code, left
+
+
+def _end_others(group: int, scratch: Path) -> int:
+    """End the processes that a worker has started; return their number, 0 where the system does not list them."""
+    if sys.platform == "win32":
+        return 0
+    ended: set[int] = set()
+    mark = f"{_TEMPORARY[0]}={scratch}".encode()
+    for _ in range(_ROUNDS):  # one may start another meanwhile
+        with suppress(OSError):
+            os.killpg(group, signal.SIGKILL)
+        found = set()
+        for file in Path("/proc").glob("[0-9]*/environ"):  # a daemon has left the group
+            with suppress(OSError):
+                if mark in file.read_bytes().split(b"\0"):
+                    found.add(int(file.parent.name))
+        if not found:
+            break
+        for process in found:
+            with suppress(OSError):
+                os.kill(process, signal.SIGKILL)
+        ended |= found
+    return len(ended)

@@ -59,7 +59,7 @@ class Check:
                 return NOT_APPLICABLE, f"It does not declare {', '.join(missing)}."
             return self.function(subject())
         except Exception as error:  # FMPy, lxml and xmlschema raise exceptions of any class
-            return FAILED, f"{' '.join(str(error).split()) or type(error).__name__}.{log.tail()}"
+            return FAILED, f"{sentence(str(error) or type(error).__name__)}{log.tail()}"
 
 
 CHECKS: dict[str, Check] = {}  # by name, in the order of the report
@@ -75,9 +75,14 @@ def check(name: str, *, needs: tuple[str, ...] = (), gate: bool = False) -> Call
     return add
 
 
+def sentence(text: str) -> str:
+    """Return a text on one line with one full stop at its end."""
+    return " ".join(text.split()).rstrip(".") + "."
+
+
 def none_of(wrong: list[str], complaint: str, good: str, *, verdict: str = FAILED) -> Outcome:
     """Pass if nothing is wrong; otherwise give the verdict, with the first few items after the complaint."""
     if not wrong:
         return PASSED, good
     more = f" and {len(wrong) - 4} more" if len(wrong) > 4 else ""
-    return verdict, f"{complaint}: {', '.join(wrong[:4])}{more}."
+    return verdict, sentence(f"{complaint}: {', '.join(wrong[:4])}{more}")

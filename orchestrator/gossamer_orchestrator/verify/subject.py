@@ -6,16 +6,19 @@ import ctypes
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
+from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 
 from ..fmi.file import library_path
-from ..fmi.slave import FATAL, OK, Log, start_slave
+from ..fmi.slave import DISCARD, FATAL, OK, Log, is_python, start_slave
+from .calls import Calls
 
 REALS = ("Real", "Float64", "Float32")
 STEPS = 100
@@ -36,16 +39,21 @@ class Subject:
         2 or 3.
     inputs, parameters, outputs : list
         Real inputs and parameters, and outputs of every type.
+    calls : Calls
+        Through which all its functions are called.
     start, size : float
         Start [s] of its runs and their step size [s]: those of its default experiment if there are any.
+    steps, ends : int, bool
+        Steps of a run, and whether its default experiment ends after them.
     fatal : bool
         An instance returned Fatal: no function of any instance may be called any more.
     can : fmpy.model_description.CoSimulation
         Its capabilities; ``differentiates`` is one that FMPy does not read.
     """
 
-    def __init__(self, path: Path, folder: Path, log: Log) -> None:
+    def __init__(self, path: Path, folder: Path, log: Log, calls: Calls) -> None:
         self.path = path
+        self.calls = calls
         self.folder = folder
         self.log = log
         self.description: Any = fmpy.read_model_description(str(folder), validate=False)
@@ -58,12 +66,20 @@ class Subject:
         experiment = self.description.defaultExperiment
         start, stop, size = (getattr(experiment, key, None) for key in ("startTime", "stopTime", "stepSize"))
         self.start = float(start or 0.0)
-        self.size = float(size or (float(stop or self.start + 1.0) - self.start) / STEPS)
+        stop = float(stop) if stop is not None and float(stop) > self.start else None
+        self.size = float(size or (self.start + 1.0 if stop is None else stop - self.start) / STEPS)
+        whole = STEPS if stop is None else max(int((stop - self.start) / self.size + 1e-6), 1)
+        self.steps, self.ends = min(whole, STEPS), stop is not None
         self.fatal = False
         self.can: Any = self.description.coSimulation
         capabilities = ElementTree.parse(folder / "modelDescription.xml").find("CoSimulation")
         names = "providesDirectionalDerivative", "providesDirectionalDerivatives"  # FMPy reads the first, of FMI 2.0
         self.differentiates = any(capabilities.get(name) in ("true", "1") for name in names if capabilities is not None)
+
+    @property
+    def half(self) -> int:
+        """Half the steps of a run."""
+        return self.steps // 2
 
     @property
     def library(self) -> Path:
@@ -87,11 +103,20 @@ class Subject:
 
 
 class Trial:
-    """An instance of the FMU under test; a status worse than a warning is an ``FMICallException``."""
+    """An instance of the FMU under test; a status worse than a warning is an ``FMICallException``.
+
+    Attributes
+    ----------
+    ended : bool
+        The FMU has ended the simulation, and no step may follow.
+    """
 
     def __init__(self, subject: Subject, token: str | None) -> None:
         self.subject = subject
-        self.slave = start_slave(subject.description, subject.folder, "verified", subject.log, token=token)
+        self.ended = self._ended_when_saved = False
+        start = subject.calls.make
+        slave = start(start_slave, subject.description, subject.folder, "verified", subject.log, token=token)
+        self.slave: Any = _Counted(slave, subject.calls)
 
     def initialize(self) -> None:
         """Go through the initialization with default start values."""
@@ -124,14 +149,41 @@ class Trial:
         return [variable.name for variable in reals if not np.all(np.isfinite(self.get(variable)))]
 
     def step(self, k: int) -> None:
-        """Do the k-th step."""
+        """Do the k-th step, which may end the simulation."""
         subject = self.subject
-        self.slave.doStep(subject.start + k * subject.size, subject.size, False)
+        try:
+            flags = self.slave.doStep(subject.start + k * subject.size, subject.size, False)
+        except FMICallException as error:
+            if error.status != DISCARD or subject.version != 2 or not self._has_terminated():
+                raise
+            self.ended = True
+        else:
+            self.ended = flags is not None and bool(flags[1])  # terminateSimulation of FMI 3.0
+
+    def _has_terminated(self) -> bool:
+        """Ask why a step of FMI 2.0 was discarded; pythonfmu 0.7.0 says so of every one."""
+        if is_python(self.subject.folder):
+            return False
+        try:
+            return bool(self.slave.getBooleanStatus(fmi2.fmi2Terminated))
+        except FMICallException:
+            return False
+
+    def rewind(self) -> None:
+        """Begin again."""
+        self.slave.reset()
+        self.ended = False
+        self.initialize()
 
     def excite(self, begin: int, end: int, phase: float = 0.0) -> list[str]:
-        """Do steps with inputs that swing by 1 % about their start values; return the outputs after each, to the bit."""
-        trajectory = []
+        """Do steps with inputs that swing by 1 % about their start values; return the outputs after each, to the bit.
+
+        It ends early if the FMU ends the simulation.
+        """
+        trajectory: list[str] = []
         for k in range(begin, end):
+            if self.ended:
+                break
             for i, variable in enumerate(self.subject.inputs):
                 self.set(variable, swing(variable, math.sin(0.3 * k + i + phase)))
             self.step(k)
@@ -143,12 +195,14 @@ class Trial:
         state = ctypes.c_void_p() if over is None else over
         get = self.slave.fmi2GetFMUstate if self.subject.version == 2 else self.slave.fmi3GetFMUState
         get(self.slave.component, ctypes.byref(state))
+        self._ended_when_saved = self.ended
         return state
 
     def restore(self, state: ctypes.c_void_p) -> None:
         """Go back to a state, and free it."""
         self.slave.setFMUState(state)
         self.slave.freeFMUState(state)
+        self.ended = self._ended_when_saved
 
     def attempt(self, function: Any, *arguments: object) -> int:  # noqa: ANN401
         """Return the status of a call that may fail."""
@@ -163,6 +217,17 @@ class Trial:
         """Differentiate an output in a direction of an input."""
         count = [] if self.subject.version == 2 else [length(output)]
         return list(self.slave.getDirectionalDerivative([output.valueReference], [known.valueReference], seed, *count))
+
+
+class _Counted:
+    """Make every call of an instance's methods through ``Calls``."""
+
+    def __init__(self, slave: Any, calls: Calls) -> None:  # noqa: ANN401
+        self._slave, self._calls = slave, calls
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
+        value = getattr(self._slave, name)
+        return partial(self._calls.make, value) if callable(value) else value
 
 
 def length(variable: Any) -> int:  # noqa: ANN401

@@ -2,36 +2,40 @@
 
 ::
 
-    python -m gossamer_orchestrator.verify.worker FMU FOLDER SECONDS CHECK ...
+    python -m gossamer_orchestrator.verify.worker FMU FOLDER CHECK ...
 
-writes a line of JSON per check, verdict and sentence, to ``FOLDER/report``; ``FOLDER/fmu`` holds the unpacked FMU.
+writes a line of JSON per check, verdict and sentence, to ``FOLDER/report``, and counts calls in ``FOLDER/calls``, see
+``Calls``; ``FOLDER/fmu`` holds the unpacked FMU.
 """
 
 from __future__ import annotations
 
-import faulthandler
+import ctypes
 import json
 import os
+import signal
 import sys
 from functools import cache
 from pathlib import Path
 
 from ..fmi.slave import Log
+from .calls import Calls
 from .checks import CHECKS
 from .registry import FAILED
 from .subject import Subject
 
+_END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
-def main(path: str, scratch: str, limit: str, *names: str) -> None:
+
+def main(path: str, scratch: str, *names: str) -> None:
     """Run checks by name; stop after a gate that failed."""
-    log = Log()
-    subject = cache(lambda: Subject(Path(path), Path(scratch, "fmu"), log))
-    # The watchdog needs nothing from Python, so it also ends a hanging C function. It leaves a trace in "late".
-    with Path(scratch, "report").open("a", encoding="utf-8") as report, Path(scratch, "late").open("w") as late:
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+    log, calls = Log(), Calls(Path(scratch, "calls"))
+    subject = cache(lambda: Subject(Path(path), Path(scratch, "fmu"), log, calls))
+    with Path(scratch, "report").open("a", encoding="utf-8") as report:
         for name in names:
-            faulthandler.dump_traceback_later(float(limit), exit=True, file=late)
             verdict, why = CHECKS[name](subject, log)
-            faulthandler.cancel_dump_traceback_later()
             report.write(json.dumps([verdict, why]) + "\n")
             report.flush()
             log.messages.clear()

@@ -137,7 +137,7 @@ def test_an_ssp_is_not_written_over_its_scenario_nor_under_another_ending_nor_ov
     path = export_ssp(parse_scenario(CHAIN), fmus, tmp_path / "chain.ssp")
     before = path.read_bytes()
     for out, message in (
-        ("chain.ssp", "chain.ssp is the scenario itself. Name another file with --out."),
+        ("chain.ssp", "chain.ssp, which is an input. Name another place with --out."),
         ("chain.toml", "its name must end in .ssp"),
         ("folder.ssp", "it is a folder. Name a file in it with --out."),
     ):

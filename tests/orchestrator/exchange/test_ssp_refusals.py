@@ -6,7 +6,7 @@ import copy
 import random
 
 import pytest
-from gossamer_orchestrator import ScenarioError, open_ssp
+from gossamer_orchestrator import FmuError, ScenarioError, open_ssp
 from lxml import etree
 from ssp_structures import (
     EXPERIMENT,
@@ -164,3 +164,34 @@ def test_however_a_structure_is_damaged_the_answer_is_a_scenario_or_a_scenario_e
         except ScenarioError:
             outcomes.add("refused")
     assert outcomes == {"scenario", "refused"}
+
+
+MAPPING = (
+    '<ssm:ParameterMapping xmlns:ssm="http://ssp-standard.org/SSP1/SystemStructureParameterMapping" version="1.0">'
+    "{}</ssm:ParameterMapping>"
+)
+
+
+@pytest.mark.parametrize(("values", "mapping", "message"), [
+    (SSV.format(real("k", 2.0)), MAPPING.format('<ssm:MappingEntry source="k"/>'),
+     "values.ssm cannot be understood: missing required attribute 'target'"),
+    (SSV.format(real("k", 2.0)), "<nothing/>", "values.ssm is a 'nothing', not a 'ParameterMapping'"),
+    (SSV.format("<ssv:Parameter/>"), MAPPING.format(""), "values.ssv cannot be understood: "),
+    ("<nothing/>", MAPPING.format(""), "values.ssv is a 'nothing', not a 'ParameterSet'"),
+])  # fmt: skip
+def test_the_file_that_departs_from_its_schema_is_named(make, values, mapping, message):
+    bound = (
+        '<ParameterBindings><ParameterBinding source="resources/values.ssv">'
+        '<ParameterMapping source="resources/values.ssm"/></ParameterBinding></ParameterBindings>'
+    )
+    files = {"resources/values.ssv": values, "resources/values.ssm": mapping}
+    with pytest.raises(ScenarioError) as refused:
+        last(make(system(component("a", "gain", GAIN, bound)), files=files), "a.y")
+    assert str(refused.value).startswith(f"other.ssp: {message}")
+    assert "Error" not in str(refused.value)
+
+
+def test_a_broken_fmu_is_named_by_its_place_in_the_archive(make):
+    with pytest.raises(FmuError) as refused:
+        last(make(system(component("a", "notes")), files={"resources/notes.fmu": "notes"}), "a.y")
+    assert str(refused.value).endswith("other.ssp/resources/notes.fmu is not an FMU. It is text.")

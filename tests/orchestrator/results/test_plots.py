@@ -119,3 +119,8 @@ def test_nothing_is_drawn_of_a_stranger_s_run_and_one_line_says_why(tmp_path, ca
         in record.getMessage()
     )
     assert "\n" not in record.getMessage()
+
+
+def test_any_title_can_stand_above_a_picture(data, tmp_path):
+    """A long one is cut; one in dollars is no formula."""
+    assert plots.save_pictures(data.assign_attrs(title=2_000 * r"$\nonsense{$ "), tmp_path)

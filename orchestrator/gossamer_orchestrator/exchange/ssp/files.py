@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 from urllib.parse import unquote
 
+import xmlschema
 from lxml import etree
 from pyssp_standard.ssd import SSD
+from pyssp_standard.ssm import SSM
+from pyssp_standard.ssv import SSV
+from pyssp_standard.standard import ModelicaStandard
 
 from ...errors import ScenarioError
 from ...fmi.archive import Kind
@@ -17,6 +21,12 @@ STRUCTURE = "SystemStructure.ssd"
 SSP = Kind("SSP", STRUCTURE, ScenarioError)
 ANNOTATION = "gossamer.scenario"  # type of the annotation that holds what SSP has no place for:
 KEPT = {"master", "order", "record"}
+_ROOTS = {SSD: "SystemStructureDescription", SSV: "ParameterSet", SSM: "ParameterMapping"}
+_SCHEMAS = {  # by root element, of SSP 1.0 and 2.0
+    "SystemStructureDescription": ("ssd11", "ssd2_11"),
+    "ParameterSet": ("ssv", "ssv2"),
+    "ParameterMapping": ("ssm", "ssm2"),
+}
 
 
 @dataclass(frozen=True)
@@ -29,10 +39,13 @@ class SspFiles:
         Name of the archive, for messages.
     folder : Path
         Where it is unpacked.
+    read_so_far : list of Path
+        XML files that ``read`` has been asked for.
     """
 
     name: str
     folder: Path
+    read_so_far: list[Path] = field(default_factory=list, repr=False)
 
     def refuse(self, what: str, advice: str) -> NoReturn:
         """Raise ``ScenarioError``."""
@@ -69,20 +82,39 @@ class SspFiles:
         comments, and a default experiment, which need not state both times.
         """
         tree = self.parse(path)
+        wanted, found = _ROOTS[kind], etree.QName(tree.getroot()).localname
+        if found != wanted:
+            self.refuse(f"{path.name} is a {found!r}, not a {wanted!r}", "Correct it by SSP's schema")
         for experiment in tree.getroot().findall("{*}DefaultExperiment"):
             tree.getroot().remove(experiment)
         tree.write(path, encoding="utf-8", xml_declaration=True)
+        if path not in self.read_so_far:
+            self.read_so_far.append(path)
         try:
             return kind(path, mode="r")
         except Exception as error:
             # pyssp-standard trusts its files
-            self.refuse(f"{path.name} cannot be read: {type(error).__name__}: {error}", "Correct it by SSP's schema")
+            self.refuse_unread(error)
 
-    def schema_reason(self, path: Path) -> str | None:
-        """Say where a system structure first departs from SSP's schema; None if it does not."""
-        try:
-            SSD(path, mode="r").__check_compliance__()
-        except Exception as error:
-            # xmlschema's errors have a reason and a place, pyssp-standard's neither
-            return f"{getattr(error, 'reason', None) or error} (at {getattr(error, 'path', None) or path.name})"
-        return None
+    def refuse_unread(self, error: Exception) -> NoReturn:
+        """Refuse what pyssp-standard or the reader of the archive tripped over, by the file that departs from its schema."""
+        # values and mappings are read between the parts of the structure
+        for path in sorted(self.read_so_far, key=lambda path: path.name == STRUCTURE):
+            reason = _schema_reason(path)
+            if reason is not None:
+                self.refuse(f"{path.name} cannot be understood: {reason}", "Correct it by SSP's schema")
+        name = self.read_so_far[-1].name
+        self.refuse(f"{name} cannot be understood, {error}", "Report it, for it follows SSP's schema")
+
+
+def _schema_reason(path: Path) -> str | None:
+    """Say where a file of an SSP first departs from SSP's schema; None if it does not."""
+    root = etree.parse(path).getroot()
+    name = etree.QName(root).localname
+    kind = _SCHEMAS[name][root.get("version", "1.0").startswith("2")]
+    schema = (xmlschema.XMLSchema11 if "11" in kind else xmlschema.XMLSchema10)(ModelicaStandard.schemas[kind])
+    try:
+        xmlschema.validate(path, schema, namespaces=ModelicaStandard.namespaces)
+    except xmlschema.XMLSchemaException as error:
+        return f"{getattr(error, 'reason', None) or error} (at {getattr(error, 'path', None) or name})"
+    return None

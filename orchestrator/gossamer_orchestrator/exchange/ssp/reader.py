@@ -50,7 +50,7 @@ def open_ssp(path: Path, *, step: float | None = None, stop: float | None = None
         The archive is dangerous or damaged, or needs what this program cannot do; the message names the part.
     """
     path = Path(path)
-    with TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True) as name:
+    with TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True) as name, _naming(path.name, Path(name)):
         unpack(path, Path(name), SSP)
         files = SspFiles(path.name, Path(name))
         try:
@@ -59,9 +59,19 @@ def open_ssp(path: Path, *, step: float | None = None, stop: float | None = None
             raise
         except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
             # something that the schema requires is missing, or is no number
-            reason = files.schema_reason(files.folder / STRUCTURE) or f"{type(error).__name__}: {error}"
-            files.refuse(f"its system structure cannot be understood: {reason}", "Correct it by SSP's schema")
+            files.refuse_unread(error)
         yield scenario
+
+
+@contextmanager
+def _naming(archive: str, folder: Path) -> Iterator[None]:
+    """Name files by their place in the archive in errors of the ``with`` block, not by the folder it is unpacked into."""
+    try:
+        yield
+    except OrchestratorError as error:
+        for place in (str(folder.resolve()), str(folder)):
+            error.args = tuple(str(text).replace(place, archive) for text in error.args)
+        raise
 
 
 def _read_scenario(files: SspFiles, step: float | None, stop: float | None) -> Scenario:

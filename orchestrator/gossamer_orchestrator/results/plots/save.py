@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
+from textwrap import shorten
 
 import xarray as xr
 
 from ...errors import ResultsError
+from ...files import replacing
 from . import damage, deflection, sensors
 
 logger = logging.getLogger(__name__)
 
 # by file name: a function that draws into a figure, and the figure's size [inch]
 PAGES = sensors.PAGES | damage.PAGES | deflection.PAGES
+LONGEST_TITLE = 120  # characters that fit above a picture
 STYLE = Path(__file__).with_name("pictures.mplstyle")
 
 
@@ -40,8 +43,9 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
                 path.unlink(missing_ok=True)  # of an earlier run
                 reasons.append(str(error))
                 continue
-            figure.suptitle(str(data.attrs.get("title", "")))
-            figure.savefig(path)
+            figure.suptitle(shorten(str(data.attrs.get("title", "")), LONGEST_TITLE), parse_math=False)
+            with replacing(path) as unfinished:
+                figure.savefig(unfinished)
             written.append(path)
     if not written:
         logger.warning("no pictures: %s", reasons[0])

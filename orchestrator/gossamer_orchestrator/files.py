@@ -1,0 +1,55 @@
+"""Write files whole: who reads one finds the old content or the new, whatever ends the writer."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from glob import escape
+from pathlib import Path
+
+STALE = 3600.0  # [s] without a change: its writer was killed
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Write a file under another name, which takes its place when the ``with`` block ends well.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its folder is made if needed. A link is followed; a device is written to directly.
+
+    Yields
+    ------
+    Path
+        Where to write: the same folder and ending. A process that is killed leaves this file; it begins with a dot, and
+        a later writer of the same file removes it.
+
+    Raises
+    ------
+    OSError
+        It cannot be written; what was there is still there.
+    """
+    target = path.resolve()
+    if target.exists() and not target.is_file():  # a device, or a folder, which then refuses
+        yield target
+        return
+    if target.exists() and not os.access(target, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
+    target.parent.mkdir(parents=True, exist_ok=True)
+    for left in target.parent.glob(f".{escape(target.stem)}.*.unfinished{escape(target.suffix)}"):
+        with suppress(FileNotFoundError):  # another process removes it, too
+            if time.time() - left.stat().st_mtime > STALE:
+                left.unlink()
+    unfinished = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.unfinished{target.suffix}")
+    try:
+        yield unfinished
+        with unfinished.open("rb+") as file:
+            os.fsync(file.fileno())
+        unfinished.replace(target)
+    finally:
+        unfinished.unlink(missing_ok=True)

@@ -1,0 +1,132 @@
+"""Commands never damage a file that was good: not by overwriting an input, when killed, or on a full disk."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gossamer_models.campaign import run_campaign
+from gossamer_models.detector import PosteriorArtifact
+from gossamer_models.sensor import SensorArtifact
+from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.cli.campaign_file import load_campaign
+from gossamer_orchestrator.fmi.archive import check_archive
+from typer.testing import CliRunner
+
+CAMPAIGN = "cases = 640\nseed = 3\nstop = 0.06\n[damage]\nzones = [1, 2]\ndepth = [0.3, 0.5]\nhealthy = 0.1\n"
+
+
+@pytest.fixture
+def record(tmp_path, monkeypatch):
+    """A record of 200 samples in the working directory."""
+    monkeypatch.chdir(tmp_path)
+    time = 0.5 * np.arange(200)
+    strain = 0.04 * (1.0 - np.cos(0.25 * time)) * (0.5 + time / 240.0)
+    rows = zip(time, strain, 100.0 + 400.0 * strain + 0.01 * time, strict=True)
+    Path("rec.csv").write_text("time_s,strain [1],R_ohm\n" + "".join(f"{t},{s},{r}\n" for t, s, r in rows))
+    return Path("rec.csv")
+
+
+IDENTIFY = ["identify", "rec.csv", "--modes", "2", "--relaxations", "0", "--starts", "1", "--out", "out/sensor.json"]
+TRAIN = ["train", "small.zarr", "--window", "0.03", "--epochs", "40", "--out", "out/small.json"]
+BUILD = ["build", "sensor", "compensator", "--out", "out"]
+
+
+@pytest.mark.parametrize("command", [
+    ["identify", "rec.csv", "--out"],
+    ["twin", "rec.csv", "--out"],
+    ["watch", "rec.csv", "--out"],
+    ["train", "rec.csv", "--out"],
+    ["campaign", "rec.csv", "--out"],
+    ["export-ssp", "chain.toml", "--fmus", "fmus", "--out"],
+    ["container", "chain.toml", "--fmus", "fmus", "--out"],
+    ["assess-detector", "--artifact", "folder/assessment.json", "--out"],
+    ["build", "sensor", "--artifact", "folder/sensor.fmu", "--out"],
+])  # fmt: skip
+@pytest.mark.parametrize("name", ["itself", "by a detour", "by a link"])
+def test_an_output_that_is_an_input_is_refused(record, fmus, command, name):
+    """Three names of one file; for commands that write into a folder, of the folder."""
+    shutil.copytree(fmus, "fmus")
+    Path("chain.toml").write_text('step = 0.1\nstop = 1.0\n[components.i]\nfmu = "integrator"\ninputs = { u = 1.0 }\n')
+    Path("folder").mkdir()
+    for file in ("folder/assessment.json", "folder/sensor.fmu"):
+        Path(file).write_text("an artifact")
+    given = {"export-ssp": "chain.toml", "container": "fmus/integrator.fmu"}.get(command[0], "rec.csv")
+    if command[0] in ("assess-detector", "build"):
+        given = "folder"
+    ending = {"export-ssp": ".ssp", "container": ".fmu"}.get(command[0], "")
+    Path(f"link{ending}").symlink_to(given)
+    out = {"itself": given, "by a detour": f"fmus/../{given}", "by a link": f"link{ending}"}[name]
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    result = CliRunner().invoke(app, [*command, out])
+    assert result.exit_code == 1
+    assert "which is an input. Name another place with --out." in result.stderr
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+
+
+def test_a_file_in_the_store_that_is_read_is_refused(tmp_path):
+    (tmp_path / "small.zarr").mkdir()
+    (tmp_path / "small.zarr/zarr.json").write_text("{}")
+    store = str(tmp_path / "small.zarr")
+    result = CliRunner().invoke(app, ["train", store, "--out", f"{store}/zarr.json"])
+    assert result.exit_code == 1
+    assert "which is an input" in result.stderr
+
+
+# --- killed, and on a full disk ---
+
+
+@pytest.fixture(params=["identify", "train", "build"])
+def prepared(request, record):
+    """The folder ``before`` with what an earlier command wrote, and a command that will replace all of it."""
+    Path("before").mkdir()
+    if request.param == "identify":
+        shutil.copy("rec.csv", "before")
+        earlier, command = [*IDENTIFY, "--ridge", "1e-3"], IDENTIFY
+    elif request.param == "train":
+        Path("small.toml").write_text(CAMPAIGN)
+        run_campaign(load_campaign(Path("small.toml"))[0], Path("before/small.zarr"), workers=1)
+        earlier, command = [*TRAIN, "--epochs", "30"], TRAIN
+    else:
+        earlier, command = [*BUILD, "--native"], BUILD
+    done = subprocess.run([sys.executable, "-m", "gossamer_orchestrator", *earlier], cwd="before", check=False)
+    assert done.returncode == 0
+    return command
+
+
+def files(folder):
+    """Return the content of the files in ``out`` by path; those that begin with a dot are nobody's result."""
+    here = Path(folder, "out")
+    return {path.relative_to(here): path.read_bytes() for path in here.rglob("[!.]*") if path.is_file()}
+
+
+def assert_nothing_is_damaged(folder):
+    """Every file is the old or the new one, and artifacts and FMUs can be read."""
+    before, complete, found = files("before"), files("complete"), files(folder)
+    assert found.keys() >= before.keys()
+    assert {name for name, content in found.items() if content not in (before.get(name), complete[name])} == set()
+    for path in Path(folder, "out").glob("[!.]*"):
+        if path.suffix == ".json":
+            {"sensor": SensorArtifact, "small": PosteriorArtifact}[path.stem].read(path)
+        elif path.suffix == ".fmu":
+            check_archive(path)
+
+
+def test_a_command_that_is_killed_or_lacks_space_damages_nothing(prepared):
+    times = 1 if prepared is TRAIN else 4  # training takes long; its writer is tested at every moment in test_files.py
+    script = Path(__file__).with_name("disturbed_command.py")
+    done = subprocess.run(
+        [sys.executable, script, "1", str(times), *prepared], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert "File too large. Name another place with --out." in " ".join(done.stderr.split())
+    assert files("before") != files("complete")
+    disturbed = [*Path().glob("killed_*"), *Path().glob("full_*")]
+    assert len(disturbed) == times + min(times, 3)
+    for folder in disturbed:
+        assert_nothing_is_damaged(folder)

@@ -1,0 +1,161 @@
+"""FMUs in C that are odd but right raise no alarm; those that misbehave are named, and leave no process behind."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import fmpy
+import pytest
+from gossamer_models.compiler import compile_shared
+from gossamer_orchestrator.verify import FAILED, PASSED, REMARK, verify
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="its FMUs are written for Linux")
+
+XML = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="odd" guid="{{odd}}" generationTool="hand">
+  <CoSimulation modelIdentifier="odd" canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>
+  <UnitDefinitions><Unit name="m"><BaseUnit m="1"/></Unit></UnitDefinitions>
+  <DefaultExperiment startTime="0" {experiment}/>
+  <ModelVariables>
+    <ScalarVariable name="u" valueReference="0" causality="input"><Real unit="m" start="0"/></ScalarVariable>
+    <ScalarVariable name="y" valueReference="1" causality="output"><Real unit="m"/></ScalarVariable>
+    <ScalarVariable name="p" valueReference="2" causality="parameter" variability="fixed">
+      <Real unit="m" start="0"/>
+    </ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    <Outputs><Unknown index="2"/></Outputs>
+    <InitialUnknowns><Unknown index="2"/></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"""
+# until it is fed a time that lies behind its end
+BRIEF = 'stopTime="0.5" stepSize="0.01"'
+
+
+@pytest.fixture
+def odd(tmp_path):
+    """Return a function that makes an FMU of some C statements and tells what ``verify`` finds, by check."""
+    pytest.importorskip("ziglang")
+
+    def make(*only, load="", instantiation="", step="", experiment='stepSize="0.01"', limit=20.0):
+        here = Path(__file__).parent
+        header = f"#define AT_LOAD {load}\n#define AT_INSTANTIATION {instantiation}\n#define AT_STEP {step}\n"
+        header += f'#define PIDS "{tmp_path / "pids"}"\n'
+        sources = {"odd.c": (here / "odd.c").read_bytes(), "odd.h": header.encode()}
+        headers = Path(fmpy.__file__).parent / "c-code"
+        binary = compile_shared(sources, "odd.c", "odd.so", ["-I", str(headers)], "an odd FMU")
+        with zipfile.ZipFile(tmp_path / "odd.fmu", "w") as archive:
+            archive.writestr("modelDescription.xml", XML.format(experiment=experiment))
+            archive.writestr(f"binaries/{fmpy.platform}/odd.so", binary)
+        return {each.check: each for each in verify(tmp_path / "odd.fmu", only=only or None, limit=limit)}
+
+    return make
+
+
+def failures(findings):
+    return [each for each in findings.values() if each.verdict == FAILED]
+
+
+def test_a_plain_one_has_no_failure_and_a_fixed_parameter_that_can_be_set_late_is_a_remark(odd):
+    """FMI 2.0 forbids the host to set it; what the FMU does then is undefined."""
+    findings = odd()
+    assert failures(findings) == []
+    assert findings["fixed parameter"].verdict == REMARK
+    assert (
+        findings["fixed parameter"].why
+        == "'p' is fixed, but can be set after initialization, which a host must not do."
+    )
+    assert "processes" not in findings
+
+
+def test_one_that_ends_the_simulation_itself_has_no_failure(odd):
+    """As FMI 2.0 has it: fmi2Discard, and fmi2Terminated is true; after that a step is an error."""
+    ending = "if (time + size > 0.3) { one->over = 1; return fmi2Discard; }"
+    for experiment in ('stopTime="1" stepSize="0.01"', 'stepSize="0.01"'):
+        findings = odd(step=ending, experiment=experiment)
+        assert failures(findings) == []
+        assert findings["steps"].verdict == REMARK
+        assert "ends the simulation in step 30 of 0.01 s, by t = 0.31 s" in findings["steps"].why
+        assert findings["memory"].verdict == PASSED
+
+
+def test_one_that_refuses_to_go_on_after_its_stop_time_has_no_failure(odd):
+    findings = odd(step="if (time + size > 0.5 + 1e-9) return fmi2Error;", experiment=BRIEF)
+    assert failures(findings) == []
+    assert findings["steps"].why.startswith("50 steps of 0.01 s")
+
+
+def test_a_discarded_step_without_an_end_is_a_failure_with_one_full_stop(odd):
+    findings = odd("steps", "reset", step="if (time > 0.3) return fmi2Discard;")
+    assert findings["steps"].why == "Step 31 of 0.01 s is discarded."
+    assert findings["reset"].why == "fmi2DoStep failed with status 2 (discard)."
+
+
+def test_the_limit_holds_for_a_call_not_for_a_check(odd):
+    """A hundred steps of 20 ms take longer than the limit of 1 s."""
+    findings = odd("steps", step="usleep(20000);", limit=1.0)
+    assert failures(findings) == []
+
+
+@pytest.mark.parametrize("where", ["load", "instantiation", "step"])
+@pytest.mark.parametrize("how", ["for (;;) pause();", "for (;;) ;", "raise(SIGSTOP);"])
+def test_a_call_that_does_not_return_is_ended(odd, where, how):
+    findings = odd("steps", **{where: how}, limit=1.0)
+    check = {"load": "exported functions", "instantiation": "start", "step": "steps"}[where]
+    assert findings[check].verdict == FAILED
+    assert findings[check].why == "The FMU did not answer within 1 s."
+
+
+def ended(process):
+    """Tell whether a process has ended, be it that nobody has asked for its code yet."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] in "ZX"
+    except FileNotFoundError:
+        return True
+
+
+@pytest.mark.parametrize(("how", "children"), [
+    ("if (time == 0) for (int i = 0; i < 5; i++) start;", 5),
+    ("if (time == 0) { if (!fork()) { setsid(); start; _exit(0); } wait(NULL); }", 1),
+    ("if (time == 0) { start; for (;;) pause(); }", 1),
+])  # fmt: skip
+def test_processes_that_it_starts_are_ended_and_reported(odd, tmp_path, how, children):
+    """Children, a daemon that has left the group, and a child of a process that hangs itself."""
+    start = "{ int child = fork(); if (!child) for (;;) pause(); note(child); }"
+    findings = odd("steps", step=how.replace("start;", start), limit=1.0)
+    assert findings["processes"].verdict == REMARK
+    started = [int(line) for line in (tmp_path / "pids").read_text().split()]
+    assert len(started) == children
+    assert f"It left {children} running process" in findings["processes"].why
+    patience = time.monotonic() + 10.0
+    while not all(map(ended, started)) and time.monotonic() < patience:
+        time.sleep(0.01)  # a signal takes a moment
+    assert all(map(ended, started))
+
+
+def test_a_child_that_returns_from_a_step_changes_no_verdict(odd):
+    """Both processes come back from the first step: one continues, the other must not write into the report."""
+    findings = odd("steps", "reset", "two instances", step="if (time == 0) fork();")
+    assert failures(findings) == []
+    assert [findings[name].verdict for name in ("steps", "reset", "two instances")] == [PASSED] * 3
+
+
+def test_verify_leaves_no_process_when_it_is_interrupted(odd, tmp_path, monkeypatch):
+    pids = tmp_path / "pids"
+
+    def interrupt(_watch):
+        if pids.exists():
+            raise KeyboardInterrupt
+        return False
+
+    monkeypatch.setattr("gossamer_orchestrator.verify.calls.Watch.is_late", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        odd("steps", step="if (time == 0) { note(getpid()); for (;;) pause(); }")
+    (worker,) = (int(line) for line in pids.read_text().split())
+    assert worker != os.getpid()
+    assert ended(worker)
