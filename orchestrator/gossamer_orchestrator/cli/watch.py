@@ -77,7 +77,7 @@ def watch(
 
 
 class LiveWatch:
-    """Observer of a run that watches it while it goes on.
+    """Observer of a run that watches it while it goes on, in the process of the run.
 
     Parameters
     ----------
@@ -98,6 +98,7 @@ class LiveWatch:
         """Record what the scenario records."""
         from ..run.recorder import Recorder
 
+        self._out.unlink(missing_ok=True)  # of an earlier run
         self._recorder = Recorder(simulation.plan)
         self._recorder.begin(simulation)
 
@@ -126,7 +127,7 @@ class LiveWatch:
     def end(self, simulation: Simulation) -> None:  # noqa: ARG002
         """Write what was found."""
         if self._report.misfits:
-            typer.echo(self._report.end(self._out))
+            self._report.end(self._out)
 
 
 class _Report:

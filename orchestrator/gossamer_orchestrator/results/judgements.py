@@ -14,9 +14,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..errors import ResultsError
+from .columns import LIKENESS
 from .roles import find, need
 
-LIKENESS = ("similarity", "misfit")  # outputs of the detectors
 LEAST_SIMILARITY, LARGEST_MISFIT = 0.5, 1.0  # of a valid judgement, by the interface of the detectors
 
 

@@ -18,7 +18,6 @@ from gossamer_orchestrator import (
     build_container,
     load_scenario,
     parse_scenario,
-    run_scenario,
 )
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import split_indices
@@ -88,7 +87,7 @@ def simulate(tmp_path):
 
 def own(scenario, fmus, watched=WATCHED):
     """The orchestrator's trajectories."""
-    data = run_scenario(scenario, fmus)
+    data = simulate(scenario, fmus)
     columns = []
     for name in watched:
         base, index = split_indices(name)
