@@ -13,7 +13,7 @@ from pathlib import Path
 import fmpy
 from gossamer_models.compiler import compile_shared
 
-EXIT, SEGFAULT, ABORT, OVERFLOW, HANG, NAN, INFINITE, FORK, HANG_WHEN_FREED, CRASH_WHEN_FREED = range(1, 11)
+EXIT, SEGFAULT, ABORT, OVERFLOW, HANG, NAN, INFINITE, FORK, HANG_WHEN_FREED, CRASH_WHEN_FREED, WAIT = range(1, 12)
 SLEEPER = "sleeper"  # an instance of this name never returns from its instantiation
 
 SOURCE = r"""
@@ -30,6 +30,12 @@ enum { U, FAULT, AT, PAUSE, INPUTS, FIRST = 10 };
 typedef struct { double x, inputs[INPUTS]; long steps; } State;
 
 static void hang(void) { for (;;) { struct timespec second = {1, 0}; nanosleep(&second, NULL); } }
+#ifndef _WIN32
+static void wait(const char *gate) {  // until there is a file of that name
+    struct timespec moment = {0, 5000000};
+    while (access(gate, F_OK)) nanosleep(&moment, NULL);
+}
+#endif
 static int overflow(int depth) { volatile char room[4096]; room[0] = (char)depth; return overflow(depth + 1) + room[0]; }
 
 static void misbehave(State *s) {
@@ -43,6 +49,7 @@ static void misbehave(State *s) {
     case 7: s->x = INFINITY; break;
 #ifndef _WIN32
     case 8: if (fork() == 0) hang(); break;
+    case 11: wait(getenv("HOSTILE_GATE")); break;
 #endif
     }
 }

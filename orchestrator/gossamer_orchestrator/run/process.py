@@ -132,7 +132,9 @@ class Process:
                 return
             asked = asked or (now if position[STOP] else 0.0)
             if asked and now - asked > GRACE and not over:
-                self._kill(KeyboardInterrupt())
+                interrupt = KeyboardInterrupt()
+                interrupt.add_note(str(self._blame("did not return", "Its process was ended.")))
+                self._kill(interrupt)
                 return
 
     def _seconds(self, more: int = 0) -> float:

@@ -1,7 +1,7 @@
 """Write the rows of a run to the disk as they come, and the state to resume from.
 
 Rows wait in memory that another process can read: when an FMU ends the process of a run, whoever watches it writes those
-that wait. They wait a second, or until they fill that memory.
+that wait. They wait half a second, or until they fill that memory.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import mmap
 import shutil
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-WAIT = 1.0  # [s] that a row waits at most
+WAIT = 0.5  # [s] that a row waits at most
 _SHARE = 20  # a state is saved after so many times the time that saving it takes
 _BYTES = 1_000_000  # of the rows that wait
 
@@ -47,7 +48,8 @@ def open_rows(path: Path, shape: tuple[int, int], *, new: bool = False) -> NDArr
     """Map the table of the rows that wait, which is a file."""
     size = 8 * shape[0] * shape[1]
     if new:
-        path.write_bytes(bytes(size))
+        with writing(path, ResultsError):
+            path.write_bytes(bytes(size))
     with path.open("r+b") as file:
         return np.frombuffer(mmap.mmap(file.fileno(), size), dtype=np.float64).reshape(shape)
 
@@ -97,8 +99,10 @@ class Stream:
         self._rows = open_rows(waiting, self._shape, new=True)
         self._recorder = Recorder(plan, self._rows)
         self._digests = {} if checkpoint.unable(plan) else checkpoint.digests(plan)
-        self._cost = 0.0
-        self._saved = self._written = time.perf_counter()
+        self._cost, self._saved = 0.0, time.perf_counter()
+        self._lock, self._ended = threading.Lock(), threading.Event()
+        self._failure: ResultsError | None = None
+        self._writer = threading.Thread(target=self._write_regularly, daemon=True)
 
     def begin(self, simulation: Simulation) -> None:
         """Start the file, or open it again."""
@@ -111,52 +115,69 @@ class Stream:
             if not path.exists():
                 (self._folder / NETCDF).replace(path)
             self._file = GrowingFile.reopen(path, header, layout, self._resumed["rows"])
-        position = simulation.position
-        position[ROWS] = position[FIRST] = self._file.count
-        position[DIVIDED] = simulation.divided
+        self._position = simulation.position
+        self._position[ROWS] = self._position[FIRST] = self._file.count
+        self._position[DIVIDED] = simulation.divided
         self._recorder.begin(simulation)
         self._announce(Shared(layout, self._shape))
+        self._writer.start()
 
     def sample(self, simulation: Simulation) -> None:
-        """Record, and write what has waited."""
-        recorder = self._recorder
-        recorder.sample(simulation)
-        simulation.position[ROWS] = self._file.count + recorder.count
-        now = time.perf_counter()
-        if recorder.count == self._shape[0]:
-            self._write(simulation)
-        if now - self._written > WAIT:
-            self._written = now
-            self._write(simulation)
-            if now - self._saved > _SHARE * self._cost:
-                self._save(simulation)
+        """Record, and write what has waited.
 
-    def end(self, simulation: Simulation) -> None:
+        Raises
+        ------
+        ResultsError
+            The disk is full.
+        """
+        with self._lock:
+            self._recorder.sample(simulation)
+            self._position[ROWS] = self._file.count + self._recorder.count
+            if self._recorder.count == self._shape[0]:
+                self._write()
+        if self._failure is not None:
+            raise self._failure
+        if time.perf_counter() - self._saved > WAIT + _SHARE * self._cost:
+            self.save(simulation)
+
+    def end(self, simulation: Simulation) -> None:  # noqa: ARG002
         """Write the rest."""
-        self._write(simulation)
-        self._file.close()
+        self._ended.set()
+        self._writer.join()
+        try:
+            self._write()
+        finally:
+            self._file.close()
 
     def save(self, simulation: Simulation) -> None:
-        """Write the state of a run that was interrupted between two steps."""
-        self._save(simulation)
-
-    def _write(self, simulation: Simulation) -> None:
-        self._file.append(self._recorder.rows)
-        self._recorder.clear()
-        simulation.position[FIRST] = self._file.count
-
-    def _save(self, simulation: Simulation) -> None:
         """Save the state to resume from, if the FMUs can; the run goes on if the disk cannot."""
         if not self._digests:
             return
         path, begun = self._folder / RESUME, time.perf_counter()
+        with self._lock:
+            if not self._ended.is_set():
+                self._write()
         try:
-            with writing(path, ResultsError):
-                checkpoint.save(path, simulation, self._file.count, self._digests)
+            checkpoint.save(path, simulation, self._file.count, self._digests)
         except ResultsError as error:
             logger.warning("no state to resume from at t = %.9g s: %s", simulation.time, error)
         self._saved = time.perf_counter()
         self._cost = self._saved - begun
+
+    def _write(self) -> None:
+        self._file.append(self._recorder.rows)
+        self._recorder.clear()
+        self._position[FIRST] = self._file.count
+
+    def _write_regularly(self) -> None:
+        """Write what waits, however long an FMU takes for its step."""
+        while not self._ended.wait(WAIT):
+            with self._lock:
+                try:
+                    self._write()
+                except ResultsError as error:
+                    self._failure = error
+                    return
 
 
 def write_waiting(path: Path, waiting: Path, shared: Shared, position: memoryview) -> GrowingFile:

@@ -22,6 +22,7 @@ from gossamer_orchestrator import (
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import split_indices
 from gossamer_orchestrator.scenario.shipped import find_scenario
+from simulated import simulate as simulate_here
 from typer.testing import CliRunner
 
 HOST = Path(__file__).with_name("container_host.py")
@@ -87,7 +88,7 @@ def simulate(tmp_path):
 
 def own(scenario, fmus, watched=WATCHED):
     """The orchestrator's trajectories."""
-    data = simulate(scenario, fmus)
+    data = simulate_here(scenario, fmus)
     columns = []
     for name in watched:
         base, index = split_indices(name)
