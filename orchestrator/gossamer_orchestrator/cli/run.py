@@ -16,6 +16,7 @@ from .watch import LiveWatch
 
 DEMO = "damage_begins"
 WATCHED = "watch.json"
+LARGEST_PICTURE = 200_000  # points
 
 
 def run(
@@ -114,7 +115,10 @@ def _run(
     if pictures:
         from ..results.plots import save_pictures
 
-        for path in save_pictures(data, out):
+        stride = -(-data.sizes["time"] // LARGEST_PICTURE)
+        if stride > 1:
+            typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
+        for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
             typer.echo(path)
     console = Console(stderr=True)
     try:

@@ -260,3 +260,15 @@ def test_the_first_warning_of_every_fmu_is_told_once(fmus, caplog):
     assert [record.getMessage() for record in caplog.records] == [
         f"component {name!r} at t = 0.5 s: y is 0.625, which worries me" for name in "ab"
     ]
+
+
+@pytest.mark.parametrize("master", ["gauss-seidel", "jacobi"])
+def test_the_last_point_and_the_ends_of_windows_are_recorded_with_all_variables(fmus, master):
+    text = (
+        f'step = 0.125\nstop = 2.875\nmaster = "{master}"\n[components.d]\nfmu = "detector"\n[components.c]\nfmu = "clock"\n'
+        "inputs = { u = 0.0 }\n[record]\nevery = 7\n"
+    )
+    data = simulate(parse_scenario(text), fmus)
+    assert (data["time"].values / 0.125).tolist() == [0, 5, 7, 10, 14, 15, 20, 21, 23]
+    for name in ("c.end", "d.now"):
+        assert data[name].values.tolist() == data["time"].values.tolist()
