@@ -40,7 +40,7 @@ def master(plan) -> float:
 
 
 def streamed(plan) -> float:
-    """Time a communication step as a run has it: streamed to the disk, every value checked, the position written [s of CPU]."""
+    """Time a communication step as a run has it: streamed, every value checked, the position written [s of CPU]."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         position = open_position(folder / "position", new=True)

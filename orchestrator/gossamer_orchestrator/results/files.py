@@ -31,7 +31,7 @@ NETCDF, CSV = "results.nc", "results.csv"
 UNFINISHED_NETCDF, RESUME = "unfinished.nc", "unfinished.npz"
 CSV_VALUES = 10_000_000  # above, a CSV file is written on demand only
 _CSV_BYTES = 20  # a value, at most
-_LOADED = 200_000_000  # [byte] results above stay on the disk until they are used
+_LOADED = 20_000_000  # [byte] results above stay on the disk until they are used
 _CELLS = 500_000  # values that are in memory at a time
 
 
@@ -118,7 +118,7 @@ def load_results(path: Path) -> xr.Dataset:
     """Read results from ``results.nc``, ``results.csv`` or a folder that holds them.
 
     A CSV file gives the same variables and units, without descriptions and provenance. A folder gives its last run: that is
-    ``unfinished.nc`` if its program was killed or is still running, which a warning says. Results above 200 MB stay on the
+    ``unfinished.nc`` if its program was killed or is still running, which a warning says. Results above 20 MB stay on the
     disk until they are used.
 
     Raises

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import hostile as faults
 import numpy as np
 import psutil
 import pytest
-from gossamer_orchestrator import SimulationError, load_results, run_scenario
+from gossamer_orchestrator import (
+    ResultsError,
+    ScenarioError,
+    Simulation,
+    SimulationError,
+    load_results,
+    make_plan,
+    run_scenario,
+)
+from gossamer_orchestrator.run.checkpoint import digests, save
 
 
 def assert_right_until(data, stop):
@@ -76,3 +88,38 @@ def test_what_an_fmu_starts_ends_with_the_run(hostile, beside, tmp_path):
     run_scenario(beside(f"fault = {faults.FORK}, at = 21"), hostile, tmp_path)
     after = [process for process in psutil.process_iter(["cmdline"]) if process.pid not in before]
     assert [process for process in after if "gossamer_orchestrator.run.child" in (process.info["cmdline"] or [])] == []
+
+
+def test_memory_does_not_grow_with_the_run(hostile, tmp_path):
+    """Peak of the process of a run, with twenty variables and noise, at 10,000 and 100,000 steps [MB]."""
+    peaks = []
+    for steps in (10_000, 100_000):
+        text = (
+            f'step = 0.5\nstop = {0.5 * steps}\n[components.a]\nfmu = "wide"\ninputs = {{ u = 0.0 }}\n[components.b]\n'
+            'fmu = "hostile"\n[[connections]]\nfrom = "a.y[1]"\nto = "b.u"\nnoise = { kind = "normal", amplitude = 0.1 }\n'
+            'dropout = { probability = 0.1 }\n[record]\nvariables = ["a.y*"]\n'
+        )
+        (tmp_path / "it.toml").write_text(text)
+        code = (
+            "import resource, sys\nfrom gossamer_orchestrator import run_scenario\n"  # no guard of the main module
+            f"data = run_scenario({str(tmp_path / 'it.toml')!r}, {str(hostile)!r}, {str(tmp_path / 'out')!r}, csv=False)\n"
+            "print(data.sizes['time'], resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024)\n"
+        )
+        (tmp_path / "script.py").write_text(code)
+        done = subprocess.run([sys.executable, tmp_path / "script.py"], capture_output=True, text=True, check=True)
+        rows, peak = done.stdout.split()
+        assert int(rows) == steps + 1
+        peaks.append(float(peak))
+    assert peaks[1] < min(200.0, peaks[0] + 5.0)  # the table of the longer run has 16 MB
+
+
+def test_a_state_that_no_fmu_can_serialize_or_that_is_of_another_run_is_refused(hostile, beside, fmus, chain, tmp_path):
+    with pytest.raises(ScenarioError, match=r"^gain, integrator cannot serialize their state .* cannot be resumed"):
+        run_scenario(chain(), fmus, tmp_path / "a", resume=True)
+    with pytest.raises(ResultsError, match=r"^there is no unfinished run in .* to resume. Run it from its start"):
+        run_scenario(beside(), hostile, tmp_path / "b", resume=True)
+    plan = make_plan(beside(), hostile)
+    with Simulation(plan) as simulation:
+        save(tmp_path / "unfinished.npz", simulation, 0, digests(plan))
+    with pytest.raises(ScenarioError, match=r"^the scenario differs from the unfinished run in "):
+        run_scenario(beside("at = 1"), hostile, tmp_path, resume=True)
