@@ -119,7 +119,7 @@ def load_results(path: Path) -> xr.Dataset:
 
     A CSV file gives the same variables and units, without descriptions and provenance. A folder gives its last run: that is
     ``unfinished.nc`` if its program was killed or is still running, which a warning says. Results above 20 MB stay on the
-    disk until they are used.
+    disk until they are used, and have no index: select by place, or call ``set_xindex``.
 
     Raises
     ------
@@ -137,10 +137,11 @@ def load_results(path: Path) -> xr.Dataset:
     try:
         if path.suffix == ".csv":
             return _load_csv(path)
-        data = xr.open_dataset(path, engine="scipy")
-        if path.stat().st_size <= _LOADED:
-            with data:
-                data.load()
+        if path.stat().st_size > _LOADED:  # an index over time would read the whole file
+            data = xr.open_dataset(path, engine="scipy", create_default_indexes=False)
+        else:
+            with xr.open_dataset(path, engine="scipy") as opened:
+                data = opened.load()
     except (OSError, ValueError, TypeError, IndexError, StopIteration) as error:
         msg = f"cannot read results from {path}: {error}. Run the scenario again."
         raise ResultsError(msg) from error
