@@ -45,6 +45,10 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
         name = script.stem.removeprefix("toy_")
         with contextlib.redirect_stdout(io.StringIO()):
             FmuBuilder.build_FMU(script, dest=folder / f"{name}.fmu", canGetAndSetFMUstate=True)
+    detector = folder / "detector.fmu"
+    rewrite(
+        detector.rename(folder / "toy_detector.fmu"), detector, lambda xml: xml.replace("ToyDetector", "detector", 1)
+    )
     rewrite(folder / "clock.fmu", folder / "delay.fmu", _without_feedthrough)
     rewrite(folder / "integrator.fmu", folder / "forgetful.fmu", _without_state)
     rewrite(folder / "gain.fmu", folder / "pascal.fmu", with_unit("y", "Pa", 'kg="1" m="-1" s="-2"'))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gossamer_orchestrator import run_scenario
+from gossamer_orchestrator import open_ssp
+from simulated import simulate
 
 SSD = """<?xml version="1.0" encoding="UTF-8"?>
 <SystemStructureDescription xmlns="http://ssp-standard.org/SSP1/SystemStructureDescription"
@@ -85,4 +86,5 @@ NESTED = system(
 
 
 def last(path: Path, name: str, **options: float) -> float:
-    return float(run_scenario(path, "nowhere", step=0.1, **options)[name][-1])
+    with open_ssp(path, step=0.1, **options) as scenario:
+        return float(simulate(scenario, Path("nowhere"))[name][-1])

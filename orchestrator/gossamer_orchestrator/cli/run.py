@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,6 +14,8 @@ from .common import FMUS, FmuFolder, wide
 from .watch import LiveWatch
 
 DEMO = "damage_begins"
+WATCHED = "watch.json"
+LARGEST_PICTURE = 200_000  # points
 
 
 def run(
@@ -29,11 +31,24 @@ def run(
         bool,
         typer.Option("--watch", help="Run the digital twin beside it: an alarm when damage begins, then its place."),
     ] = False,
+    limit: Annotated[
+        float | None,
+        typer.Option(help="End the run if one call of an FMU takes longer [s].", metavar="SECONDS", min=0.0),
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="End the run at the first value that is not finite, instead of a warning.")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the unfinished run in the folder for results.")
+    ] = False,
+    csv: Annotated[
+        bool | None, typer.Option(help="Write results.csv; by default if it has at most 10 million values.")
+    ] = None,
 ) -> None:
     """Run a scenario.
 
-    Writes results.nc, results.csv and pictures, and prints their paths. An interrupted or failed run keeps the results
-    up to then.
+    Writes results.nc, results.csv and pictures, and prints their paths. The FMUs run in a process of their own, and results
+    are on the disk within a second: whatever ends the run, what it reached is kept, and --resume continues it.
 
     For example:
 
@@ -44,10 +59,13 @@ def run(
         gossamer run damage_begins --watch
 
         gossamer run other.ssp --step 1e-3 --stop 2
+
+        gossamer run my_scenario.toml --resume
     """
     path = find_scenario(scenario)
     folder = Path("out") / path.stem if out is None else out
-    _run(path, fmus, folder, pictures=pictures, watched=watched, step=step, stop=stop)
+    options = {"step": step, "stop": stop, "limit": limit, "strict": strict, "resume": resume, "csv": csv}
+    _run(path, fmus, folder, pictures=pictures, watched=watched, **options)
 
 
 def demo(
@@ -74,31 +92,32 @@ def _run(
     *,
     pictures: bool,
     watched: bool,
-    step: float | None = None,
-    stop: float | None = None,
+    **options: Any,  # noqa: ANN401
 ) -> None:
     """Run one scenario, write everything, and print the judgements as tables on stderr, if there is a detector."""
     from ..results.files import CSV, NETCDF
     from ..results.judgements import doubts, windows
     from ..results.tables import history_table, zone_table
-    from ..run.master import Observer
     from ..run.progress import ProgressBar
     from ..run.runner import run_scenario
 
+    observers = [LiveWatch(out / WATCHED)] if watched else []
     try:
-        observers: list[Observer] = [ProgressBar(scenario.stem)]
-        if watched:
-            observers.append(LiveWatch(out / "watch.json"))
-        data = run_scenario(scenario, fmus, out, step=step, stop=stop, observers=observers)
-    except KeyboardInterrupt:
-        typer.echo(f"Interrupted; results until then are in {out}.", err=True)
+        data = run_scenario(scenario, fmus, out, observers=observers, progress=ProgressBar(scenario.stem), **options)
+    except KeyboardInterrupt as error:
+        for text in ("Interrupted.", *getattr(error, "__notes__", ())):
+            typer.echo(text, err=True)
         raise typer.Exit(130) from None
-    typer.echo(out / NETCDF)
-    typer.echo(out / CSV)
+    for name in (NETCDF, CSV, *[WATCHED] * watched):
+        if (out / name).is_file():
+            typer.echo(out / name)
     if pictures:
         from ..results.plots import save_pictures
 
-        for path in save_pictures(data, out):
+        stride = -(-data.sizes["time"] // LARGEST_PICTURE)
+        if stride > 1:
+            typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
+        for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
             typer.echo(path)
     console = wide(stderr=True)
     try:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gossamer_models.twin import Record
 
 KINDS = ("resistance", "strain")
+OFF_GRID = 1e-3  # steps
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +95,7 @@ def find_in_results(data: xr.Dataset, kind: str | None, noise: float | None, par
     from gossamer_models.membrane import MembraneParams
 
     names = asdict(MembraneParams())
-    record, sensors = _recorded(data, kind, noise)
+    record, sensors = _recorded(_on_grid(data), kind, noise)
     known = {name: value for name, value in _parameters(data, roles.find(data, "membrane")).items() if name in names}
     return Found(
         record=record, params=MembraneParams(**{**known, **_assigned(params, names)}), sensor_parameters=sensors
@@ -109,6 +110,16 @@ def _of_a_run(path: Path) -> bool:
     except (OSError, UnicodeDecodeError):
         return False
     return any("." in name.partition("[")[0] for name in names)
+
+
+def _on_grid(data: xr.Dataset) -> xr.Dataset:
+    """Leave out the ends of windows and of the run that were recorded between two points of ``record every``."""
+    time = data["time"].to_numpy()
+    if len(time) < 3:
+        return data
+    step = float(data.attrs["step"] * data.attrs["record_every"]) if "record_every" in data.attrs else None
+    place = (time - time[0]) / (step or float(np.median(np.diff(time))))
+    return data.isel(time=np.abs(place - np.round(place)) < OFF_GRID)
 
 
 def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[Record, dict[str, list[float]]]:

@@ -82,7 +82,7 @@ def watch(
 
 
 class LiveWatch:
-    """Observer of a run that watches it while it goes on.
+    """Observer of a run that watches it while it goes on, in the process of the run.
 
     Parameters
     ----------
@@ -94,17 +94,18 @@ class LiveWatch:
 
     def __init__(self, out: Path, window: float = 0.05) -> None:
         self._out, self._window = out, window
-        self._console = Console(stderr=True)
-        self._report = _Report(self._console)
         self._watching: Watch | None = None
+        self._report: _Report | None = None
         self._seen = 0.0
 
     def begin(self, simulation: Simulation) -> None:
         """Record what the scenario records."""
         from ..run.recorder import Recorder
 
+        self._out.unlink(missing_ok=True)  # of an earlier run
         self._recorder = Recorder(simulation.plan)
         self._recorder.begin(simulation)
+        self._report = _Report(Console(stderr=True))
 
     def sample(self, simulation: Simulation) -> None:
         """Judge a window when it is complete."""
@@ -113,6 +114,8 @@ class LiveWatch:
         if (len(self._recorder.time) - 1) * step < self._seen + self._window:
             return
         self._seen += self._window
+        report = self._report
+        assert report is not None
         from ..results.dataset import make_dataset
         from .twin_record import find_in_results
 
@@ -124,14 +127,14 @@ class LiveWatch:
             samples = _samples(self._window, found)
             if self._watching is None:
                 self._watching = _begin(found, None, 4, 4, FALSE_ALARMS)
-            first = samples * len(self._report.misfits)
+            first = samples * len(report.misfits)
             if found.record.samples >= first + samples:
-                self._report.take(self._watching.advance(found.record.values[:, first : first + samples]))
+                report.take(self._watching.advance(found.record.values[:, first : first + samples]))
 
     def end(self, simulation: Simulation) -> None:  # noqa: ARG002
         """Write what was found."""
-        if self._report.misfits:
-            typer.echo(self._report.end(self._out))
+        if self._report is not None and self._report.misfits:
+            self._report.end(self._out)
 
 
 class _Report:

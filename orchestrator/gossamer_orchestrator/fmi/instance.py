@@ -154,6 +154,19 @@ class Instance:
         """Restore the saved state."""
         self._check(self._set_state(self._component, self._state), "did not restore its saved state")
 
+    def serialize(self) -> bytes:
+        """Return the present state as bytes, which another process can continue from."""
+        state = self._call("did not save its state", "getFMUState")
+        data: bytes = self._call("did not serialize its state", "serializeFMUState", state)
+        self._call("did not free its state", "freeFMUState", state)
+        return data
+
+    def deserialize(self, data: bytes) -> None:
+        """Continue from a state that ``serialize`` returned."""
+        state = self._call("did not read its serialized state", "deserializeFMUState", data)
+        self._call("did not restore its serialized state", "setFMUState", state)
+        self._call("did not free its state", "freeFMUState", state)
+
     def close(self) -> None:
         """Terminate and free it; after fmi2Fatal nothing may be called, so it stays in memory."""
         component, self._component = self._component, None
@@ -169,10 +182,10 @@ class Instance:
                 self._slave.freeInstance()
         self.log.close()
 
-    def _call(self, what: str, method: str, *arguments: object) -> None:
+    def _call(self, what: str, method: str, *arguments: object) -> Any:  # noqa: ANN401
         """Call a method of FMPy's instance; ``what`` describes its failure."""
         try:
-            getattr(self._slave, method)(*arguments)
+            return getattr(self._slave, method)(*arguments)
         except FMICallException as error:
             self._check(error.status, what)
 

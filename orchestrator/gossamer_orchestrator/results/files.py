@@ -1,21 +1,36 @@
 """Results on disk.
 
 ``results.nc`` (netCDF 3, any tool reads it) holds everything including the scenario's text; ``results.csv`` has a column per
-scalar, named ``component.variable [unit]``.
+scalar, named ``component.variable [unit]``. While a run goes on, and after its program was killed, ``unfinished.nc`` takes
+the place of ``results.nc``: the rows so far, with the attribute ``ended`` "unfinished"; ``unfinished.npz`` is the state to
+resume from. A file that was there is replaced when the new one is complete, and not before.
 """
 
 from __future__ import annotations
 
 import csv
+import logging
+import shutil
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from ..errors import ResultsError, writing
-from .dataset import SCHEMA, VERSION, arrange
+from ..files import replacing
+from .columns import SCHEMA, VERSION, Column
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+logger = logging.getLogger(__name__)
 
 NETCDF, CSV = "results.nc", "results.csv"
+UNFINISHED_NETCDF, RESUME = "unfinished.nc", "unfinished.npz"
+CSV_VALUES = 10_000_000  # above, a CSV file is written on demand only
+_CSV_BYTES = 20  # a value, at most
+_LOADED = 20_000_000  # [byte] results above stay on the disk until they are used
+_CELLS = 500_000  # values that are in memory at a time
 
 
 def save_results(data: xr.Dataset, folder: Path) -> tuple[Path, Path]:
@@ -24,14 +39,32 @@ def save_results(data: xr.Dataset, folder: Path) -> tuple[Path, Path]:
     Raises
     ------
     ResultsError
-        The folder cannot be written.
+        The folder cannot be written. Each file is as it was, or complete.
     """
     make_folder(folder)
     netcdf, table = folder / NETCDF, folder / CSV
-    with writing(folder, ResultsError):
-        data.to_netcdf(netcdf, engine="scipy", format="NETCDF3_64BIT")
-        _write_csv(data, table)
+    try:
+        with writing(netcdf, ResultsError), replacing(netcdf) as new:
+            data.to_netcdf(new, engine="scipy", format="NETCDF3_64BIT")
+    finally:
+        save_csv(data, folder)
     return netcdf, table
+
+
+def save_csv(data: xr.Dataset, folder: Path) -> None:
+    """Write ``results.csv``; raise ``ResultsError`` if that is not possible."""
+    path = folder / CSV
+    size, free = _CSV_BYTES * values_in(data), shutil.disk_usage(folder).free
+    if size > free:
+        msg = f"{path} would take about {size / 1e6:.3g} MB, and {free / 1e6:.3g} MB are free. It was not written."
+        raise ResultsError(msg)
+    with writing(path, ResultsError), replacing(path) as new:
+        _write_csv(data, new)
+
+
+def values_in(data: xr.Dataset) -> int:
+    """Count the values of a data set, times included."""
+    return int(data["time"].size + sum(variable.size for variable in data.data_vars.values()))
 
 
 def make_folder(folder: Path) -> None:
@@ -41,7 +74,7 @@ def make_folder(folder: Path) -> None:
 
 
 def _write_csv(data: xr.Dataset, path: Path) -> None:
-    names, columns = ["time [s]"], [data["time"].to_numpy()]
+    names = ["time [s]"]
     for base in data.data_vars:
         variable = data[base]
         unit = variable.attrs.get("units", "1")
@@ -49,17 +82,22 @@ def _write_csv(data: xr.Dataset, path: Path) -> None:
         for place in np.ndindex(*variable.shape[1:]):
             indices = ",".join(str(labels[axis][i]) for axis, i in enumerate(place))
             names.append(f"{base}[{indices}] [{unit}]" if indices else f"{base} [{unit}]")
-            columns.append(variable.to_numpy()[(slice(None), *place)])
+    rows = max(1, _CELLS // len(names))
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(names)
-        writer.writerows(np.column_stack(columns).tolist())
+        for first in range(0, data.sizes["time"], rows):
+            part = data.isel(time=slice(first, first + rows))
+            columns = [part[name].to_numpy().reshape(part.sizes["time"], -1) for name in ("time", *part.data_vars)]
+            writer.writerows(np.hstack(columns).tolist())
 
 
 def load_results(path: Path) -> xr.Dataset:
     """Read results from ``results.nc``, ``results.csv`` or a folder that holds them.
 
-    A CSV file gives the same variables and units, without descriptions and provenance.
+    A CSV file gives the same variables and units, without descriptions and provenance. A folder gives its last run: that is
+    ``unfinished.nc`` if its program was killed or is still running, which a warning says. Results above 20 MB stay on the
+    disk until they are used, and have no index: select by place, or call ``set_xindex``.
 
     Raises
     ------
@@ -68,15 +106,20 @@ def load_results(path: Path) -> xr.Dataset:
     """
     path = Path(path)
     if path.is_dir():
-        path = path / NETCDF
+        path = _last_run(path)
     if not path.is_file():
         msg = f"there are no results at {path}. Make them with 'gossamer run'."
         raise ResultsError(msg)
+    import xarray as xr
+
     try:
         if path.suffix == ".csv":
             return _load_csv(path)
-        with xr.open_dataset(path, engine="scipy") as opened:
-            data = opened.load()
+        if path.stat().st_size > _LOADED:  # an index over time would read the whole file
+            data = xr.open_dataset(path, engine="scipy", create_default_indexes=False)
+        else:
+            with xr.open_dataset(path, engine="scipy") as opened:
+                data = opened.load()
     except (OSError, ValueError, TypeError, IndexError, StopIteration) as error:
         msg = f"cannot read results from {path}: {error}. Run the scenario again."
         raise ResultsError(msg) from error
@@ -89,12 +132,30 @@ def load_results(path: Path) -> xr.Dataset:
     return data
 
 
+def _last_run(folder: Path) -> Path:
+    """Return the results of the last run into a folder."""
+    unfinished = folder / UNFINISHED_NETCDF
+    if not unfinished.is_file() or not _has_rows(unfinished):
+        return folder / NETCDF
+    earlier = f" The results of an earlier run are in {folder / NETCDF}." if (folder / NETCDF).is_file() else ""
+    logger.warning("%s is of a run that has not finished.%s", unfinished, earlier)
+    return unfinished
+
+
+def _has_rows(path: Path) -> bool:
+    """Tell whether a netCDF file has a record."""
+    with path.open("rb") as file:
+        return file.read(8)[4:] > b"\0\0\0\0"
+
+
 def _load_csv(path: Path) -> xr.Dataset:
+    from .dataset import arrange
+
     with path.open(newline="", encoding="utf-8") as file:
         header = next(csv.reader(file))
     table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
-    labels = []
+    columns = []
     for title in header[1:]:
         name, _, unit = title.removesuffix("]").rpartition(" [")
-        labels.append((name, unit, ""))
-    return arrange(table[:, 0], table[:, 1:], labels)
+        columns.append(Column(name, unit, ""))
+    return arrange(table[:, 0], table[:, 1:], columns)

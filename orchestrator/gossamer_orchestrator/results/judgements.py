@@ -14,9 +14,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..errors import ResultsError
+from .columns import LIKENESS, WATCHED
 from .roles import find, need
 
-LIKENESS = ("similarity", "misfit")  # outputs of the detectors
+_ROWS = 20_000
 LEAST_SIMILARITY, LARGEST_MISFIT = 0.5, 1.0  # of a valid judgement, by the interface of the detectors
 
 
@@ -67,10 +68,10 @@ class Judgement:
 def windows(data: xr.Dataset) -> list[Judgement]:
     """List the judgement at the end of every window, valid or not, in order of time."""
     detector = find(data, "detector")
+    need(data, f"{find(data, 'membrane')}.damage", f"{detector}.damage", f"{detector}.valid")
+    watched = [f"{detector}.{name}" for name in WATCHED if f"{detector}.{name}" in data.data_vars]
+    data = data.isel(time=_changes(data[watched]))
     true, estimated, valid = need(data, f"{find(data, 'membrane')}.damage", f"{detector}.damage", f"{detector}.valid")
-    names = (f"{detector}.{name}" for name in ("damage", "deviation", "valid", "index", *LIKENESS))
-    watched = [data[name].to_numpy().reshape(data.sizes["time"], -1) for name in names if name in data.data_vars]
-    rows = np.flatnonzero(np.any(np.diff(np.hstack(watched), axis=0) != 0.0, axis=1)) + 1
     likeness = next((name for name in LIKENESS if f"{detector}.{name}" in data.data_vars), "")
     measure = data.get(f"{detector}.{likeness}", math.nan * data["time"])
     deviation = data.get(f"{detector}.deviation", math.nan * estimated)
@@ -84,8 +85,18 @@ def windows(data: xr.Dataset) -> list[Judgement]:
             likeness_value=float(measure[k]),
             valid=float(valid[k]) > 0.5,
         )
-        for k in rows
+        for k in range(data.sizes["time"])
     ]
+
+
+def _changes(data: xr.Dataset) -> NDArray[np.intp]:
+    """List the rows in which a value differs from that of the row before, with few rows in memory at a time."""
+    found = [np.zeros(0, dtype=np.intp)]
+    for first in range(0, data.sizes["time"] - 1, _ROWS):
+        part = data.isel(time=slice(first, first + _ROWS + 1))
+        table = np.hstack([part[name].to_numpy().reshape(part.sizes["time"], -1) for name in part.data_vars])
+        found.append(first + 1 + np.flatnonzero(np.any(np.diff(table, axis=0) != 0.0, axis=1)))
+    return np.concatenate(found)
 
 
 def judge(data: xr.Dataset) -> Judgement:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import ctypes
 import logging
 import signal
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -23,7 +22,22 @@ import numpy as np
 from ..errors import SimulationError
 from ..fmi.instance import Instance
 from ..scenario.plan import Plan
+from .channel import Channel
 from .member import Member
+from .position import (
+    CALL,
+    COMPONENT,
+    DIVIDED,
+    FREE,
+    INITIALIZE,
+    INSTANTIATE,
+    PART,
+    STEP,
+    STOP,
+    TICK,
+    Position,
+    new_position,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -50,6 +64,8 @@ class Simulation:
     ----------
     plan : Plan
         What to run.
+    position : Position or None
+        Where to write which FMU is called; None is memory of its own.
 
     Attributes
     ----------
@@ -64,8 +80,9 @@ class Simulation:
         Steps that had to be repeated in parts.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, position: Position | None = None) -> None:
         self.plan = plan
+        self.position = new_position() if position is None else position
         self.scenario = plan.scenario
         self.tick = 0
         self.divided = 0
@@ -100,13 +117,16 @@ class Simulation:
 
     def close(self) -> None:
         """Terminate and free every FMU and remove the unpacked files; may be called twice."""
-        for instance in self._instances:
+        self.position[CALL] = FREE
+        for number, instance in enumerate(self._instances):
+            self.position[COMPONENT] = number
             instance.close()
+        self.position[COMPONENT] = -1
         self._instances.clear()
         self.plan.close()
 
     def run(self, observers: Sequence[Observer] = ()) -> None:
-        """Simulate to the end.
+        """Simulate to the end, from the start or the state that was restored.
 
         At the end the first warning of every FMU is logged.
 
@@ -115,19 +135,21 @@ class Simulation:
         SimulationError
             An FMU failed, or refused a step even in the smallest parts. Every observer's ``end`` has been called.
         KeyboardInterrupt
-            Ctrl-C, delivered between two steps: inside an FMU written in Python it would be fatal to the FMU.
+            Ctrl-C, or a signal that asks for the end, delivered between two steps: inside an FMU written in Python it would
+            be fatal to the FMU.
         """
-        with _deferred_interrupt() as interrupted:
+        position = self.position
+        with deferred_interrupt(position):
             try:
                 for observer in observers:
                     observer.begin(self)
-                for observer in observers:
+                for observer in observers if self.tick == 0 else ():
                     observer.sample(self)
                 while self.tick < self._ticks:
                     self.step()
                     for observer in observers:
                         observer.sample(self)
-                    if interrupted.is_set():
+                    if position[STOP]:
                         raise KeyboardInterrupt
             finally:
                 for observer in observers:
@@ -144,13 +166,18 @@ class Simulation:
         SimulationError
             See ``run``.
         """
+        position = self.position
+        position[TICK], position[PART], position[CALL] = self.tick, 0, STEP
         for name, values in self.plan.events.get(self.tick, ()):
-            self._member(name).instance.set_start(values)
+            member = self._member(name)
+            position[COMPONENT] = self.members.index(member)
+            member.instance.set_start(values)
         if self._can_repeat:
-            for member in self.members:
+            for number, member in enumerate(self.members):
+                position[COMPONENT] = number
                 member.instance.save_state()
             self._before[:] = self.values
-        channels = [channel for member in self.members for _, channel in member.channels]
+        channels = self.channels
         held = [channel.held for channel in channels]
         parts = 1
         while (refused := self._try(parts)) is not None:
@@ -162,24 +189,30 @@ class Simulation:
             for channel, value in zip(channels, held, strict=True):
                 channel.held = value
             self.values[:] = self._before
+        position[COMPONENT] = -1
         if parts > 1:
             self.divided += 1
+            position[DIVIDED] = self.divided
             logger.info("step %d (t = %g s) was done in %d parts", self.tick, self.time, parts)
         self.tick += 1
 
     def _start(self) -> None:
         """Instantiate all FMUs and initialize each after those that feed it."""
-        scenario, start = self.scenario, self.scenario.start
+        scenario, start, position = self.scenario, self.scenario.start, self.position
         begin = 0
+        position[CALL] = INSTANTIATE
         for component in self.plan.components:
+            position[COMPONENT] += 1
             instance = Instance(component.fmu, component.name, start)
             self._instances.append(instance)
             end = begin + len(component.sent) + len(component.recorded)
             y = self.values[begin:end]
-            self.members.append(Member(component, instance, y, self._arrived, self.places, scenario.ticks))
+            self.members.append(Member(component, instance, y, self._arrived, self.places))
             begin = end
+        position[CALL] = INITIALIZE
         for name in self.plan.start_order:
             member = self._member(name)
+            position[COMPONENT] = self.members.index(member)
             instance = member.instance
             instance.set_start(self.plan.component(name).start)
             instance.enter_initialization(scenario.stop)
@@ -191,19 +224,22 @@ class Simulation:
             if member.outputs.size:
                 instance.read(member.outputs)
             self._arrived[:] = self.values
+        position[COMPONENT] = -1
 
     def _try(self, parts: int) -> Member | None:
         """Do the present step in equal parts; return the member that refused one, if any."""
-        tick = self.tick
-        full = (tick + 1) % self._every == 0
+        tick, position = self.tick, self.position
+        full = (tick + 1) % self._every == 0 or tick + 1 == self._ticks
         stride = MAX_PARTS // parts
         size = ctypes.c_double(self.scenario.step / parts)
         for part in range(parts):
             time = ctypes.c_double(self.scenario.start + (tick * MAX_PARTS + part * stride) * self._unit)
             last = full and part == parts - 1
+            position[PART] = part
             if self._jacobi:
                 self._arrived[:] = self.values
-            for member in self.members:
+            for number, member in enumerate(self.members):
+                position[COMPONENT] = number
                 member.receive(tick + 1)
                 if not member.advance(time, size, full=last):
                     return member
@@ -225,24 +261,62 @@ class Simulation:
         )
         return SimulationError(msg, component=member.name, time=self.time)
 
+    def read(self, *names: str) -> None:
+        """Read all variables at the present communication point, of the components named or of all."""
+        for number, member in enumerate(self.members):
+            if not names or member.name in names:
+                self.position[COMPONENT] = number
+                member.read()
+        self.position[COMPONENT] = -1
+
+    @property
+    def channels(self) -> list[Channel]:
+        """Channels of all components."""
+        return [channel for member in self.members for _, channel in member.channels]
+
+    def serialize(self) -> list[bytes]:
+        """Return the states of all FMUs at the present communication point."""
+        states = []
+        for number, member in enumerate(self.members):
+            self.position[COMPONENT] = number
+            states.append(member.instance.serialize())
+        self.position[COMPONENT] = -1
+        return states
+
+    def deserialize(self, states: Sequence[bytes]) -> None:
+        """Bring all FMUs to the states that ``serialize`` returned."""
+        for number, (member, state) in enumerate(zip(self.members, states, strict=True)):
+            self.position[COMPONENT] = number
+            member.instance.deserialize(state)
+        self.position[COMPONENT] = -1
+
     def _member(self, name: str) -> Member:
         return next(member for member in self.members if member.name == name)
 
 
+def ending_signals() -> list[signal.Signals]:
+    """List the signals of this system that ask a program to end."""
+    return [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
 @contextmanager
-def _deferred_interrupt() -> Iterator[threading.Event]:
-    """Turn Ctrl-C into a flag; a second Ctrl-C acts at once."""
-    interrupted = threading.Event()
+def deferred_interrupt(position: Position) -> Iterator[None]:
+    """Let Ctrl-C and the signals that ask for the end stop the run after the present step; a second one acts at once."""
+    previous = {number: signal.getsignal(number) for number in ending_signals()}
 
     def remember(_signal: int, _frame: FrameType | None) -> None:
-        interrupted.set()
-        signal.signal(signal.SIGINT, previous)
+        position[STOP] = 1
+        restore()
 
-    previous = signal.getsignal(signal.SIGINT)
+    def restore() -> None:
+        for number, handler in previous.items():
+            with suppress(TypeError, ValueError):
+                signal.signal(number, handler)
+
     with suppress(ValueError):  # only the main thread can handle signals
-        signal.signal(signal.SIGINT, remember)
+        for number in previous:
+            signal.signal(number, remember)
     try:
-        yield interrupted
+        yield
     finally:
-        with suppress(TypeError, ValueError):
-            signal.signal(signal.SIGINT, previous)
+        restore()

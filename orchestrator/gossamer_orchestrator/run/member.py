@@ -32,8 +32,6 @@ class Member:
         Where its inputs come from, the values of the whole run as the receivers see them.
     places : dict
         Place of every ``(component, variable)`` in those values.
-    ticks : int
-        Number of communication steps.
     """
 
     def __init__(
@@ -43,13 +41,12 @@ class Member:
         y: NDArray[np.float64],
         arrived: NDArray[np.float64],
         places: dict[tuple[str, str], int],
-        ticks: int,
     ) -> None:
         self.name = plan.name
         self.instance = instance
         self.sent: Port = instance.port(plan.sent, y[: len(plan.sent)])
         self.outputs: Port = instance.port([*plan.sent, *plan.recorded], y)
-        self.channels = [(i, Channel(c, ticks)) for i, c in enumerate(plan.connections) if not c.is_plain]
+        self.channels = [(i, Channel(c)) for i, c in enumerate(plan.connections) if not c.is_plain]
         sources = np.array([places[c.sender, c.output] for c in plan.connections], dtype=np.intp)
         inputs = [connection.input for connection in plan.connections]
         side_by_side = bool((np.diff(sources) == 1).all())
@@ -78,3 +75,8 @@ class Member:
         if outputs.size:
             self.instance.read(outputs)
         return True
+
+    def read(self) -> None:
+        """Read all outputs."""
+        if self.outputs.size:
+            self.instance.read(self.outputs)

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-if TYPE_CHECKING:
-    from .master import Simulation
-
-REFRESH = 0.1  # [s] of wall time
-
 
 class ProgressBar:
-    """Observer that draws a bar on stderr.
+    """A bar on stderr.
 
     Parameters
     ----------
@@ -38,28 +32,26 @@ class ProgressBar:
             disable=not self._console.is_terminal,
         )
         self._task = self._progress.add_task(label, now=0.0, rate=0.0)
-        self._begun = self._drawn = 0.0
+        self._begun = self._first = 0.0
 
-    def begin(self, simulation: Simulation) -> None:
-        """Start the bar."""
-        self._begun = time.perf_counter()
-        self._progress.update(self._task, total=simulation.scenario.ticks, now=simulation.time)
-        self._progress.start()
+    def show(self, tick: int, ticks: int, seconds: float) -> None:
+        """Draw the bar.
 
-    def sample(self, simulation: Simulation) -> None:
-        """Redraw the bar, ten times per second."""
+        Parameters
+        ----------
+        tick, ticks : int
+            Communication steps done, and of the whole run.
+        seconds : float
+            Present time [s].
+        """
         now = time.perf_counter()
-        if now - self._drawn >= REFRESH:
-            self._drawn = now
-            self._draw(simulation)
-
-    def end(self, simulation: Simulation) -> None:
-        """Draw the last state and leave it."""
-        self._draw(simulation)
-        self._progress.stop()
-
-    def _draw(self, simulation: Simulation) -> None:
-        elapsed = max(time.perf_counter() - self._begun, 1e-9)
-        rate = (simulation.time - simulation.scenario.start) / elapsed
-        self._progress.update(self._task, completed=simulation.tick, now=simulation.time, rate=rate)
+        if not self._begun:
+            self._begun, self._first = now, seconds
+            self._progress.start()
+        rate = (seconds - self._first) / max(now - self._begun, 1e-9)
+        self._progress.update(self._task, completed=tick, total=ticks, now=seconds, rate=rate)
         self._progress.refresh()
+
+    def stop(self) -> None:
+        """Leave the bar as it was drawn last."""
+        self._progress.stop()

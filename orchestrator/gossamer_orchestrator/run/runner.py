@@ -1,23 +1,40 @@
-"""Run a scenario from its file to results on disk."""
+"""Run a scenario from its file to results on disk, in a process of its own."""
 
 from __future__ import annotations
 
+import logging
+import pickle
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import SimulationError
-from ..exchange.open import open_scenario
-from ..results.dataset import make_dataset
-from ..results.files import make_folder, save_results
-from ..scenario.plan import make_plan
+from ..errors import OrchestratorError, ResultsError
+from ..results.files import (
+    CSV,
+    CSV_VALUES,
+    NETCDF,
+    RESUME,
+    UNFINISHED_NETCDF,
+    load_results,
+    make_folder,
+    save_csv,
+    values_in,
+)
 from ..scenario.schema import Scenario
-from .master import Observer, Simulation
-from .recorder import Recorder
+from .child import WAITING, Task
+from .folders import locked, scratch
+from .master import Observer
+from .position import DIVIDED
+from .process import Process
+from .progress import ProgressBar
+from .stream import write_waiting
 
 if TYPE_CHECKING:
     import xarray as xr
+
+logger = logging.getLogger(__name__)
 
 
 def run_scenario(
@@ -27,9 +44,16 @@ def run_scenario(
     *,
     step: float | None = None,
     stop: float | None = None,
+    limit: float | None = None,
+    strict: bool = False,
+    resume: bool = False,
+    csv: bool | None = None,
     observers: Sequence[Observer] = (),
+    progress: ProgressBar | None = None,
 ) -> xr.Dataset:
     """Simulate a scenario.
+
+    The FMUs are in a process of their own, so this one outlives whatever they do.
 
     Parameters
     ----------
@@ -41,18 +65,29 @@ def run_scenario(
         Folder for ``results.nc`` and ``results.csv``; None writes nothing.
     step, stop : float or None
         Communication step and last time [s] in place of those of the file.
+    limit : float or None
+        Time that one call of an FMU may take [s]; None is any.
+    strict : bool
+        End the run at the first value that is not finite; else a warning names it.
+    resume : bool
+        Continue the unfinished run in ``out`` from its last saved state.
+    csv : bool or None
+        Write ``results.csv``; None if it has at most 10 million values.
     observers : sequence of Observer
-        More observers, for instance a ``ProgressBar``.
+        What else watches the run. They are pickled, and live in its process; use ``Simulation`` for others.
+    progress : ProgressBar or None
+        Shows how far it is.
 
     Returns
     -------
     xarray.Dataset
-        As described in ``results.dataset``; its attribute ``ended`` is ``complete``.
+        As described in ``results.columns``; its attribute ``ended`` is ``complete``.
 
     Raises
     ------
     ScenarioError, FmuError, ResultsError
-        The scenario, an FMU or the folder for results cannot be used; nothing was run.
+        The scenario, an FMU or the folder for results cannot be used; nothing was run. ``ResultsError`` also if the disk
+        is full; what it took is kept.
     SimulationError, KeyboardInterrupt
         The run ended early. Its results so far are in ``out``, and ``ended`` gives the reason.
 
@@ -61,27 +96,98 @@ def run_scenario(
     >>> data = run_scenario("scenarios/damaged.toml", fmus="out/fmus", out="out/damaged")
     >>> data["detector.damage"].isel(time=-1)
     """
-    if not isinstance(scenario, Scenario):
-        with open_scenario(scenario, step=step, stop=stop) as opened:
-            return run_scenario(opened, fmus, out, observers=observers)
-    plan = make_plan(scenario, Path(fmus))
-    recorder = Recorder(plan)
-    if out is not None:
-        make_folder(Path(out))
-    simulation, ended, begun = Simulation(plan), "interrupted", time.perf_counter()
+    with ExitStack() as stack:
+        temporary = stack.enter_context(scratch())
+        folder = temporary / "results" if out is None else Path(out)
+        if not folder.exists():
+            stack.callback(_remove_empty, folder)
+        make_folder(folder)
+        stack.enter_context(locked(folder))
+        task = Task(
+            scenario=scenario if isinstance(scenario, Scenario) else Path(scenario),
+            fmus=Path(fmus),
+            step=step,
+            stop=stop,
+            out=folder,
+            scratch=temporary,
+            strict=strict,
+            resume=resume,
+            observers=_pickled(observers),
+            level=logger.getEffectiveLevel(),
+        )
+        begun = time.perf_counter()
+        process = stack.enter_context(Process(task))
+        import xarray  # noqa: F401 (takes a second, while the other process starts)
+
+        process.watch(limit, progress)
+        process.end()
+        last = _settle(process, folder, temporary, time.perf_counter() - begun)
+        error = process.error
+        if error is None:
+            (folder / RESUME).unlink(missing_ok=True)
+        elif last is not None and out is not None:
+            error.add_note(f"Results until t = {last:.9g} s are in {folder}.")
+            if (folder / RESUME).is_file():
+                error.add_note("Continue the run with 'gossamer run --resume'.")
+        try:
+            data = load_results(folder) if last is not None else None
+            if data is not None and out is not None:
+                _write_csv(data, folder, csv)
+        except ResultsError as late:
+            if error is None:
+                raise
+            error.add_note(str(late))
+        if error is not None:
+            raise error
+        assert data is not None
+        return data.load() if out is None else data
+
+
+def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -> float | None:
+    """Finish the netCDF file; return the time of its last row, None without any."""
+    unfinished = folder / UNFINISHED_NETCDF
+    if process.shared is None:
+        return None
+    file = write_waiting(unfinished, temporary / WAITING, process.shared, process.position)
+    if not file.count:
+        file.close()
+        unfinished.unlink()
+        return None
+    error = process.error
+    ended = "complete" if error is None else "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
+    file.end(ended, wall_time, process.position[DIVIDED])
+    last = file.last_time()
+    file.close()
+    if not (isinstance(error, ResultsError) and (folder / NETCDF).exists()):
+        unfinished.replace(folder / NETCDF)
+    return last
+
+
+def _write_csv(data: xr.Dataset, folder: Path, wanted: bool | None) -> None:
+    """Write the CSV file if it is wanted, or, where nobody said, not too large."""
+    values = values_in(data)
+    if wanted or (wanted is None and values <= CSV_VALUES):
+        save_csv(data, folder)
+        return
+    (folder / CSV).unlink(missing_ok=True)  # of an earlier run
+    if wanted is None:
+        logger.warning("no %s: it would have %d values, more than %d. --csv writes it.", CSV, values, CSV_VALUES)
+
+
+def _pickled(observers: Sequence[Observer]) -> bytes:
+    """Pickle observers for another process, and refuse those that it could not read."""
+    advice = "Observers live in the process of the run: define them in a module, or use Simulation."
+    for observer in observers:
+        if type(observer).__module__ == "__main__":
+            msg = f"{type(observer).__name__} is defined in a script. {advice}"
+            raise OrchestratorError(msg)
     try:
-        with simulation:
-            simulation.run([recorder, *observers])
-        ended = "complete"
-    except SimulationError as error:
-        ended = str(error)
-        if out is not None and len(recorder.time):
-            error.add_note(f"Results until t = {recorder.time[-1]:.9g} s are in {out}.")
-        raise
-    finally:
-        wall = time.perf_counter() - begun
-        how = {"ended": ended, "wall_time": wall, "divided_steps": simulation.divided}
-        data = make_dataset(plan, recorder.time, recorder.table, **how)
-        if out is not None and len(recorder.time):
-            save_results(data, Path(out))
-    return data
+        return pickle.dumps(list(observers))
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        msg = f"an observer cannot be pickled: {error}. {advice}"
+        raise OrchestratorError(msg) from error
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model
 from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.cli.watch import LiveWatch
 from typer.testing import CliRunner
 
 STEP, ONSET = 3e-4, 0.2104
@@ -53,3 +55,7 @@ def test_options_that_make_no_sense_are_refused(record, options, message):
     result = CliRunner().invoke(app, ["watch", str(record), *MESH, *options])
     assert result.exit_code == 1
     assert message in result.stderr
+
+
+def test_the_observer_of_a_run_can_be_sent_to_the_process_of_the_run(tmp_path):
+    assert pickle.loads(pickle.dumps(LiveWatch(tmp_path / "watch.json")))._out == tmp_path / "watch.json"

@@ -18,11 +18,11 @@ from gossamer_orchestrator import (
     build_container,
     load_scenario,
     parse_scenario,
-    run_scenario,
 )
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import split_indices
 from gossamer_orchestrator.scenario.shipped import find_scenario
+from simulated import simulate as simulate_here
 from typer.testing import CliRunner
 
 HOST = Path(__file__).with_name("container_host.py")
@@ -88,7 +88,7 @@ def simulate(tmp_path):
 
 def own(scenario, fmus, watched=WATCHED):
     """The orchestrator's trajectories."""
-    data = run_scenario(scenario, fmus)
+    data = simulate_here(scenario, fmus)
     columns = []
     for name in watched:
         base, index = split_indices(name)

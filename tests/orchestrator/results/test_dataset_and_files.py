@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from gossamer_orchestrator import ProgressBar, ResultsError, load_results, run_scenario
+from gossamer_orchestrator.results.columns import Column
 from gossamer_orchestrator.results.dataset import arrange
 from gossamer_orchestrator.results.files import save_results
 from rich.console import Console
@@ -45,7 +46,7 @@ def test_elements_become_dimensions_with_their_indices_as_labels():
     labels += [("m.s[2]", "1", "Strain at sensor 2, x = 1"), ("m.s[4]", "1", "Strain at sensor 4, x = 1")]
     labels += [("d.s[1]", "1", ""), ("m.y", "Pa", "scalar")]
     table = np.arange(20.0).reshape(2, 10)
-    data = arrange(np.array([0.0, 1.0]), table, labels)
+    data = arrange(np.array([0.0, 1.0]), table, [Column(*label) for label in labels])
     assert data["m.w"].dims == ("time", "w_i", "w_j")
     assert data["m.w"].sel(w_i=2, w_j=1).values.tolist() == [3.0, 13.0]
     assert data["m.s"].sel(s_index=4).values.tolist() == [7.0, 17.0]
@@ -56,14 +57,14 @@ def test_elements_become_dimensions_with_their_indices_as_labels():
 
 
 def test_a_mixture_of_a_scalar_and_elements_of_one_name_is_kept_apart():
-    data = arrange(np.zeros(1), np.ones((1, 3)), [("a.x", "1", ""), ("a.x[1]", "1", ""), ("a.x[2]", "1", "")])
+    data = arrange(np.zeros(1), np.ones((1, 3)), [Column(name, "1", "") for name in ("a.x", "a.x[1]", "a.x[2]")])
     assert set(data.data_vars) == {"a.x", "a.x[1]", "a.x[2]"}
 
 
-def test_only_the_wanted_is_recorded_at_every_nth_step(chain, fmus, tmp_path):
+def test_only_the_wanted_is_recorded_at_every_nth_step_and_the_last(chain, fmus, tmp_path):
     data = run_scenario(chain(more='[record]\nvariables = ["integral.?", "*.factor"]\nevery = 3\n'), fmus, tmp_path)
     assert set(data.data_vars) == {"integral.u", "integral.y", "source.factor"}
-    assert data["time"].values.tolist() == [0.0, 3 * 0.1, 6 * 0.1, 9 * 0.1]
+    assert data["time"].values.tolist() == [0.0, 3 * 0.1, 6 * 0.1, 9 * 0.1, 10 * 0.1]
     assert data["integral.y"].values == pytest.approx(2.0 * data["time"].values)
     xr.testing.assert_equal(load_results(tmp_path / "results.csv"), data)
 
@@ -91,6 +92,6 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_run(chain, fmus, tmp
 def test_the_progress_bar_draws_on_a_terminal_and_is_quiet_elsewhere(chain, fmus):
     for terminal in (True, False):
         console = Console(file=io.StringIO(), force_terminal=terminal, width=120)
-        run_scenario(chain(), fmus, observers=[ProgressBar("chain", console)])
+        run_scenario(chain(), fmus, progress=ProgressBar("chain", console))
         text = console.file.getvalue()
         assert ("100%" in text and "t = 1.0000 s" in text) if terminal else text == ""

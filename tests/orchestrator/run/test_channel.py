@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zlib
+
 import numpy as np
 import pytest
 from gossamer_orchestrator.run.channel import Channel
@@ -15,7 +17,7 @@ seeds = st.integers(0, 2**32)
 
 
 def channel(target: str = "b.u", **manipulators: object) -> Channel:
-    return Channel(Connection.model_validate({"from": "a.y", "to": target, **manipulators}), TICKS)
+    return Channel(Connection.model_validate({"from": "a.y", "to": target, **manipulators}))
 
 
 def send(channel: Channel, signal: list[float]) -> list[float]:
@@ -49,11 +51,29 @@ def test_uniform_noise_stays_within_its_amplitude(seed, amplitude):
     assert np.all(np.abs(sent) <= amplitude)
 
 
+@pytest.mark.parametrize(("kind", "draw"), [("uniform", "uniform"), ("normal", "normal")])
+def test_noise_drawn_in_blocks_is_that_of_one_draw(kind, draw):
+    """Earlier versions drew the noise of the whole run at once."""
+    size = 10_000
+    generator = np.random.default_rng([5, zlib.crc32(b"b.u"), 0])
+    whole = generator.uniform(-1.0, 1.0, size) if draw == "uniform" else generator.normal(size=size)
+    noisy = channel(noise={"kind": kind, "amplitude": 0.7, "seed": 5})
+    assert [noisy(0.0, k) for k in range(size)] == (0.7 * whole).tolist()
+    assert noisy(0.0, 17) == 0.7 * whole[17]
+
+
+def test_dropouts_drawn_in_blocks_are_those_of_one_draw():
+    size = 10_000
+    lost = np.random.default_rng([5, zlib.crc32(b"b.u"), 1]).random(size) < 0.3
+    lossy = channel(dropout={"probability": 0.3, "seed": 5, "hold": False})
+    assert [lossy(1.0, k) == 0.0 for k in range(size)] == lost.tolist()
+
+
 def test_normal_noise_has_its_amplitude_as_standard_deviation():
     connection = Connection.model_validate(
         {"from": "a.y", "to": "b.u", "noise": {"kind": "normal", "amplitude": 2.0, "seed": 1}}
     )
-    long = Channel(connection, 100_000)
+    long = Channel(connection)
     assert np.std([long(0.0, k) for k in range(100_000)]) == pytest.approx(2.0, rel=0.02)
 
 

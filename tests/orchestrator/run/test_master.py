@@ -8,10 +8,11 @@ import signal
 import numpy as np
 import pytest
 from gossamer_orchestrator import Recorder, Simulation, SimulationError, make_plan, parse_scenario, run_scenario
+from simulated import simulate
 
 
 def test_a_constant_is_integrated(chain, fmus):
-    data = run_scenario(chain(), fmus)
+    data = simulate(chain(), fmus)
     assert data["time"].values == pytest.approx(np.arange(11) * 0.1, abs=0)
     assert data["integral.y"].values == pytest.approx(2.0 * data["time"].values, abs=1e-14)
 
@@ -28,25 +29,25 @@ def three_gains(master: str, order: str = "") -> str:
 
 
 def test_gauss_seidel_hands_a_value_through_the_whole_chain_in_one_step(fmus):
-    data = run_scenario(parse_scenario(three_gains("gauss-seidel")), fmus)
+    data = simulate(parse_scenario(three_gains("gauss-seidel")), fmus)
     assert data["g3.y"].values.tolist() == data["time"].values.tolist()
 
 
 def test_jacobi_delays_by_one_step_per_connection(fmus):
-    data = run_scenario(parse_scenario(three_gains("jacobi")), fmus)
+    data = simulate(parse_scenario(three_gains("jacobi")), fmus)
     assert data["g3.y"].values.tolist() == np.maximum(data["time"].values - 0.75, 0.0).tolist()
 
 
 def test_gauss_seidel_against_the_flow_delays_as_jacobi_does(fmus):
     order = 'order = ["g3", "g2", "g1", "clock"]'
-    backward = run_scenario(parse_scenario(three_gains("gauss-seidel", order)), fmus)
-    jacobi = run_scenario(parse_scenario(three_gains("jacobi")), fmus)
+    backward = simulate(parse_scenario(three_gains("gauss-seidel", order)), fmus)
+    jacobi = simulate(parse_scenario(three_gains("jacobi")), fmus)
     assert backward["g3.y"].values.tolist() == jacobi["g3.y"].values.tolist()
 
 
 def test_gauss_seidel_in_a_partly_wrong_order_delays_only_there(fmus):
     order = 'order = ["clock", "g1", "g3", "g2"]'
-    data = run_scenario(parse_scenario(three_gains("gauss-seidel", order)), fmus)
+    data = simulate(parse_scenario(three_gains("gauss-seidel", order)), fmus)
     assert data["g3.y"].values.tolist() == np.maximum(data["time"].values - 0.25, 0.0).tolist()
 
 
@@ -69,9 +70,9 @@ to = "a.u"
 
 
 def test_feedback_through_an_output_without_feedthrough_runs_under_jacobi_and_in_a_stated_order(fmus):
-    jacobi = run_scenario(parse_scenario(LOOP.format(head='master = "jacobi"')), fmus)
+    jacobi = simulate(parse_scenario(LOOP.format(head='master = "jacobi"')), fmus)
     assert jacobi["b.y"].values.tolist() == [1.0, 1.0, 2.0, 2.0, 3.0]
-    stated = run_scenario(parse_scenario(LOOP.format(head='order = ["a", "b"]')), fmus)
+    stated = simulate(parse_scenario(LOOP.format(head='order = ["a", "b"]')), fmus)
     assert stated["b.y"].values.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
 
 
@@ -85,7 +86,7 @@ def test_inputs_that_stand_side_by_side_or_not_arrive_where_they_belong(fmus, ma
         f'[[connections]]\nfrom = "clock.{twice}"\nto = "sum.u"\n'
         f'[[connections]]\nfrom = "clock.{once}"\nto = "sum.offset[1]"\n'
     )
-    data = run_scenario(parse_scenario(text), fmus)
+    data = simulate(parse_scenario(text), fmus)
     expected = 2.0 * data[f"clock.{twice}"].values + data[f"clock.{once}"].values
     late = 1 if master == "jacobi" else 0
     assert data["sum.y"].values[late:].tolist() == expected[: len(expected) - late].tolist()
@@ -93,7 +94,7 @@ def test_inputs_that_stand_side_by_side_or_not_arrive_where_they_belong(fmus, ma
 
 def test_a_hundred_thousand_steps_land_exactly(fmus):
     text = 'step = 1e-4\nstop = 10.0\n[components.c]\nfmu = "clock"\ninputs = { u = 0.0 }\n[record]\nevery = 50000\n'
-    data = run_scenario(parse_scenario(text), fmus)
+    data = simulate(parse_scenario(text), fmus)
     assert data["time"].values.tolist() == [0.0, 50000 * 1e-4, 100000 * 1e-4]
     assert data["c.begin"].values.tolist()[1:] == [49999 * 1e-4, 99999 * 1e-4]
 
@@ -107,7 +108,7 @@ def test_a_refused_step_is_repeated_in_parts_from_the_same_state(chain, fmus):
 variables = ["integral.*"]
 """,
     )
-    data = run_scenario(scenario, fmus)
+    data = simulate(scenario, fmus)
     assert data["integral.y"].values == pytest.approx(2.0 * data["time"].values, abs=1e-14)
     assert data["integral.steps"].values.tolist() == [4.0 * k for k in range(11)]
     assert data.attrs["divided_steps"] == 10
@@ -127,7 +128,7 @@ parameters = { limit = 0.013 }
 from = "c.last_u"
 to = "i.u"
 """
-    data = run_scenario(parse_scenario(text), fmus)
+    data = simulate(parse_scenario(text), fmus)
     h = 0.1 / 64
     assert data["c.begin"].values.tolist()[1:] == [(64 * k + 56) * h for k in range(3)]
     assert data["i.y"].values[-1] == pytest.approx(0.3, abs=1e-15)
@@ -137,9 +138,9 @@ def test_noise_does_not_depend_on_refused_steps(chain, fmus):
     """The sampled noise of a step is the same whether it is done at once or in parts, so Euler gives the same sum."""
     noisy = ('to = "integral.u"', 'to = "integral.u"\nnoise = { kind = "normal", amplitude = 1.0, seed = 3 }\n'
              "dropout = { probability = 0.3, seed = 4 }")  # fmt: skip
-    whole = run_scenario(chain(noisy), fmus)
+    whole = simulate(chain(noisy), fmus)
     limited = ('fmu = "integrator"', 'fmu = "integrator"\nparameters = { limit = 0.03 }')
-    parts = run_scenario(chain(noisy, limited), fmus)
+    parts = simulate(chain(noisy, limited), fmus)
     assert parts["integral.y"].values == pytest.approx(whole["integral.y"].values, abs=1e-12)
     assert np.std(np.diff(whole["integral.y"].values)) > 0.01
 
@@ -161,7 +162,7 @@ def test_without_states_a_refused_step_ends_the_run_and_says_whose_fault_it_is(c
     with pytest.raises(
         SimulationError, match="the step cannot be repeated in parts, because forgetful cannot restore its state"
     ):
-        run_scenario(scenario, fmus)
+        simulate(scenario, fmus)
 
 
 FRAGILE = """
@@ -193,8 +194,8 @@ def test_a_fatal_fmu_leaves_results_on_disk_and_is_not_called_again(fmus, tmp_pa
 
 def test_another_run_follows_a_fatal_one(fmus, chain):
     with pytest.raises(SimulationError):
-        run_scenario(parse_scenario(FRAGILE), fmus)
-    assert run_scenario(chain(), fmus)["integral.y"].values[-1] == pytest.approx(2.0)
+        simulate(parse_scenario(FRAGILE), fmus)
+    assert simulate(chain(), fmus)["integral.y"].values[-1] == pytest.approx(2.0)
 
 
 def test_every_instance_is_freed_when_a_run_fails(chain, fmus, monkeypatch):
@@ -205,7 +206,7 @@ def test_every_instance_is_freed_when_a_run_fails(chain, fmus, monkeypatch):
     monkeypatch.setattr(instance.Instance, "close", lambda self: (freed.append(self.name), close(self)))
     scenario = chain(('fmu = "integrator"', 'fmu = "integrator"\nparameters = { until = 0.45 }'))
     with pytest.raises(SimulationError):
-        run_scenario(scenario, fmus)
+        simulate(scenario, fmus)
     assert sorted(freed) == ["integral", "source"]
     assert slave._logs == {}
 
@@ -224,21 +225,18 @@ class Interrupter:
         pass
 
 
-def test_an_interrupted_run_keeps_its_results(chain, fmus, tmp_path):
-    from gossamer_orchestrator import load_results
-
+def test_an_interrupted_simulation_stops_after_the_present_step(chain, fmus):
     handler = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt):
-        run_scenario(chain(), fmus, tmp_path, observers=[Interrupter()])
-    data = load_results(tmp_path)
-    assert data.attrs["ended"] == "interrupted"
-    assert 4 <= data.sizes["time"] - 1 <= 5
+    plan = make_plan(chain(), fmus)
+    with Simulation(plan) as simulation, pytest.raises(KeyboardInterrupt):
+        simulation.run([Interrupter()])
+    assert simulation.tick == 4
     assert signal.getsignal(signal.SIGINT) is handler
 
 
 def test_an_event_changes_an_input_from_its_time_on(chain, fmus):
     event = '[[events]]\ntime = 0.45\ncomponent = "source"\nset = { u = 7.0, "offset[2]" = 1.0 }\n'
-    data = run_scenario(chain(more=event), fmus)
+    data = simulate(chain(more=event), fmus)
     assert data["source.y"].values.tolist() == [2.0] * 6 + [8.0] * 5
     assert data["source.u"].values.tolist() == [2.0] * 6 + [7.0] * 5
 
@@ -258,7 +256,19 @@ def test_two_runs_of_one_plan_are_equal_to_the_bit(chain, fmus):
 
 def test_the_first_warning_of_every_fmu_is_told_once(fmus, caplog):
     text = 'step = 0.125\nstop = 1.0\n[components.a]\nfmu = "worried"\n[components.b]\nfmu = "worried"\n'
-    run_scenario(parse_scenario(text), fmus)
+    simulate(parse_scenario(text), fmus)
     assert [record.getMessage() for record in caplog.records] == [
         f"component {name!r} at t = 0.5 s: y is 0.625, which worries me" for name in "ab"
     ]
+
+
+@pytest.mark.parametrize("master", ["gauss-seidel", "jacobi"])
+def test_the_last_point_and_the_ends_of_windows_are_recorded_with_all_variables(fmus, master):
+    text = (
+        f'step = 0.125\nstop = 2.875\nmaster = "{master}"\n[components.d]\nfmu = "detector"\n[components.c]\nfmu = "clock"\n'
+        "inputs = { u = 0.0 }\n[record]\nevery = 7\n"
+    )
+    data = simulate(parse_scenario(text), fmus)
+    assert (data["time"].values / 0.125).tolist() == [0, 5, 7, 10, 14, 15, 20, 21, 23]
+    for name in ("c.end", "d.now"):
+        assert data[name].values.tolist() == data["time"].values.tolist()

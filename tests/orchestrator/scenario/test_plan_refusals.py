@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
-from gossamer_orchestrator import Recorder, ScenarioError, make_plan, parse_scenario
+from gossamer_orchestrator import ResultsError, ScenarioError, make_plan, parse_scenario
+from gossamer_orchestrator.run.stream import check_space
 
 INTEGRAL = '[components.integral]\nfmu = "integrator"'
 
@@ -163,12 +166,15 @@ def test_what_is_wrong_with_an_fmu_or_their_folder_is_said_once(fmus, tmp_path, 
         make_plan(parse_scenario(text), tmp_path / "none")
 
 
-def test_a_table_of_absurd_size_is_refused_before_it_is_made(chain, fmus):
+def test_results_that_do_not_fit_on_the_disk_are_refused_before_the_run(chain, fmus, tmp_path, monkeypatch):
     plan = make_plan(chain(("stop = 1.0", "stop = 1e7")), fmus)
     assert len(plan.columns) == 5
-    message = r"chain.toml:1: 5 variables at 100000001 points take 4.8 GB, more than 2. Record fewer .* 'every' = 3"
-    with pytest.raises(ScenarioError, match=message):
-        Recorder(plan)
+    monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=4_000_000_000))
+    message = (
+        r"chain.toml:1: 5 variables at 100000001 points take 4.8 GB, and .* has 4 GB free. Record fewer .* 'every'"
+    )
+    with pytest.raises(ResultsError, match=message):
+        check_space(plan, tmp_path)
 
 
 def test_a_pattern_that_sets_different_quantities_is_told(fmus, caplog):

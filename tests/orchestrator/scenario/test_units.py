@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario, run_scenario
+from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario
+from simulated import simulate
 
 
 def test_units_of_another_dimension_are_refused(fmus, two_gains):
@@ -19,7 +20,7 @@ def test_units_of_another_scale_are_refused_with_the_conversion_that_is_then_acc
     message = r"'Pa' \(kg m-1 s-2\) is not 'kPa' \(1000 kg m-1 s-2\). Convert with gain = 0.001."
     with pytest.raises(ScenarioError, match=message):
         make_plan(parse_scenario(two_gains("pascal", "kilo")), fmus)
-    data = run_scenario(parse_scenario(two_gains("pascal", "kilo", "gain = 0.001")), fmus)
+    data = simulate(parse_scenario(two_gains("pascal", "kilo", "gain = 0.001")), fmus)
     assert data["b.y"].values[-1] == pytest.approx(1.5)
     assert data["a.y"].attrs == {"units": "Pa", "long_name": "what comes out"}
 

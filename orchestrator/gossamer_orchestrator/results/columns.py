@@ -1,0 +1,165 @@
+"""How the columns of a run become variables, and what is said about the run.
+
+A scalar variable ``deflection`` of component ``membrane`` becomes ``membrane.deflection`` over ``time``. The elements
+``strain[1]`` to ``strain[4]`` become one ``membrane.strain`` over ``time`` and ``strain_index``, labelled 1 to 4; ``w[2,3]``
+lies at ``w_i = 2``, ``w_j = 3``. Units and descriptions are attributes. Nothing here needs xarray, which the process of a
+simulation does without.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from os.path import commonprefix
+from typing import Any, NamedTuple
+
+from ..names import split_endpoint, split_indices
+from ..scenario.plan import ComponentPlan, Plan
+
+SCHEMA, VERSION = "gossamer.results", 1
+UNFINISHED = "unfinished"
+DETECTOR = "detector"  # model name of a detector
+LIKENESS = ("similarity", "misfit")  # outputs of the detectors
+WATCHED = ("damage", "deviation", "valid", "index", *LIKENESS)  # those that change when a window ends
+
+
+class Column(NamedTuple):
+    """One recorded scalar: ``component.variable``, its unit and its description."""
+
+    name: str
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Variable:
+    """Columns that are one variable.
+
+    Attributes
+    ----------
+    name : str
+        Name without indices.
+    dims : tuple of str
+        Dimensions besides time.
+    shape : tuple of int
+        Their lengths.
+    cells, columns : tuple of int
+        Flat place in the variable of each of its columns, and where these stand in the table.
+    unit, description : str
+        As the FMU states them; what all descriptions begin with.
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    cells: tuple[int, ...]
+    columns: tuple[int, ...]
+    unit: str
+    description: str
+
+    @property
+    def size(self) -> int:
+        """Number of elements at one time."""
+        return math.prod(self.shape)
+
+
+def plan_columns(plan: Plan) -> list[Column]:
+    """Describe what a plan records."""
+    described = []
+    for component, name in plan.columns:
+        fmu = plan.component(component).fmu
+        described.append(Column(f"{component}.{name}", fmu.unit(name) or "1", fmu.variables[name].description or ""))
+    return described
+
+
+def group(columns: Iterable[Column]) -> tuple[list[Variable], dict[str, list[int]]]:
+    """Group columns into variables; return them and the labels of every dimension."""
+    groups: dict[str, list[tuple[tuple[int, ...], int, Column]]] = {}
+    for number, column in enumerate(columns):
+        base, place = split_indices(column.name)
+        if base in groups and len(groups[base][0][0]) != len(place):
+            base = column.name
+        groups.setdefault(base, []).append((place, number, column))
+    labels: dict[str, list[int]] = {}
+    variables = []
+    for base, members in groups.items():
+        places, numbers, described = zip(*members, strict=True)
+        axes, rank = [sorted(set(indices)) for indices in zip(*places, strict=True)], len(places[0])
+        dims = []
+        for axis, values in enumerate(axes):
+            suffix = "index" if rank == 1 else "ijk"[axis] if rank <= 3 else str(axis)
+            dim = f"{split_endpoint(base)[1]}_{suffix}"
+            if labels.get(dim, values) != values:
+                dim = f"{base}_{suffix}"
+            labels[dim] = values
+            dims.append(dim)
+        orders = [{label: i for i, label in enumerate(values)} for values in axes]
+        cells = []
+        for place in places:
+            cell = 0
+            for order, index in zip(orders, place, strict=True):
+                cell = cell * len(order) + order[index]
+            cells.append(cell)
+        variables.append(
+            Variable(
+                name=base,
+                dims=tuple(dims),
+                shape=tuple(len(values) for values in axes),
+                cells=tuple(cells),
+                columns=numbers,
+                unit=described[0].unit,
+                description=_common([column.description for column in described]),
+            )
+        )
+    return variables, labels
+
+
+def attributes(plan: Plan) -> dict[str, Any]:
+    """Describe a run: the scenario, its FMUs and what they were given, its connections, and versions."""
+    scenario = plan.scenario
+    return {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "title": scenario.title,
+        "scenario_name": scenario.name,
+        "scenario": scenario.source.text,
+        "step": scenario.step,
+        "record_every": scenario.record.every,
+        "master": scenario.master,
+        "fmus": json.dumps({name: _provenance(plan.component(name)) for name in scenario.components}),
+        "connections": json.dumps([(c.origin, c.target) for c in scenario.connections]),
+        "versions": json.dumps({name: _version(name) for name in ("gossamer", "FMPy", "numpy")}),
+    }
+
+
+def _provenance(component: ComponentPlan) -> dict[str, Any]:
+    """Describe a component: its FMU, what the scenario set, and all Real parameters with their values."""
+    fmu, start = component.fmu, component.start
+    values = {v: start.get(v, fmu.variables[v].start) for v in fmu.names("parameter", kind="Real")}
+    return {
+        "file": fmu.path.name,
+        "model": fmu.description.modelName,
+        "guid": fmu.description.guid,
+        "start": start,
+        "parameters": {v: float(value) for v, value in values.items() if value is not None},
+    }
+
+
+def _common(descriptions: Sequence[str]) -> str:
+    """Return what the descriptions of all elements begin with, in whole words."""
+    if len(set(descriptions)) == 1:
+        return descriptions[0]
+    common = commonprefix(list(descriptions))  # noqa: RUF071
+    begin = re.sub(r"[^\w)]+$", "", common[: common.rfind(" ") + 1])
+    return f"{begin} .." if begin else ""
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"

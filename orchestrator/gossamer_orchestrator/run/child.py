@@ -1,0 +1,151 @@
+"""The process of a run, in which the FMUs are; they may crash it or hang in it.
+
+::
+
+    python -P -m gossamer_orchestrator.run.child
+
+reads a ``Task`` from its standard input and writes its reports, a line of JSON each, to its standard output. It ends with
+the process that started it: at the end of its standard input it ends, with all its descendants.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import pickle
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from ..errors import OrchestratorError, SimulationError
+from ..exchange.open import open_scenario
+from ..results.files import RESUME
+from ..scenario.plan import make_plan
+from ..scenario.schema import Scenario
+from . import checkpoint
+from .finite import FiniteCheck
+from .master import Observer, Simulation
+from .position import COMPONENT, open_position
+from .stream import Shared, Stream, check_space
+
+POSITION, WAITING = "position", "waiting"  # files in the temporary folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What to run: the arguments of ``run_scenario``, a temporary folder, and the level of log messages to report."""
+
+    scenario: Scenario | Path
+    fmus: Path
+    step: float | None
+    stop: float | None
+    out: Path
+    scratch: Path
+    strict: bool
+    resume: bool
+    observers: bytes
+    level: int
+
+
+Report = Callable[..., None]
+
+
+class _Reporter(logging.Handler):
+    """Report log messages."""
+
+    def __init__(self, report: Report) -> None:
+        super().__init__()
+        self._report = report
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._report(log=[record.name, record.levelno, record.getMessage()])
+
+
+def main() -> None:
+    """Run the task that stands on the standard input."""
+    control, reports = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # what FMUs read and print is nothing of this
+    os.dup2(2, 1)
+    lock = threading.Lock()
+
+    def report(**content: object) -> None:
+        with lock:
+            reports.write(json.dumps(content) + "\n")
+            reports.flush()
+
+    task: Task = pickle.load(control)
+    threading.Thread(target=_end_with_parent, args=(control,), daemon=True).start()
+    logging.basicConfig(level=task.level, handlers=[_Reporter(report)])
+    try:
+        _run(task, report)
+    except OrchestratorError as error:
+        report(error=_describe(error))
+    except KeyboardInterrupt:
+        report(interrupted=True)
+    except BaseException:
+        report(bug=traceback.format_exc())
+    report(closed=True)
+    sys.stderr.flush()
+    os._exit(0)  # an FMU's library may crash at the end of a process
+
+
+def _run(task: Task, report: Report) -> None:
+    """Plan and simulate; the end of the run is reported before the FMUs are freed, which may crash."""
+    opened = (
+        nullcontext(task.scenario)
+        if isinstance(task.scenario, Scenario)
+        else open_scenario(task.scenario, step=task.step, stop=task.stop)
+    )
+    with opened as scenario:
+        plan = make_plan(scenario, task.fmus)
+        check_space(plan, task.out)
+        card, arrays = checkpoint.load(task.out / RESUME, plan) if task.resume else (None, {})
+        names = [component.name for component in plan.components]
+        report(planned=[names, scenario.start, scenario.step, scenario.ticks])
+        observers: list[Observer] = pickle.loads(task.observers)
+        position = open_position(task.scratch / POSITION)
+
+        def announce(shared: Shared) -> None:
+            report(begun=[shared.layout, shared.shape])
+
+        stream = Stream(plan, task.out, task.scratch / WAITING, announce, card)
+        with Simulation(plan, position) as simulation:
+            if card is not None:
+                checkpoint.restore(simulation, card, arrays)
+            try:
+                simulation.run([stream, FiniteCheck(strict=task.strict), *observers])
+            except OrchestratorError as error:
+                report(error=_describe(error))
+            except KeyboardInterrupt:
+                if position[COMPONENT] < 0:
+                    stream.save(simulation)
+                report(interrupted=True)
+            else:
+                report(complete=True)
+
+
+def _describe(error: OrchestratorError) -> dict[str, Any]:
+    """Return an error as JSON can hold it."""
+    more = {}
+    if isinstance(error, SimulationError):
+        more = {"component": error.component, "time": error.time, "fatal": error.fatal}
+    return {"kind": type(error).__name__, "message": str(error), "more": more}
+
+
+def _end_with_parent(control: BinaryIO) -> None:
+    """Wait for the end of the parent, and end this process and its descendants."""
+    control.read()
+    if hasattr(os, "killpg"):
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

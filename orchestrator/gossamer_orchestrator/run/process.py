@@ -1,0 +1,217 @@
+"""Watch the process of a run: what it reports, how it ends, and end it.
+
+It is the first of a group of processes, so all that an FMU starts ends with it.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from typing import Any
+
+from .. import errors
+from ..errors import OrchestratorError, SimulationError
+from ..results.netcdf import Layout
+from .child import POSITION, Task
+from .master import deferred_interrupt
+from .position import CALL, COMPONENT, FREE, PART, STOP, TICK, describe, open_position
+from .progress import ProgressBar
+from .stream import Shared
+
+GRACE = 5.0  # [s] that an FMU has to return after Ctrl-C, and to be freed after the run
+_POLL = 0.1  # [s]
+
+
+class Process:
+    """The process of a run.
+
+    Parameters
+    ----------
+    task : Task
+        What it does.
+
+    Attributes
+    ----------
+    position : memoryview
+        Where it stands.
+    shared : Shared or None
+        How to write the rows that wait, once there are results.
+    complete : bool
+        The run reached its end.
+    error : BaseException or None
+        Why it did not.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.position = open_position(task.scratch / POSITION, new=True)
+        self.shared: Shared | None = None
+        self.complete = self._closed = False
+        self.error: BaseException | None = None
+        self._names: list[str] = []
+        self._start = self._step = 0.0
+        self._ticks = 0
+        self._reports: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        folders = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(task.scratch))
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", f"{__package__}.child"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=os.environ | folders | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            start_new_session=True,
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._control, self._lines = self._process.stdin, self._process.stdout
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        with suppress(BrokenPipeError):  # it died at once
+            pickle.dump(task, self._control)
+            self._control.flush()
+
+    def __enter__(self) -> Process:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+        self._reader.join(GRACE)
+        with suppress(OSError):
+            self._control.close()
+        self._lines.close()
+
+    def watch(self, limit: float | None, progress: ProgressBar | None) -> None:
+        """Wait for its end, and end it if it must.
+
+        Parameters
+        ----------
+        limit : float or None
+            Time that one call of an FMU may take [s].
+        progress : ProgressBar or None
+            Shows how far it is.
+        """
+        try:
+            with deferred_interrupt(self.position):
+                self._watch(limit, progress)
+        except KeyboardInterrupt as error:
+            self._kill(error)
+        finally:
+            if progress is not None and self._ticks:
+                progress.show(self.position[TICK] + self.complete, self._ticks, self._seconds(self.complete))
+                progress.stop()
+
+    def _watch(self, limit: float | None, progress: ProgressBar | None) -> None:
+        last, since, asked = (0, 0, 0, 0), time.monotonic(), 0.0
+        while not self._closed:
+            self._take(_POLL)
+            now, position = time.monotonic(), self.position
+            if progress is not None and self.shared is not None:
+                progress.show(position[TICK], self._ticks, self._seconds())
+            present = (position[TICK], position[PART], position[COMPONENT], position[CALL])
+            if present != last or position[COMPONENT] < 0:
+                last, since = present, now
+            over = self.complete or self.error is not None
+            if self._process.poll() is not None:
+                self.end()
+                self._take_rest()
+                if not self._closed:
+                    self._explain_death()
+                return
+            if over and now - since > (limit or GRACE):
+                self._explain_death()
+                return
+            if limit is not None and now - since > limit and not over:
+                self._kill(self._blame(f"did not return within {limit:g} s", "Give it more time with --limit."))
+                return
+            asked = asked or (now if position[STOP] else 0.0)
+            if asked and now - asked > GRACE and not over:
+                interrupt = KeyboardInterrupt()
+                interrupt.add_note(str(self._blame("did not return", "Its process was ended.")))
+                self._kill(interrupt)
+                return
+
+    def _seconds(self, more: int = 0) -> float:
+        """Return the time of the step under way [s], or of a later one."""
+        return self._start + (self.position[TICK] + more) * self._step
+
+    def _read(self) -> None:
+        for line in self._lines:
+            with suppress(ValueError):  # cut short by the end of the process
+                self._reports.put(json.loads(line))
+
+    def _take(self, patience: float) -> None:
+        """Obey the next report, if one comes in time, and those that are there."""
+        with suppress(queue.Empty):
+            self._obey(self._reports.get(timeout=patience))
+            while True:
+                self._obey(self._reports.get_nowait())
+
+    def _take_rest(self) -> None:
+        self._reader.join(GRACE)
+        self._take(0.0)
+
+    def _obey(self, report: dict[str, Any]) -> None:
+        if log := report.get("log"):
+            logging.getLogger(log[0]).log(log[1], "%s", log[2])
+        elif planned := report.get("planned"):
+            self._names, self._start, self._step, self._ticks = planned
+        elif begun := report.get("begun"):
+            self.shared = Shared(Layout(*begun[0]), tuple(begun[1]))
+        elif error := report.get("error"):
+            self.error = self.error or getattr(errors, error["kind"])(error["message"], **error["more"])
+        elif bug := report.get("bug"):
+            self.error = self.error or RuntimeError(bug)
+        self.complete |= "complete" in report
+        self._closed |= "closed" in report
+        if "interrupted" in report:
+            self.error = KeyboardInterrupt()
+
+    def _kill(self, error: BaseException) -> None:
+        """End the process before its time."""
+        self.end()
+        self._take_rest()
+        if not self.complete and self.error is None:
+            self.error = error
+
+    def _explain_death(self) -> None:
+        """Blame the FMU that was called when the process ended by itself, or was freed for too long."""
+        code = self._process.poll()
+        what = "did not return" if code is None else _death(code)
+        if self.complete or self.error is not None:
+            if self.position[CALL] == FREE and self.position[COMPONENT] >= 0:
+                logging.getLogger(__name__).warning("%s", self._blame(what, "The results are not touched by that."))
+            return
+        killed = code == -getattr(signal, "SIGKILL", 0)
+        self.error = self._blame(what, "Was there enough memory?" if killed else "Check it with 'gossamer verify'.")
+
+    def _blame(self, what: str, advice: str) -> OrchestratorError:
+        """Return an error that names the component that is called."""
+        seconds = self._seconds()
+        name, call = describe(self.position, seconds, self._names)
+        if not name:
+            return OrchestratorError(f"no component was called, but the process of the run {what}. {advice}")
+        return SimulationError(f"component {name!r} {what} {call}. {advice}", component=name, time=seconds, fatal=True)
+
+    def end(self) -> None:
+        """End the process and all its descendants, if they still run."""
+        if hasattr(os, "killpg"):
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+        else:
+            subprocess.run(["taskkill", "/F", "/T", "/PID", str(self._process.pid)], capture_output=True, check=False)
+        self._process.wait()
+
+
+def _death(code: int) -> str:
+    """Say how a process ended."""
+    if code >= 0:
+        return f"ended the process with exit code {code}"
+    name = next((each.name for each in signal.Signals if each == -code), f"signal {-code}")
+    return f"had its process killed ({name})" if name == "SIGKILL" else f"crashed the process ({name})"

@@ -1,0 +1,125 @@
+"""Whatever an FMU does, a run ends with its name and time, and what was simulated is on the disk."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import hostile as faults
+import numpy as np
+import psutil
+import pytest
+from gossamer_orchestrator import (
+    ResultsError,
+    ScenarioError,
+    Simulation,
+    SimulationError,
+    load_results,
+    make_plan,
+    run_scenario,
+)
+from gossamer_orchestrator.run.checkpoint import digests, save
+
+
+def assert_right_until(data, stop):
+    """Rows from the start to ``stop``, each as the FMU's closed form says: the state grows by h (1 + u) in a step."""
+    time = data["time"].values
+    assert time.tolist() == [k * 0.001 for k in range(len(time))]
+    assert time[-1] == pytest.approx(stop)
+    assert data["good.y"].values == pytest.approx(2.0 * time[:, None], abs=1e-12)
+    assert data["bad.y"].values == pytest.approx(time[:, None], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("fault", "what"),
+    [
+        (faults.EXIT, r"ended the process with exit code 0"),
+        (faults.SEGFAULT, r"crashed the process \(SIG(SEGV|BUS)\)"),
+        (faults.ABORT, r"crashed the process \(SIGABRT\)"),
+        (faults.OVERFLOW, r"crashed the process \(SIG(SEGV|BUS)\)"),
+        (faults.HANG, r"did not return within 0.5 s"),
+    ],
+)
+def test_an_fmu_that_ends_its_process_or_hangs_is_named_with_the_time_and_results_are_kept(
+    hostile, beside, tmp_path, fault, what
+):
+    with pytest.raises(SimulationError, match=rf"^component 'bad' {what} in the step from t = 0.021 s\. ") as caught:
+        run_scenario(beside(f"fault = {fault}, at = 21"), hostile, tmp_path, limit=0.5)
+    assert (caught.value.component, caught.value.time) == ("bad", pytest.approx(0.021))
+    assert f"Results until t = 0.021 s are in {tmp_path}." in caught.value.__notes__
+    data = load_results(tmp_path)
+    assert data.attrs["ended"] == str(caught.value)
+    assert_right_until(data, 0.021)
+    assert len((tmp_path / "results.csv").read_text().splitlines()) == 1 + data.sizes["time"]
+
+
+def test_an_fmu_that_hangs_in_its_instantiation_is_named(hostile, beside, tmp_path):
+    message = f"component '{faults.SLEEPER}' did not return within 0.5 s when it was instantiated"
+    with pytest.raises(SimulationError, match=message):
+        run_scenario(beside(name=faults.SLEEPER), hostile, tmp_path / "out", limit=0.5)
+    assert not (tmp_path / "out").exists()  # there is nothing to keep
+
+
+@pytest.mark.parametrize(("fault", "value"), [(faults.NAN, "nan"), (faults.INFINITE, "inf")])
+def test_the_first_value_that_is_not_finite_is_named_once(hostile, beside, tmp_path, caplog, fault, value):
+    data = run_scenario(beside(f"fault = {fault}, at = 20"), hostile, tmp_path)
+    (record,) = caplog.records
+    assert record.getMessage().startswith(f"component 'bad' returned y[1] = {value} at t = 0.021 s.")
+    assert data.attrs["ended"] == "complete"
+    assert not np.isfinite(data["bad.y"].values[-1, 0])
+
+
+def test_strict_ends_the_run_there(hostile, beside, tmp_path):
+    with pytest.raises(SimulationError, match=r"'bad' returned y\[1\] = nan at t = 0.021 s"):
+        run_scenario(beside(f"fault = {faults.NAN}, at = 20"), hostile, tmp_path, strict=True)
+    assert load_results(tmp_path).sizes["time"] == 22
+
+
+@pytest.mark.parametrize("fault", [faults.CRASH_WHEN_FREED])
+def test_a_fault_after_the_run_is_a_warning(hostile, beside, tmp_path, caplog, fault):
+    data = run_scenario(beside(f"fault = {fault}, at = 21"), hostile, tmp_path)
+    assert data.attrs["ended"] == "complete"
+    assert "component 'bad' crashed the process (SIGABRT) when it was freed" in caplog.text
+
+
+@pytest.mark.skipif(not hasattr(psutil.Process, "rlimit"), reason="looks for orphans as Linux names them")
+def test_what_an_fmu_starts_ends_with_the_run(hostile, beside, tmp_path):
+    before = {process.pid for process in psutil.process_iter()}
+    run_scenario(beside(f"fault = {faults.FORK}, at = 21"), hostile, tmp_path)
+    after = [process for process in psutil.process_iter(["cmdline"]) if process.pid not in before]
+    assert [process for process in after if "gossamer_orchestrator.run.child" in (process.info["cmdline"] or [])] == []
+
+
+def test_memory_does_not_grow_with_the_run(hostile, tmp_path):
+    """Peak of the process of a run, with twenty variables and noise, at 10,000 and 100,000 steps [MB]."""
+    peaks = []
+    for steps in (10_000, 100_000):
+        text = (
+            f'step = 0.5\nstop = {0.5 * steps}\n[components.a]\nfmu = "wide"\ninputs = {{ u = 0.0 }}\n[components.b]\n'
+            'fmu = "hostile"\n[[connections]]\nfrom = "a.y[1]"\nto = "b.u"\nnoise = { kind = "normal", amplitude = 0.1 }\n'
+            'dropout = { probability = 0.1 }\n[record]\nvariables = ["a.y*"]\n'
+        )
+        (tmp_path / "it.toml").write_text(text)
+        code = (
+            "import resource, sys\nfrom gossamer_orchestrator import run_scenario\n"  # no guard of the main module
+            f"data = run_scenario({str(tmp_path / 'it.toml')!r}, {str(hostile)!r}, {str(tmp_path / 'out')!r}, csv=False)\n"
+            "print(data.sizes['time'], resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024)\n"
+        )
+        (tmp_path / "script.py").write_text(code)
+        done = subprocess.run([sys.executable, tmp_path / "script.py"], capture_output=True, text=True, check=True)
+        rows, peak = done.stdout.split()
+        assert int(rows) == steps + 1
+        peaks.append(float(peak))
+    assert peaks[1] < min(200.0, peaks[0] + 5.0)  # the table of the longer run has 16 MB
+
+
+def test_a_state_that_no_fmu_can_serialize_or_that_is_of_another_run_is_refused(hostile, beside, fmus, chain, tmp_path):
+    with pytest.raises(ScenarioError, match=r"^gain, integrator cannot serialize their state .* cannot be resumed"):
+        run_scenario(chain(), fmus, tmp_path / "a", resume=True)
+    with pytest.raises(ResultsError, match=r"^there is no unfinished run in .* to resume. Run it from its start"):
+        run_scenario(beside(), hostile, tmp_path / "b", resume=True)
+    plan = make_plan(beside(), hostile)
+    with Simulation(plan) as simulation:
+        save(tmp_path / "unfinished.npz", simulation, 0, digests(plan))
+    with pytest.raises(ScenarioError, match=r"^the scenario differs from the unfinished run in "):
+        run_scenario(beside("at = 1"), hostile, tmp_path, resume=True)
