@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 WAIT = 0.5  # [s] that a row waits at most
-_SHARE = 20  # a state is saved after so many times the time that saving it takes
+_SHARE = 50  # a state is saved after so many times the time that saving it takes
 _BYTES = 1_000_000  # of the rows that wait
 
 

@@ -130,13 +130,13 @@ def _end_others(group: int, scratch: Path) -> int:
     ended: set[int] = set()
     mark = f"{_TEMPORARY[0]}={scratch}".encode()
     for _ in range(_ROUNDS):  # one may start another meanwhile
-        with suppress(OSError):
-            os.killpg(group, signal.SIGKILL)
         found = set()
         for file in Path("/proc").glob("[0-9]*/environ"):  # a daemon has left the group
             with suppress(OSError):
                 if mark in file.read_bytes().split(b"\0"):
                     found.add(int(file.parent.name))
+        with suppress(OSError):
+            os.killpg(group, signal.SIGKILL)
         if not found:
             break
         for process in found:
