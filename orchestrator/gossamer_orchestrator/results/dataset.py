@@ -58,7 +58,7 @@ def make_dataset(
         "step": scenario.step,
         "master": scenario.master,
         "fmus": json.dumps({name: _provenance(plan.component(name)) for name in scenario.components}),
-        "connections": json.dumps([(c.origin, c.target) for c in scenario.connections]),
+        "connections": json.dumps([(c.origin, c.target) for c in plan.connections]),
         "versions": json.dumps({name: _version(name) for name in ("gossamer", "FMPy", "numpy")}),
     } | attributes
     return data

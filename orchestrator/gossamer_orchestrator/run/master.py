@@ -18,12 +18,12 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Protocol
 
-import numpy as np
-
 from ..errors import SimulationError
 from ..fmi.instance import Instance
+from ..fmi.instance3 import start_instance
 from ..scenario.plan import Plan
 from .member import Member
+from .store import Store
 
 logger = logging.getLogger(__name__)
 
@@ -62,6 +62,8 @@ class Simulation:
         Index in ``values`` by ``(component, variable)``.
     divided : int
         Steps that had to be repeated in parts.
+    ended : str
+        Which FMU ended the simulation by itself, and when; empty if none did.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -70,13 +72,12 @@ class Simulation:
         self.tick = 0
         self.divided = 0
         self.members: list[Member] = []
+        self.ended = ""
         self._instances: list[Instance] = []
-        names = [(c.name, v) for c in plan.components for v in (*c.sent, *c.recorded)]
-        self.places = {name: i for i, name in enumerate(names)}
-        self.values = np.zeros(len(names))
+        self._over: list[Instance] = []
+        self.store = Store(plan)
+        self.places, self.values = self.store.places, self.store.values
         self._jacobi = plan.scenario.master == "jacobi"
-        self._arrived = self.values.copy() if self._jacobi else self.values
-        self._before = np.zeros(len(names))
         self._every = plan.scenario.record.every
         self._ticks = plan.scenario.ticks
         self._unit = plan.scenario.step / MAX_PARTS
@@ -123,12 +124,17 @@ class Simulation:
                     observer.begin(self)
                 for observer in observers:
                     observer.sample(self)
-                while self.tick < self._ticks:
-                    self.step()
+                while self.tick < self._ticks and not self._over:
+                    if not self.step():
+                        break
                     for observer in observers:
                         observer.sample(self)
                     if interrupted.is_set():
                         raise KeyboardInterrupt
+                if self._over:
+                    first = self._over[0]
+                    self.ended = f"component {first.name!r} ended the simulation at t = {first.ended_at:.9g} s"
+                    logger.warning("%s", self.ended)
             finally:
                 for observer in observers:
                     observer.end(self)
@@ -136,8 +142,8 @@ class Simulation:
                     if warning := member.instance.log.first_warning:
                         logger.warning("component %r %s", member.name, warning)
 
-    def step(self) -> None:
-        """Advance by one communication step.
+    def step(self) -> bool:
+        """Advance by one communication step; False if an FMU has ended the simulation before the end of it.
 
         Raises
         ------
@@ -145,15 +151,17 @@ class Simulation:
             See ``run``.
         """
         for name, values in self.plan.events.get(self.tick, ()):
-            self._member(name).instance.set_start(values)
+            self._member(name).set(values)
         if self._can_repeat:
             for member in self.members:
                 member.instance.save_state()
-            self._before[:] = self.values
-        channels = [channel for member in self.members for _, channel in member.channels]
+            self.store.save()
+        channels = [channel for member in self.members for channel in member.all_channels]
         held = [channel.held for channel in channels]
         parts = 1
         while (refused := self._try(parts)) is not None:
+            if self._over:
+                return False
             if not self._can_repeat or parts == MAX_PARTS:
                 raise self._refusal(refused, parts)
             parts *= 2
@@ -161,23 +169,23 @@ class Simulation:
                 member.instance.restore_state()
             for channel, value in zip(channels, held, strict=True):
                 channel.held = value
-            self.values[:] = self._before
+            self.store.restore()
         if parts > 1:
             self.divided += 1
             logger.info("step %d (t = %g s) was done in %d parts", self.tick, self.time, parts)
         self.tick += 1
+        return True
 
     def _start(self) -> None:
         """Instantiate all FMUs and initialize each after those that feed it."""
         scenario, start = self.scenario, self.scenario.start
         begin = 0
         for component in self.plan.components:
-            instance = Instance(component.fmu, component.name, start)
+            instance = start_instance(component.fmu, component.name, start)
+            instance.on_end = self._over.append
             self._instances.append(instance)
-            end = begin + len(component.sent) + len(component.recorded)
-            y = self.values[begin:end]
-            self.members.append(Member(component, instance, y, self._arrived, self.places, scenario.ticks))
-            begin = end
+            self.members.append(Member(component, instance, self.store, begin, scenario.ticks))
+            begin += len(component.read)
         for name in self.plan.start_order:
             member = self._member(name)
             instance = member.instance
@@ -185,12 +193,11 @@ class Simulation:
             instance.enter_initialization(scenario.stop)
             for receiver, values in self.plan.events.get(0, ()):
                 if receiver == name:
-                    instance.set_start(values)
+                    member.set(values)
             member.receive(0)
             instance.exit_initialization()
-            if member.outputs.size:
-                instance.read(member.outputs)
-            self._arrived[:] = self.values
+            member.read(full=True)
+            self.store.arrive()
 
     def _try(self, parts: int) -> Member | None:
         """Do the present step in equal parts; return the member that refused one, if any."""
@@ -202,11 +209,13 @@ class Simulation:
             time = ctypes.c_double(self.scenario.start + (tick * MAX_PARTS + part * stride) * self._unit)
             last = full and part == parts - 1
             if self._jacobi:
-                self._arrived[:] = self.values
+                self.store.arrive()
             for member in self.members:
                 member.receive(tick + 1)
                 if not member.advance(time, size, full=last):
                     return member
+            if self._over and part < parts - 1:
+                return member
         return None
 
     def _refusal(self, member: Member, parts: int) -> SimulationError:

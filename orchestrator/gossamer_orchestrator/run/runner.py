@@ -47,7 +47,7 @@ def run_scenario(
     Returns
     -------
     xarray.Dataset
-        As described in ``results.dataset``; its attribute ``ended`` is ``complete``.
+        As described in ``results.dataset``; its attribute ``ended`` is ``complete``, or says which FMU ended it.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def run_scenario(
     try:
         with simulation:
             simulation.run([recorder, *observers])
-        ended = "complete"
+        ended = simulation.ended or "complete"
     except SimulationError as error:
         ended = str(error)
         if out is not None and len(recorder.time):

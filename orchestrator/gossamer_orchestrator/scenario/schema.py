@@ -41,6 +41,7 @@ from .source import Source
 
 MAX_STEPS = 1e8
 Value = bool | int | float | str
+Given = Value | list[Value] | list[list[Value]]  # the elements of an array, or its rows
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Endpoint = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*\..+$")]
 
@@ -102,8 +103,8 @@ class Component(Table):
     """
 
     fmu: str
-    parameters: dict[str, Value] = Field(default_factory=dict)
-    inputs: dict[str, Value] = Field(default_factory=dict)
+    parameters: dict[str, Given] = Field(default_factory=dict)
+    inputs: dict[str, Given] = Field(default_factory=dict)
 
 
 class Connection(Table):
@@ -159,7 +160,7 @@ class Event(Table):
 
     time: float
     component: Name
-    set: dict[str, float] = Field(min_length=1)
+    set: dict[str, Given] = Field(min_length=1)
 
 
 class Recording(Table):

@@ -30,7 +30,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean a, fmi2Real b, fmi2R
   (void)a; (void)b; (void)d; (void)e;
   Core *core = &((Instance *)c)->core;
   if (core->phase != BEFORE) return fmi2Error;
-  core->begin = begin;
+  core->begin = core->time = begin;
   return fmi2OK;
 }
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
@@ -64,8 +64,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real size, fmi2Boolean
   Core *core = &((Instance *)c)->core;
   if (core->phase != RUNNING || core->over) return fmi2Error;
   while (now(core) + STEP <= time + size + 1e-6 * STEP) {
-    core->steps++;
-    advance(&core->model, now(core));
+    one_step(core);
     if (event(&core->model, now(core))) update(&core->model);
     if (ended(&core->model)) { core->over = true; return fmi2Discard; }
   }

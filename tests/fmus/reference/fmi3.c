@@ -53,7 +53,7 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean a, fmi3Float6
   (void)a; (void)b; (void)d; (void)e;
   CORE;
   if (core->phase != BEFORE) return fmi3Error;
-  core->begin = begin_time;
+  core->begin = core->time = begin_time;
   core->phase = INITIALIZING;
   return fmi3OK;
 }
@@ -112,8 +112,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 size, fmi3Bo
   *last = time;
   if (core->phase != RUNNING || core->over) return fmi3Error;
   while (now(core) + STEP <= time + size + 1e-6 * STEP) {
-    core->steps++;
-    advance(&core->model, now(core));
+    one_step(core);
     if (event(&core->model, now(core))) {
       bool inside = now(core) + STEP <= time + size + 1e-6 * STEP;
       if (one->event_mode && (one->early || !inside)) {
@@ -140,10 +139,10 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 size, fmi3Bo
   for (size_t i = 0; i < n; i++) {                                                      \
     const Variable *found = find(r[i], TYPE);                                           \
     if (!found || (setting && !may_set(core, found))) return fmi3Error;                 \
-    size_t many = count(&core->model, found);                                           \
+    size_t size = many(core, found);                                                    \
     char *place = (char *)&core->model + found->place;                                  \
-    if (k + many > m) return fmi3Error;                                                 \
-    for (size_t j = 0; j < many; j++, k++, place += SIZES[TYPE]) { body; }              \
+    if (k + size > m) return fmi3Error;                                                 \
+    for (size_t j = 0; j < size; j++, k++, place += SIZES[TYPE]) { body; }              \
   }                                                                                     \
   return k == m ? fmi3OK : fmi3Error;
 #define EXCHANGE(Name, CType, TYPE, read, store)                                                                         \

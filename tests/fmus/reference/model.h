@@ -42,13 +42,18 @@ typedef enum { BEFORE, CONFIGURING, INITIALIZING, RUNNING, EVENTS, OVER } Phase;
 
 typedef struct {
   Model model;
+  double time;        /* [s] */
   Phase phase;
   double begin;       /* start of the run [s] */
   long steps;         /* inner steps done */
   bool over;          /* the model has ended the simulation */
 } Core;
 
+/* The independent variable, which stands behind the model. */
+static const Variable TIME = {0, F64, OUTPUT, offsetof(Core, time) - offsetof(Core, model)};
+
 static const Variable *find(unsigned reference, Type type) {
+  if (reference == 0 && type == F64) return &TIME;
   for (size_t i = 0; i < sizeof variables / sizeof *variables; i++)
     if (variables[i].reference == reference && variables[i].type == type) return &variables[i];
   return NULL;
@@ -63,4 +68,12 @@ static bool may_set(const Core *c, const Variable *v) {
   }
 }
 
+static size_t many(const Core *c, const Variable *v) { return v == &TIME ? 1 : count(&c->model, v); }
+
 static double now(const Core *c) { return c->begin + c->steps * STEP; }
+
+static void one_step(Core *c) {
+  c->steps++;
+  c->time = now(c);
+  advance(&c->model, c->time);
+}

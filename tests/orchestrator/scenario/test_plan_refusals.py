@@ -89,7 +89,8 @@ PLAN_REFUSALS = {
     ),
     "array as a scalar": (
         ('to = "integral.u"', 'to = "source.offset"'),
-        r"chain.toml:15: FMU 'gain' has no input 'offset'. It is an array: offset\[1\] .. offset\[2\].",
+        r"chain.toml:15: 'source.y' is a scalar and 'source.offset' is an array of 2 elements. Connect arrays of one size, "
+        r"or one element, such as 'offset\[1\]'.",
     ),
     "misspelt origin alone": (
         ('from = "source.y"', 'from = "source.x"'),
