@@ -25,6 +25,7 @@ def run(
     fmus: FmuFolder = FMUS,
     step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
     stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse FMUs that break the rules of FMI.")] = False,
     pictures: Annotated[bool, typer.Option(help="Draw pictures of what was recorded.")] = True,
     watched: Annotated[
         bool,
@@ -48,7 +49,7 @@ def run(
     """
     path = find_scenario(scenario)
     folder = Path("out") / path.stem if out is None else out
-    _run(path, fmus, folder, pictures=pictures, watched=watched, step=step, stop=stop)
+    _run(path, fmus, folder, pictures=pictures, watched=watched, strict=strict, step=step, stop=stop)
 
 
 def demo(
@@ -75,6 +76,7 @@ def _run(
     *,
     pictures: bool,
     watched: bool,
+    strict: bool = False,
     step: float | None = None,
     stop: float | None = None,
 ) -> None:
@@ -90,7 +92,7 @@ def _run(
         observers: list[Observer] = [ProgressBar(scenario.stem)]
         if watched:
             observers.append(LiveWatch(out / "watch.json"))
-        data = run_scenario(scenario, fmus, out, step=step, stop=stop, observers=observers)
+        data = run_scenario(scenario, fmus, out, step=step, stop=stop, strict=strict, observers=observers)
     except KeyboardInterrupt:
         typer.echo(f"Interrupted; results until then are in {out}.", err=True)
         raise typer.Exit(130) from None

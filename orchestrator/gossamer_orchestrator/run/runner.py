@@ -27,6 +27,7 @@ def run_scenario(
     *,
     step: float | None = None,
     stop: float | None = None,
+    strict: bool = False,
     observers: Sequence[Observer] = (),
 ) -> xr.Dataset:
     """Simulate a scenario.
@@ -41,6 +42,8 @@ def run_scenario(
         Folder for ``results.nc`` and ``results.csv``; None writes nothing.
     step, stop : float or None
         Communication step and last time [s] in place of those of the file.
+    strict : bool
+        Refuse FMUs whose model description is against the rules of FMI; by default that is a warning.
     observers : sequence of Observer
         More observers, for instance a ``ProgressBar``.
 
@@ -63,8 +66,8 @@ def run_scenario(
     """
     if not isinstance(scenario, Scenario):
         with open_scenario(Path(scenario), step=step, stop=stop) as opened:
-            return run_scenario(opened, fmus, out, observers=observers)
-    plan = make_plan(scenario, Path(fmus))
+            return run_scenario(opened, fmus, out, strict=strict, observers=observers)
+    plan = make_plan(scenario, Path(fmus), strict=strict)
     recorder = Recorder(plan)
     if out is not None:
         make_folder(Path(out))

@@ -99,13 +99,13 @@ def _check_ends(
     sent = files[connection.sender].variables[connection.output].type
     received = files[connection.receiver].variables[connection.input].type
     if sent != received and not (sent in FLOATS and received in FLOATS):
-        text = f"{connection.origin!r} is a {sent} and {connection.target!r} a {received}. Connect variables of one type."
+        text = f"{connection.origin!r} is of type {sent} and {connection.target!r} of type {received}. Connect variables of one type."
         problems.add(("connections", i, "to"), text)
         return False
     if received not in FLOATS:
         for key in ("gain", "bias", "noise", "dropout"):
             if getattr(connection, key) is not None:
-                text = f"{connection.target!r} is a {received}, and only a Real can have a {key}. Remove it."
+                text = f"{connection.target!r} is of type {received}, and only a Real can have a {key}. Remove it."
                 problems.add(("connections", i, key), text)
     return True
 

@@ -103,7 +103,7 @@ class Plan:
             file.close()
 
 
-def make_plan(scenario: Scenario, fmus: Path) -> Plan:
+def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
     """Check a scenario against its FMUs.
 
     Parameters
@@ -112,6 +112,8 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
         What to run.
     fmus : Path
         Folder in which FMUs are looked up by name.
+    strict : bool
+        Refuse FMUs whose model description is against the rules of FMI; by default that is a warning.
 
     Raises
     ------
@@ -119,7 +121,7 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
         Every mistake, with its line.
     """
     problems = Problems(scenario.source)
-    files = _find_files(scenario, Path(fmus), problems)
+    files = _find_files(scenario, Path(fmus), problems, strict=strict)
     problems.raise_if_any()
     for name in files:
         _refuse_clocks(name, files[name], problems)
@@ -174,7 +176,7 @@ def _refuse_clocks(component: str, fmu: FmuFile, problems: Problems) -> None:
         problems.add(("components", component, "fmu"), text)
 
 
-def _find_files(scenario: Scenario, folder: Path, problems: Problems) -> dict[str, FmuFile]:
+def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict: bool) -> dict[str, FmuFile]:
     """Read every FMU once, and report a problem with one of them once."""
     found: dict[Path, FmuFile | None] = {}
     files: dict[str, FmuFile] = {}
@@ -186,7 +188,7 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems) -> dict[st
             problems.found.append(f"{scenario.source.name}: {text}, or name their folder with --fmus.")
             continue
         if path not in found:
-            found[path] = _read_file(component.fmu, path, place, problems)
+            found[path] = _read_file(component.fmu, path, place, problems, strict=strict)
         file = found[path]
         if file is not None:
             only_once = file.description.coSimulation.canBeInstantiatedOnlyOncePerProcess
@@ -210,7 +212,7 @@ def _resize(file: FmuFile, component: Component, place: Location, problems: Prob
         return file
 
 
-def _read_file(fmu: str, path: Path, place: Location, problems: Problems) -> FmuFile | None:
+def _read_file(fmu: str, path: Path, place: Location, problems: Problems, *, strict: bool) -> FmuFile | None:
     """Read an FMU; None, and a problem, if that is not possible."""
     if not path.is_file():
         near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
@@ -218,10 +220,18 @@ def _read_file(fmu: str, path: Path, place: Location, problems: Problems) -> Fmu
         problems.add(place, f"there is no FMU {fmu!r} in {path.parent}. {near}{more}")
         return None
     try:
-        return FmuFile(path)
+        file = FmuFile(path)
     except FmuError as error:
         problems.add(place, str(error))
         return None
+    if file.findings:
+        more = f" .. and {len(file.findings) - 3} more" if len(file.findings) > 3 else ""
+        text = f"FMU {fmu!r} is against the rules of FMI: {' '.join(file.findings[:3])}{more}"
+        if strict:
+            problems.add(place, f"{text} Correct it, or run it without --strict.")
+        else:
+            logger.warning("%s: %s", problems.source.where(place), text)
+    return file
 
 
 def _check_events(

@@ -148,19 +148,19 @@ def _explain_value(fmu: FmuFile, name: str, value: Any) -> str | None:  # noqa: 
     kind = fmu.variables[name].type
     python = float if kind in FLOATS else int if kind in RANGES else bool if kind == "Boolean" else str
     if not isinstance(value, int | float if python is float else python) or isinstance(value, bool) != (python is bool):
-        return f"is a {kind} and cannot be {value!r}."
+        return f"is of type {kind} and cannot be {value!r}."
     if kind == "Binary":
         try:
             bytes.fromhex(str(value))
         except ValueError:
-            return f"is a Binary, written as hexadecimal digits, and cannot be {value!r}."
+            return f"is of type Binary, written as hexadecimal digits, and cannot be {value!r}."
     if isinstance(value, str | bool):
         return None
     smallest, largest = RANGES.get(kind, (-sys.float_info.max, sys.float_info.max))
     if value > largest or (kind in FLOATS and value < smallest):
-        return f"is a {kind} and cannot be larger than {largest:g}."
+        return f"is of type {kind} and cannot be larger than {largest:g}."
     if value < smallest:
-        return f"is a {kind} and cannot be smaller than {smallest:g}."
+        return f"is of type {kind} and cannot be smaller than {smallest:g}."
     low, high = fmu.limits(name)
     if low <= value <= high:
         return None

@@ -69,11 +69,11 @@ PLAN_REFUSALS = {
     ),
     "input out of range": (  # and not "neither connected nor given" too
         ("u = 2.0", 'u = "two"'),
-        "^chain.toml:8: input 'u' of FMU 'gain' is a Real and cannot be 'two'.$",
+        "^chain.toml:8: input 'u' of FMU 'gain' is of type Real and cannot be 'two'.$",
     ),
     "input too large": (
         ("u = 2.0", f"u = 1{400 * '0'}"),
-        r"input 'u' of FMU 'gain' is a Real and cannot be larger than 1.79769e\+308.",
+        r"input 'u' of FMU 'gain' is of type Real and cannot be larger than 1.79769e\+308.",
     ),
     "parameter among inputs": (
         ("u = 2.0", "factor = 1.0, u = 2.0"),
@@ -106,7 +106,7 @@ PLAN_REFUSALS = {
     ),
     "parameter of another type": (
         ('fmu = "gain"', 'fmu = "bounded"\nparameters = { factor = "ten" }'),
-        "chain.toml:8: parameter 'factor' of FMU 'bounded' is a Real and cannot be 'ten'.",
+        "chain.toml:8: parameter 'factor' of FMU 'bounded' is of type Real and cannot be 'ten'.",
     ),
     "event on an unknown component": (
         more('[[events]]\ntime = 0.5\ncomponent = "sauce"\nset = { u = 1.0 }'),
