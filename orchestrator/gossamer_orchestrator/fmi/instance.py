@@ -107,7 +107,9 @@ class Instance:
     def set_start(self, values: Mapping[str, Value]) -> None:
         """Set parameters and inputs of any type by name."""
         for name, value in values.items():
-            self.write_typed(self.typed_port(self.fmu.variables[name].type, [name]), [value], f"refused {name!r} = {value}")
+            self.write_typed(
+                self.typed_port(self.fmu.variables[name].type, [name]), [value], f"refused {name!r} = {value!r}"
+            )
 
     def enter_initialization(self, stop: float) -> None:
         """Set the times of the run and enter the mode in which start values are set."""

@@ -75,7 +75,13 @@ def is_python(folder: Path) -> bool:
 
 
 def start_slave(
-    description: Any, folder: Path, name: str, log: Log, *, token: str | None = None, event_mode: bool = False
+    description: Any,  # noqa: ANN401
+    folder: Path,
+    name: str,
+    log: Log,
+    *,
+    token: str | None = None,
+    event_mode: bool = False,
 ) -> Any:  # noqa: ANN401
     """Instantiate an unpacked FMU.
 

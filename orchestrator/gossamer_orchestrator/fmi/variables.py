@@ -16,7 +16,9 @@ from .types import SAME, TEXTS
 MAX_ELEMENTS = 1_000_000
 
 
-def flatten(path: Path, described: Iterable[Any], sizes: Mapping[str, int]) -> tuple[dict[str, Any], dict[str, list[str]]]:
+def flatten(
+    path: Path, described: Iterable[Any], sizes: Mapping[str, int]
+) -> tuple[dict[str, Any], dict[str, list[str]]]:
     """List the scalars and elements of arrays of an FMU.
 
     Parameters
@@ -70,7 +72,7 @@ def _size(dimension: Any, sizes: Mapping[str, int]) -> int:  # noqa: ANN401
 
 def _starts(variable: Any, size: int) -> list[str | None]:  # noqa: ANN401
     """Return the start value of each element; None if the declared ones are of another number."""
-    texts = [variable.start] if variable.type in TEXTS else (variable.start or "").split()
+    texts: list[str | None] = [variable.start] if variable.type in TEXTS else (variable.start or "").split()
     if len(texts) == 1:
         return texts * size
     return texts if len(texts) == size else [None] * size

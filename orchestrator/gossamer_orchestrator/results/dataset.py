@@ -57,7 +57,9 @@ def make_dataset(
         "scenario": scenario.source.text,
         "step": scenario.step,
         "master": scenario.master,
-        "fmus": json.dumps({name: _provenance(plan.component(name)) for name in scenario.components}, default=bytes.hex),
+        "fmus": json.dumps(
+            {name: _provenance(plan.component(name)) for name in scenario.components}, default=bytes.hex
+        ),
         "connections": json.dumps([(c.origin, c.target) for c in plan.connections]),
         "versions": json.dumps({name: _version(name) for name in ("gossamer", "FMPy", "numpy")}),
     } | attributes

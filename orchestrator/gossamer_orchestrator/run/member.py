@@ -14,7 +14,8 @@ from functools import partial
 
 import numpy as np
 
-from ..fmi.instance import Instance, Port
+from ..fmi.instance import Instance
+from ..fmi.ports import Port
 from ..fmi.types import Value
 from ..scenario.plan import ComponentPlan
 from .channel import Channel

@@ -1,4 +1,4 @@
-"""Inputs and outputs that do not go straight through the array of floats: every type but Real, and partly connected arrays."""
+"""Inputs and outputs that do not go straight through the array of floats: other types, and partly connected arrays."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ Wire = tuple[Connection, Channel | None]
 
 
 def needs_values(plan: ComponentPlan, instance: Instance, name: str) -> bool:
-    """Tell whether a connected input is set by value: no Real, in an array that is partly connected, or only in event mode."""
+    """Tell whether a connected input is set by value: no Real, in a partly connected array, or only in event mode."""
     variable, array = plan.fmu.variables[name], plan.fmu.array_of(name)
     if variable.type != "Real" or (instance.event_mode and variable.variability == "discrete"):
         return True
-    return array is not None and [c.input for c in plan.connections if plan.fmu.array_of(c.input) == array] != (
-        plan.fmu.arrays[array]
+    return (
+        array is not None
+        and [c.input for c in plan.connections if plan.fmu.array_of(c.input) == array] != (plan.fmu.arrays[array])
     )
 
 
@@ -119,7 +120,9 @@ class TypedOutputs:
         if not self._told and self._kind in EXCHANGED_EXACTLY and max(map(abs, values)) > LARGEST_EXACT:
             self._told = True
             name = f"{self._instance.name}.{self._names[0]}"
-            logger.warning("%s is larger than 2^53: components receive it exactly, results hold the nearest float", name)
+            logger.warning(
+                "%s is larger than 2^53: components receive it exactly, results hold the nearest float", name
+            )
 
 
 def typed_inputs(plan: ComponentPlan, instance: Instance, store: Store, wires: Sequence[Wire]) -> list[TypedInputs]:
@@ -142,6 +145,8 @@ def typed_outputs(plan: ComponentPlan, instance: Instance, store: Store) -> list
         for name in names:
             by_type.setdefault(plan.fmu.variables[name].type, []).append(name)
         by_type.pop("Real", None)
-        for group in by_type.values():
-            groups.append(TypedOutputs(instance, group, store, store.places[plan.name, group[0]], sent=sent))
+        groups += [
+            TypedOutputs(instance, group, store, store.places[plan.name, group[0]], sent=sent)
+            for group in by_type.values()
+        ]
     return groups

@@ -30,9 +30,11 @@ def check_connections(
     right: list[Connection] = []
     fed: dict[str, int] = {}
     for i, whole in enumerate(scenario.connections):
-        for connection in _elements(i, whole, fed, files, problems):
-            if _check_ends(i, connection, fed, scenario, files, problems):
-                right.append(_convert(i, connection, files, problems))
+        right += [
+            _convert(i, connection, files, problems)
+            for connection in _elements(i, whole, fed, files, problems)
+            if _check_ends(i, connection, fed, scenario, files, problems)
+        ]
     return right, fed
 
 
@@ -52,8 +54,8 @@ def _elements(
         sizes = [f"an array of {' x '.join(map(str, shape))} elements" if shape else "a scalar" for shape in shapes]
         element = next(names[0] for names in lists if names)
         text = (
-            f"{whole.origin!r} is {sizes[0]} and {whole.target!r} is {sizes[1]}. Connect arrays of one size, or one element, "
-            f"such as {element!r}."
+            f"{whole.origin!r} is {sizes[0]} and {whole.target!r} is {sizes[1]}. "
+            f"Connect arrays of one size, or one element, such as {element!r}."
         )
         problems.add(("connections", i, "to"), text)
         for name in lists[1] or [whole.input]:
@@ -99,7 +101,8 @@ def _check_ends(
     sent = files[connection.sender].variables[connection.output].type
     received = files[connection.receiver].variables[connection.input].type
     if sent != received and not (sent in FLOATS and received in FLOATS):
-        text = f"{connection.origin!r} is of type {sent} and {connection.target!r} of type {received}. Connect variables of one type."
+        kinds = f"{connection.origin!r} is of type {sent} and {connection.target!r} of type {received}"
+        text = f"{kinds}. Connect variables of one type."
         problems.add(("connections", i, "to"), text)
         return False
     if received not in FLOATS:

@@ -264,10 +264,7 @@ def _check_recording(
 ) -> list[tuple[str, str]]:
     patterns = scenario.record.variables
     every = [
-        (c, v, x)
-        for c in scenario.components
-        for v, x in files[c].variables.items()
-        if x.causality != "independent"
+        (c, v, x) for c in scenario.components for v, x in files[c].variables.items() if x.causality != "independent"
     ]
     if patterns is None:
         shown = [(c, v, x) for c, v, x in every if x.causality in ("output", "input") and f"{c}.{v}" not in connected]

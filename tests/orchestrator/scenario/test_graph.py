@@ -74,9 +74,11 @@ def test_a_circle_without_feedthrough_delays_too_unless_the_order_is_stated(fmus
 
 
 def test_jacobi_refuses_no_loop_and_warns_of_none(fmus, caplog):
-    """a = 2 b + 1 and b = a / 4, each of the last step: the fixed point is 2 and 0.5, and the error shrinks by 2 in two steps."""
+    """a = 2 b + 1 and b = a / 4, each of the last step: they tend to 2 and 0.5, twice as close after two steps."""
     text = RING.format(fmu="gain", output="y", inputs=', parameters = { factor = 2.0 }, inputs = { "offset[*]" = 0.5 }')
-    text = text.replace('b = { fmu = "gain"', 'b = { fmu = "gain", parameters = { factor = 0.25 }').replace("2.0\n[", "20.0\n[")
+    text = text.replace('b = { fmu = "gain"', 'b = { fmu = "gain", parameters = { factor = 0.25 }').replace(
+        "2.0\n[", "20.0\n["
+    )
     data = run_scenario(parse_scenario('master = "jacobi"\n' + text), fmus)
     assert caplog.text == ""
     assert data["a.y"].values[-1] == pytest.approx(2.0, abs=1e-5)
