@@ -72,7 +72,7 @@ def _size(dimension: Any, sizes: Mapping[str, int]) -> int:  # noqa: ANN401
 
 def _starts(variable: Any, size: int) -> list[str | None]:  # noqa: ANN401
     """Return the start value of each element; None if the declared ones are of another number."""
-    texts: list[str | None] = [variable.start] if variable.type in TEXTS else (variable.start or "").split()
+    texts: list[Any] = [variable.start] if variable.type in TEXTS else (variable.start or "").split()
     if len(texts) == 1:
         return texts * size
     return texts if len(texts) == size else [None] * size

@@ -152,6 +152,7 @@ class Simulation:
         """
         for name, values in self.plan.events.get(self.tick, ()):
             self._member(name).set(values)
+        self.store.look_up(self.time)
         if self._can_repeat:
             for member in self.members:
                 member.instance.save_state()
@@ -186,6 +187,7 @@ class Simulation:
             self._instances.append(instance)
             self.members.append(Member(component, instance, self.store, begin, scenario.ticks))
             begin += len(component.read)
+        self.store.look_up(start)
         for name in self.plan.start_order:
             member = self._member(name)
             instance = member.instance

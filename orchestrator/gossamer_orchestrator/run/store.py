@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..fmi.types import EXCHANGED_EXACTLY, parse
+from ..names import split_endpoint
+from ..scenario.histories import FILE
 from ..scenario.plan import Plan
 
 
@@ -32,6 +34,9 @@ class Store:
 
     def __init__(self, plan: Plan) -> None:
         read = [(c.name, v, c.fmu.variables[v]) for c in plan.components for v in c.read]
+        for target in plan.histories:
+            component, name = split_endpoint(target)
+            read.append((FILE, target, plan.component(component).fmu.variables[name]))
         self.places = {(component, name): i for i, (component, name, _) in enumerate(read)}
         starts = [0.0 if v.type != "Real" or v.start is None else float(v.start) for _, _, v in read]
         self.values = np.array(starts, dtype=np.float64)  # what an FMU sends until it is initialized
@@ -41,8 +46,18 @@ class Store:
         jacobi = plan.scenario.master == "jacobi"
         self.arrived = self.values.copy() if jacobi else self.values
         self.exact_arrived = self.exact.copy() if jacobi else self.exact
+        self._histories = [(self.places[FILE, target], history) for target, history in plan.histories.items()]
         self._before = self.values.copy()
         self._exact_before = self.exact.copy()
+
+    def look_up(self, time: float) -> None:
+        """Hand what files say of a time [s] to the receivers."""
+        for place, history in self._histories:
+            value = history(time)
+            if self.exact and self.exact[place] is not None:
+                self.exact[place] = self.exact_arrived[place] = value
+            else:
+                self.values[place] = self.arrived[place] = value
 
     def arrive(self) -> None:
         """Hand everything on to the receivers."""

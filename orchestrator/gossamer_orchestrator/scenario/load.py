@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Noise, Recording, Scenario, Table
+from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Input, Noise, Recording, Scenario, Table
 from .source import Location, Problems, Source
 from .toml_file import explain, parse_toml, read_text
 

@@ -17,6 +17,7 @@ from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
 from .connections import check_connections
 from .graph import order_components
+from .histories import FILE, History, read_histories
 from .schema import Component, Connection, Scenario, Value
 from .source import Location, Problems
 from .values import expand, start_values
@@ -33,7 +34,7 @@ class ComponentPlan:
     start : dict
         Parameters and unconnected inputs that the scenario sets.
     connections : tuple of Connection
-        Those to this component.
+        Those to this component, also from files.
     sent, recorded : tuple of str
         Variables read at every step because a component receives them, and the others that are recorded; an array of FMI
         3.0 is in one of them as a whole. Reals come first, then type by type.
@@ -75,6 +76,8 @@ class Plan:
         Components in the order of initialization: each after those that feed it.
     connections : tuple of Connection
         One per scalar that arrives; units are converted by their gain and bias.
+    histories : dict
+        Inputs from files, by ``component.input``.
     events : dict
         By tick: component and its new input values.
     columns : tuple of (component, variable)
@@ -85,6 +88,7 @@ class Plan:
     components: tuple[ComponentPlan, ...]
     start_order: tuple[str, ...]
     connections: tuple[Connection, ...]
+    histories: dict[str, History]
     events: dict[int, list[tuple[str, dict[str, Value]]]]
     columns: tuple[tuple[str, str], ...]
 
@@ -126,7 +130,8 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
     for name in files:
         _refuse_clocks(name, files[name], problems)
     connections, fed = check_connections(scenario, files, problems)
-    connected = {connection.target for connection in connections}
+    histories = read_histories(scenario, files, fed, problems)
+    connected = {connection.target for connection in connections} | set(histories)
     start = {
         name: start_values(name, component, files[name], connected, set(fed), problems)
         for name, component in scenario.components.items()
@@ -137,7 +142,9 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
     problems.raise_if_any()
 
     def plan_component(name: str) -> ComponentPlan:
-        fmu, own = files[name], [c for c in connections if c.receiver == name]
+        fmu = files[name]
+        read = [Connection.model_construct(origin=f"{FILE}.{target}", target=target) for target in histories]
+        own = [c for c in (*connections, *read) if c.receiver == name]
         if fmu.arrays:
             places = {v: i for i, v in enumerate(fmu.variables)}
             own.sort(key=lambda c: places[c.input])  # an array is set as a whole
@@ -157,6 +164,7 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
         components=tuple(plan_component(name) for name in order),
         start_order=tuple(start_order),
         connections=tuple(connections),
+        histories=histories,
         events=events,
         columns=tuple(columns),
     )
