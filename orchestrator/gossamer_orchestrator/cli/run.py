@@ -25,6 +25,9 @@ def run(
     fmus: FmuFolder = FMUS,
     step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
     stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
+    master: Annotated[
+        str | None, typer.Option(help="gauss-seidel or jacobi, in place of the file's or for an .ssp.")
+    ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse FMUs that break the rules of FMI.")] = False,
     pictures: Annotated[bool, typer.Option(help="Draw pictures of what was recorded.")] = True,
     watched: Annotated[
@@ -45,11 +48,11 @@ def run(
 
         gossamer run damage_begins --watch
 
-        gossamer run other.ssp --step 1e-3 --stop 2
+        gossamer run other.ssp --step 1e-3 --stop 2 --master jacobi
     """
     path = find_scenario(scenario)
     folder = Path("out") / path.stem if out is None else out
-    _run(path, fmus, folder, pictures=pictures, watched=watched, strict=strict, step=step, stop=stop)
+    _run(path, fmus, folder, pictures=pictures, watched=watched, master=master, strict=strict, step=step, stop=stop)
 
 
 def demo(
@@ -76,6 +79,7 @@ def _run(
     *,
     pictures: bool,
     watched: bool,
+    master: str | None = None,
     strict: bool = False,
     step: float | None = None,
     stop: float | None = None,
@@ -92,7 +96,9 @@ def _run(
         observers: list[Observer] = [ProgressBar(scenario.stem)]
         if watched:
             observers.append(LiveWatch(out / "watch.json"))
-        data = run_scenario(scenario, fmus, out, step=step, stop=stop, strict=strict, observers=observers)
+        data = run_scenario(
+            scenario, fmus, out, step=step, stop=stop, master=master, strict=strict, observers=observers
+        )
     except KeyboardInterrupt:
         typer.echo(f"Interrupted; results until then are in {out}.", err=True)
         raise typer.Exit(130) from None

@@ -76,7 +76,12 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
             msg = f"{out} is one of the scenario's FMUs. Name another file with --out."
             raise ScenarioError(msg)
         advice = "and let the host change the container's input"
-        inexpressible(scenario, "a container", _NEUTRAL, advice).raise_if_any()
+        problems = inexpressible(scenario, "a container", _NEUTRAL, advice)
+        for c in plan.connections:
+            if c.gain is not None and not problems.found:
+                text = f"a container does not convert units: {c.origin!r} to {c.target!r} needs gain = {c.gain:g}"
+                problems.add(("connections",), f"{text}. Connect variables of one unit.")
+        problems.raise_if_any()
         with TemporaryDirectory(prefix="gossamer-") as folder:
             write_archive(out, _build(plan, Path(folder), out.stem, fmi))
     return out

@@ -27,6 +27,7 @@ def run_scenario(
     *,
     step: float | None = None,
     stop: float | None = None,
+    master: str | None = None,
     strict: bool = False,
     observers: Sequence[Observer] = (),
 ) -> xr.Dataset:
@@ -42,6 +43,8 @@ def run_scenario(
         Folder for ``results.nc`` and ``results.csv``; None writes nothing.
     step, stop : float or None
         Communication step and last time [s] in place of those of the file.
+    master : {"gauss-seidel", "jacobi"} or None
+        Master in place of that of the file, or of an SSP, which states none.
     strict : bool
         Refuse FMUs whose model description is against the rules of FMI; by default that is a warning.
     observers : sequence of Observer
@@ -66,7 +69,10 @@ def run_scenario(
     """
     if not isinstance(scenario, Scenario):
         with open_scenario(Path(scenario), step=step, stop=stop) as opened:
-            return run_scenario(opened, fmus, out, strict=strict, observers=observers)
+            return run_scenario(opened, fmus, out, master=master, strict=strict, observers=observers)
+    if master is not None:
+        order = scenario.order if master == "gauss-seidel" else None
+        scenario = scenario.model_copy(update={"master": master, "order": order})
     plan = make_plan(scenario, Path(fmus), strict=strict)
     recorder = Recorder(plan)
     if out is not None:

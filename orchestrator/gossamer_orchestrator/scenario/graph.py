@@ -79,7 +79,7 @@ def order_components(
                 order.index(connection.sender) >= order.index(connection.receiver)
             ):
                 logger.warning(
-                    "%s: %s: the connection %s -> %s delays by one step. State another 'order', or iterate with [[groups]]",
+                    "%s: %s: the connection %s -> %s delays by one step. State another 'order' or a smaller 'step'",
                     scenario.source.where(("connections", fed[connection.target])),
                     why,
                     connection.origin,

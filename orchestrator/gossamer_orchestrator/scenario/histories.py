@@ -7,6 +7,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
     kind, path = fmu.variables[name].type, scenario.folder / given.file
     linear = given.between == "linear" if given.between else kind in FLOATS
     if linear and kind not in FLOATS:
-        msg = f"{given.target!r} is of type {kind} and cannot be interpolated. Write between = \"held\"."
+        msg = f'{given.target!r} is of type {kind} and cannot be interpolated. Write between = "held".'
         raise ScenarioError(msg)
     try:
         times, texts, unit = (_read_csv if path.suffix == ".csv" else _read_netcdf)(path, given)
@@ -95,7 +96,7 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
         reason = "it is empty" if isinstance(error, StopIteration) else str(error).rstrip(".")
         msg = f"column {given.column!r} of {path} cannot be read as {kind}: {reason}. Correct the file."
         raise ScenarioError(msg) from error
-    if not times or any(b <= a for a, b in zip(times, times[1:], strict=False)) or not all(map(math.isfinite, times)):
+    if not times or any(b <= a for a, b in pairwise(times)) or not all(map(math.isfinite, times)):
         msg = f"the times of {path} do not increase. Sort its rows, and keep one per time."
         raise ScenarioError(msg)
     begin, end = times[0], times[-1]
@@ -103,7 +104,7 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
     if not given.periodic and (begin > scenario.start + tolerance or (linear and end < scenario.stop - tolerance)):
         msg = (
             f"{path} holds times from {begin:g} to {end:g} s and the run needs {scenario.start:g} to {scenario.stop:g} s. "
-            "Change the run, or write periodic = true or between = \"held\"."
+            'Change the run, or write periodic = true or between = "held".'
         )
         raise ScenarioError(msg)
     if given.periodic and len(times) < 2:
@@ -152,9 +153,7 @@ def _read_netcdf(path: Path, given: Input) -> tuple[list[float], list[str], str 
         return times.values.astype(float).tolist(), [repr(v) for v in column.values.tolist()], column.attrs.get("units")
 
 
-def _unit_conversion(
-    unit: str | None, fmu: FmuFile, name: str, files: Mapping[str, FmuFile]
-) -> tuple[float, float]:
+def _unit_conversion(unit: str | None, fmu: FmuFile, name: str, files: Mapping[str, FmuFile]) -> tuple[float, float]:
     """Return gain and bias from the unit of a file to that of an input."""
     own = fmu.unit(name)
     if unit is None or own is None or unit == own:

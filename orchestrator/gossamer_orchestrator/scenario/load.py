@@ -18,6 +18,7 @@ _TABLES: dict[str | int, type[Table]] = {
     "connections": Connection,
     "noise": Noise,
     "dropout": Dropout,
+    "inputs": Input,
     "events": Event,
     "record": Recording,
 }

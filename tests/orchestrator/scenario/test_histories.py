@@ -84,7 +84,11 @@ REFUSALS = {
     "nothing": ("", "", "cannot be read as Real: it is empty. Correct the file."),
     "a short row": ("t,load\n0\n", "", "cannot be read as Real: .* Correct the file"),
     "no order": ("t,load\n0,0\n2,1\n1,0\n", "", "the times of .* do not increase"),
-    "too short": ("t,load\n0,0\n1,0\n", "", "holds times from 0 to 1 s and the run needs 0 to 2 s. Change the run, or write"),
+    "too short": (
+        "t,load\n0,0\n1,0\n",
+        "",
+        "holds times from 0 to 1 s and the run needs 0 to 2 s. Change the run, or write",
+    ),
     "too late": ("t,load\n0.5,0\n9,0\n", 'between = "held"', "holds times from 0.5 to 9 s and the run needs 0 to 2 s"),
     "another dimension": ("t,load [m]\n0,0\n9,0\n", "", "its unit 'm' cannot be converted to 'kPa', that of 'u'"),
     "an unknown unit": ("t,load [psf]\n0,0\n9,0\n", "", "its unit 'psf' cannot be converted to 'kPa'"),
@@ -112,7 +116,7 @@ def test_an_input_is_fed_once_and_lies_in_its_range(reference_fmus, tmp_path):
     with pytest.raises(ScenarioError, match="at 1 s input 'Enumeration_input' would be 3, and it must lie in 1 to 2"):
         make_plan(load_scenario(tmp_path / "s.toml"), reference_fmus)
     (tmp_path / "s.toml").write_text(text + more)
-    with pytest.raises(ScenarioError, match="input 'c.Enumeration_input' is fed twice"):
+    with pytest.raises(ScenarioError, match=r"input 'c\.Enumeration_input' is fed twice"):
         make_plan(load_scenario(tmp_path / "s.toml"), reference_fmus)
 
 
