@@ -171,9 +171,13 @@ class Instance:
             return False
         over, last = ctypes.c_int(0), ctypes.c_double(end)
         dll = self._slave.dll
-        if dll["fmi2GetBooleanStatus"](self._component, _TERMINATED, ctypes.byref(over)) > WARNING or not over:
+        try:
+            is_over, last_time = dll["fmi2GetBooleanStatus"], dll["fmi2GetRealStatus"]
+        except AttributeError:  # not every FMU has all functions of the standard
             return False
-        if dll["fmi2GetRealStatus"](self._component, _LAST_TIME, ctypes.byref(last)) > WARNING:
+        if is_over(self._component, _TERMINATED, ctypes.byref(over)) > WARNING or not over:
+            return False
+        if last_time(self._component, _LAST_TIME, ctypes.byref(last)) > WARNING:
             last.value = end
         return self._end(last.value, end)
 

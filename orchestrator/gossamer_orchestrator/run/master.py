@@ -204,7 +204,7 @@ class Simulation:
     def _try(self, parts: int) -> Member | None:
         """Do the present step in equal parts; return the member that refused one, if any."""
         tick = self.tick
-        full = (tick + 1) % self._every == 0
+        full = (tick + 1) % self._every == 0 or tick + 1 == self._ticks
         stride = MAX_PARTS // parts
         size = ctypes.c_double(self.scenario.step / parts)
         for part in range(parts):
@@ -216,8 +216,11 @@ class Simulation:
                 member.receive(tick + 1)
                 if not member.advance(time, size, full=last):
                     return member
-            if self._over and part < parts - 1:
-                return member
+            if self._over:
+                if part < parts - 1:
+                    return member
+                for each in self.members:
+                    each.read(full=True)  # this is the last point
         return None
 
     def _refusal(self, member: Member, parts: int) -> SimulationError:
