@@ -77,3 +77,26 @@ def built(once, tmp_path_factory):
         return paths[kind]
 
     return get
+
+
+@pytest.fixture(scope="session")
+def reference_fmus(once):
+    """Folder of the test FMUs of the behaviour of the FMI project's: ``Stair2.fmu``, ``Stair3.fmu`` and so on."""
+    pytest.importorskip("ziglang", reason="the test FMUs need the compiler ziglang")
+    from reference.build import NAMES, build
+
+    def fill(folder):
+        for fmi, names in NAMES.items():
+            for name in names:
+                build(name, fmi, folder)
+
+    return once("reference", fill)
+
+
+@pytest.fixture(scope="session")
+def reference_outputs():
+    """Folder of the outputs of the FMI project's test FMUs."""
+    folder = SHARED / "reference/fmi"
+    if not folder.is_dir():
+        pytest.skip(f"needs the reference outputs in {folder}")
+    return folder

@@ -59,6 +59,12 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
+def edited(fmus: Path, tmp_path: Path) -> Callable[[str, str, Callable[[str], str]], None]:
+    """Copy a toy under another name, with an edited model description."""
+    return lambda toy, name, edit: rewrite(fmus / f"{toy}.fmu", tmp_path / f"{name}.fmu", edit)
+
+
+@pytest.fixture
 def other_unit(fmus: Path, tmp_path: Path) -> Callable[[str, str, str, str], None]:
     """Copy the toy gain under another name, with a unit for one of its variables."""
     return lambda name, *unit: rewrite(fmus / "gain.fmu", tmp_path / f"{name}.fmu", with_unit(*unit))

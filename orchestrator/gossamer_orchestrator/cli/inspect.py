@@ -10,12 +10,16 @@ from rich.console import Console
 
 from .common import wide
 
+MOST_ROWS = 2000
+
 
 def info(
     fmu: Annotated[Path, typer.Argument(help="An FMU file.")],
     locals_: Annotated[bool, typer.Option("--locals", help="List local variables too.")] = False,
 ) -> None:
     """Show an FMU's parameters, inputs and outputs.
+
+    More than 2000 variables are printed a line each, with tabs between the columns.
 
     For example:
 
@@ -26,15 +30,24 @@ def info(
 
     from ..fmi.file import FmuFile
 
-    file = FmuFile(fmu)
+    file = FmuFile(fmu, validate=False)
     table = Table(title=f"{file.name}: {file.description.description or file.description.modelName}", expand=False)
-    for heading in ("variable", "causality", "unit", "start", "min", "max", "description"):
-        table.add_column(heading, overflow="fold", no_wrap=heading in ("variable", "causality"))
-    for causality in ("parameter", "input", "output", *(("local",) if locals_ else ())):
-        for name in file.names(causality):
-            v = file.variables[name]
-            cells = (name, causality, file.unit(name), v.start, v.min, v.max, v.description)
-            table.add_row(*(escape(str(cell)) if cell is not None else "" for cell in cells))
+    for heading in ("variable", "causality", "type", "unit", "start", "min", "max", "description"):
+        table.add_column(heading, overflow="fold", no_wrap=heading in ("variable", "causality", "type"))
+    shown = ("structuralParameter", "parameter", "input", "output", *(("local",) if locals_ else ()))
+    rows: dict[str, list[list[str]]] = {causality: [] for causality in shown}
+    for v in file.description.modelVariables:
+        if v.causality in rows:
+            kind = f"{v.type}[{','.join(map(str, v.shape))}]" if v.shape else v.type
+            unit = v.unit or (v.declaredType.unit if v.declaredType is not None else None)
+            cells = (v.name, v.causality, kind, unit, v.start, v.min, v.max, v.description)
+            rows[v.causality].append([str(cell) if cell is not None else "" for cell in cells])
+    if sum(map(len, rows.values())) > MOST_ROWS:  # a table of these takes minutes to lay out
+        typer.echo("\n".join("\t".join(row) for group in rows.values() for row in group))
+        return
+    for group in rows.values():
+        for row in group:
+            table.add_row(*map(escape, row))
         table.add_section()
     wide().print(table)
 

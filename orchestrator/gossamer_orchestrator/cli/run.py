@@ -26,6 +26,9 @@ def run(
     fmus: FmuFolder = FMUS,
     step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
     stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
+    master: Annotated[
+        str | None, typer.Option(help="gauss-seidel or jacobi, in place of the file's or for an .ssp.")
+    ] = None,
     pictures: Annotated[bool, typer.Option(help="Draw pictures of what was recorded.")] = True,
     watched: Annotated[
         bool,
@@ -36,7 +39,7 @@ def run(
         typer.Option(help="End the run if one call of an FMU takes longer [s].", metavar="SECONDS", min=0.0),
     ] = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="End the run at the first value that is not finite, instead of a warning.")
+        bool, typer.Option("--strict", help="Refuse FMUs that break the rules of FMI, and values that are not finite.")
     ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the unfinished run in the folder for results.")
@@ -58,13 +61,21 @@ def run(
 
         gossamer run damage_begins --watch
 
-        gossamer run other.ssp --step 1e-3 --stop 2
+        gossamer run other.ssp --step 1e-3 --stop 2 --master jacobi
 
         gossamer run my_scenario.toml --resume
     """
     path = find_scenario(scenario)
     folder = Path("out") / path.stem if out is None else out
-    options = {"step": step, "stop": stop, "limit": limit, "strict": strict, "resume": resume, "csv": csv}
+    options = {
+        "step": step,
+        "stop": stop,
+        "master": master,
+        "limit": limit,
+        "strict": strict,
+        "resume": resume,
+        "csv": csv,
+    }
     _run(path, fmus, folder, pictures=pictures, watched=watched, **options)
 
 

@@ -166,9 +166,11 @@ def _campaign_of(file: Path, nominal: Campaign) -> tuple[Campaign, float | None]
         )
         raise ScenarioError(msg)
     given = {**found[0].parameters, **found[0].inputs}
-    constants = {name: float(value) for name, value in given.items() if not name.startswith("damage")}
+    numbers = {name: float(value) for name, value in given.items() if isinstance(value, int | float)}
+    constants = {name: value for name, value in numbers.items() if not name.startswith("damage")}
     detectors = [c for c in scenario.components.values() if Path(c.fmu).stem == "detector"]
-    length = next((float(c.parameters["window_length"]) for c in detectors if "window_length" in c.parameters), None)
+    lengths = [c.parameters.get("window_length") for c in detectors]
+    length = next((float(value) for value in lengths if isinstance(value, int | float)), None)
     window = 0.2532 if length is None else length
     steps = 3 * 4 * max(round(window / nominal.step) // 4, 1) + DRIFT
     return replace(nominal, membrane=replace(nominal.membrane, parameters=constants), stop=steps * nominal.step), length

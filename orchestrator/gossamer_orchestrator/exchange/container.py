@@ -76,7 +76,18 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
             msg = f"{out} is one of the scenario's FMUs. Name another file with --out."
             raise ScenarioError(msg)
         advice = "and let the host change the container's input"
-        inexpressible(scenario, "a container", _NEUTRAL, advice).raise_if_any()
+        problems = inexpressible(scenario, "a container", _NEUTRAL, advice)
+        for component in plan.components:
+            if component.fmu.arrays:
+                text = (
+                    f"FMU {component.fmu.name!r} has arrays of FMI 3.0, which a container does not take. Use FMI 2.0."
+                )
+                problems.add(("components", component.name, "fmu"), text)
+        for c in plan.connections:
+            if not problems.found and (c.gain not in (None, 1.0) or c.bias not in (None, 0.0)):
+                text = f"{c.origin!r} and {c.target!r} have different units, and a container does not convert them."
+                problems.add(("connections",), f"{text} Connect variables of one unit.")
+        problems.raise_if_any()
         with TemporaryDirectory(prefix="gossamer-") as folder:
             write_archive(out, _build(plan, Path(folder), out.stem, fmi))
     return out

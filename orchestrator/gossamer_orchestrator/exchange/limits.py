@@ -29,6 +29,8 @@ def inexpressible(scenario: Scenario, what: str, keys: Mapping[str, float | None
     problems = Problems(scenario.source)
     for i, _ in enumerate(scenario.events):
         problems.add(("events", i), f"{what} has no events. Remove it, {advice}.")
+    for i, _ in enumerate(scenario.inputs):
+        problems.add(("inputs", i), f"{what} has no inputs from files. Remove it, {advice}.")
     for i, connection in enumerate(scenario.connections):
         for key, neutral in keys.items():
             if getattr(connection, key) not in (None, neutral):

@@ -2,61 +2,89 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import fmpy
+from fmpy.model_description import ValidationError
 
 from ..errors import FmuError
+from ..names import split_indices
 from .archive import check_archive, unpack
+from .variables import flatten
 
 
 class FmuFile:
-    """One FMI 2.0 co-simulation FMU on disk, shared by all its instances.
+    """One co-simulation FMU on disk, FMI 2.0 or 3.0, shared by all its instances.
 
     Parameters
     ----------
     path : Path
         The ``.fmu`` file.
+    sizes : mapping of str to int, optional
+        Values of structural parameters in place of their start values; they set the dimensions of arrays.
+    validate : bool
+        Whether to look for ``findings``, which takes seconds for a hundred thousand variables.
 
     Attributes
     ----------
     description : fmpy.model_description.ModelDescription
         As read by FMPy.
+    version : int
+        Of FMI, 2 or 3.
     variables : dict
-        FMPy's ``ModelVariable`` by name.
+        FMPy's ``ModelVariable`` by name; an array of FMI 3.0 stands there as its elements, named ``strain[1]``.
+    arrays : dict
+        Names of the elements of every array of FMI 3.0, row by row.
+    findings : list of str
+        What FMPy finds against the rules of FMI in a model description that can be read nevertheless.
     corrupt : bool
-        An instance returned fmi2Fatal: by FMI 2.0 no function of any instance may be called any more.
+        An instance returned Fatal: by FMI no function of any instance may be called any more.
 
     Raises
     ------
     FmuError
-        No archive, a dangerous one, no valid model description, or no FMI 2.0 for co-simulation.
+        No archive, a dangerous one, no model description that can be read, or no FMI 2.0 or 3.0 for co-simulation.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, sizes: Mapping[str, int] | None = None, *, validate: bool = True) -> None:
         self.path = Path(path)
         check_archive(self.path)
-        try:
-            description = fmpy.read_model_description(str(self.path))
-        except Exception as error:
-            # FMPy raises bare exceptions, lxml its own
-            advice = f"Check it with 'gossamer verify {self.path.name}'."
-            msg = f"{self.path}: its modelDescription.xml is not valid: {error}. {advice}"
-            raise FmuError(msg) from error
-        if description.fmiVersion != "2.0" or description.coSimulation is None:
+        self.findings: list[str] = []
+        description = self._read(validate=validate)
+        if not description.fmiVersion.startswith(("2", "3")) or description.coSimulation is None:
             kind = "co-simulation" if description.coSimulation else "model exchange"
-            three = description.fmiVersion.startswith("3")
+            kind = "scheduled execution" if getattr(description, "scheduledExecution", None) else kind
             msg = (
-                f"{self.path} is FMI {description.fmiVersion} for {kind}; this program runs FMI 2.0 for co-simulation. "
-                f"{'Build it without --fmi 3.' if three else 'Export it as FMI 2.0 for co-simulation.'}"
+                f"{self.path} is FMI {description.fmiVersion} for {kind}; this program runs FMI 2.0 and 3.0 for "
+                "co-simulation. Export it for co-simulation."
             )
             raise FmuError(msg)
         self.description: Any = description
-        self.variables: dict[str, Any] = {v.name: v for v in description.modelVariables}
+        self.version = int(description.fmiVersion[0])
+        self.variables, self.arrays = flatten(self.path, description.modelVariables, sizes or {})
+        self._array_of = {element: name for name, elements in self.arrays.items() for element in elements}
         self.corrupt = False
         self._folder: tempfile.TemporaryDirectory[str] | None = None
+
+    def _read(self, *, validate: bool) -> Any:  # noqa: ANN401
+        """Read the model description; what is only against the rules goes to ``findings``."""
+        try:
+            with self.path.open("rb") as file:  # given a path, FMPy may leave it open
+                try:
+                    return fmpy.read_model_description(file, validate=validate)
+                except ValidationError as error:
+                    self.findings = [" ".join(str(problem).split()) for problem in error.problems]
+                return fmpy.read_model_description(file, validate=False)
+        except Exception as error:
+            # FMPy raises bare exceptions, lxml its own
+            advice = f"Check it with 'gossamer verify {self.path.name}'."
+            problem = "; ".join(self.findings[:2]) or error
+            msg = f"{self.path}: its modelDescription.xml is not valid: {problem}. {advice}"
+            raise FmuError(msg) from error
 
     @property
     def name(self) -> str:
@@ -94,9 +122,43 @@ class FmuFile:
         }
         through = {}
         for output in self.names("output"):
-            on = declared.get(output)
-            through[output] = inputs if on is None else [v.name for v in on if v.causality == "input"]
+            on = declared.get(self.array_of(output) or output)
+            if on is None:
+                through[output] = inputs
+            else:
+                names = [v.name for v in on if v.causality == "input"]
+                through[output] = [element for name in names for element in self.arrays.get(name, [name])]
         return through
+
+    def array_of(self, name: str) -> str | None:
+        """Return the array of FMI 3.0 of which a variable is an element, which is exchanged as a whole; else None."""
+        return self._array_of.get(name)
+
+    def elements(self, name: str) -> list[str]:
+        """List the elements of an array: one of FMI 3.0, or variables of FMI 2.0 named ``strain[1]`` and so on."""
+        if name in self.arrays:
+            return self.arrays[name]
+        return [v for v in self.variables if v.startswith(f"{name}[") and split_indices(v)[0] == name]
+
+    def whole(self, names: Iterable[str]) -> list[str]:
+        """List names with the other elements of their arrays of FMI 3.0, in the order of the model description."""
+        wanted = set(names)
+        arrays = {self.array_of(name) for name in wanted} - {None}
+        return [v for v in self.variables if v in wanted or self.array_of(v) in arrays]
+
+    def references(self, names: Iterable[str]) -> list[int]:
+        """Return the value references of variables; an array of FMI 3.0, whose elements are neighbours, has one."""
+        return list({self.array_of(v) or v: self.variables[v].valueReference for v in names}.values())
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Return the least and the largest value of a variable, its own or that of its declared type."""
+        variable, declared = self.variables[name], self.variables[name].declaredType
+        limits = []
+        for key, none in (("min", -math.inf), ("max", math.inf)):
+            text = getattr(variable, key) or getattr(declared, key, None)
+            limits.append(none if text is None else float(text))
+        items = [int(item.value) for item in getattr(declared, "items", []) if variable.type == "Enumeration"]
+        return (min(items), max(items)) if items else (limits[0], limits[1])
 
     def folder(self) -> Path:
         """Unpack it into a temporary folder, once."""

@@ -8,47 +8,25 @@ function that declares no types, which halves the cost of a call; so every argum
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
-from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
 from ..errors import FmuError, SimulationError
 from .file import FmuFile
+from .ports import Port, TypedPort
 from .slave import DISCARD, ERROR, FATAL, WARNING, Log, is_python, start_slave
+from .types import Value
 
+_LAST_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
 _LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
-class Port:
-    """Real variables of one instance that are read or written together.
-
-    Attributes
-    ----------
-    values : numpy.ndarray
-        Their buffer, contiguous; may be a view into a larger array.
-    arguments : tuple
-        What fmi2GetReal and fmi2SetReal are called with.
-    """
-
-    __slots__ = ("arguments", "size", "values")
-
-    def __init__(self, component: ctypes.c_void_p, references: Sequence[int], values: NDArray[np.float64]) -> None:
-        self.size = len(references)
-        self.values = values
-        self.arguments = (
-            component,
-            (fmi2.fmi2ValueReference * self.size)(*references),
-            ctypes.c_size_t(self.size),
-            values.ctypes.data_as(ctypes.c_void_p),
-        )
-
-
 class Instance:
-    """One instance of an FMU.
+    """One instance of an FMU of FMI 2.0.
 
     Parameters
     ----------
@@ -59,22 +37,43 @@ class Instance:
     time : float
         Start of the run [s].
 
+    Attributes
+    ----------
+    ended_at : float or None
+        Time [s] at which the FMU itself ended the simulation.
+    on_end : callable
+        Called with this instance when that happens.
+
     Raises
     ------
     FmuError
         The FMU has no binary for this machine or cannot be instantiated.
     """
 
+    version = 2
+    _FUNCTIONS: ClassVar = {
+        "get": "fmi2GetReal",
+        "set": "fmi2SetReal",
+        "do_step": "fmi2DoStep",
+        "get_state": "fmi2GetFMUstate",
+        "set_state": "fmi2SetFMUstate",
+        "free_state": "fmi2FreeFMUstate",
+        "terminate": "fmi2Terminate",
+    }
+
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         self.fmu = fmu
         self.name = name
+        self.event_mode = self.version == 3 and bool(fmu.description.coSimulation.hasEventMode)
         self._time = ctypes.c_double(time)
         self.log = Log(lambda: self.time)
-        self._state = fmi2.fmi2FMUstate()
+        self._state = ctypes.c_void_p()
+        self.ended_at: float | None = None
+        self.on_end: Callable[[Instance], object] = lambda _: None
         self._initialized = False
         self._component: Any = None
         try:
-            self._slave = start_slave(fmu.description, fmu.folder(), name, self.log)
+            self._slave = start_slave(fmu.description, fmu.folder(), name, self.log, event_mode=self.event_mode)
         except Exception as error:
             # FMPy raises bare exceptions here
             self.log.close()
@@ -83,10 +82,11 @@ class Instance:
                 msg += " Check it with 'gossamer verify'."
             raise FmuError(msg) from error
         self._is_python = is_python(fmu.folder())
-        dll = self._slave.dll  # by subscript it gives functions of its own, without FMPy's argument types
-        self._get, self._set, self._do_step = dll["fmi2GetReal"], dll["fmi2SetReal"], dll["fmi2DoStep"]
-        self._get_state, self._set_state = dll["fmi2GetFMUstate"], dll["fmi2SetFMUstate"]
-        self._free_state = dll["fmi2FreeFMUstate"]
+        # by subscript the library gives functions of its own, without FMPy's argument types
+        functions = {name: self._slave.dll[symbol] for name, symbol in self._FUNCTIONS.items()}
+        self._get, self._set, self._do_step = functions["get"], functions["set"], functions["do_step"]
+        self._get_state, self._set_state = functions["get_state"], functions["set_state"]
+        self._free_state, self._terminate = functions["free_state"], functions["terminate"]
         self._component = ctypes.c_void_p(self._slave.component)
         self._state_arguments = (self._component, ctypes.byref(self._state))
 
@@ -97,15 +97,19 @@ class Instance:
 
     def port(self, names: Sequence[str], values: NDArray[np.float64] | None = None) -> Port:
         """Prepare the exchange of some Real variables."""
-        references = [self.fmu.variables[name].valueReference for name in names]
-        return Port(self._component, references, np.zeros(len(references)) if values is None else values)
+        values = np.zeros(len(names)) if values is None else values
+        return Port(self._component, self.fmu.references(names), values, counted=self.version == 3)
 
-    def set_start(self, values: Mapping[str, float | str]) -> None:
+    def typed_port(self, kind: str, names: Sequence[str]) -> TypedPort:
+        """Prepare the exchange of some variables of one type as Python values."""
+        return TypedPort(kind, self._component, self.fmu.references(names), len(names), self.version)
+
+    def set_start(self, values: Mapping[str, Value]) -> None:
         """Set parameters and inputs of any type by name."""
         for name, value in values.items():
-            variable = self.fmu.variables[name]
-            kind = "Integer" if variable.type == "Enumeration" else variable.type
-            self._call(f"refused {name!r} = {value}", f"set{kind}", [variable.valueReference], [value])
+            self.write_typed(
+                self.typed_port(self.fmu.variables[name].type, [name]), [value], f"refused {name!r} = {value!r}"
+            )
 
     def enter_initialization(self, stop: float) -> None:
         """Set the times of the run and enter the mode in which start values are set."""
@@ -129,16 +133,63 @@ class Instance:
         if status > WARNING:
             self._check(status, "did not return its outputs")
 
+    def write_typed(self, port: TypedPort, values: Sequence[Value], failure: str = "refused its inputs") -> None:
+        """Set the variables of a port of any type."""
+        port.put(list(values))
+        self._check(self._slave.dll[f"fmi{self.version}Set{port.suffix}"](*port.arguments), failure)
+
+    def write_inputs(self, port: TypedPort, values: Sequence[Value]) -> None:
+        """Set inputs between two steps, or during initialization."""
+        self.write_typed(port, values)
+
+    def read_typed(self, port: TypedPort) -> list[Value]:
+        """Get the variables of a port of any type."""
+        status = self._slave.dll[f"fmi{self.version}Get{port.suffix}"](*port.arguments)
+        self._check(status, "did not return its outputs")
+        return port.get()
+
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
-        """Advance by ``size`` [s] from ``time`` [s]; False if the FMU discarded the step."""
+        """Advance by ``size`` [s] from ``time`` [s].
+
+        Returns
+        -------
+        bool
+            False if the FMU discarded the step, or ended the simulation before the step's end.
+        """
         self._time = time
         status = self._do_step(self._component, time, size, 0)
         if status <= WARNING:
             return True
         if status == DISCARD:
-            return False
+            return self._has_ended(time.value + size.value)
         self._check(status, "failed")
         return False
+
+    def _has_ended(self, end: float) -> bool:
+        """After a discarded step: tell whether the FMU has ended the simulation at the step's end [s], not before.
+
+        One that has come no further than the start of the step has refused it, whatever it says: our native FMUs say that
+        they have ended, so that hosts which know nothing else do not repeat the step for ever.
+        """
+        if self._is_python:  # pythonfmu 0.7.0 says that of every discarded step
+            return False
+        over, last = ctypes.c_int(0), ctypes.c_double(end)
+        dll = self._slave.dll
+        try:
+            is_over, last_time = dll["fmi2GetBooleanStatus"], dll["fmi2GetRealStatus"]
+        except AttributeError:  # not every FMU has all functions of the standard
+            return False
+        if is_over(self._component, _TERMINATED, ctypes.byref(over)) > WARNING or not over:
+            return False
+        if last_time(self._component, _LAST_TIME, ctypes.byref(last)) > WARNING:
+            last.value = end
+        return last.value > self.time and self._end(last.value, end)
+
+    def _end(self, last: float, end: float) -> bool:
+        """Note that the FMU ended the simulation; tell whether that was at the end of the step [s]."""
+        self.ended_at = last
+        self.on_end(self)
+        return last >= end - 1e-9 * (abs(end) + abs(end - self.time))
 
     def save_state(self) -> None:
         """Save the present state in place of the one saved before."""
@@ -173,11 +224,10 @@ class Instance:
         if component is None:
             return
         if not self.fmu.corrupt:
-            dll = self._slave.dll
             if self._state:
                 self._free_state(*self._state_arguments)
             if self._initialized:
-                dll.fmi2Terminate(component)
+                self._terminate(component)
             if not self.fmu.corrupt:
                 self._slave.freeInstance()
         self.log.close()
@@ -188,6 +238,7 @@ class Instance:
             return getattr(self._slave, method)(*arguments)
         except FMICallException as error:
             self._check(error.status, what)
+            raise  # not reached: FMPy raises for what the check refuses
 
     def _check(self, status: int, what: str) -> None:
         """Raise ``SimulationError`` unless a call went well."""

@@ -74,7 +74,15 @@ def is_python(folder: Path) -> bool:
     return (folder / "resources/slavemodule.txt").exists()
 
 
-def start_slave(description: Any, folder: Path, name: str, log: Log, *, token: str | None = None) -> Any:  # noqa: ANN401
+def start_slave(
+    description: Any,  # noqa: ANN401
+    folder: Path,
+    name: str,
+    log: Log,
+    *,
+    token: str | None = None,
+    event_mode: bool = False,
+) -> Any:  # noqa: ANN401
     """Instantiate an unpacked FMU.
 
     Parameters
@@ -89,6 +97,8 @@ def start_slave(description: Any, folder: Path, name: str, log: Log, *, token: s
         Receives its messages.
     token : str, optional
         Guid or instantiation token in place of the FMU's own.
+    event_mode : bool
+        Run an FMU of FMI 3.0 with event mode, and let it return early from a step.
 
     Returns
     -------
@@ -112,8 +122,11 @@ def start_slave(description: Any, folder: Path, name: str, log: Log, *, token: s
         instanceName=name,
     )
     try:
-        listener = {"callbacks": _callbacks(log, proxy=not is_python(folder))} if two else {"logMessage": log.add}
-        slave.instantiate(loggingOn=True, **listener)
+        if two:
+            options = {"callbacks": _callbacks(log, proxy=not is_python(folder))}
+        else:
+            options = {"logMessage": log.add} | dict.fromkeys(("eventModeUsed", "earlyReturnAllowed"), event_mode)
+        slave.instantiate(loggingOn=True, **options)
     except Exception:
         slave.freeLibrary()  # pythonfmu 0.7.0 may abort the process at its end if it is still loaded
         raise

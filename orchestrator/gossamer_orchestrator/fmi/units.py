@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from fmpy.model_description import BaseUnit
+
 POWERS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
@@ -25,6 +27,42 @@ def scale(unit: Any) -> dict[str, float]:  # noqa: ANN401
     if unit.offset:
         defined["offset"] = unit.offset
     return defined
+
+
+_PREFIXES = {"": 0, "n": -9, "u": -6, "m": -3, "c": -2, "h": 2, "k": 3, "M": 6, "G": 9}
+_SYMBOLS = {  # factor, offset and SI exponents
+    "m": (1.0, 0.0, {"m": 1}),
+    "g": (1e-3, 0.0, {"kg": 1}),
+    "s": (1.0, 0.0, {"s": 1}),
+    "A": (1.0, 0.0, {"A": 1}),
+    "K": (1.0, 0.0, {"K": 1}),
+    "rad": (1.0, 0.0, {"rad": 1}),
+    "N": (1.0, 0.0, {"kg": 1, "m": 1, "s": -2}),
+    "Pa": (1.0, 0.0, {"kg": 1, "m": -1, "s": -2}),
+    "bar": (1e5, 0.0, {"kg": 1, "m": -1, "s": -2}),
+    "V": (1.0, 0.0, {"kg": 1, "m": 2, "s": -3, "A": -1}),
+    "ohm": (1.0, 0.0, {"kg": 1, "m": 2, "s": -3, "A": -2}),
+    "Hz": (1.0, 0.0, {"s": -1}),
+}
+_OTHERS = {
+    "1": (1.0, 0.0, {}),
+    "%": (1e-2, 0.0, {}),
+    "min": (60.0, 0.0, {"s": 1}),
+    "h": (3600.0, 0.0, {"s": 1}),
+    "deg": (math.pi / 180.0, 0.0, {"rad": 1}),
+    "degC": (1.0, 273.15, {"K": 1}),
+    "degF": (1.0 / 1.8, 459.67 / 1.8, {"K": 1}),
+}
+
+
+def definition_of(name: str) -> BaseUnit | None:
+    """Return what a common unit is in SI, with a prefix or not; None if it is not known here."""
+    found = _OTHERS.get(name)
+    for prefix, power in _PREFIXES.items():
+        if found is None and name.startswith(prefix) and name[len(prefix) :] in _SYMBOLS:
+            factor, offset, exponents = _SYMBOLS[name[len(prefix) :]]
+            found = factor * 10.0**power, offset, exponents
+    return None if found is None else BaseUnit(factor=found[0], offset=found[1], **found[2])
 
 
 def conversion(a: Any, b: Any) -> tuple[float, float] | None:  # noqa: ANN401

@@ -34,8 +34,9 @@ def digests(plan: Plan) -> dict[str, str]:
 
 
 def unable(plan: Plan) -> list[str]:
-    """List the FMUs that cannot serialize their state."""
-    return [file.name for file in plan.files if not file.description.coSimulation.canSerializeFMUstate]
+    """List the FMUs whose runs cannot be resumed: they cannot serialize their state, or have events of their own."""
+    capabilities = [(file.name, file.description.coSimulation) for file in plan.files]
+    return [name for name, can in capabilities if not can.canSerializeFMUstate or getattr(can, "hasEventMode", False)]
 
 
 def save(path: Path, simulation: Simulation, rows: int, digest: dict[str, str]) -> None:
@@ -47,6 +48,7 @@ def save(path: Path, simulation: Simulation, rows: int, digest: dict[str, str]) 
         "tick": simulation.tick,
         "rows": rows,
         "divided": simulation.divided,
+        "exact": [value.hex() if isinstance(value, bytes) else value for value in simulation.store.exact],
     }
     arrays: dict[str, Any] = {"card": np.array(json.dumps(card)), "values": simulation.values}
     arrays["held"] = np.array([channel.held for channel in simulation.channels])
@@ -67,8 +69,8 @@ def load(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
     """
     if names := unable(plan):
         msg = (
-            f"{', '.join(names)} cannot serialize {'its' if len(names) == 1 else 'their'} state (canSerializeFMUstate), so "
-            "this run cannot be resumed. Run it from its start, without --resume."
+            f"{', '.join(names)} cannot serialize {'its' if len(names) == 1 else 'their'} state (canSerializeFMUstate), or "
+            "has an event mode, so this run cannot be resumed. Run it from its start, without --resume."
         )
         raise ScenarioError(msg)
     if not path.is_file():
@@ -98,8 +100,15 @@ def load(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def restore(simulation: Simulation, card: dict[str, Any], arrays: dict[str, Any]) -> None:
     """Bring a simulation that has just started to the state of ``load``."""
+    for tick in sorted(simulation.plan.events):
+        for name, values in simulation.plan.events[tick] if 0 < tick < card["tick"] else ():
+            simulation.member(name).set(values)  # arrays keep the elements that nothing feeds
     simulation.deserialize([arrays[f"state_{i}"].tobytes() for i in range(len(simulation.members))])
     simulation.values[:] = arrays["values"]
+    simulation.store.exact[:] = [
+        bytes.fromhex(value) if isinstance(old, bytes) else value
+        for value, old in zip(card["exact"], simulation.store.exact, strict=True)
+    ]
     for channel, value in zip(simulation.channels, arrays["held"].tolist(), strict=True):
         channel.held = value
     simulation.tick, simulation.divided = card["tick"], card["divided"]

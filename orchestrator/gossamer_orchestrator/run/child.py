@@ -46,6 +46,7 @@ class Task:
     fmus: Path
     step: float | None
     stop: float | None
+    master: str | None
     out: Path
     scratch: Path
     strict: bool
@@ -104,7 +105,10 @@ def _run(task: Task, report: Report) -> None:
         else open_scenario(task.scenario, step=task.step, stop=task.stop)
     )
     with opened as scenario:
-        plan = make_plan(scenario, task.fmus)
+        if task.master is not None:
+            order = scenario.order if task.master == "gauss-seidel" else None
+            scenario = scenario.model_copy(update={"master": task.master, "order": order})
+        plan = make_plan(scenario, task.fmus, strict=task.strict)
         check_space(plan, task.out)
         card, arrays = checkpoint.load(task.out / RESUME, plan) if task.resume else (None, {})
         names = [component.name for component in plan.components]
@@ -128,7 +132,7 @@ def _run(task: Task, report: Report) -> None:
                     stream.save(simulation)
                 report(interrupted=True)
             else:
-                report(complete=True)
+                report(ended=simulation.ended or "complete")
 
 
 def _describe(error: OrchestratorError) -> dict[str, Any]:

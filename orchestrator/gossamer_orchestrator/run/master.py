@@ -17,10 +17,9 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Protocol
 
-import numpy as np
-
 from ..errors import SimulationError
 from ..fmi.instance import Instance
+from ..fmi.instance3 import start_instance
 from ..scenario.plan import Plan
 from .channel import Channel
 from .member import Member
@@ -38,6 +37,7 @@ from .position import (
     Position,
     new_position,
 )
+from .store import Store
 
 logger = logging.getLogger(__name__)
 
@@ -78,6 +78,8 @@ class Simulation:
         Index in ``values`` by ``(component, variable)``.
     divided : int
         Steps that had to be repeated in parts.
+    ended : str
+        Which FMU ended the simulation by itself, and when; empty if none did.
     """
 
     def __init__(self, plan: Plan, position: Position | None = None) -> None:
@@ -87,17 +89,21 @@ class Simulation:
         self.tick = 0
         self.divided = 0
         self.members: list[Member] = []
+        self.ended = ""
         self._instances: list[Instance] = []
-        names = [(c.name, v) for c in plan.components for v in (*c.sent, *c.recorded)]
-        self.places = {name: i for i, name in enumerate(names)}
-        self.values = np.zeros(len(names))
+        self._over: list[Instance] = []
+        self.store = Store(plan)
+        self.places, self.values = self.store.places, self.store.values
         self._jacobi = plan.scenario.master == "jacobi"
-        self._arrived = self.values.copy() if self._jacobi else self.values
-        self._before = np.zeros(len(names))
         self._every = plan.scenario.record.every
         self._ticks = plan.scenario.ticks
         self._unit = plan.scenario.step / MAX_PARTS
         self._can_repeat = all(file.can_repeat for file in plan.files)
+
+    @property
+    def over(self) -> bool:
+        """Whether an FMU has ended the simulation."""
+        return bool(self._over)
 
     @property
     def time(self) -> float:
@@ -145,12 +151,17 @@ class Simulation:
                     observer.begin(self)
                 for observer in observers if self.tick == 0 else ():
                     observer.sample(self)
-                while self.tick < self._ticks:
-                    self.step()
+                while self.tick < self._ticks and not self._over:
+                    if not self.step():
+                        break
                     for observer in observers:
                         observer.sample(self)
                     if position[STOP]:
                         raise KeyboardInterrupt
+                if self._over:
+                    first = self._over[0]
+                    self.ended = f"component {first.name!r} ended the simulation at t = {first.ended_at:.9g} s"
+                    logger.warning("%s", self.ended)
             finally:
                 for observer in observers:
                     observer.end(self)
@@ -158,8 +169,8 @@ class Simulation:
                     if warning := member.instance.log.first_warning:
                         logger.warning("component %r %s", member.name, warning)
 
-    def step(self) -> None:
-        """Advance by one communication step.
+    def step(self) -> bool:
+        """Advance by one communication step; False if an FMU has ended the simulation before the end of it.
 
         Raises
         ------
@@ -169,18 +180,22 @@ class Simulation:
         position = self.position
         position[TICK], position[PART], position[CALL] = self.tick, 0, STEP
         for name, values in self.plan.events.get(self.tick, ()):
-            member = self._member(name)
+            member = self.member(name)
             position[COMPONENT] = self.members.index(member)
-            member.instance.set_start(values)
+            member.set(values)
+        self.store.look_up(self.time)
         if self._can_repeat:
             for number, member in enumerate(self.members):
                 position[COMPONENT] = number
                 member.instance.save_state()
-            self._before[:] = self.values
+            self.store.save()
         channels = self.channels
         held = [channel.held for channel in channels]
         parts = 1
         while (refused := self._try(parts)) is not None:
+            if self._over:
+                position[COMPONENT] = -1
+                return False
             if not self._can_repeat or parts == MAX_PARTS:
                 raise self._refusal(refused, parts)
             parts *= 2
@@ -188,13 +203,14 @@ class Simulation:
                 member.instance.restore_state()
             for channel, value in zip(channels, held, strict=True):
                 channel.held = value
-            self.values[:] = self._before
+            self.store.restore()
         position[COMPONENT] = -1
         if parts > 1:
             self.divided += 1
             position[DIVIDED] = self.divided
             logger.info("step %d (t = %g s) was done in %d parts", self.tick, self.time, parts)
         self.tick += 1
+        return True
 
     def _start(self) -> None:
         """Instantiate all FMUs and initialize each after those that feed it."""
@@ -203,27 +219,26 @@ class Simulation:
         position[CALL] = INSTANTIATE
         for component in self.plan.components:
             position[COMPONENT] += 1
-            instance = Instance(component.fmu, component.name, start)
+            instance = start_instance(component.fmu, component.name, start)
+            instance.on_end = self._over.append
             self._instances.append(instance)
-            end = begin + len(component.sent) + len(component.recorded)
-            y = self.values[begin:end]
-            self.members.append(Member(component, instance, y, self._arrived, self.places))
-            begin = end
+            self.members.append(Member(component, instance, self.store, begin))
+            begin += len(component.read)
+        self.store.look_up(start)
         position[CALL] = INITIALIZE
         for name in self.plan.start_order:
-            member = self._member(name)
+            member = self.member(name)
             position[COMPONENT] = self.members.index(member)
             instance = member.instance
             instance.set_start(self.plan.component(name).start)
             instance.enter_initialization(scenario.stop)
             for receiver, values in self.plan.events.get(0, ()):
                 if receiver == name:
-                    instance.set_start(values)
+                    member.set(values)
             member.receive(0)
             instance.exit_initialization()
-            if member.outputs.size:
-                instance.read(member.outputs)
-            self._arrived[:] = self.values
+            member.read(full=True)
+            self.store.arrive()
         position[COMPONENT] = -1
 
     def _try(self, parts: int) -> Member | None:
@@ -237,12 +252,17 @@ class Simulation:
             last = full and part == parts - 1
             position[PART] = part
             if self._jacobi:
-                self._arrived[:] = self.values
+                self.store.arrive()
             for number, member in enumerate(self.members):
                 position[COMPONENT] = number
                 member.receive(tick + 1)
                 if not member.advance(time, size, full=last):
                     return member
+            if self._over:
+                if part < parts - 1:
+                    return member
+                for each in self.members:
+                    each.read(full=True)  # this is the last point
         return None
 
     def _refusal(self, member: Member, parts: int) -> SimulationError:
@@ -266,13 +286,13 @@ class Simulation:
         for number, member in enumerate(self.members):
             if not names or member.name in names:
                 self.position[COMPONENT] = number
-                member.read()
+                member.read(full=True)
         self.position[COMPONENT] = -1
 
     @property
     def channels(self) -> list[Channel]:
         """Channels of all components."""
-        return [channel for member in self.members for _, channel in member.channels]
+        return [channel for member in self.members for channel in member.all_channels]
 
     def serialize(self) -> list[bytes]:
         """Return the states of all FMUs at the present communication point."""
@@ -290,7 +310,8 @@ class Simulation:
             member.instance.deserialize(state)
         self.position[COMPONENT] = -1
 
-    def _member(self, name: str) -> Member:
+    def member(self, name: str) -> Member:
+        """Return a member by name."""
         return next(member for member in self.members if member.name == name)
 
 

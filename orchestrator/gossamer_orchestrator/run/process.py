@@ -45,8 +45,8 @@ class Process:
         Where it stands.
     shared : Shared or None
         How to write the rows that wait, once there are results.
-    complete : bool
-        The run reached its end.
+    ended : str
+        How the run reached its end, "complete" or by which FMU; empty if it did not.
     error : BaseException or None
         Why it did not.
     """
@@ -54,7 +54,7 @@ class Process:
     def __init__(self, task: Task) -> None:
         self.position = open_position(task.scratch / POSITION, new=True)
         self.shared: Shared | None = None
-        self.complete = self._closed = False
+        self.ended, self._closed = "", False
         self.error: BaseException | None = None
         self._names: list[str] = []
         self._start = self._step = 0.0
@@ -104,7 +104,7 @@ class Process:
             self._kill(error)
         finally:
             if progress is not None and self._ticks:
-                progress.show(self.position[TICK] + self.complete, self._ticks, self._seconds(self.complete))
+                progress.show(self.position[TICK] + bool(self.ended), self._ticks, self._seconds(bool(self.ended)))
                 progress.stop()
 
     def _watch(self, limit: float | None, progress: ProgressBar | None) -> None:
@@ -117,7 +117,7 @@ class Process:
             present = (position[TICK], position[PART], position[COMPONENT], position[CALL])
             if present != last or position[COMPONENT] < 0:
                 last, since = present, now
-            over = self.complete or self.error is not None
+            over = bool(self.ended) or self.error is not None
             if self._process.poll() is not None:
                 self.end()
                 self._take_rest()
@@ -168,7 +168,7 @@ class Process:
             self.error = self.error or getattr(errors, error["kind"])(error["message"], **error["more"])
         elif bug := report.get("bug"):
             self.error = self.error or RuntimeError(bug)
-        self.complete |= "complete" in report
+        self.ended = report.get("ended", self.ended)
         self._closed |= "closed" in report
         if "interrupted" in report:
             self.error = KeyboardInterrupt()
@@ -177,14 +177,14 @@ class Process:
         """End the process before its time."""
         self.end()
         self._take_rest()
-        if not self.complete and self.error is None:
+        if not self.ended and self.error is None:
             self.error = error
 
     def _explain_death(self) -> None:
         """Blame the FMU that was called when the process ended by itself, or was freed for too long."""
         code = self._process.poll()
         what = "did not return" if code is None else _death(code)
-        if self.complete or self.error is not None:
+        if self.ended or self.error is not None:
             if self.position[CALL] == FREE and self.position[COMPONENT] >= 0:
                 logging.getLogger(__name__).warning("%s", self._blame(what, "The results are not touched by that."))
             return

@@ -60,7 +60,7 @@ class Recorder:
         """Write a row if this communication point is recorded."""
         tick = simulation.tick
         ended = [detector.ended() for detector in self._detectors]
-        if tick % self._every and tick != self._ticks:
+        if tick % self._every and tick != self._ticks and not simulation.over:
             if not any(ended):
                 return
             simulation.read()

@@ -44,6 +44,7 @@ def run_scenario(
     *,
     step: float | None = None,
     stop: float | None = None,
+    master: str | None = None,
     limit: float | None = None,
     strict: bool = False,
     resume: bool = False,
@@ -65,10 +66,13 @@ def run_scenario(
         Folder for ``results.nc`` and ``results.csv``; None writes nothing.
     step, stop : float or None
         Communication step and last time [s] in place of those of the file.
+    master : {"gauss-seidel", "jacobi"} or None
+        Master in place of that of the file, or of an SSP, which states none.
     limit : float or None
         Time that one call of an FMU may take [s]; None is any.
     strict : bool
-        End the run at the first value that is not finite; else a warning names it.
+        Refuse FMUs whose model description is against the rules of FMI, and end the run at the first value that is not
+        finite; by default both are warnings.
     resume : bool
         Continue the unfinished run in ``out`` from its last saved state.
     csv : bool or None
@@ -81,7 +85,7 @@ def run_scenario(
     Returns
     -------
     xarray.Dataset
-        As described in ``results.columns``; its attribute ``ended`` is ``complete``.
+        As described in ``results.columns``; its attribute ``ended`` is ``complete``, or says which FMU ended it.
 
     Raises
     ------
@@ -108,6 +112,7 @@ def run_scenario(
             fmus=Path(fmus),
             step=step,
             stop=stop,
+            master=master,
             out=folder,
             scratch=temporary,
             strict=strict,
@@ -154,8 +159,8 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
         unfinished.unlink()
         return None
     error = process.error
-    ended = "complete" if error is None else "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
-    file.end(ended, wall_time, process.position[DIVIDED])
+    reason = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
+    file.end(reason if error is not None else process.ended, wall_time, process.position[DIVIDED])
     last = file.last_time()
     file.close()
     if not (isinstance(error, ResultsError) and (folder / NETCDF).exists()):

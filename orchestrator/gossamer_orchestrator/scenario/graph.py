@@ -1,16 +1,18 @@
-"""The graph of a scenario: algebraic loops, which no order can resolve, and the order in which components step."""
+"""The graph of a scenario: algebraic loops, which need a delay or iterations, and the order in which components step."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Hashable, Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
-from itertools import pairwise
 from typing import TypeVar
 
 from ..fmi.file import FmuFile
 from ..names import suggest
 from .schema import Connection, Scenario
 from .source import Problems
+
+logger = logging.getLogger(__name__)
 
 Node = TypeVar("Node", bound=Hashable)
 
@@ -52,31 +54,38 @@ def sort_components(names: Iterable[str], edges: Mapping[str, Iterable[str]]) ->
 
 
 def order_components(
-    scenario: Scenario, files: Mapping[str, FmuFile], connections: Iterable[Connection], problems: Problems
+    scenario: Scenario,
+    files: Mapping[str, FmuFile],
+    connections: Iterable[Connection],
+    fed: Mapping[str, int],
+    problems: Problems,
 ) -> tuple[list[str], list[str]]:
-    """Return the orders of initialization and of stepping, and report loops and orders that are not possible."""
+    """Return the orders of initialization and of stepping, and report orders that are not possible.
+
+    Under Gauss-Seidel a connection from a later to an earlier component delays by one step. That is said where the
+    scenario does not state the order, or where it breaks an algebraic loop. Under Jacobi every connection delays.
+    """
     pairs = {(connection.sender, connection.receiver) for connection in connections}
     feeds = {name: [other for other in files if (name, other) in pairs] for name in files}
-    loop = _find_loop(files, connections)
-    if loop:
-        path = [".".join(node) for node in loop]
-        edges = list(pairwise(path))
-        first = next(i for i, c in enumerate(scenario.connections) if (c.origin, c.target) in edges)
-        problems.add(
-            ("connections", first),
-            f"algebraic loop: {' -> '.join(path)}. Cut one of these connections, or declare in an FMU that its output does "
-            "not depend on that input at the same instant.",
-        )
+    start_order = sort_components(files, feeds)
     if scenario.order is not None:
         _check_stated_order(scenario.order, scenario, feeds, problems)
-    elif not loop and scenario.master == "gauss-seidel" and (cycle := find_cycle(feeds)):
-        problems.add(
-            ("master",),
-            f"components feed each other in a circle: {' -> '.join(cycle)}. Name them in 'order'; "
-            "the connection from a later to an earlier one delays by one step.",
-        )
-    start_order = sort_components(files, feeds)
-    return start_order, scenario.order or start_order
+    order = scenario.order or start_order
+    loop = _find_loop(files, connections)
+    if scenario.master == "gauss-seidel" and (loop or scenario.order is None):
+        why = f"algebraic loop {' -> '.join('.'.join(node) for node in loop)}" if loop else "components feed each other"
+        for connection in connections:
+            if {connection.sender, connection.receiver} <= set(order) and (
+                order.index(connection.sender) >= order.index(connection.receiver)
+            ):
+                logger.warning(
+                    "%s: %s: the connection %s -> %s delays by one step. State another 'order' or a smaller 'step'",
+                    scenario.source.where(("connections", fed[connection.target])),
+                    why,
+                    connection.origin,
+                    connection.target,
+                )
+    return start_order, order
 
 
 def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) -> list[tuple[str, str]]:

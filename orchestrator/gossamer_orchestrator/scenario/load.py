@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Noise, Recording, Scenario, Table
+from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Input, Noise, Recording, Scenario, Table
 from .source import Location, Problems, Source
 from .toml_file import explain, parse_toml, read_text
 
@@ -18,10 +18,11 @@ _TABLES: dict[str | int, type[Table]] = {
     "connections": Connection,
     "noise": Noise,
     "dropout": Dropout,
+    "inputs": Input,
     "events": Event,
     "record": Recording,
 }
-_VALUE_DEPTH = 5  # components, name, table, key and the type that a value could not be taken for
+_VALUE_DEPTH = 4  # components, name, table and key; or events, number, set and key
 
 
 def load_scenario(path: Path, *, step: float | None = None, stop: float | None = None) -> Scenario:
@@ -66,8 +67,9 @@ def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | 
     except ValidationError as error:
         for item in error.errors():
             kind, place, message = item["type"], item["loc"], item["msg"]
-            if place[2:3] in (("parameters",), ("inputs",)) and len(place) == _VALUE_DEPTH:
-                kind, place, message = "value", place[:-1], "should be a finite number, true, false or a text"
+            if place[2:3] in (("parameters",), ("inputs",), ("set",)) and len(place) > _VALUE_DEPTH:
+                kind, place = "value", place[:_VALUE_DEPTH]
+                message = "should be a finite number, true, false, a text, or an array of these"
             problems.add(place, explain(kind, place, message, item["input"], _known(place)))
         problems.raise_if_any()
         raise

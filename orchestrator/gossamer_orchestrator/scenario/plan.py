@@ -5,6 +5,7 @@ Every mistake that shows without a run is reported, all of them at once.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,12 +14,16 @@ from pathlib import Path
 from ..errors import FmuError
 from ..file_kinds import explain_file
 from ..fmi.file import FmuFile
-from ..names import matches, suggest
+from ..fmi.types import NUMBERS, TEXTS
+from ..names import matches, split_indices, suggest
 from .connections import check_connections
 from .graph import order_components
-from .schema import Connection, Scenario, Value
+from .histories import FILE, History, read_histories
+from .schema import Component, Connection, Scenario, Value
 from .source import Location, Problems
 from .values import expand, start_values
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,9 +35,10 @@ class ComponentPlan:
     start : dict
         Parameters and unconnected inputs that the scenario sets.
     connections : tuple of Connection
-        Those to this component.
+        Those to this component, also from files.
     sent, recorded : tuple of str
-        Variables read at every step because a component receives them, and the others that are recorded.
+        Variables read at every step because a component receives them, and the others that are recorded; an array of FMI
+        3.0 is in one of them as a whole. Reals come first, then type by type.
     """
 
     name: str
@@ -41,6 +47,22 @@ class ComponentPlan:
     connections: tuple[Connection, ...]
     sent: tuple[str, ...]
     recorded: tuple[str, ...]
+
+    @property
+    def sent_reals(self) -> list[str]:
+        """The Reals of ``sent``."""
+        return [v for v in self.sent if self.fmu.variables[v].type == "Real"]
+
+    @property
+    def recorded_reals(self) -> list[str]:
+        """The Reals of ``recorded``."""
+        return [v for v in self.recorded if self.fmu.variables[v].type == "Real"]
+
+    @property
+    def read(self) -> list[str]:
+        """Everything that is read, Reals side by side."""
+        reals = [*self.sent_reals, *self.recorded_reals]
+        return [*reals, *(v for v in (*self.sent, *self.recorded) if self.fmu.variables[v].type != "Real")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +75,10 @@ class Plan:
         In stepping order.
     start_order : tuple of str
         Components in the order of initialization: each after those that feed it.
+    connections : tuple of Connection
+        One per scalar that arrives; units are converted by their gain and bias.
+    histories : dict
+        Inputs from files, by ``component.input``.
     events : dict
         By tick: component and its new input values.
     columns : tuple of (component, variable)
@@ -62,7 +88,9 @@ class Plan:
     scenario: Scenario
     components: tuple[ComponentPlan, ...]
     start_order: tuple[str, ...]
-    events: dict[int, list[tuple[str, dict[str, float]]]]
+    connections: tuple[Connection, ...]
+    histories: dict[str, History]
+    events: dict[int, list[tuple[str, dict[str, Value]]]]
     columns: tuple[tuple[str, str], ...]
 
     @property
@@ -80,7 +108,7 @@ class Plan:
             file.close()
 
 
-def make_plan(scenario: Scenario, fmus: Path) -> Plan:
+def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
     """Check a scenario against its FMUs.
 
     Parameters
@@ -89,6 +117,8 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
         What to run.
     fmus : Path
         Folder in which FMUs are looked up by name.
+    strict : bool
+        Refuse FMUs whose model description is against the rules of FMI; by default that is a warning.
 
     Raises
     ------
@@ -96,40 +126,66 @@ def make_plan(scenario: Scenario, fmus: Path) -> Plan:
         Every mistake, with its line.
     """
     problems = Problems(scenario.source)
-    files = _find_files(scenario, Path(fmus), problems)
+    files = _find_files(scenario, Path(fmus), problems, strict=strict)
     problems.raise_if_any()
+    for name in files:
+        _refuse_clocks(name, files[name], problems)
     connections, fed = check_connections(scenario, files, problems)
-    connected = {connection.target for connection in connections}
+    histories = read_histories(scenario, files, fed, problems)
+    connected = {connection.target for connection in connections} | set(histories)
     start = {
-        name: start_values(name, component, files[name], connected, fed, problems)
+        name: start_values(name, component, files[name], connected, set(fed), problems)
         for name, component in scenario.components.items()
     }
     events = _check_events(scenario, files, connected, problems)
     columns = _check_recording(scenario, files, connected, problems)
-    start_order, order = order_components(scenario, files, connections, problems)
+    start_order, order = order_components(scenario, files, connections, fed, problems)
     problems.raise_if_any()
 
     def plan_component(name: str) -> ComponentPlan:
-        received = {c.output for c in connections if c.sender == name}
+        fmu = files[name]
+        read = [Connection.model_construct(origin=f"{FILE}.{target}", target=target) for target in histories]
+        own = [c for c in (*connections, *read) if c.receiver == name]
+        if fmu.arrays:
+            places = {v: i for i, v in enumerate(fmu.variables)}
+            own.sort(key=lambda c: places[c.input])  # an array is set as a whole
+        sent = fmu.whole(c.output for c in connections if c.sender == name)
+        recorded = [v for v in fmu.whole(v for c, v in columns if c == name) if v not in set(sent)]
         return ComponentPlan(
             name=name,
-            fmu=files[name],
+            fmu=fmu,
             start=start[name],
-            connections=tuple(c for c in connections if c.receiver == name),
-            sent=tuple(v for v in files[name].names("output") if v in received),
-            recorded=tuple(v for c, v in columns if c == name and v not in received),
+            connections=tuple(own),
+            sent=_by_type(sent, fmu),
+            recorded=_by_type(recorded, fmu),
         )
 
     return Plan(
         scenario=scenario,
         components=tuple(plan_component(name) for name in order),
         start_order=tuple(start_order),
+        connections=tuple(connections),
+        histories=histories,
         events=events,
         columns=tuple(columns),
     )
 
 
-def _find_files(scenario: Scenario, folder: Path, problems: Problems) -> dict[str, FmuFile]:
+def _by_type(names: list[str], fmu: FmuFile) -> tuple[str, ...]:
+    """Sort Reals first, then type by type."""
+    kinds = {v: fmu.variables[v].type for v in names}
+    return tuple(sorted(names, key=lambda v: (kinds[v] != "Real", kinds[v])))
+
+
+def _refuse_clocks(component: str, fmu: FmuFile, problems: Problems) -> None:
+    clocks = [v.name for v in fmu.variables.values() if v.type == "Clock"]
+    if clocks:
+        shown = ", ".join(clocks[:4]) + (", ..." if len(clocks) > 4 else "")
+        text = f"FMU {fmu.name!r} has clocks, which this program does not tick: {shown}. Use a version without clocks."
+        problems.add(("components", component, "fmu"), text)
+
+
+def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict: bool) -> dict[str, FmuFile]:
     """Read every FMU once, and report a problem with one of them once."""
     found: dict[Path, FmuFile | None] = {}
     files: dict[str, FmuFile] = {}
@@ -141,17 +197,34 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems) -> dict[st
             problems.found.append(f"{scenario.source.name}: {text}, or name their folder with --fmus.")
             continue
         if path not in found:
-            found[path] = _read_file(component.fmu, path, scenario.folder / component.fmu, place, problems)
+            literal = scenario.folder / component.fmu
+            found[path] = _read_file(component.fmu, path, literal, place, problems, strict=strict)
         file = found[path]
         if file is not None:
-            if file.description.coSimulation.canBeInstantiatedOnlyOncePerProcess and file in files.values():
+            only_once = file.description.coSimulation.canBeInstantiatedOnlyOncePerProcess
+            if only_once and file.path in [other.path for other in files.values()]:
                 text = f"FMU {component.fmu!r} can be used by one component only. Make a copy under another name."
                 problems.add(place, text)
-            files[name] = file
+            files[name] = _resize(file, component, place, problems)
     return files
 
 
-def _read_file(fmu: str, path: Path, literal: Path, place: Location, problems: Problems) -> FmuFile | None:
+def _resize(file: FmuFile, component: Component, place: Location, problems: Problems) -> FmuFile:
+    """Return the FMU with arrays of the sizes that a component gives by structural parameters."""
+    sizes = {v: component.parameters.get(v) for v in file.names("structuralParameter")}
+    given = {v: size for v, size in sizes.items() if type(size) is int and size >= 0}
+    if not given:
+        return file
+    try:
+        return FmuFile(file.path, given)
+    except FmuError as error:
+        problems.add(place, str(error))
+        return file
+
+
+def _read_file(
+    fmu: str, path: Path, literal: Path, place: Location, problems: Problems, *, strict: bool
+) -> FmuFile | None:
     """Read an FMU; None, and a problem, if that is not possible; ``literal`` is the file if the name were a path."""
     other = next((each for each in (path, literal) if each.exists() and not path.is_file()), None)
     if other is not None:
@@ -163,16 +236,24 @@ def _read_file(fmu: str, path: Path, literal: Path, place: Location, problems: P
         problems.add(place, f"there is no FMU {fmu!r} in {path.parent}. {near}{more}")
         return None
     try:
-        return FmuFile(path)
+        file = FmuFile(path)
     except FmuError as error:
         problems.add(place, str(error))
         return None
+    if file.findings:
+        more = f" .. and {len(file.findings) - 3} more" if len(file.findings) > 3 else ""
+        text = f"FMU {fmu!r} is against the rules of FMI: {' '.join(file.findings[:3])}{more}"
+        if strict:
+            problems.add(place, f"{text} Correct it, or run it without --strict.")
+        else:
+            logger.warning("%s: %s", problems.source.where(place), text)
+    return file
 
 
 def _check_events(
     scenario: Scenario, files: Mapping[str, FmuFile], connected: set[str], problems: Problems
-) -> dict[int, list[tuple[str, dict[str, float]]]]:
-    events: dict[int, list[tuple[str, dict[str, float]]]] = {}
+) -> dict[int, list[tuple[str, dict[str, Value]]]]:
+    events: dict[int, list[tuple[str, dict[str, Value]]]] = {}
     for i, event in enumerate(scenario.events):
         if event.component not in files:
             text = f"there is no component {event.component!r}. {suggest(event.component, files)}"
@@ -187,11 +268,10 @@ def _check_events(
                 problems.add((*place, key), text)
             else:
                 free[key] = value
-        names = [v for v in fmu.names("input", kind="Real") if f"{event.component}.{v}" not in connected]
+        names = [v for v in fmu.names("input") if f"{event.component}.{v}" not in connected]
         values = expand(place, free, fmu, names, "input", problems)
         tick = math.ceil((event.time - scenario.start) / scenario.step - 1e-6)
-        entry = (event.component, {v: float(value) for v, value in values.items()})
-        events.setdefault(min(tick, scenario.ticks), []).append(entry)
+        events.setdefault(min(tick, scenario.ticks), []).append((event.component, values))
     return dict(sorted(events.items()))
 
 
@@ -199,16 +279,32 @@ def _check_recording(
     scenario: Scenario, files: Mapping[str, FmuFile], connected: set[str], problems: Problems
 ) -> list[tuple[str, str]]:
     patterns = scenario.record.variables
+    every = [
+        (c, v, x) for c in scenario.components for v, x in files[c].variables.items() if x.causality != "independent"
+    ]
     if patterns is None:
-        shown = [(c, v) for c in scenario.components for v in files[c].names("output", "input", kind="Real")]
-        return [(c, v) for c, v in shown if f"{c}.{v}" not in connected]
-    every = [(c, v) for c in scenario.components for v, x in files[c].variables.items() if x.type == "Real"]
+        shown = [(c, v, x) for c, v, x in every if x.causality in ("output", "input") and f"{c}.{v}" not in connected]
+        if texts := [f"{c}.{v}" for c, v, x in shown if x.type in TEXTS]:
+            logger.warning("results are numbers, so texts are not recorded: %s", ", ".join(texts))
+        return [(c, v) for c, v, x in shown if x.type in NUMBERS]
+    numbers = [(c, v) for c, v, x in every if x.type in NUMBERS]
     for i, pattern in enumerate(patterns):
-        if not any(matches(pattern, f"{c}.{v}") for c, v in every):
-            component = pattern.split(".")[0]
-            if any(matches(component, c) for c in files):
-                near = suggest(pattern, [f"{c}.{v}" for c, v in every])
-            else:
-                near = f"There is no component {component!r}. {suggest(component, files)}"
-            problems.add(("record", "variables", i), f"no variable to record matches {pattern!r}. {near}")
-    return [(c, v) for c, v in every if any(matches(p, f"{c}.{v}") for p in patterns)]
+        if any(_fits(pattern, c, v) for c, v in numbers):
+            continue
+        place: Location = ("record", "variables", i)
+        component = pattern.split(".")[0]
+        if text := next((f"{c}.{v}" for c, v, x in every if x.type in TEXTS and _fits(pattern, c, v)), None):
+            problems.add(place, f"{text!r} is a text, and results are numbers. Record something else.")
+            continue
+        if any(matches(component, c) for c in files):
+            near = suggest(pattern, [f"{c}.{v}" for c, v in numbers])
+        else:
+            near = f"There is no component {component!r}. {suggest(component, files)}"
+        problems.add(place, f"no variable to record matches {pattern!r}. {near}")
+    return [(c, v) for c, v in numbers if any(_fits(p, c, v) for p in patterns)]
+
+
+def _fits(pattern: str, component: str, name: str) -> bool:
+    """Tell whether a pattern fits a variable, or the array of which it is an element."""
+    base = split_indices(name)[0]
+    return matches(pattern, f"{component}.{name}") or (base != name and matches(pattern, f"{component}.{base}"))

@@ -19,6 +19,11 @@ A TOML file such as::
     to = "gain.u"
     noise = { kind = "normal", amplitude = 0.1, seed = 1 }
 
+    [[inputs]]
+    to = "gain.v"
+    file = "measured.csv"
+    column = "voltage"
+
     [[events]]
     time = 0.5
     component = "gain"
@@ -41,6 +46,7 @@ from .source import Source
 
 MAX_STEPS = 1e8
 Value = bool | int | float | str
+Given = Value | list[Value] | list[list[Value]]  # the elements of an array, or its rows
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Endpoint = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*\..+$")]
 
@@ -102,8 +108,8 @@ class Component(Table):
     """
 
     fmu: str
-    parameters: dict[str, Value] = Field(default_factory=dict)
-    inputs: dict[str, Value] = Field(default_factory=dict)
+    parameters: dict[str, Given] = Field(default_factory=dict)
+    inputs: dict[str, Given] = Field(default_factory=dict)
 
 
 class Connection(Table):
@@ -154,12 +160,41 @@ class Connection(Table):
         return split_endpoint(self.target)[1]
 
 
+class Input(Table):
+    """A measured history of an input that no connection feeds; it is looked up where a step begins, and held over it.
+
+    Attributes
+    ----------
+    target : str
+        ``component.input``; written ``to`` in the file.
+    file, column : str
+        A CSV file with titles, or a netCDF file, relative to the scenario; the title of a column, without its unit, or the
+        name of a variable.
+    time : str or None
+        Column of the times [s]; None is the first column, or the variable's dimension.
+    unit : str or None
+        Unit of the column; None is the one in its title, ``pressure [kPa]``, or that of the variable. It is converted.
+    between : {"linear", "held"} or None
+        What the input is between two rows; None is linear for Reals, and held for other types.
+    periodic : bool
+        The last row is the first of the next period.
+    """
+
+    target: Endpoint = Field(alias="to")
+    file: str
+    column: str
+    time: str | None = None
+    unit: str | None = None
+    between: Literal["linear", "held"] | None = None
+    periodic: bool = False
+
+
 class Event(Table):
     """Inputs that change at the first communication point not before ``time`` [s]."""
 
     time: float
     component: Name
-    set: dict[str, float] = Field(min_length=1)
+    set: dict[str, Given] = Field(min_length=1)
 
 
 class Recording(Table):
@@ -201,6 +236,7 @@ class Scenario(Table):
     order: list[Name] | None = None
     components: dict[Name, Component] = Field(min_length=1)
     connections: list[Connection] = Field(default_factory=list)
+    inputs: list[Input] = Field(default_factory=list)
     events: list[Event] = Field(default_factory=list)
     record: Recording = Field(default_factory=Recording)
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import logging
-import math
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from ..fmi.file import FmuFile
-from ..names import is_pattern, matches, suggest
-from .schema import Component, Value
+from ..fmi.types import FLOATS, RANGES, parse
+from ..names import is_pattern, matches, split_indices, suggest
+from .schema import Component, Given, Value
 from .source import Location, Problems
 
 logger = logging.getLogger(__name__)
@@ -37,17 +39,22 @@ def start_values(
     """
     place: Location = ("components", name)
     parameters = expand(
-        (*place, "parameters"), component.parameters, fmu, fmu.names("parameter"), "parameter", problems
+        (*place, "parameters"),
+        component.parameters,
+        fmu,
+        fmu.names("parameter", "structuralParameter"),
+        "parameter",
+        problems,
     )
     for key in component.inputs:
-        if f"{name}.{key}" in connected:
+        if {f"{name}.{v}" for v in (key, *fmu.elements(key))} & connected:
             text = f"input '{name}.{key}' is connected and given a value. Remove one of the two."
             problems.add((*place, "inputs", key), text)
     inputs = expand((*place, "inputs"), component.inputs, fmu, fmu.names("input"), "input", problems)
     missing = [v for v in fmu.names("input") if f"{name}.{v}" not in fed and v not in inputs]
     if missing:
         shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
-        starts = ", ".join(f'"{v}" = {fmu.variables[v].start}' for v in missing[:2])
+        starts = ", ".join(f'"{v}" = {_toml(fmu.variables[v])}' for v in missing[:2])
         problems.add(
             place,
             f"component {name!r} has inputs that are neither connected nor given: {shown}. "
@@ -58,56 +65,104 @@ def start_values(
 
 def expand(
     place: Location,
-    given: Mapping[str, Value],
+    given: Mapping[str, Given],
     fmu: FmuFile,
     candidates: list[str],
     kind: str,
     problems: Problems,
-) -> dict[str, Value]:
+) -> dict[str, Any]:
     """Resolve names and patterns to values; a name beats a pattern, a later pattern an earlier one.
 
-    Refused values are returned too, so that they are not reported as missing.
+    An array is given whole, row by row. Refused values are returned too, so that they are not reported as missing.
     """
-    values: dict[str, Value] = {}
+    values: dict[str, Any] = {}
     for key, value in sorted(given.items(), key=lambda item: not is_pattern(item[0])):
         found = [v for v in candidates if (matches(key, v) if is_pattern(key) else key == v)]
+        if isinstance(value, list):
+            elements = [] if is_pattern(key) else fmu.elements(key)
+            found = [v for v in elements if v in set(candidates)]
+            each = _flat(value)
+            if found and (complaint := _explain_shape(found, value, each)):
+                problems.add((*place, key), f"{kind} {key!r} of FMU {fmu.name!r} {complaint}")
+            pairs = dict(zip(found, each, strict=False))
+        else:
+            pairs = dict.fromkeys(found, value)
         if not found:
             problems.add((*place, key), _explain_name(key, fmu, candidates, kind))
         if len({fmu.unit(name) for name in found}) > 1:
             where, names = problems.source.where((*place, key)), ", ".join(found)
             logger.warning("%s: %r sets variables of different units to %s: %s", where, key, value, names)
-        values |= dict.fromkeys(found, value)
-        complaints = ((name, _explain_value(fmu.variables[name], value, fmu.unit(name))) for name in found)
-        for name, complaint in complaints:
-            if complaint:
+        for name, one in pairs.items():
+            if complaint := _explain_value(fmu, name, one):
                 problems.add((*place, key), f"{kind} {name!r} of FMU {fmu.name!r} {complaint}")
                 break
+        values |= dict.fromkeys(found, 0) | {v: _convert(fmu.variables[v].type, one) for v, one in pairs.items()}
     return values
+
+
+def _flat(value: list[Any]) -> list[Any]:
+    """List the elements of an array, row by row."""
+    return [x for row in value for x in (row if isinstance(row, list) else [row])]
+
+
+def _explain_shape(elements: list[str], value: list[Any], each: list[Any]) -> str | None:
+    """Say why an array cannot have a value; None if it can."""
+    shape = split_indices(elements[-1])[1]
+    rows = [len(row) for row in value if isinstance(row, list)]
+    if len(each) == len(elements) and (not rows or rows == [shape[-1]] * (len(elements) // shape[-1])):
+        return None
+    return f"is an array of {' x '.join(map(str, shape))} elements, and {len(each)} are given. Give each element once."
+
+
+def _convert(kind: str, value: Any) -> Any:  # noqa: ANN401
+    """Turn a value as a scenario writes it into what the FMU is given; a wrong one stays as it is."""
+    if kind == "Binary":
+        with suppress(TypeError, ValueError):
+            return bytes.fromhex(value)
+    return float(value) if kind in FLOATS and isinstance(value, int) and abs(value) < sys.float_info.max else value
+
+
+def _toml(variable: Any) -> str:  # noqa: ANN401
+    """Write a variable's start value as a scenario does."""
+    value = parse(variable.type, variable.start)
+    if isinstance(value, bytes):
+        return json.dumps(value.hex())
+    if isinstance(value, str | bool):
+        return json.dumps(value, ensure_ascii=False)
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
 def _explain_name(name: str, fmu: FmuFile, candidates: list[str], kind: str) -> str:
     """Say why there is no input or parameter of a name."""
-    other = fmu.variables[name].causality if name in fmu.variables else None
-    if other == "parameter":
+    names = [name] if name in fmu.variables else fmu.elements(name)
+    other = fmu.variables[names[0]].causality if names and names[0] not in candidates else None
+    if other in ("parameter", "structuralParameter"):
         return f"{name!r} is a parameter, which is fixed during the run. Put it under parameters."
     if other == "input":
         return f"{name!r} is an input. Put it under inputs."
     return f"FMU {fmu.name!r} has no {kind} {name!r}. {suggest(name, candidates)}"
 
 
-def _explain_value(variable: Any, value: Value, unit: str | None) -> str | None:  # noqa: ANN401
+def _explain_value(fmu: FmuFile, name: str, value: Any) -> str | None:  # noqa: ANN401
     """Say why a variable cannot have a value; None if it can."""
-    kind = {"Boolean": bool, "String": str, "Integer": int, "Enumeration": int}.get(variable.type, int | float)
-    if not isinstance(value, kind) or isinstance(value, bool) != (kind is bool):
-        return f"is a {variable.type} and cannot be {value!r}."
+    kind = fmu.variables[name].type
+    python = float if kind in FLOATS else int if kind in RANGES else bool if kind == "Boolean" else str
+    if not isinstance(value, int | float if python is float else python) or isinstance(value, bool) != (python is bool):
+        return f"is of type {kind} and cannot be {value!r}."
+    if kind == "Binary":
+        try:
+            bytes.fromhex(str(value))
+        except ValueError:
+            return f"is of type Binary, written as hexadecimal digits, and cannot be {value!r}."
     if isinstance(value, str | bool):
         return None
-    largest = 2**31 - 1 if kind is int else sys.float_info.max
-    if abs(value) > largest:
-        return f"is a {variable.type} and cannot be larger than {largest:g}."
-    low = -math.inf if variable.min is None else float(variable.min)
-    high = math.inf if variable.max is None else float(variable.max)
+    smallest, largest = RANGES.get(kind, (-sys.float_info.max, sys.float_info.max))
+    if value > largest or (kind in FLOATS and value < smallest):
+        return f"is of type {kind} and cannot be larger than {largest:g}."
+    if value < smallest:
+        return f"is of type {kind} and cannot be smaller than {smallest:g}."
+    low, high = fmu.limits(name)
     if low <= value <= high:
         return None
-    unit = "" if unit in (None, "1") else f" {unit}"
+    unit = "" if fmu.unit(name) in (None, "1") else f" {fmu.unit(name)}"
     return f"must lie in {low:g} to {high:g}{unit}, not {value:g}."

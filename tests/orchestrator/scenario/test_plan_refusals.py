@@ -72,11 +72,11 @@ PLAN_REFUSALS = {
     ),
     "input out of range": (  # and not "neither connected nor given" too
         ("u = 2.0", 'u = "two"'),
-        "^chain.toml:8: input 'u' of FMU 'gain' is a Real and cannot be 'two'.$",
+        "^chain.toml:8: input 'u' of FMU 'gain' is of type Real and cannot be 'two'.$",
     ),
     "input too large": (
         ("u = 2.0", f"u = 1{400 * '0'}"),
-        r"input 'u' of FMU 'gain' is a Real and cannot be larger than 1.79769e\+308.",
+        r"input 'u' of FMU 'gain' is of type Real and cannot be larger than 1.79769e\+308.",
     ),
     "parameter among inputs": (
         ("u = 2.0", "factor = 1.0, u = 2.0"),
@@ -92,7 +92,8 @@ PLAN_REFUSALS = {
     ),
     "array as a scalar": (
         ('to = "integral.u"', 'to = "source.offset"'),
-        r"chain.toml:15: FMU 'gain' has no input 'offset'. It is an array: offset\[1\] .. offset\[2\].",
+        r"chain.toml:15: 'source.y' is a scalar and 'source.offset' is an array of 2 elements. Connect arrays of one size, "
+        r"or one element, such as 'offset\[1\]'.",
     ),
     "misspelt origin alone": (
         ('from = "source.y"', 'from = "source.x"'),
@@ -108,7 +109,7 @@ PLAN_REFUSALS = {
     ),
     "parameter of another type": (
         ('fmu = "gain"', 'fmu = "bounded"\nparameters = { factor = "ten" }'),
-        "chain.toml:8: parameter 'factor' of FMU 'bounded' is a Real and cannot be 'ten'.",
+        "chain.toml:8: parameter 'factor' of FMU 'bounded' is of type Real and cannot be 'ten'.",
     ),
     "event on an unknown component": (
         more('[[events]]\ntime = 0.5\ncomponent = "sauce"\nset = { u = 1.0 }'),

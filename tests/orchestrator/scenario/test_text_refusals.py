@@ -49,7 +49,8 @@ TEXT_REFUSALS = {
     ),
     "no number": (
         ("u = 2.0", "u = nan"),
-        r"^chain.toml:8: 'u' in 'components.source.inputs': should be a finite number, true, false or a text, not nan.$",
+        r"^chain.toml:8: 'u' in 'components.source.inputs': should be a finite number, true, false, "
+        "a text, or an array of these, not nan.$",
     ),
     "nested without end": (("stop = 1.0", "stop = " + 100_000 * "["), "chain.toml: .* nested too deeply"),
     "unknown master": (

@@ -16,13 +16,19 @@ def test_units_of_another_dimension_are_refused(fmus, two_gains):
             make_plan(parse_scenario(two_gains("pascal", "metre", extra)), fmus)
 
 
-def test_units_of_another_scale_are_refused_with_the_conversion_that_is_then_accepted(fmus, two_gains):
-    message = r"'Pa' \(kg m-1 s-2\) is not 'kPa' \(1000 kg m-1 s-2\). Convert with gain = 0.001."
-    with pytest.raises(ScenarioError, match=message):
-        make_plan(parse_scenario(two_gains("pascal", "kilo")), fmus)
-    data = simulate(parse_scenario(two_gains("pascal", "kilo", "gain = 0.001")), fmus)
-    assert data["b.y"].values[-1] == pytest.approx(1.5)
+def test_units_of_another_scale_are_converted_unless_the_scenario_does_it(fmus, two_gains):
+    data = simulate(parse_scenario(two_gains("pascal", "kilo")), fmus)
+    stated = simulate(parse_scenario(two_gains("pascal", "kilo", "gain = 0.001")), fmus)
+    assert data["b.y"].values[-1] == stated["b.y"].values[-1] == pytest.approx(1.5)
     assert data["a.y"].attrs == {"units": "Pa", "long_name": "what comes out"}
+
+
+def test_units_with_an_offset_are_converted(other_unit, tmp_path, two_gains):
+    """1500 degrees Fahrenheit, (F + 459.67) / 1.8 K, in degrees Celsius."""
+    other_unit("a", "y", "degF", f'K="1" factor="{1 / 1.8!r}" offset="{459.67 / 1.8!r}"')
+    other_unit("b", "u", "degC", 'K="1" offset="273.15"')
+    data = simulate(parse_scenario(two_gains("a", "b")), tmp_path)
+    assert data["b.y"].values[-1] == pytest.approx((1500.0 - 32.0) / 1.8)
 
 
 def test_a_variable_without_a_unit_fits_any(fmus, two_gains):

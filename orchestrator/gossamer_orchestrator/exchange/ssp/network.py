@@ -17,10 +17,11 @@ from typing import Any
 from pyssp_standard.ssd import Component, System
 
 from ...fmi.file import FmuFile
+from ...fmi.types import parse
 from ...fmi.units import conversion
 from ...scenario.schema import Value
 from .files import SspFiles
-from .parameters import Given, convert, definitions, read_bindings
+from .parameters import Given, definitions, read_bindings
 
 logger = logging.getLogger(__name__)
 
@@ -113,7 +114,8 @@ class Network:
         given = self.values.get(chain[-1])
         if given is None:
             start = variable.start if variable.causality == "input" else None
-            return None if start is None else convert(variable.type, start)
+            own: Any = start if start is None or variable.type == "Binary" else parse(variable.type, start)
+            return own  # type: ignore[no-any-return]
         if variable.type == "Enumeration":
             self.files.refuse(f"{dotted(node)!r} is an enumeration", "Leave it at the FMU's start value")
         if not isinstance(given.value, float):

@@ -68,9 +68,16 @@ def export_ssp(scenario: schema.Scenario, fmus: Path, out: Path) -> Path:
 
 
 def _refuse_inexpressible(plan: Plan) -> None:
-    """Report every key that SSP cannot express."""
+    """Report everything that SSP, or the subset that other tools read, cannot express."""
     advice = "or give its value as an input from the start"
     problems = inexpressible(plan.scenario, "SSP", {"noise": None, "dropout": None}, advice)
+    for c in plan.connections:
+        kind = plan.component(c.sender).fmu.variables[c.output].type
+        if kind != "Real":
+            text = (
+                f"{c.origin!r} is of type {kind}, but other tools connect only Reals of an SSP. Remove the connection."
+            )
+            problems.add(("connections",), text)
     for component in plan.components:
         for name, value in component.start.items():
             variable = component.fmu.variables[name]
@@ -109,7 +116,7 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     ssd.system.elements = [_component(by_name[name], sources, ssd.units) for name in scenario.components]
     ssd.system.connections = [
         Connection(start_element=c.sender, start_connector=c.output, end_element=c.receiver, end_connector=c.input)
-        for c in scenario.connections
+        for c in plan.connections
     ]
     rest = scenario.model_dump(include=KEPT, exclude_defaults=True)
     annotation = Annotation(ANNOTATION)
@@ -119,7 +126,7 @@ def _structure(plan: Plan, sources: dict[FmuFile, str]) -> bytes:
     ssd.default_experiment.start_time, ssd.default_experiment.stop_time = scenario.start, scenario.stop
     ssd.default_experiment.annotations.add_annotation(_osp_step(scenario.step))
     ssd.__write__()
-    for element, connection in zip(ssd.root.iter("{*}Connection"), scenario.connections, strict=True):
+    for element, connection in zip(ssd.root.iter("{*}Connection"), plan.connections, strict=True):
         _transform(element, connection)
     ssd.root.append(ssd.root.find("ssd:DefaultExperiment", ssd.namespaces))  # after the units, as the schema wants it
     namespaces = {prefix: ssd.namespaces[prefix] for prefix in ("ssd", "ssc", "ssv")} | {"osp": _OSP_NAMESPACE}

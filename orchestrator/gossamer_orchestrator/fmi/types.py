@@ -1,0 +1,74 @@
+"""The types of FMI's variables: their C types, what they may hold, and which of them a table of floats holds exactly.
+
+FMI 2.0 and 3.0 have two names for one type: Real is Float64, and Integer is Int32. Here the first of each is used.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+SAME = {"Float64": "Real", "Int32": "Integer"}  # FMI 3.0's name: the one used here
+FLOATS = ("Real", "Float32")
+LARGEST_EXACT = 2**53  # integers up to here are exact as floats
+
+_BITS = {"Int8": 8, "Int16": 16, "Integer": 32, "Int64": 64, "UInt8": -8, "UInt16": -16, "UInt32": -32, "UInt64": -64}
+RANGES = {
+    name: (0, 2**-bits - 1) if bits < 0 else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for name, bits in _BITS.items()
+}
+RANGES["Enumeration"] = RANGES["Integer"]
+INTEGERS = tuple(RANGES)
+TEXTS = ("String", "Binary")
+EXCHANGED_EXACTLY = ("Int64", "UInt64", *TEXTS)  # what a float may not hold
+NUMBERS = (*FLOATS, *INTEGERS, "Boolean")
+
+Value = bool | int | float | str | bytes
+
+_C_TYPES: dict[str, Any] = {
+    "Real": ctypes.c_double,
+    "Float32": ctypes.c_float,
+    "Int8": ctypes.c_int8,
+    "UInt8": ctypes.c_uint8,
+    "Int16": ctypes.c_int16,
+    "UInt16": ctypes.c_uint16,
+    "Integer": ctypes.c_int32,
+    "UInt32": ctypes.c_uint32,
+    "Int64": ctypes.c_int64,
+    "UInt64": ctypes.c_uint64,
+    "String": ctypes.c_char_p,
+    "Binary": ctypes.c_void_p,
+}
+
+
+def c_type(kind: str, version: int) -> Any:  # noqa: ANN401
+    """Return the C type of a variable in a version of FMI; truth values and enumerations differ between the two."""
+    if kind == "Boolean":
+        return ctypes.c_int if version == 2 else ctypes.c_bool
+    if kind == "Enumeration":
+        return ctypes.c_int32 if version == 2 else ctypes.c_int64
+    return _C_TYPES[kind]
+
+
+def suffix(kind: str, version: int) -> str:
+    """Return what follows fmi2Get or fmi3Get in the name of the function for a type."""
+    if kind == "Enumeration":
+        return "Integer" if version == 2 else "Int64"
+    return kind if version == 2 else {"Real": "Float64", "Integer": "Int32"}.get(kind, kind)
+
+
+def parse(kind: str, text: str | None) -> Value:
+    """Read a start value as a model description writes it; without one, the type's zero."""
+    if kind in FLOATS:
+        return float(text or 0.0)
+    if kind in INTEGERS:
+        return int(text or 0)
+    if kind == "Boolean":
+        return text in ("true", "1")
+    return bytes.fromhex(text or "") if kind == "Binary" else text or ""
+
+
+def cast(kind: str, value: float) -> Value:
+    """Turn a float back into the value of another type that it stands for."""
+    if kind in FLOATS:
+        return value
+    return bool(value) if kind == "Boolean" else int(value)

@@ -1,0 +1,55 @@
+"""Our own chain as FMI 3.0, FMUs that break rules, and the choice of a master."""
+
+from __future__ import annotations
+
+import pytest
+from gossamer_orchestrator import (
+    Recorder,
+    ScenarioError,
+    Simulation,
+    load_scenario,
+    make_plan,
+    parse_scenario,
+    run_scenario,
+)
+from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+
+
+def recorded(folder, text):
+    plan = make_plan(text, folder)
+    recorder = Recorder(plan)
+    with Simulation(plan) as simulation:
+        simulation.run([recorder])
+    return plan.columns, recorder.table
+
+
+def test_the_chain_as_fmi_3_gives_the_numbers_of_fmi_2_to_the_bit(built):
+    scenario = load_scenario(shipped_scenarios()["damaged"], stop=0.03)
+    columns, table = recorded(built("native")["sensor"].parent, scenario)
+    columns3, table3 = recorded(built("native FMI 3")["sensor"].parent, scenario)
+    assert columns3 == columns
+    assert table3.tobytes() == table.tobytes()
+
+
+UNDEFINED = 'step = 0.1\nstop = 0.2\n[components.a]\nfmu = "odd"\ninputs = { "*" = 1.0 }\n'
+
+
+def test_what_breaks_the_rules_is_a_warning_and_with_strict_an_error(edited, tmp_path, caplog):
+    edited("gain", "odd", lambda xml: xml.replace("<Real", '<Real unit="lbf"', 1))
+    finding = (
+        r"scenario:4: FMU 'odd' is against the rules of FMI: The unit \"lbf\" of variable \"factor\" .* is not defined."
+    )
+    with pytest.raises(ScenarioError, match=finding):
+        make_plan(parse_scenario(UNDEFINED), tmp_path, strict=True)
+    data = run_scenario(parse_scenario(UNDEFINED), tmp_path)
+    assert data["a.y"].values[-1] == 3.0
+    assert "FMU 'odd' is against the rules of FMI" in caplog.text
+
+
+def test_the_master_of_a_file_can_be_replaced(chain, fmus):
+    """Under Jacobi the integrator sees the source one step late, which changes nothing but the first sum of an event."""
+    event = '[[events]]\ntime = 0.5\ncomponent = "source"\nset = { u = 7.0 }\n'
+    seidel = run_scenario(chain(more=event), fmus)
+    jacobi = run_scenario(chain(more=event), fmus, master="jacobi")
+    assert seidel["integral.y"].values[-1] - jacobi["integral.y"].values[-1] == pytest.approx(0.5)
+    assert jacobi.attrs["master"] == "jacobi"

@@ -1,0 +1,139 @@
+"""Inputs from files: what they are between rows, in which unit, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from gossamer_orchestrator import ScenarioError, load_scenario, make_plan, run_scenario
+from gossamer_orchestrator.fmi.units import definition_of
+from gossamer_orchestrator.scenario.histories import History
+
+TEXT = """
+step = 0.5
+stop = 2.0
+{head}
+[components.gain]
+fmu = "{fmu}"
+inputs = {{ "offset[*]" = 0.0 }}
+[[inputs]]
+to = "gain.u"
+file = "{file}"
+column = "load"
+{more}
+"""
+
+
+@pytest.fixture
+def measured(fmus, tmp_path):
+    """Run or plan a gain whose input comes from a file."""
+
+    def make(rows, more="", *, fmu="kilo", head="", file="measured.csv", act=run_scenario):
+        if isinstance(rows, str):
+            (tmp_path / "measured.csv").write_text(rows)
+        (tmp_path / "s.toml").write_text(TEXT.format(fmu=fmu, more=more, head=head, file=file))
+        return act(load_scenario(tmp_path / "s.toml"), fmus)
+
+    return make
+
+
+ROWS = "time [s],load [Pa]\n0,0\n1,1000\n2,500\n"
+
+
+@pytest.mark.parametrize("master", ["gauss-seidel", "jacobi"])
+def test_a_history_is_linear_between_its_rows_converted_and_held_over_a_step(measured, master):
+    """The output at the end of a step belongs to the input at its beginning."""
+    data = measured(ROWS, head=f'master = "{master}"')
+    assert data["gain.y"].values == pytest.approx([0.0, 0.0, 0.5, 1.0, 0.75])
+
+
+def test_a_history_may_be_held(measured):
+    data = measured(ROWS, 'between = "held"')
+    assert data["gain.y"].values == pytest.approx([0.0, 0.0, 0.0, 1.0, 1.0])
+
+
+def test_a_history_may_be_periodic(measured):
+    data = measured("t,load [kPa]\n0,0\n0.5,3\n1.0,0\n", "periodic = true")
+    assert data["gain.y"].values == pytest.approx([0.0, 0.0, 3.0, 0.0, 3.0])
+
+
+def test_a_history_may_come_from_netcdf_and_in_a_stated_unit(measured, tmp_path):
+    values = xr.DataArray([0.0, 1.0, 2.0], {"t": [0.0, 1.0, 2.0]}, "t", attrs={"units": "MPa"})
+    xr.Dataset({"load": values}).to_netcdf(tmp_path / "measured.nc", engine="scipy")
+    assert measured(None, file="measured.nc")["gain.y"].values[-1] == pytest.approx(1500.0)
+    assert measured(None, 'unit = "hPa"', file="measured.nc")["gain.y"].values[-1] == pytest.approx(0.15)
+
+
+def test_a_periodic_history_goes_on_before_and_after_its_times():
+    wave = History(times=[1.0, 2.0, 3.0], values=[0.0, 1.0, 0.0], linear=True, periodic=True)
+    assert [wave(t) for t in (0.5, 1.0, 2.0, 3.0, 3.5, 103.0)] == pytest.approx([0.5, 0.0, 1.0, 0.0, 0.5, 0.0])
+
+
+@pytest.mark.parametrize(("name", "expected"), [
+    ("kPa", (1e3, 0.0)), ("degC", (1.0, 273.15)), ("%", (0.01, 0.0)), ("cm", (0.01, 0.0)), ("min", (60.0, 0.0)),
+])  # fmt: skip
+def test_common_units_are_known(name, expected):
+    unit = definition_of(name)
+    assert (unit.factor, unit.offset) == pytest.approx(expected)
+    assert definition_of("parsec") is None
+
+
+REFUSALS = {
+    "no such column": ("t,lode\n0,0\n", "", "there is no column 'load'. Did you mean 'lode'?"),
+    "no number": ("t,load\n0,zero\n", "", "column 'load' of .*measured.csv cannot be read as Real: .*'zero'"),
+    "nothing": ("", "", "cannot be read as Real: it is empty. Correct the file."),
+    "a short row": ("t,load\n0\n", "", "cannot be read as Real: .* Correct the file"),
+    "no order": ("t,load\n0,0\n2,1\n1,0\n", "", "the times of .* do not increase"),
+    "too short": (
+        "t,load\n0,0\n1,0\n",
+        "",
+        "holds times from 0 to 1 s and the run needs 0 to 2 s. Change the run, or write",
+    ),
+    "too late": ("t,load\n0.5,0\n9,0\n", 'between = "held"', "holds times from 0.5 to 9 s and the run needs 0 to 2 s"),
+    "another dimension": ("t,load [m]\n0,0\n9,0\n", "", "its unit 'm' cannot be converted to 'kPa', that of 'u'"),
+    "an unknown unit": ("t,load [psf]\n0,0\n9,0\n", "", "its unit 'psf' cannot be converted to 'kPa'"),
+    "a wrong key": ("t,load\n0,0\n9,0\n", "kind = 1", "unknown key 'kind' in 'inputs'"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSALS)
+def test_a_file_that_does_not_fit_is_refused_with_its_line(measured, case):
+    rows, more, message = REFUSALS[case]
+    with pytest.raises(ScenarioError, match=rf"s.toml:\d+: .*{message}"):
+        measured(rows, more, act=make_plan)
+
+
+def test_a_missing_file_is_refused(measured):
+    with pytest.raises(ScenarioError, match=r"s.toml:\d+: column 'load' of .*none.csv cannot be read .*No such file"):
+        measured(None, file="none.csv", act=make_plan)
+
+
+def test_an_input_is_fed_once_and_lies_in_its_range(reference_fmus, tmp_path):
+    (tmp_path / "m.csv").write_text("t,option\n0,1\n1,3\n")
+    more = '[[inputs]]\nto = "c.Enumeration_input"\nfile = "m.csv"\ncolumn = "option"\n'
+    text = f'step = 0.5\nstop = 1.0\n[components.c]\nfmu = "Feedthrough2"\n{more}'
+    (tmp_path / "s.toml").write_text(text)
+    with pytest.raises(ScenarioError, match="at 1 s input 'Enumeration_input' would be 3, and it must lie in 1 to 2"):
+        make_plan(load_scenario(tmp_path / "s.toml"), reference_fmus)
+    (tmp_path / "s.toml").write_text(text + more)
+    with pytest.raises(ScenarioError, match=r"input 'c\.Enumeration_input' is fed twice"):
+        make_plan(load_scenario(tmp_path / "s.toml"), reference_fmus)
+
+
+def test_the_driven_reference_repeats_its_inputs_exactly(reference_fmus, reference_outputs, tmp_path):
+    """Integers of every width from Feedthrough_in.csv; what is recorded of those of 64 bits is the nearest float."""
+    import csv
+
+    with (reference_outputs / "Feedthrough_in.csv").open(newline="") as file:
+        names, *rows = csv.reader(file)
+    (tmp_path / "in.csv").write_bytes((reference_outputs / "Feedthrough_in.csv").read_bytes())
+    feeds = "".join(f'[[inputs]]\nto = "c.{name}"\nfile = "in.csv"\ncolumn = "{name}"\n' for name in names[1:])
+    others = '"Float*" = 0.0, Boolean_input = false, String_input = "", Binary_input = "", Enumeration_input = 1'
+    text = f'step = 0.1\nstop = 2.0\n[components.c]\nfmu = "Feedthrough3"\ninputs = {{ {others} }}\n{feeds}'
+    (tmp_path / "s.toml").write_text(text)
+    data = run_scenario(load_scenario(tmp_path / "s.toml"), reference_fmus)
+    for place, name in enumerate(names[1:], start=1):
+        before, after = (float(int(row[place])) for row in rows)
+        found = data[f"c.{name.removesuffix('_input')}_output"].values
+        assert found.tolist() == [before] * 11 + [after] * 10
+    assert np.all(data["c.Boolean_output"].values == 0.0)
