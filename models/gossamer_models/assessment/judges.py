@@ -68,7 +68,8 @@ class Judge(Protocol):
     most : int or None
         Records of a condition that it has time for; None for all.
     sizes : int or None
-        Sizes of damage in each zone that it has time for, to tell its probability of detection; None for all, 0 for none.
+        Sizes of damage in each zone that it has time for, to tell its probability of detection; None for all, 0 for none,
+        and then it is not asked for the thesis' tables either.
     identity : str
         Changes whenever its answers may change, so that those that were kept are not taken for its own.
     """

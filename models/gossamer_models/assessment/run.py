@@ -106,16 +106,14 @@ def assess(
     for pair in pairs:
         begin(pair.name)
         healthy, damaged = (make_records(c, folder, workers=workers) for c in (pair.healthy, pair.damaged))
-        for judge in _readers(judges, healthy):
-            if judge.sizes == 0:
-                continue
+        for judge in _thorough(_readers(judges, healthy)):
             rows, counts = _detection(judge, pair.name, healthy, damaged, folder)
             found.detections.extend(rows)
             found.confusions.append(counts)
     for table, condition in listed:
         begin(f"{table.name}, {condition.name}")
         records = make_records(condition, folder, workers=workers)
-        for judge in _readers(judges, records):
+        for judge in _thorough(_readers(judges, records)):
             found.tables.extend(_table(judge, table, condition, records, folder))
     if report is not None:
         report("done", total, total)
@@ -125,6 +123,11 @@ def assess(
 def _readers(judges: Sequence[Judge], records: Records) -> list[Judge]:
     """Return the judges that can read the records."""
     return [judge for judge in judges if judge.reads == "strain" or records.resistance is not None]
+
+
+def _thorough(judges: list[Judge]) -> list[Judge]:
+    """Leave out the judges that have time for the conditions only."""
+    return [judge for judge in judges if judge.sizes != 0]
 
 
 def _ask(judge: Judge, records: Records, most: int | None, folder: Path) -> tuple[Verdicts, int]:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gossamer_models.assessment import Assessment, Share
     from rich.table import Table
 
-TWIN_RECORDS, TWIN_SIZES = 6, 6  # records of a condition, sizes of damage in each zone that the twin has time for
+TWIN_RECORDS, TWIN_SIZES = 6, 3  # records of a condition, sizes of damage in each zone that the twin has time for
 
 
 def assess_detector(
