@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from gossamer_files import replacing
 
 from ..errors import ResultsError, writing
-from ..files import replacing
 from .columns import SCHEMA, VERSION, Column
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
+from gossamer_files import replacing
 
 from ..errors import ResultsError, ScenarioError, writing
-from ..files import replacing
 from ..scenario.plan import Plan
 
 if TYPE_CHECKING:

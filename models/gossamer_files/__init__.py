@@ -1,4 +1,7 @@
-"""Write files whole: who reads one finds the old content or the new, whatever ends the writer."""
+"""Files: written whole, so that who reads one finds the old content or the new, and why one cannot be read.
+
+Models, FMUs and orchestrator use it, which may not import each other.
+"""
 
 from __future__ import annotations
 
@@ -53,3 +56,16 @@ def replacing(path: Path) -> Iterator[Path]:
         unfinished.replace(target)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def reason(error: Exception) -> str:
+    """Say in words why a file cannot be read."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror[0].lower() + error.strerror[1:]
+    if isinstance(error, UnicodeDecodeError):
+        return "it is no text in UTF-8"
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    if isinstance(error, KeyError):
+        return f"it lacks {error}"
+    return str(error) or type(error).__name__
