@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import mmap
+import os
 import shutil
 import threading
 import time
@@ -100,6 +101,7 @@ class Stream:
         self._recorder = Recorder(plan, self._rows)
         self._digests = {} if checkpoint.unable(plan) else checkpoint.digests(plan)
         self._cost, self._saved = 0.0, time.perf_counter()
+        self._process = os.getpid()
         self._lock, self._ended = threading.Lock(), threading.Event()
         self._failure: ResultsError | None = None
         self._writer = threading.Thread(target=self._write_regularly, daemon=True)
@@ -130,6 +132,8 @@ class Stream:
         ResultsError
             The disk is full.
         """
+        if os.getpid() != self._process:
+            os._exit(0)  # a copy of this process that an FMU has made in its step
         with self._lock:
             self._recorder.sample(simulation)
             self._position[ROWS] = self._file.count + self._recorder.count
