@@ -41,16 +41,32 @@ def find_cycle(edges: Mapping[Node, Iterable[Node]]) -> list[Node]:
 def sort_components(names: Iterable[str], edges: Mapping[str, Iterable[str]]) -> list[str]:
     """Order components so that each stands after those that feed it; ties keep the order of ``names``.
 
-    Within a cycle, which must not be an algebraic loop, the first component of ``names`` goes first.
+    Within a cycle the first component of ``names`` goes first.
     """
     waiting = list(names)
     order: list[str] = []
     while waiting:
         fed = {target for name in waiting for target in edges.get(name, ()) if target != name}
-        ready = [name for name in waiting if name not in fed] or waiting[:1]
-        order += ready[:1]
-        waiting.remove(ready[0])
+        ready = next((name for name in waiting if name not in fed), None) or _first_of_a_cycle(waiting, edges)
+        order.append(ready)
+        waiting.remove(ready)
     return order
+
+
+def _first_of_a_cycle(names: list[str], edges: Mapping[str, Iterable[str]]) -> str:
+    """Return the first component that only those of its own cycle feed."""
+    before = {name: _upstream(name, names, edges) for name in names}
+    return next(name for name in names if all(name in before[other] for other in before[name]))
+
+
+def _upstream(name: str, names: Iterable[str], edges: Mapping[str, Iterable[str]]) -> set[str]:
+    """Find all that feed a component through others of ``names``."""
+    found: set[str] = set()
+    new = {name}
+    while new:
+        new = {other for other in names if not new.isdisjoint(edges.get(other, ()))} - found
+        found |= new
+    return found
 
 
 def order_components(
