@@ -135,10 +135,11 @@ class FmuFile:
         return self._array_of.get(name)
 
     def elements(self, name: str) -> list[str]:
-        """List the elements of an array: one of FMI 3.0, or variables of FMI 2.0 named ``strain[1]`` and so on."""
+        """List the elements of an array, row by row: one of FMI 3.0, or variables of FMI 2.0 named ``strain[1]`` etc."""
         if name in self.arrays:
             return self.arrays[name]
-        return [v for v in self.variables if v.startswith(f"{name}[") and split_indices(v)[0] == name]
+        found = [v for v in self.variables if v.startswith(f"{name}[") and split_indices(v)[0] == name]
+        return sorted(found, key=lambda v: split_indices(v)[1])
 
     def whole(self, names: Iterable[str]) -> list[str]:
         """List names with the other elements of their arrays of FMI 3.0, in the order of the model description."""

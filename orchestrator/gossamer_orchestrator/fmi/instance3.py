@@ -10,6 +10,7 @@ import ctypes
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
+from ..errors import SimulationError
 from .file import FmuFile
 from .instance import Instance
 from .ports import TypedPort
@@ -105,8 +106,14 @@ class Instance3(Instance):
             again, over, *_ = self._call("could not handle its events", "updateDiscreteStates")
             if over or not again:
                 break
+        else:
+            msg = (
+                f"component {self.name!r} still has events after {MAX_UPDATES} updates at t = {self.time:.9g} s."
+                f"{self.log.tail()} Check it with 'gossamer verify'."
+            )
+            raise SimulationError(msg, component=self.name, time=self.time)
         self._call("could not leave its event mode", "enterStepMode")
-        return over
+        return bool(over)
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
         """Advance by ``size`` [s] from ``time`` [s]; see ``Instance.step``."""
