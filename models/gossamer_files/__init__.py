@@ -44,7 +44,7 @@ def replacing(path: Path) -> Iterator[Path]:
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
     target.parent.mkdir(parents=True, exist_ok=True)
-    for left in target.parent.glob(f".{escape(target.stem)}.*.unfinished{escape(target.suffix)}"):
+    for left in unfinished_of(target):
         with suppress(FileNotFoundError):  # another process removes it, too
             if time.time() - left.stat().st_mtime > STALE:
                 left.unlink()
@@ -56,6 +56,11 @@ def replacing(path: Path) -> Iterator[Path]:
         unfinished.replace(target)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def unfinished_of(path: Path) -> list[Path]:
+    """List what writers of a file are writing, or had written when they were killed."""
+    return list(path.parent.glob(f".{escape(path.stem)}.*.unfinished{escape(path.suffix)}"))
 
 
 def reason(error: Exception) -> str:

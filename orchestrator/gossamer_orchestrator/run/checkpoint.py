@@ -26,11 +26,15 @@ SCHEMA, VERSION = "gossamer.checkpoint", 1
 
 
 def digests(plan: Plan) -> dict[str, str]:
-    """Return a digest of the scenario and of every FMU, by what they are called in a message."""
+    """Return a digest of the scenario and of every FMU and file of inputs, by what they are called in a message."""
     scenario = plan.scenario
-    found = {"the scenario": (scenario.source.text + scenario.model_dump_json()).encode()}
-    found |= {f"FMU {file.name!r}": file.path.read_bytes() for file in plan.files}
-    return {name: hashlib.sha256(content).hexdigest() for name, content in found.items()}
+    found = {"the scenario": hashlib.sha256((scenario.source.text + scenario.model_dump_json()).encode()).hexdigest()}
+    paths = {f"FMU {file.name!r}": file.path for file in plan.files}
+    paths |= {f"file {given.file!r}": scenario.folder / given.file for given in scenario.inputs}
+    for name, path in paths.items():
+        with path.open("rb") as file:
+            found[name] = hashlib.file_digest(file, "sha256").hexdigest()
+    return found
 
 
 def unable(plan: Plan) -> list[str]:

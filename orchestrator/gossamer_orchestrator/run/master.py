@@ -316,8 +316,12 @@ class Simulation:
 
 
 def ending_signals() -> list[signal.Signals]:
-    """List the signals of this system that ask a program to end."""
-    return [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    """List the signals of this system that ask this program to end.
+
+    Under nohup SIGHUP does not. SIGINT does, though a shell lets what runs in its background ignore it.
+    """
+    there = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    return [number for number in there if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..errors import ResultsError, writing
 from ..results.columns import attributes, plan_columns
-from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF
+from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF, has_rows
 from ..results.netcdf import GrowingFile, Layout, make_file
 from ..scenario.plan import Plan
 from . import checkpoint
@@ -111,6 +111,9 @@ class Stream:
         header, layout = make_file(plan_columns(self._plan), attributes(self._plan))
         path = self._folder / UNFINISHED_NETCDF
         if self._resumed is None:
+            if (self._folder / RESUME).is_file() or (path.is_file() and has_rows(path)):
+                text = "the unfinished run in %s is replaced by this one. --resume continues a run"
+                logger.warning(text, self._folder)
             (self._folder / RESUME).unlink(missing_ok=True)
             self._file = GrowingFile.create(path, header, layout)
         else:

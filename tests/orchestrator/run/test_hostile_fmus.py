@@ -15,6 +15,7 @@ from gossamer_orchestrator import (
     Simulation,
     SimulationError,
     load_results,
+    load_scenario,
     make_plan,
     run_scenario,
 )
@@ -127,3 +128,24 @@ def test_a_state_that_no_fmu_can_serialize_or_that_is_of_another_run_is_refused(
         save(tmp_path / "unfinished.npz", simulation, 0, digests(plan))
     with pytest.raises(ScenarioError, match=r"^the scenario differs from the unfinished run in "):
         run_scenario(beside("at = 1"), hostile, tmp_path, resume=True)
+
+
+def test_a_run_is_not_resumed_with_another_file_of_inputs_and_one_that_replaces_it_says_so(hostile, tmp_path, caplog):
+    text = 'step = 0.5\nstop = 1.0\n[components.a]\nfmu = "hostile"\n[[inputs]]\nto = "a.u"\nfile = "u.csv"\ncolumn = "u"\n'
+    (tmp_path / "it.toml").write_text(text)
+    (tmp_path / "u.csv").write_text("t,u\n0,1\n1,2\n")
+    out, scenario = tmp_path / "out", load_scenario(tmp_path / "it.toml")
+    out.mkdir()
+    plan = make_plan(scenario, hostile)
+    with Simulation(plan) as simulation:
+        save(out / "unfinished.npz", simulation, 0, digests(plan))
+    (tmp_path / "u.csv").write_text("t,u\n0,1\n1,3\n")
+    with pytest.raises(ScenarioError, match=r"^file 'u.csv' differs from the unfinished run in "):
+        run_scenario(scenario, hostile, out, resume=True)
+    run_scenario(scenario, hostile, out)
+    assert [record.getMessage() for record in caplog.records] == [
+        f"the unfinished run in {out} is replaced by this one. --resume continues a run"
+    ]
+    caplog.clear()
+    run_scenario(scenario, hostile, out)
+    assert caplog.text == ""
