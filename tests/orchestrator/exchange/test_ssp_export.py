@@ -147,3 +147,13 @@ def test_an_ssp_is_not_written_over_its_scenario_nor_under_another_ending_nor_ov
         assert message in result.stderr
         assert "Errno" not in result.stderr
     assert path.read_bytes() == before
+
+
+def test_an_ssp_is_not_run_over_the_results_of_the_scenario_that_it_was_made_of(fmus, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "chain.toml").write_text(CHAIN)
+    export_ssp(parse_scenario(CHAIN, name="chain.toml"), fmus, tmp_path / "chain.ssp")
+    for name in ("chain.toml", "chain.ssp"):
+        result = CliRunner().invoke(app, ["run", name, "--fmus", str(fmus), "--no-pictures"])
+        assert result.exit_code == 0, result.stderr
+    assert sorted(path.parent.name for path in (tmp_path / "out").glob("*/results.nc")) == ["chain", "chain_ssp"]
