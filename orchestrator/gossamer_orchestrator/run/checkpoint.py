@@ -96,7 +96,7 @@ def load(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
     if changed:
         msg = (
             f"{', '.join(changed)} differ{'s' * (len(changed) == 1)} from the unfinished run in {path.parent}. "
-            "Give it what it had, or run it from its start, without --resume."
+            "Give it what it had, also --step, --stop and --master, or run it from its start, without --resume."
         )
         raise ScenarioError(msg)
     return card, arrays

@@ -187,7 +187,8 @@ def _unit_conversion(unit: str | None, fmu: FmuFile, name: str, files: Mapping[s
     if converted is None:
         msg = f"its unit {unit!r} cannot be converted to {own!r}, that of {name!r}. Convert the column, or correct its unit."
         raise ScenarioError(msg)
-    return converted
+    gain, bias = converted
+    return gain, 0.0 if fmu.is_difference(name) else bias
 
 
 def _check_range(values: Iterable[Any], times: NDArray[np.float64], fmu: FmuFile, name: str) -> None:
