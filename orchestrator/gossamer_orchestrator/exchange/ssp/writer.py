@@ -3,7 +3,7 @@
 Written is the subset that other tools read: one flat system without connectors of its own, every input connected or given
 a value, Reals only, and for each component one parameter set, named ``initialValues``, inside the system structure. What
 SSP has no place for stands in annotations: the step in that of the Open Simulation Platform, whose tools read it; master,
-order and record in one of type ``ANNOTATION``.
+order, groups and record in one of type ``ANNOTATION``.
 """
 
 from __future__ import annotations
