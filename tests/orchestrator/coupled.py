@@ -1,7 +1,7 @@
 """FMUs in C that are coupled to others: a gain, ``y = A u + b``, and a mass that a force or a spring moves.
 
-The outputs of both are those of the present inputs, in the initialization too. The mass takes the mean of its accelerations at
-both ends of a step (the trapezoidal rule), so its displacement at the step's end depends on the input then.
+The outputs of both are those of the present inputs, in the initialization too. The mass takes the mean of its accelerations
+at both ends of a step (the trapezoidal rule), so its displacement at the step's end depends on the input then.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from __future__ import annotations
 import ctypes
 import logging
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,12 +20,11 @@ from ..errors import SimulationError
 from ..fmi.instance import Instance
 from ..fmi.types import EXCHANGED_EXACTLY, FLOATS
 from ..scenario import schema
+from ..scenario.plan import Plan
 from .member import Member
-from .position import COMPONENT
+from .position import COMPONENT, Position
 from .quasi_newton import Vector, next_guess
-
-if TYPE_CHECKING:
-    from .master import Simulation
+from .store import Store
 
 logger = logging.getLogger(__name__)
 
@@ -39,12 +38,14 @@ class IteratedGroup:
     ----------
     group : schema.Group
         Tolerance and largest number of sweeps.
-    members : sequence of Member
-        Its components in stepping order, neighbours there.
-    first : int
-        Number of the first.
-    simulation : Simulation
-        Gives the values of the run, and where to note which FMU is called.
+    members : sequence of (int, Member)
+        Its components with their numbers, in stepping order.
+    plan : Plan
+        What is run.
+    store : Store
+        The values of the run.
+    position : Position
+        Where to note which FMU is called.
     over : list of Instance
         FMUs that have ended the simulation; what an earlier sweep added is taken back.
     strict : bool
@@ -63,17 +64,18 @@ class IteratedGroup:
     def __init__(
         self,
         group: schema.Group,
-        members: Sequence[Member],
-        first: int,
-        simulation: Simulation,
+        members: Sequence[tuple[int, Member]],
+        plan: Plan,
+        store: Store,
+        position: Position,
         over: list[Instance],
         *,
         strict: bool,
     ) -> None:
-        self.names = [member.name for member in members]
+        self.names = [member.name for _, member in members]
         self.sweeps = 0
-        self._numbered = list(enumerate(members, start=first))
-        self._store, self._position = simulation.store, simulation.position
+        self._members = members
+        self._store, self._position = store, position
         self._over, self._strict = over, strict
         self._tolerance, self._most = group.tolerance, group.sweeps
         self._tick = 0
@@ -81,9 +83,9 @@ class IteratedGroup:
         self._guesses: list[Vector] = []
         self._results: list[Vector] = []
         place = {name: i for i, name in enumerate(self.names)}
-        inside = [c for c in simulation.plan.connections if {c.sender, c.receiver} <= set(self.names)]
+        inside = [c for c in plan.connections if {c.sender, c.receiver} <= set(self.names)]
         back = dict.fromkeys((c.sender, c.output) for c in inside if place[c.sender] >= place[c.receiver])
-        variables = {(name, v): simulation.plan.component(name).fmu.variables[v] for name, v in back}
+        variables = {(name, v): plan.component(name).fmu.variables[v] for name, v in back}
         self._reals = [source for source, v in variables.items() if v.type in FLOATS]
         self._places = np.array([self._store.places[source] for source in self._reals], dtype=np.intp)
         self._others = [
@@ -98,7 +100,7 @@ class IteratedGroup:
 
     def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
         """Step all components and read their outputs (all of them if ``full``); False if an FMU discarded the step."""
-        for number, member in self._numbered:
+        for number, member in self._members:
             self._position[COMPONENT] = number
             member.instance.save_state(_SLOT)
         ended = len(self._over)
@@ -106,10 +108,10 @@ class IteratedGroup:
         def sweep(*, again: bool) -> bool:
             if again:
                 del self._over[ended:]
-                for number, member in self._numbered:
+                for number, member in self._members:
                     self._position[COMPONENT] = number
                     member.instance.restore_state(_SLOT)
-            for number, member in self._numbered:
+            for number, member in self._members:
                 self._position[COMPONENT] = number
                 member.receive(self._tick)
                 if not member.advance(time, size, full=False):
@@ -118,7 +120,7 @@ class IteratedGroup:
 
         if not self._iterate(sweep, time.value):
             return False
-        for number, member in self._numbered if full else ():
+        for number, member in self._members if full else ():
             self._position[COMPONENT] = number
             member.read(full=True)
         return True
@@ -127,7 +129,7 @@ class IteratedGroup:
         """Exchange values while all components are in their initialization, at the start of the run [s]."""
 
         def sweep(*, again: bool) -> bool:  # noqa: ARG001
-            for number, member in self._numbered:
+            for number, member in self._members:
                 self._position[COMPONENT] = number
                 member.receive(0)
                 member.read(full=False)

@@ -240,7 +240,7 @@ class Simulation:
             if name in done:
                 continue
             group = next((group for group in self.groups if name in group.names), None)
-            names = [name] if group is None else [other for other in self.plan.start_order if other in group.names]
+            names = [name] if group is None else group.names
             for each in names:
                 self._enter_initialization(each)
             if group is not None:
@@ -262,8 +262,10 @@ class Simulation:
             if group is None:
                 self._stages.append((number, member))
             elif not self.groups or member.name not in self.groups[-1].names:
-                members = self.members[number : number + len(group.components)]
-                one = IteratedGroup(group, members, number, self, self._over, strict=self._strict)
+                members = list(enumerate(self.members))[number : number + len(group.components)]
+                one = IteratedGroup(
+                    group, members, self.plan, self.store, self.position, self._over, strict=self._strict
+                )
                 self.groups.append(one)
                 self._stages.append((number, one))
 
