@@ -186,10 +186,11 @@ class IteratedGroup:
         worst = int(np.argmax(np.where(np.isfinite(residuals), residuals, np.inf))) if residuals.size else 0
         open_ = residuals.size and not residuals[worst] <= self._tolerance
         source = self._reals[worst] if open_ else self._others[0][0]
-        change = f"changes by {residuals[worst]:.3g} of its size" if open_ else "changes"
+        limit = f"more than 'tolerance' = {self._tolerance:g}"
+        change = f"changes by {residuals[worst]:.3g} of its size, {limit}" if open_ else "changes"
         text = (
             f"the group {', '.join(self.names)} does not converge in the step from t = {time:.9g} s: after {self.sweeps} "
-            f"sweeps {'.'.join(source)} still {change}, more than 'tolerance' = {self._tolerance:g}."
+            f"sweep{'s' * (self.sweeps > 1)} {'.'.join(source)} still {change}."
         )
         advice = "Use a smaller 'step', or more 'sweeps'."
         if self._strict:
