@@ -40,7 +40,11 @@ def run(
         typer.Option(help="End the run if one call of an FMU takes longer [s].", metavar="SECONDS", min=0.0),
     ] = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse FMUs that break the rules of FMI, and values that are not finite.")
+        bool,
+        typer.Option(
+            "--strict",
+            help="Refuse FMUs that break the rules of FMI, values that are not finite, and groups that do not converge.",
+        ),
     ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the unfinished run in the folder for results.")

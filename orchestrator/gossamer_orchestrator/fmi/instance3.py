@@ -90,9 +90,9 @@ class Instance3(Instance):
             if self.leave_event_mode():
                 self._end(self.time, self.time)
 
-    def restore_state(self) -> None:
-        """Restore the saved state, with the inputs of then."""
-        super().restore_state()
+    def restore_state(self, slot: int = 0) -> None:
+        """Restore the state saved in a slot, with the inputs of then."""
+        super().restore_state(slot)
         self._written.clear()
 
     def enter_event_mode(self) -> None:

@@ -1,8 +1,8 @@
 """The state of a run at a communication point, on the disk: what ``gossamer run --resume`` continues from.
 
 An NPZ file: the serialized state of every FMU, the values that were exchanged last, the last sample that arrived over each
-channel, and a JSON card. Noise and dropouts are functions of their seeds and the step, events of the time, so nothing of
-them is kept.
+channel, the largest values of each group, and a JSON card. Noise and dropouts are functions of their seeds and the step,
+events of the time, so nothing of them is kept.
 """
 
 from __future__ import annotations
@@ -56,6 +56,7 @@ def save(path: Path, simulation: Simulation, rows: int, digest: dict[str, str]) 
     }
     arrays: dict[str, Any] = {"card": np.array(json.dumps(card)), "values": simulation.values}
     arrays["held"] = np.array([channel.held for channel in simulation.channels])
+    arrays |= {f"peaks_{i}": group.peaks for i, group in enumerate(simulation.groups)}
     arrays |= {f"state_{i}": np.frombuffer(state, np.uint8) for i, state in enumerate(simulation.serialize())}
     with writing(path, ResultsError), replacing(path) as new, new.open("wb") as file:
         np.savez(file, **arrays)
@@ -115,4 +116,6 @@ def restore(simulation: Simulation, card: dict[str, Any], arrays: dict[str, Any]
     ]
     for channel, value in zip(simulation.channels, arrays["held"].tolist(), strict=True):
         channel.held = value
+    for i, group in enumerate(simulation.groups):
+        group.peaks[:] = arrays[f"peaks_{i}"]
     simulation.tick, simulation.divided = card["tick"], card["divided"]

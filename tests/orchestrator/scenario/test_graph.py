@@ -66,7 +66,7 @@ def test_under_gauss_seidel_a_loop_is_cut_by_a_delay_and_it_is_said_where(fmus, 
     make_plan(parse_scenario(text), fmus)
     assert [record.getMessage() for record in caplog.records] == [
         "scenario:10: algebraic loop a.y -> b.u -> b.y -> a.u -> a.y: the connection b.y -> a.u delays by one step. "
-        "State another 'order' or a smaller 'step'"
+        "State another 'order', a smaller 'step', or a group"
     ]
 
 
