@@ -189,7 +189,11 @@ class Instance:
         """Note that the FMU ended the simulation; tell whether that was at the end of the step [s]."""
         self.ended_at = last
         self.on_end(self)
-        return last >= end - 1e-9 * (abs(end) + abs(end - self.time))
+        return self._is_at(last, end)
+
+    def _is_at(self, time: float, end: float) -> bool:
+        """Tell whether a time [s] is the end of the step, but for rounding."""
+        return time >= end - 1e-9 * (abs(end) + abs(end - self.time))
 
     def save_state(self, slot: int = 0) -> None:
         """Save the present state in a slot, 0 or 1, in place of the one saved there before."""

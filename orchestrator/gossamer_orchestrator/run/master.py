@@ -191,6 +191,9 @@ class Simulation:
         position[TICK], position[PART], position[CALL] = self.tick, 0, STEP
         for name, values in self.plan.events.get(self.tick, ()):
             self._called(name).set(values)
+        if self._over:
+            position[COMPONENT] = -1
+            return False
         self.store.look_up(self.time)
         if self._can_repeat:
             for number, member in enumerate(self.members):

@@ -126,8 +126,14 @@ def run_scenario(
 
         process.watch(limit, progress)
         process.end()
-        last = _settle(process, folder, temporary, time.perf_counter() - begun)
         error = process.error
+        try:
+            last = _settle(process, folder, temporary, time.perf_counter() - begun)
+        except ResultsError as late:
+            if error is None:
+                raise
+            error.add_note(str(late))
+            raise error from None
         if error is None:
             (folder / RESUME).unlink(missing_ok=True)
         elif last is not None and out is not None:

@@ -85,14 +85,20 @@ def test_a_fault_after_the_run_is_a_warning(hostile, beside, tmp_path, caplog, f
 
 @pytest.mark.skipif(not hasattr(psutil.Process, "rlimit"), reason="looks for orphans as Linux names them")
 @pytest.mark.parametrize("fault", [faults.FORK, faults.DAEMON, faults.COPY], ids=["child", "daemon", "copy"])
-def test_what_an_fmu_starts_ends_with_the_run_and_touches_no_results(hostile, beside, tmp_path, fault):
+def test_what_an_fmu_starts_ends_with_the_run_and_touches_no_results(hostile, beside, tmp_path, monkeypatch, fault):
     """A child; a daemon, which has left the group; and a copy of the process that returns from the step, too."""
-    before = {process.pid for process in psutil.process_iter()}
+    monkeypatch.setenv("OF_THIS_TEST", str(tmp_path))
     data = run_scenario(beside(f"fault = {fault}, at = 21"), hostile, tmp_path)
     assert_right_until(data, 0.1)
     assert data.sizes["time"] == 101
-    after = [process for process in psutil.process_iter(["cmdline"]) if process.pid not in before]
-    assert [process for process in after if "gossamer_orchestrator.run.child" in (process.info["cmdline"] or [])] == []
+    assert [process for process in psutil.process_iter() if environment(process) == str(tmp_path)] == []
+
+
+def environment(process):
+    try:
+        return process.environ().get("OF_THIS_TEST")
+    except psutil.Error:
+        return None
 
 
 def test_memory_does_not_grow_with_the_run(hostile, tmp_path):
