@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 
 import coupled
+import hostile as faults
 import numpy as np
 import pytest
 from gossamer_orchestrator import (
@@ -163,6 +164,17 @@ def test_a_refusal_in_a_sweep_names_the_component(fmus):
             ),
             fmus,
         )
+
+
+def test_an_fmu_that_crashes_within_a_sweep_is_named_with_the_time(beside, hostile):
+    wires = "".join(
+        f'[[connections]]\nfrom = "{a}.y[1]"\nto = "{b}.u"\n' for a, b in (("good", "bad"), ("bad", "good"))
+    )
+    scenario = beside(f"fault = {faults.SEGFAULT}, at = 21", more=wires + '[[groups]]\ncomponents = ["good", "bad"]\n')
+    text = scenario.source.text.replace("inputs = { u = 1.0 }\n", "").replace("inputs = { u = 0.0 }\n", "")
+    with pytest.raises(SimulationError, match=r"component 'bad' .* in the step from t = 0.021 s") as error:
+        run_scenario(parse_scenario(text), hostile)
+    assert error.value.component == "bad"
 
 
 def test_what_does_not_converge_is_said_once_with_the_residual_and_counted(fmus, caplog):
