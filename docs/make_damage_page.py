@@ -1,8 +1,7 @@
 """Write docs/damage.md and its pictures: Chapter 7 of the thesis and the assessment of our detectors.
 
-Run ``make figures``. It shows what ``gossamer assess-detector --cases 200`` left in out/assessment, and runs that first if
-there is nothing: ten minutes. The twin needs seconds for a record that it explains and minutes for one that it does not:
-docs/twin.md has its figures, and with ``gossamer assess-detector --twin`` it has columns of its own here.
+Run ``make figures``. It shows what ``gossamer assess-detector --twin --cases 200`` left in out/assessment. If there is
+nothing, it assesses the detectors alone, in ten minutes; the twins, which have columns here too, take half an hour more.
 """
 
 from __future__ import annotations

@@ -28,7 +28,8 @@ HEAD = """# Results of damage detection
 
 Read this page beside Chapter 7 of the thesis: M. R. Sunny, "Towards Structural Health Monitoring of Gossamer
 Structures Using Conductive Polymer Nanocomposite Sensors", dissertation, Virginia Tech, 2010. `make figures` writes
-it from what `gossamer assess-detector --cases 200` found; do not edit it. The twin's figures are in twin.md.
+it from what `gossamer assess-detector --twin --cases 200` found; do not edit it. The twins take seconds for a record:
+they judged the first six records of the conditions that matter most, and three sizes in each zone; twin.md has more.
 
 **Errors** are mean absolute errors in % damage, over all zones / over the damaged zones. Answers that the detector
 marks as not valid are included; a **call** is a valid estimate above 5 %. **Random cases** have 1 to 4 damaged zones

@@ -84,13 +84,13 @@ def metrics(assessment: Assessment) -> Iterator[Line]:
             yield _line(f"{judge}, {target.condition}: {target.what}", target.unit, value, target.reach, target.more)
     for judge in assessment.judges[1:]:
         for condition, reach in DETECTION.items():
-            rows = [
-                row
-                for row in assessment.detections
-                if row.judge == judge and row.zone and row.condition.startswith(condition)
-            ]
-            worst = max((100.0 * row.a90_95 if row.a90_95 <= 1.0 else 100.0 for row in rows), default=math.nan)
-            yield _line(f"{judge}, {condition}: a90/95 of the worst zone (100: none)", "% damage", worst, reach)
+            asked = [r for r in assessment.detections if r.judge == judge and r.condition.startswith(condition)]
+            zones = [row for row in asked if row.zone]
+            worst = max(
+                (100.0 * (row.a90_95 if row.a90_95 <= 1.0 else 1.0) for row in zones or asked), default=math.nan
+            )
+            of = "the worst zone" if zones else "all zones together"
+            yield _line(f"{judge}, {condition}: a90/95 of {of} (100: none)", "% damage", worst, reach)
 
 
 def _line(what: str, unit: str, value: float, reach: float, more: bool = False) -> Line:

@@ -7,7 +7,7 @@ import uuid
 import zipfile
 from pathlib import Path
 
-from gossamer_models.files import replacing
+from gossamer_files import replacing
 
 _NAMESPACE = uuid.UUID("6f2ad6c2-5a57-5d3c-9c1d-2f4a3c1f6d10")
 

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gossamer_files import reason, replacing
 
 from .arrays import Vector
 from .errors import ArtifactError
-from .files import reason, replacing
 
 
 def write_artifact(

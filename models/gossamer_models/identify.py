@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gossamer_files import replacing
 
 from .errors import ParameterError
-from .files import replacing
 from .fitting.errors import Errors, nrmse
 from .fitting.plots import RECORD_PICTURES
 from .fitting.reading import Columns, read_records

@@ -5,21 +5,14 @@ from __future__ import annotations
 import os
 import time
 
-import gossamer_models.files
-import gossamer_orchestrator.files
 import numpy as np
 import pytest
+from gossamer_files import replacing
 from gossamer_models import ArtifactError
 from gossamer_models.artifacts import read_arrays, read_artifact, write_artifact
 
 
-@pytest.fixture(params=[gossamer_models.files, gossamer_orchestrator.files], ids=["models", "orchestrator"])
-def replacing(request):
-    """Both packages have one, because neither may import the other."""
-    return request.param.replacing
-
-
-def test_a_file_appears_when_it_is_complete_in_a_folder_that_is_made(replacing, tmp_path):
+def test_a_file_appears_when_it_is_complete_in_a_folder_that_is_made(tmp_path):
     path = tmp_path / "new/folder/answer.json"
     with replacing(path) as unfinished:
         unfinished.write_text("42")
@@ -29,7 +22,7 @@ def test_a_file_appears_when_it_is_complete_in_a_folder_that_is_made(replacing, 
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_what_was_there_stays_if_the_writer_fails(replacing, tmp_path):
+def test_what_was_there_stays_if_the_writer_fails(tmp_path):
     path = tmp_path / "answer.json"
     path.write_text("good")
 
@@ -44,7 +37,7 @@ def test_what_was_there_stays_if_the_writer_fails(replacing, tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_link_is_followed_and_a_device_written_to(replacing, tmp_path):
+def test_a_link_is_followed_and_a_device_written_to(tmp_path):
     (tmp_path / "real.json").write_text("good")
     (tmp_path / "link.json").symlink_to("real.json")
     with replacing(tmp_path / "link.json") as unfinished:
@@ -57,7 +50,7 @@ def test_a_link_is_followed_and_a_device_written_to(replacing, tmp_path):
     assert not null.is_file()
 
 
-def test_what_a_killed_writer_left_is_removed_later(replacing, tmp_path):
+def test_what_a_killed_writer_left_is_removed_later(tmp_path):
     path, old, new = (tmp_path / name for name in ("a.json", ".a.01234567.unfinished.json", ".a.89.unfinished.json"))
     for file in (old, new):
         file.write_text("hal")

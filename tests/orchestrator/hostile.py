@@ -14,6 +14,7 @@ import fmpy
 from gossamer_models.compiler import compile_shared
 
 EXIT, SEGFAULT, ABORT, OVERFLOW, HANG, NAN, INFINITE, FORK, HANG_WHEN_FREED, CRASH_WHEN_FREED, WAIT = range(1, 12)
+DAEMON, COPY = 12, 13
 SLEEPER = "sleeper"  # an instance of this name never returns from its instantiation
 
 SOURCE = r"""
@@ -50,6 +51,8 @@ static void misbehave(State *s) {
 #ifndef _WIN32
     case 8: if (fork() == 0) hang(); break;
     case 11: wait(getenv("HOSTILE_GATE")); break;
+    case 12: if (fork() == 0) { setsid(); hang(); } break;
+    case 13: if (fork()) s->inputs[PAUSE] = 0.01; else s->x += 1000; break;  // both return, the copy is faster
 #endif
     }
 }

@@ -6,9 +6,9 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
+from gossamer_files import replacing
 
 from ..arrays import Matrix
-from ..files import replacing
 from .judges import Judge, Verdicts
 
 SLOW = 8  # records that are judged, then kept, at a time

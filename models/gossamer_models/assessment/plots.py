@@ -9,8 +9,8 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from gossamer_files import replacing
 
-from ..files import replacing
 from ..fitting.plots import axes_for
 from ..membrane.mesh import N_ZONES
 from .figures import CALL, NOMINAL

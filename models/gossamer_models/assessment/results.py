@@ -12,9 +12,10 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from gossamer_files import reason, replacing
+
 from ..artifacts import read_artifact, write_artifact
 from ..errors import DataError
-from ..files import reason, replacing
 from .figures import Figures
 from .proportions import Share
 

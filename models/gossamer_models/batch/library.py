@@ -17,8 +17,9 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from gossamer_files import replacing
+
 from ..compiler import FLAGS, compile_shared, compiler_version
-from ..files import replacing
 
 # the numbers are the same on any processor, the instructions are not
 OPTIONS = ("-march=native", "-mprefer-vector-width=512") if platform.machine() in ("x86_64", "AMD64") else ()

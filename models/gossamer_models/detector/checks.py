@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from gossamer_files import reason
 
 from ..errors import ArtifactError
-from ..files import reason
 
 
 def require(condition: bool | np.bool_, problem: str) -> None:

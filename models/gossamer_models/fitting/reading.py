@@ -29,11 +29,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from gossamer_files import reason
 from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..errors import DataError
-from ..files import reason
 from .options import option
 from .records import Record
 from .repairs import LARGEST_JUMP, Samples, check, drop_missing, order_times

@@ -15,12 +15,12 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from gossamer_files import reason
 from scipy.interpolate import BSpline
 
 from ..arrays import Matrix
 from ..artifacts import read_arrays, read_artifact, write_artifact
 from ..errors import ArtifactError, DataError
-from ..files import reason
 from .record import N_SENSORS
 
 SCHEMA, VERSION = "gossamer.discrepancy", 1

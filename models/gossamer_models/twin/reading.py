@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Literal, cast
 
 import numpy as np
+from gossamer_files import reason
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
-from ..files import reason
 from .record import N_SENSORS, Record
 
 TIME = "time"

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import ResultsError
+from ..errors import OrchestratorError, ResultsError
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .common import FMUS, FmuFolder, wide
@@ -21,7 +21,8 @@ LARGEST_PICTURE = 200_000  # points
 def run(
     scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the results; out/NAME by default.", metavar="FOLDER")
+        Path | None,
+        typer.Option(help="Folder for the results; out/NAME by default, out/NAME_ssp of an .ssp.", metavar="FOLDER"),
     ] = None,
     fmus: FmuFolder = FMUS,
     step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
@@ -39,7 +40,11 @@ def run(
         typer.Option(help="End the run if one call of an FMU takes longer [s].", metavar="SECONDS", min=0.0),
     ] = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse FMUs that break the rules of FMI, and values that are not finite.")
+        bool,
+        typer.Option(
+            "--strict",
+            help="Refuse FMUs that break the rules of FMI, values that are not finite, and groups that do not converge.",
+        ),
     ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the unfinished run in the folder for results.")
@@ -65,8 +70,12 @@ def run(
 
         gossamer run my_scenario.toml --resume
     """
+    if watched and resume:
+        msg = "--watch must see a run from its start. Resume it without --watch, then use 'gossamer watch' on its results."
+        raise OrchestratorError(msg)
     path = find_scenario(scenario)
-    folder = Path("out") / path.stem if out is None else out
+    name = f"{path.stem}_ssp" if path.suffix == ".ssp" else path.stem  # not over those of the scenario it was made of
+    folder = Path("out") / name if out is None else out
     options = {
         "step": step,
         "stop": stop,

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from gossamer_files import replacing
 from rich.console import Console
 
-from ..files import replacing
 from .common import keep_inputs, model_errors
 from .twin_options import (
     ElementsOption,

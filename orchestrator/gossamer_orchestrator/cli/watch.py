@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from gossamer_files import replacing
 from rich.console import Console
 
 from ..errors import OrchestratorError
-from ..files import replacing
 from .common import keep_inputs, model_errors
 from .twin_options import (
     ElementsOption,

@@ -77,6 +77,8 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
             raise ScenarioError(msg)
         advice = "and let the host change the container's input"
         problems = inexpressible(scenario, "a container", _NEUTRAL, advice)
+        for i, _ in enumerate(scenario.groups):
+            problems.add(("groups", i), "a container steps each FMU once, and has no groups. Remove the group.")
         for component in plan.components:
             if component.fmu.arrays:
                 text = (

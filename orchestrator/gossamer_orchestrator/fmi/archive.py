@@ -12,9 +12,10 @@ from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
+from gossamer_files import replacing
+
 from ..errors import FmuError, OrchestratorError, writing
 from ..file_kinds import explain_file
-from ..files import replacing
 from ..names import suggest
 
 MAX_FILES = 20_000

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import fmpy
+from attrs import evolve
 from fmpy.model_description import ValidationError
 
 from ..errors import FmuError
@@ -108,9 +109,17 @@ class FmuFile:
         return variable.unit or declared
 
     def unit_definition(self, name: str) -> Any:  # noqa: ANN401
-        """Return FMPy's ``BaseUnit`` of a variable's unit, or None."""
+        """Return FMPy's ``BaseUnit`` of a variable's unit, or None; differences have no offset."""
         unit = self.unit(name)
-        return next((each.baseUnit for each in self.description.unitDefinitions if each.name == unit), None)
+        found = next((each.baseUnit for each in self.description.unitDefinitions if each.name == unit), None)
+        return evolve(found, offset=0.0) if found is not None and self.is_difference(name) else found
+
+    def is_difference(self, name: str) -> bool:
+        """Tell whether a variable is a difference, of temperatures for instance (``relativeQuantity``).
+
+        Its declared type says so: FMPy 0.3.32 does not read that of a variable itself.
+        """
+        return bool(getattr(self.variables[name].declaredType, "relativeQuantity", False))
 
     def feedthrough(self) -> dict[str, list[str]]:
         """List, for each output, the inputs it depends on at the same instant; undeclared means all of them."""
@@ -135,10 +144,11 @@ class FmuFile:
         return self._array_of.get(name)
 
     def elements(self, name: str) -> list[str]:
-        """List the elements of an array: one of FMI 3.0, or variables of FMI 2.0 named ``strain[1]`` and so on."""
+        """List the elements of an array, row by row: one of FMI 3.0, or variables of FMI 2.0 named ``strain[1]`` etc."""
         if name in self.arrays:
             return self.arrays[name]
-        return [v for v in self.variables if v.startswith(f"{name}[") and split_indices(v)[0] == name]
+        found = [v for v in self.variables if v.startswith(f"{name}[") and split_indices(v)[0] == name]
+        return sorted(found, key=lambda v: split_indices(v)[1])
 
     def whole(self, names: Iterable[str]) -> list[str]:
         """List names with the other elements of their arrays of FMI 3.0, in the order of the model description."""

@@ -67,7 +67,7 @@ class Instance:
         self.event_mode = self.version == 3 and bool(fmu.description.coSimulation.hasEventMode)
         self._time = ctypes.c_double(time)
         self.log = Log(lambda: self.time)
-        self._state = ctypes.c_void_p()
+        self._states = (ctypes.c_void_p(), ctypes.c_void_p())
         self.ended_at: float | None = None
         self.on_end: Callable[[Instance], object] = lambda _: None
         self._initialized = False
@@ -88,7 +88,7 @@ class Instance:
         self._get_state, self._set_state = functions["get_state"], functions["set_state"]
         self._free_state, self._terminate = functions["free_state"], functions["terminate"]
         self._component = ctypes.c_void_p(self._slave.component)
-        self._state_arguments = (self._component, ctypes.byref(self._state))
+        self._state_arguments = [(self._component, ctypes.byref(state)) for state in self._states]
 
     @property
     def time(self) -> float:
@@ -189,21 +189,26 @@ class Instance:
         """Note that the FMU ended the simulation; tell whether that was at the end of the step [s]."""
         self.ended_at = last
         self.on_end(self)
-        return last >= end - 1e-9 * (abs(end) + abs(end - self.time))
+        return self._is_at(last, end)
 
-    def save_state(self) -> None:
-        """Save the present state in place of the one saved before."""
-        if self._is_python and self._state:
+    def _is_at(self, time: float, end: float) -> bool:
+        """Tell whether a time [s] is the end of the step, but for rounding."""
+        return time >= end - 1e-9 * (abs(end) + abs(end - self.time))
+
+    def save_state(self, slot: int = 0) -> None:
+        """Save the present state in a slot, 0 or 1, in place of the one saved there before."""
+        arguments = self._state_arguments[slot]
+        if self._is_python and self._states[slot]:
             # FMI lets an FMU overwrite its old state; pythonfmu 0.7.0 makes a new one and loses the old
-            self._check(self._free_state(*self._state_arguments), "did not free its state")
-            self._state.value = None
-        status = self._get_state(*self._state_arguments)
+            self._check(self._free_state(*arguments), "did not free its state")
+            self._states[slot].value = None
+        status = self._get_state(*arguments)
         if status > WARNING:
             self._check(status, "did not save its state")
 
-    def restore_state(self) -> None:
-        """Restore the saved state."""
-        self._check(self._set_state(self._component, self._state), "did not restore its saved state")
+    def restore_state(self, slot: int = 0) -> None:
+        """Restore the state saved in a slot."""
+        self._check(self._set_state(self._component, self._states[slot]), "did not restore its saved state")
 
     def serialize(self) -> bytes:
         """Return the present state as bytes, which another process can continue from."""
@@ -224,8 +229,9 @@ class Instance:
         if component is None:
             return
         if not self.fmu.corrupt:
-            if self._state:
-                self._free_state(*self._state_arguments)
+            for state, arguments in zip(self._states, self._state_arguments, strict=True):
+                if state:
+                    self._free_state(*arguments)
             if self._initialized:
                 self._terminate(component)
             if not self.fmu.corrupt:

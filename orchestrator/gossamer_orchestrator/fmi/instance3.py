@@ -7,9 +7,11 @@ then the rest of the step is done.
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
+from ..errors import SimulationError
 from .file import FmuFile
 from .instance import Instance
 from .ports import TypedPort
@@ -41,6 +43,7 @@ class Instance3(Instance):
         self._flags = (ctypes.c_bool * 4)()
         self._any = ctypes.c_uint32.from_buffer(self._flags)
         self._last = ctypes.c_double(time)
+        self._reached = time  # [s] after the last step
         flags = (ctypes.byref(self._flags, place) for place in (_EVENTS, _OVER, _EARLY))
         self._results = (*flags, ctypes.byref(self._last))
 
@@ -66,7 +69,7 @@ class Instance3(Instance):
                 self.typed_port(kind, names), list(whole.values()), f"refused {array!r} = {[*whole.values()]}"
             )
         if in_events and self.leave_event_mode():
-            self._end(self.time, self.time)
+            self._end(self._reached, self._reached)
 
     def enter_initialization(self, stop: float) -> None:
         """Set the times of the run and enter the mode in which start values are set."""
@@ -76,7 +79,7 @@ class Instance3(Instance):
         """Leave the initialization mode; outputs can be read from here on."""
         super().exit_initialization()
         if self.event_mode and self.leave_event_mode():
-            self._end(self.time, self.time)
+            self._end(self._reached, self._reached)
 
     def write_inputs(self, port: TypedPort, values: Sequence[Value]) -> None:
         """Set inputs; with event mode that is an event, if one of them has changed."""
@@ -87,11 +90,11 @@ class Instance3(Instance):
             self.enter_event_mode()
             self.write_typed(port, values)
             if self.leave_event_mode():
-                self._end(self.time, self.time)
+                self._end(self._reached, self._reached)
 
-    def restore_state(self) -> None:
-        """Restore the saved state, with the inputs of then."""
-        super().restore_state()
+    def restore_state(self, slot: int = 0) -> None:
+        """Restore the state saved in a slot, with the inputs of then."""
+        super().restore_state(slot)
         self._written.clear()
 
     def enter_event_mode(self) -> None:
@@ -105,8 +108,14 @@ class Instance3(Instance):
             again, over, *_ = self._call("could not handle its events", "updateDiscreteStates")
             if over or not again:
                 break
+        else:
+            msg = (
+                f"component {self.name!r} still has events after {MAX_UPDATES} updates at t = {self.time:.9g} s."
+                f"{self.log.tail()} Check it with 'gossamer verify'."
+            )
+            raise SimulationError(msg, component=self.name, time=self.time)
         self._call("could not leave its event mode", "enterStepMode")
-        return over
+        return bool(over)
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
         """Advance by ``size`` [s] from ``time`` [s]; see ``Instance.step``."""
@@ -116,10 +125,12 @@ class Instance3(Instance):
             if status != DISCARD:
                 self._check(status, "failed")
             return False
-        return not self._any.value or self._go_on(time.value + size.value)
+        self._reached = time.value + size.value
+        return not self._any.value or self._go_on(self._reached)
 
     def _go_on(self, end: float) -> bool:
         """After a step with events, an early return or the end of the simulation: handle them, and do the rest."""
+        before = -math.inf
         while True:
             events, over, early, _ = self._flags
             last = self._last.value if early or over else end
@@ -128,8 +139,15 @@ class Instance3(Instance):
                 over |= self.leave_event_mode()
             if over:
                 return self._end(last, end)
-            if not early or last >= end:
+            if not early or self._is_at(last, end):
                 return True
+            if last <= before:
+                msg = (
+                    f"component {self.name!r} returned early from its step to t = {end:.9g} s again and again, at t = "
+                    f"{last:.9g} s.{self.log.tail()} Check it with 'gossamer verify'."
+                )
+                raise SimulationError(msg, component=self.name, time=self.time)
+            before = last
             rest = ctypes.c_double(last), ctypes.c_double(end - last)
             status = self._do_step(self._component, *rest, 0, *self._results)
             if status > WARNING:

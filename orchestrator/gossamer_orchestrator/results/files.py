@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from gossamer_files import replacing
 
 from ..errors import ResultsError, writing
-from ..files import replacing
 from .columns import SCHEMA, VERSION, Column
 
 if TYPE_CHECKING:
@@ -135,14 +135,14 @@ def load_results(path: Path) -> xr.Dataset:
 def _last_run(folder: Path) -> Path:
     """Return the results of the last run into a folder."""
     unfinished = folder / UNFINISHED_NETCDF
-    if not unfinished.is_file() or not _has_rows(unfinished):
+    if not unfinished.is_file() or not has_rows(unfinished):
         return folder / NETCDF
     earlier = f" The results of an earlier run are in {folder / NETCDF}." if (folder / NETCDF).is_file() else ""
     logger.warning("%s is of a run that has not finished.%s", unfinished, earlier)
     return unfinished
 
 
-def _has_rows(path: Path) -> bool:
+def has_rows(path: Path) -> bool:
     """Tell whether a netCDF file has a record."""
     with path.open("rb") as file:
         return file.read(8)[4:] > b"\0\0\0\0"

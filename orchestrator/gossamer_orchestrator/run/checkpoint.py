@@ -1,8 +1,8 @@
 """The state of a run at a communication point, on the disk: what ``gossamer run --resume`` continues from.
 
 An NPZ file: the serialized state of every FMU, the values that were exchanged last, the last sample that arrived over each
-channel, and a JSON card. Noise and dropouts are functions of their seeds and the step, events of the time, so nothing of
-them is kept.
+channel, the largest values of each group, and a JSON card. Noise and dropouts are functions of their seeds and the step,
+events of the time, so nothing of them is kept.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
+from gossamer_files import replacing
 
 from ..errors import ResultsError, ScenarioError, writing
-from ..files import replacing
 from ..scenario.plan import Plan
 
 if TYPE_CHECKING:
@@ -26,11 +26,15 @@ SCHEMA, VERSION = "gossamer.checkpoint", 1
 
 
 def digests(plan: Plan) -> dict[str, str]:
-    """Return a digest of the scenario and of every FMU, by what they are called in a message."""
+    """Return a digest of the scenario and of every FMU and file of inputs, by what they are called in a message."""
     scenario = plan.scenario
-    found = {"the scenario": (scenario.source.text + scenario.model_dump_json()).encode()}
-    found |= {f"FMU {file.name!r}": file.path.read_bytes() for file in plan.files}
-    return {name: hashlib.sha256(content).hexdigest() for name, content in found.items()}
+    found = {"the scenario": hashlib.sha256((scenario.source.text + scenario.model_dump_json()).encode()).hexdigest()}
+    paths = {f"FMU {file.name!r}": file.path for file in plan.files}
+    paths |= {f"file {given.file!r}": scenario.folder / given.file for given in scenario.inputs}
+    for name, path in paths.items():
+        with path.open("rb") as file:
+            found[name] = hashlib.file_digest(file, "sha256").hexdigest()
+    return found
 
 
 def unable(plan: Plan) -> list[str]:
@@ -52,6 +56,7 @@ def save(path: Path, simulation: Simulation, rows: int, digest: dict[str, str]) 
     }
     arrays: dict[str, Any] = {"card": np.array(json.dumps(card)), "values": simulation.values}
     arrays["held"] = np.array([channel.held for channel in simulation.channels])
+    arrays |= {f"peaks_{i}": group.peaks for i, group in enumerate(simulation.groups)}
     arrays |= {f"state_{i}": np.frombuffer(state, np.uint8) for i, state in enumerate(simulation.serialize())}
     with writing(path, ResultsError), replacing(path) as new, new.open("wb") as file:
         np.savez(file, **arrays)
@@ -92,7 +97,7 @@ def load(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
     if changed:
         msg = (
             f"{', '.join(changed)} differ{'s' * (len(changed) == 1)} from the unfinished run in {path.parent}. "
-            "Give it what it had, or run it from its start, without --resume."
+            "Give it what it had, also --step, --stop and --master, or run it from its start, without --resume."
         )
         raise ScenarioError(msg)
     return card, arrays
@@ -111,4 +116,6 @@ def restore(simulation: Simulation, card: dict[str, Any], arrays: dict[str, Any]
     ]
     for channel, value in zip(simulation.channels, arrays["held"].tolist(), strict=True):
         channel.held = value
+    for i, group in enumerate(simulation.groups):
+        group.peaks[:] = arrays[f"peaks_{i}"]
     simulation.tick, simulation.divided = card["tick"], card["divided"]

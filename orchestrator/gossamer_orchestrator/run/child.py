@@ -120,7 +120,7 @@ def _run(task: Task, report: Report) -> None:
             report(begun=[shared.layout, shared.shape])
 
         stream = Stream(plan, task.out, task.scratch / WAITING, announce, card)
-        with Simulation(plan, position) as simulation:
+        with Simulation(plan, position, strict=task.strict) as simulation:
             if card is not None:
                 checkpoint.restore(simulation, card, arrays)
             try:

@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from gossamer_files import unfinished_of
+
 from ..errors import ResultsError
 from ..results.files import CSV, NETCDF, RESUME
 
@@ -62,7 +64,8 @@ def locked(folder: Path) -> Iterator[None]:
         raise ResultsError(msg) from None
     try:
         for name in (NETCDF, CSV, RESUME):
-            (folder / f"{name}.part").unlink(missing_ok=True)
+            for left in unfinished_of(folder / name):
+                left.unlink(missing_ok=True)
         yield
     finally:
         os.close(handle)

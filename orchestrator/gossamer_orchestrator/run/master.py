@@ -22,6 +22,7 @@ from ..fmi.instance import Instance
 from ..fmi.instance3 import start_instance
 from ..scenario.plan import Plan
 from .channel import Channel
+from .group import IteratedGroup
 from .member import Member
 from .position import (
     CALL,
@@ -66,6 +67,8 @@ class Simulation:
         What to run.
     position : Position or None
         Where to write which FMU is called; None is memory of its own.
+    strict : bool
+        End the run where a group does not converge; by default that is a warning.
 
     Attributes
     ----------
@@ -78,17 +81,22 @@ class Simulation:
         Index in ``values`` by ``(component, variable)``.
     divided : int
         Steps that had to be repeated in parts.
+    groups : list of IteratedGroup
+        Components that are stepped together.
     ended : str
         Which FMU ended the simulation by itself, and when; empty if none did.
     """
 
-    def __init__(self, plan: Plan, position: Position | None = None) -> None:
+    def __init__(self, plan: Plan, position: Position | None = None, *, strict: bool = False) -> None:
         self.plan = plan
         self.position = new_position() if position is None else position
         self.scenario = plan.scenario
         self.tick = 0
         self.divided = 0
         self.members: list[Member] = []
+        self.groups: list[IteratedGroup] = []
+        self._stages: list[tuple[int, Member | IteratedGroup]] = []  # in stepping order, with the first's number
+        self._strict = strict
         self.ended = ""
         self._instances: list[Instance] = []
         self._over: list[Instance] = []
@@ -165,6 +173,8 @@ class Simulation:
             finally:
                 for observer in observers:
                     observer.end(self)
+                for group in self.groups:
+                    group.conclude()
                 for member in self.members:
                     if warning := member.instance.log.first_warning:
                         logger.warning("component %r %s", member.name, warning)
@@ -180,9 +190,10 @@ class Simulation:
         position = self.position
         position[TICK], position[PART], position[CALL] = self.tick, 0, STEP
         for name, values in self.plan.events.get(self.tick, ()):
-            member = self.member(name)
-            position[COMPONENT] = self.members.index(member)
-            member.set(values)
+            self._called(name).set(values)
+        if self._over:
+            position[COMPONENT] = -1
+            return False
         self.store.look_up(self.time)
         if self._can_repeat:
             for number, member in enumerate(self.members):
@@ -214,7 +225,7 @@ class Simulation:
 
     def _start(self) -> None:
         """Instantiate all FMUs and initialize each after those that feed it."""
-        scenario, start, position = self.scenario, self.scenario.start, self.position
+        start, position = self.scenario.start, self.position
         begin = 0
         position[CALL] = INSTANTIATE
         for component in self.plan.components:
@@ -224,22 +235,57 @@ class Simulation:
             self._instances.append(instance)
             self.members.append(Member(component, instance, self.store, begin))
             begin += len(component.read)
+        self._make_stages()
         self.store.look_up(start)
         position[CALL] = INITIALIZE
+        done: set[str] = set()
         for name in self.plan.start_order:
-            member = self.member(name)
-            position[COMPONENT] = self.members.index(member)
-            instance = member.instance
-            instance.set_start(self.plan.component(name).start)
-            instance.enter_initialization(scenario.stop)
-            for receiver, values in self.plan.events.get(0, ()):
-                if receiver == name:
-                    member.set(values)
-            member.receive(0)
-            instance.exit_initialization()
-            member.read(full=True)
-            self.store.arrive()
+            if name in done:
+                continue
+            group = next((group for group in self.groups if name in group.names), None)
+            names = [name] if group is None else group.names
+            for each in names:
+                self._enter_initialization(each)
+            if group is not None:
+                group.initialize(start)
+            for each in names:
+                member = self._called(each)
+                member.receive(0)
+                member.instance.exit_initialization()
+                member.read(full=True)
+                self.store.arrive()
+            done.update(names)
         position[COMPONENT] = -1
+
+    def _make_stages(self) -> None:
+        """Put the components of each group together; they are neighbours in the stepping order."""
+        homes = {name: group for group in self.scenario.groups for name in group.components}
+        for number, member in enumerate(self.members):
+            group = homes.get(member.name)
+            if group is None:
+                self._stages.append((number, member))
+            elif not self.groups or member.name not in self.groups[-1].names:
+                members = list(enumerate(self.members))[number : number + len(group.components)]
+                one = IteratedGroup(
+                    group, members, self.plan, self.store, self.position, self._over, strict=self._strict
+                )
+                self.groups.append(one)
+                self._stages.append((number, one))
+
+    def _called(self, name: str) -> Member:
+        """Return a member that is about to be called, and note that."""
+        member = self.member(name)
+        self.position[COMPONENT] = self.members.index(member)
+        return member
+
+    def _enter_initialization(self, name: str) -> None:
+        """Set the start values of a component, and its inputs at the start."""
+        member = self._called(name)
+        member.instance.set_start(self.plan.component(name).start)
+        member.instance.enter_initialization(self.scenario.stop)
+        for receiver, values in self.plan.events.get(0, ()):
+            if receiver == name:
+                member.set(values)
 
     def _try(self, parts: int) -> Member | None:
         """Do the present step in equal parts; return the member that refused one, if any."""
@@ -253,14 +299,14 @@ class Simulation:
             position[PART] = part
             if self._jacobi:
                 self.store.arrive()
-            for number, member in enumerate(self.members):
+            for number, stage in self._stages:
                 position[COMPONENT] = number
-                member.receive(tick + 1)
-                if not member.advance(time, size, full=last):
-                    return member
+                stage.receive(tick + 1)
+                if not stage.advance(time, size, full=last):
+                    return self.members[position[COMPONENT]]
             if self._over:
                 if part < parts - 1:
-                    return member
+                    return self.members[position[COMPONENT]]
                 for each in self.members:
                     each.read(full=True)  # this is the last point
         return None
@@ -316,8 +362,12 @@ class Simulation:
 
 
 def ending_signals() -> list[signal.Signals]:
-    """List the signals of this system that ask a program to end."""
-    return [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    """List the signals of this system that ask this program to end.
+
+    Under nohup SIGHUP does not. SIGINT does, though a shell lets what runs in its background ignore it.
+    """
+    there = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    return [number for number in there if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """Watch the process of a run: what it reports, how it ends, and end it.
 
-It is the first of a group of processes, so all that an FMU starts ends with it.
+All that an FMU starts ends with it.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import Any
 
 from .. import errors
 from ..errors import OrchestratorError, SimulationError
+from ..processes import end_all, marked
 from ..results.netcdf import Layout
 from .child import POSITION, Task
 from .master import deferred_interrupt
@@ -60,12 +61,12 @@ class Process:
         self._start = self._step = 0.0
         self._ticks = 0
         self._reports: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
-        folders = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(task.scratch))
+        self._scratch = task.scratch
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", f"{__package__}.child"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=os.environ | folders | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            env=marked(task.scratch) | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             start_new_session=True,
         )
         assert self._process.stdin is not None
@@ -85,7 +86,10 @@ class Process:
         self._reader.join(GRACE)
         with suppress(OSError):
             self._control.close()
-        self._lines.close()
+        if (
+            not self._reader.is_alive()
+        ):  # closing waits for one that reads: what is left of the process may hold the pipe
+            self._lines.close()
 
     def watch(self, limit: float | None, progress: ProgressBar | None) -> None:
         """Wait for its end, and end it if it must.
@@ -201,12 +205,7 @@ class Process:
 
     def end(self) -> None:
         """End the process and all its descendants, if they still run."""
-        if hasattr(os, "killpg"):
-            with suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-        else:
-            subprocess.run(["taskkill", "/F", "/T", "/PID", str(self._process.pid)], capture_output=True, check=False)
-        self._process.wait()
+        end_all(self._process, self._scratch)
 
 
 def _death(code: int) -> str:

@@ -72,7 +72,7 @@ def run_scenario(
         Time that one call of an FMU may take [s]; None is any.
     strict : bool
         Refuse FMUs whose model description is against the rules of FMI, and end the run at the first value that is not
-        finite; by default both are warnings.
+        finite or group that does not converge; by default these are warnings.
     resume : bool
         Continue the unfinished run in ``out`` from its last saved state.
     csv : bool or None
@@ -126,8 +126,14 @@ def run_scenario(
 
         process.watch(limit, progress)
         process.end()
-        last = _settle(process, folder, temporary, time.perf_counter() - begun)
         error = process.error
+        try:
+            last = _settle(process, folder, temporary, time.perf_counter() - begun)
+        except ResultsError as late:
+            if error is None:
+                raise
+            error.add_note(str(late))
+            raise error from None
         if error is None:
             (folder / RESUME).unlink(missing_ok=True)
         elif last is not None and out is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import mmap
+import os
 import shutil
 import threading
 import time
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..errors import ResultsError, writing
 from ..results.columns import attributes, plan_columns
-from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF
+from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF, has_rows
 from ..results.netcdf import GrowingFile, Layout, make_file
 from ..scenario.plan import Plan
 from . import checkpoint
@@ -100,6 +101,7 @@ class Stream:
         self._recorder = Recorder(plan, self._rows)
         self._digests = {} if checkpoint.unable(plan) else checkpoint.digests(plan)
         self._cost, self._saved = 0.0, time.perf_counter()
+        self._process = os.getpid()
         self._lock, self._ended = threading.Lock(), threading.Event()
         self._failure: ResultsError | None = None
         self._writer = threading.Thread(target=self._write_regularly, daemon=True)
@@ -109,6 +111,9 @@ class Stream:
         header, layout = make_file(plan_columns(self._plan), attributes(self._plan))
         path = self._folder / UNFINISHED_NETCDF
         if self._resumed is None:
+            if (self._folder / RESUME).is_file() or (path.is_file() and has_rows(path)):
+                text = "the unfinished run in %s is replaced by this one. --resume continues a run"
+                logger.warning(text, self._folder)
             (self._folder / RESUME).unlink(missing_ok=True)
             self._file = GrowingFile.create(path, header, layout)
         else:
@@ -130,6 +135,8 @@ class Stream:
         ResultsError
             The disk is full.
         """
+        if os.getpid() != self._process:
+            os._exit(0)  # a copy of this process that an FMU has made in its step
         with self._lock:
             self._recorder.sample(simulation)
             self._position[ROWS] = self._file.count + self._recorder.count

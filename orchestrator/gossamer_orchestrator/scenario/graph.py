@@ -41,16 +41,43 @@ def find_cycle(edges: Mapping[Node, Iterable[Node]]) -> list[Node]:
 def sort_components(names: Iterable[str], edges: Mapping[str, Iterable[str]]) -> list[str]:
     """Order components so that each stands after those that feed it; ties keep the order of ``names``.
 
-    Within a cycle, which must not be an algebraic loop, the first component of ``names`` goes first.
+    Within a cycle the first component of ``names`` goes first.
     """
     waiting = list(names)
     order: list[str] = []
     while waiting:
         fed = {target for name in waiting for target in edges.get(name, ()) if target != name}
-        ready = [name for name in waiting if name not in fed] or waiting[:1]
-        order += ready[:1]
-        waiting.remove(ready[0])
+        ready = next((name for name in waiting if name not in fed), None) or _first_of_a_cycle(waiting, edges)
+        order.append(ready)
+        waiting.remove(ready)
     return order
+
+
+def _first_of_a_cycle(names: list[str], edges: Mapping[str, Iterable[str]]) -> str:
+    """Return the first component that only those of its own cycle feed."""
+    before = {name: _upstream(name, names, edges) for name in names}
+    return next(name for name in names if all(name in before[other] for other in before[name]))
+
+
+def _upstream(name: str, names: Iterable[str], edges: Mapping[str, Iterable[str]]) -> set[str]:
+    """Find all that feed a component through others of ``names``."""
+    found: set[str] = set()
+    new = {name}
+    while new:
+        new = {other for other in names if not new.isdisjoint(edges.get(other, ()))} - found
+        found |= new
+    return found
+
+
+def sort_grouped(names: Iterable[str], edges: Mapping[str, Iterable[str]], groups: Iterable[list[str]]) -> list[str]:
+    """Order components like ``sort_components``, with those of each group side by side."""
+    inside = {group[0]: group for group in groups}
+    home = {name: first for first, group in inside.items() for name in group}
+    outer: dict[str, list[str]] = {}
+    for name, targets in edges.items():
+        outer.setdefault(home.get(name, name), []).extend(home.get(target, target) for target in targets)
+    order = sort_components(dict.fromkeys(home.get(name, name) for name in names), outer)
+    return [member for name in order for member in sort_components(inside.get(name, [name]), edges)]
 
 
 def order_components(
@@ -63,28 +90,31 @@ def order_components(
     """Return the orders of initialization and of stepping, and report orders that are not possible.
 
     Under Gauss-Seidel a connection from a later to an earlier component delays by one step. That is said where the
-    scenario does not state the order, or where it breaks an algebraic loop. Under Jacobi every connection delays.
+    scenario does not state the order, or where it breaks an algebraic loop. Under Jacobi every connection delays. Within a
+    group nothing delays.
     """
+    groups = [group.components for group in scenario.groups if set(group.components) <= set(files)]
     pairs = {(connection.sender, connection.receiver) for connection in connections}
     feeds = {name: [other for other in files if (name, other) in pairs] for name in files}
-    start_order = sort_components(files, feeds)
+    start_order = sort_grouped(files, feeds, groups)
     if scenario.order is not None:
         _check_stated_order(scenario.order, scenario, feeds, problems)
     order = scenario.order or start_order
-    loop = _find_loop(files, connections)
+    place = {name: i for i, name in enumerate(order)}
+    late = [c for c in connections if place.get(c.sender, -1) >= place.get(c.receiver, len(order))]
+    delayed = [c for c in late if not any({c.sender, c.receiver} <= set(group) for group in groups)]
+    iterated = {c.target for c in late} - {c.target for c in delayed}
+    loop = _find_loop(files, [c for c in connections if c.target not in iterated])
     if scenario.master == "gauss-seidel" and (loop or scenario.order is None):
         why = f"algebraic loop {' -> '.join('.'.join(node) for node in loop)}" if loop else "components feed each other"
-        for connection in connections:
-            if {connection.sender, connection.receiver} <= set(order) and (
-                order.index(connection.sender) >= order.index(connection.receiver)
-            ):
-                logger.warning(
-                    "%s: %s: the connection %s -> %s delays by one step. State another 'order' or a smaller 'step'",
-                    scenario.source.where(("connections", fed[connection.target])),
-                    why,
-                    connection.origin,
-                    connection.target,
-                )
+        for connection in delayed:
+            logger.warning(
+                "%s: %s: the connection %s -> %s delays by one step. State another 'order', a smaller 'step', or a group",
+                scenario.source.where(("connections", fed[connection.target])),
+                why,
+                connection.origin,
+                connection.target,
+            )
     return start_order, order
 
 
@@ -112,3 +142,9 @@ def _check_stated_order(
         missing = [name for name in feeds if name not in order]
         what = f"; missing: {', '.join(missing)}" if missing else ""
         problems.add(("order",), f"'order' must name every component once{what}.")
+        return
+    for group in scenario.groups:
+        places = [order.index(name) for name in group.components]
+        if max(places) - min(places) >= len(places):
+            text = f"the components of the group {', '.join(group.components)} must stand side by side in 'order'."
+            problems.add(("order",), text)

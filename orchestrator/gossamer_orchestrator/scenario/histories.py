@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import csv
-import math
-from bisect import bisect_right
-from collections.abc import Mapping
+from array import array
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import ScenarioError
 from ..fmi.file import FmuFile
-from ..fmi.types import FLOATS, Value, parse
+from ..fmi.types import FLOATS, TEXTS, Value, parse
 from ..fmi.units import conversion, definition_of
 from ..names import split_endpoint, suggest
 from .schema import Input, Scenario
@@ -30,29 +29,32 @@ class History:
 
     Attributes
     ----------
-    times : list of float
+    times : numpy.ndarray
         Increasing [s].
-    values : list
-        One per time.
+    values : numpy.ndarray or list
+        One per time; an array of Reals.
     linear : bool
         Interpolate between them; otherwise each is held until the next.
     periodic : bool
-        Begin again at the last time, whose value is then that of the first.
+        Begin again, with the first value, at the last time.
     """
 
-    times: list[float]
-    values: list[Any]
+    times: NDArray[np.float64]
+    values: NDArray[np.float64] | list[Any]
     linear: bool
     periodic: bool
 
     def __call__(self, time: float) -> Value:
         """Return the value at a time [s]."""
-        first, last = self.times[0], self.times[-1]
+        tolerance = 1e-9 * (abs(time) + 1.0)
         if self.periodic:
-            time = first + (time - first) % (last - first)
+            first, period = self.times[0], self.times[-1] - self.times[0]
+            phase = (time - first) % period
+            time = first + (phase if period - phase > tolerance else 0.0)  # a remainder may be a period by round-off
         if self.linear:
             return float(np.interp(time, self.times, self.values))
-        return self.values[max(bisect_right(self.times, time + 1e-9 * (abs(time) + 1.0)) - 1, 0)]  # type: ignore[no-any-return]
+        place = int(np.searchsorted(self.times, time + tolerance, side="right")) - 1
+        return self.values[max(place, 0)]  # type: ignore[no-any-return]
 
 
 def read_histories(
@@ -90,13 +92,12 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
         msg = f'{given.target!r} is of type {kind} and cannot be interpolated. Write between = "held".'
         raise ScenarioError(msg)
     try:
-        times, texts, unit = (_read_csv if path.suffix == ".csv" else _read_netcdf)(path, given)
-        values = [parse(kind, text) for text in texts]
+        times, values, unit = (_read_csv if path.suffix == ".csv" else _read_netcdf)(path, given, kind)
     except (OSError, ValueError, IndexError, KeyError, StopIteration) as error:
         reason = "it is empty" if isinstance(error, StopIteration) else str(error).rstrip(".")
         msg = f"column {given.column!r} of {path} cannot be read as {kind}: {reason}. Correct the file."
         raise ScenarioError(msg) from error
-    if not times or any(b <= a for a, b in pairwise(times)) or not all(map(math.isfinite, times)):
+    if not times.size or not np.all(np.diff(times) > 0.0) or not np.all(np.isfinite(times)):
         msg = f"the times of {path} do not increase. Sort its rows, and keep one per time."
         raise ScenarioError(msg)
     begin, end = times[0], times[-1]
@@ -110,23 +111,45 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
     if given.periodic and len(times) < 2:
         msg = f"{path} has one time, which is no period. Add the end of the period."
         raise ScenarioError(msg)
+    history: NDArray[np.float64] | list[Value] = values
     if kind in FLOATS:
         gain, bias = _unit_conversion(given.unit or unit, fmu, name, files)
-        values = [gain * float(value) + bias for value in values]
-    _check_range(values, times, fmu, name)
-    return History(times, values, linear, given.periodic)
+        history = gain * np.array(values, dtype=np.float64) + bias
+    _check_range(history, times, fmu, name)
+    return History(times, history, linear, given.periodic)
 
 
-def _read_csv(path: Path, given: Input) -> tuple[list[float], list[str], str | None]:
-    """Return times, texts and the unit of a column, whose title may end in its unit: ``pressure [kPa]``."""
+def _read_csv(path: Path, given: Input, kind: str) -> tuple[NDArray[np.float64], list[Value], str | None]:
+    """Return times, values and the unit of a column, whose title may end in its unit: ``pressure [kPa]``."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         rows = csv.reader(file)
         titles = next(rows)
-        table = [row for row in rows if row]
-    names = [title.partition(" [")[0].strip() for title in titles]
-    time, column = (_find(text, titles, names) for text in (given.time or titles[0], given.column))
+        names = [title.partition(" [")[0].strip() for title in titles]
+        time, column = (_find(text, titles, names) for text in (given.time or titles[0], given.column))
+        times, values = array("d"), []
+        for row in rows:
+            if row:
+                try:
+                    times.append(float(row[time]))
+                    values.append(_parse_cell(kind, row[column].strip()))
+                except ValueError as error:
+                    msg = f"line {rows.line_num}: {error}"
+                    raise ValueError(msg) from error
     _, _, unit = titles[column].partition(" [")
-    return [float(row[time]) for row in table], [row[column].strip() for row in table], unit.rstrip("] ") or None
+    return np.array(times), values, unit.rstrip("] ") or None
+
+
+def _parse_cell(kind: str, text: str) -> Value:
+    """Read one value of a file; unlike a start value it cannot be left out."""
+    if kind == "Boolean":
+        text = text.lower()
+        if text not in ("true", "false", "1", "0"):
+            msg = f"{text!r} is neither true nor false"
+            raise ValueError(msg)
+    if not text and kind not in TEXTS:
+        msg = "there is no value"
+        raise ValueError(msg)
+    return parse(kind, text)
 
 
 def _find(text: str, titles: list[str], names: list[str]) -> int:
@@ -137,8 +160,8 @@ def _find(text: str, titles: list[str], names: list[str]) -> int:
     raise ValueError(msg)
 
 
-def _read_netcdf(path: Path, given: Input) -> tuple[list[float], list[str], str | None]:
-    """Return times, values as texts and the unit of a variable over one dimension."""
+def _read_netcdf(path: Path, given: Input, kind: str) -> tuple[NDArray[np.float64], list[Value], str | None]:
+    """Return times, values and the unit of a variable over one dimension."""
     import xarray as xr  # a scenario without such a file does not need it
 
     with xr.open_dataset(path, decode_times=False) as data:
@@ -150,7 +173,8 @@ def _read_netcdf(path: Path, given: Input) -> tuple[list[float], list[str], str 
             msg = f"it has {column.ndim} dimensions, not one"
             raise ValueError(msg)
         times = data[given.time or str(column.dims[0])]
-        return times.values.astype(float).tolist(), [repr(v) for v in column.values.tolist()], column.attrs.get("units")
+        values = [_parse_cell(kind, v if isinstance(v, str) else repr(v)) for v in column.values.tolist()]
+        return times.values.astype(np.float64), values, column.attrs.get("units")
 
 
 def _unit_conversion(unit: str | None, fmu: FmuFile, name: str, files: Mapping[str, FmuFile]) -> tuple[float, float]:
@@ -163,10 +187,11 @@ def _unit_conversion(unit: str | None, fmu: FmuFile, name: str, files: Mapping[s
     if converted is None:
         msg = f"its unit {unit!r} cannot be converted to {own!r}, that of {name!r}. Convert the column, or correct its unit."
         raise ScenarioError(msg)
-    return converted
+    gain, bias = converted
+    return gain, 0.0 if fmu.is_difference(name) else bias
 
 
-def _check_range(values: list[Any], times: list[float], fmu: FmuFile, name: str) -> None:
+def _check_range(values: Iterable[Any], times: NDArray[np.float64], fmu: FmuFile, name: str) -> None:
     low, high = fmu.limits(name)
     for value, time in zip(values, times, strict=True):
         if isinstance(value, int | float) and not low <= value <= high:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Input, Noise, Recording, Scenario, Table
+from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Group, Input, Noise, Recording, Scenario, Table
 from .source import Location, Problems, Source
 from .toml_file import explain, parse_toml, read_text
 
@@ -19,6 +19,7 @@ _TABLES: dict[str | int, type[Table]] = {
     "noise": Noise,
     "dropout": Dropout,
     "inputs": Input,
+    "groups": Group,
     "events": Event,
     "record": Recording,
 }

@@ -18,6 +18,7 @@ from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
 from .connections import check_connections
 from .graph import order_components
+from .groups import check_groups
 from .histories import FILE, History, read_histories
 from .schema import Component, Connection, Scenario, Value
 from .source import Location, Problems
@@ -139,6 +140,7 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
     }
     events = _check_events(scenario, files, connected, problems)
     columns = _check_recording(scenario, files, connected, problems)
+    check_groups(scenario, files, connections, problems)
     start_order, order = order_components(scenario, files, connections, fed, problems)
     problems.raise_if_any()
 

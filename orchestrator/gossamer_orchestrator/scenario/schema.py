@@ -24,6 +24,10 @@ A TOML file such as::
     file = "measured.csv"
     column = "voltage"
 
+    [[groups]]               # stepped together, again and again, until what they send each other agrees
+    components = ["source", "gain"]
+    tolerance = 1e-8
+
     [[events]]
     time = 0.5
     component = "gain"
@@ -197,6 +201,25 @@ class Event(Table):
     set: dict[str, Given] = Field(min_length=1)
 
 
+class Group(Table):
+    """Components that need each other's outputs at the same instant; their steps are repeated until these agree.
+
+    Attributes
+    ----------
+    components : list of str
+        Their names.
+    tolerance : float
+        Largest change of a value that is fed back, from one repetition to the next, in parts of its nominal value, or
+        where the FMU declares none of its largest value so far.
+    sweeps : int
+        Largest number of repetitions of a step.
+    """
+
+    components: list[Name] = Field(min_length=1)
+    tolerance: float = Field(default=1e-6, gt=0.0, lt=1.0)
+    sweeps: int = Field(default=20, ge=1, le=1000)
+
+
 class Recording(Table):
     """What is recorded.
 
@@ -226,6 +249,8 @@ class Scenario(Table):
         the outputs of the last communication point, so that each connection delays by one step.
     order : list of str or None
         Order of the components under Gauss-Seidel; None follows the connections.
+    groups : list of Group
+        Components that are iterated, under Gauss-Seidel.
     """
 
     title: str = ""
@@ -237,6 +262,7 @@ class Scenario(Table):
     components: dict[Name, Component] = Field(min_length=1)
     connections: list[Connection] = Field(default_factory=list)
     inputs: list[Input] = Field(default_factory=list)
+    groups: list[Group] = Field(default_factory=list)
     events: list[Event] = Field(default_factory=list)
     record: Recording = Field(default_factory=Recording)
 

@@ -8,7 +8,6 @@ continues with the next check.
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -19,14 +18,13 @@ from pathlib import Path
 
 from ..errors import FmuError
 from ..fmi.archive import unpack
+from ..processes import end_all, marked
 from .calls import PATIENCE, Watch
 from .checks import CHECKS
 from .registry import FAILED, NOT_APPLICABLE, PASSED, REMARK, Finding
 
 LIMIT = 30.0  # [s]
 _POLL = 0.05  # [s]
-_ROUNDS = 100
-_TEMPORARY = ("TMPDIR", "TEMP", "TMP")  # their value marks the processes of one verification
 
 
 def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LIMIT) -> list[Finding]:
@@ -106,7 +104,7 @@ def _watch_process(command: list[str], scratch: Path, watch: Watch) -> tuple[int
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         cwd=scratch,
-        env=os.environ | dict.fromkeys(_TEMPORARY, str(scratch)),
+        env=marked(scratch),
         start_new_session=True,
     ) as child:
         code: int | None = None
@@ -115,32 +113,5 @@ def _watch_process(command: list[str], scratch: Path, watch: Watch) -> tuple[int
                 with suppress(subprocess.TimeoutExpired):
                     code = child.wait(_POLL)
         finally:
-            if sys.platform == "win32":  # while it lives, its own processes are known there
-                subprocess.run(["taskkill", "/T", "/F", "/PID", str(child.pid)], capture_output=True, check=False)
-            child.kill()
-            child.wait()
-            left = _end_others(child.pid, scratch)
+            left = end_all(child, scratch)
     return code, left
-
-
-def _end_others(group: int, scratch: Path) -> int:
-    """End the processes that a worker has started; return their number, 0 where the system does not list them."""
-    if sys.platform == "win32":
-        return 0
-    ended: set[int] = set()
-    mark = f"{_TEMPORARY[0]}={scratch}".encode()
-    for _ in range(_ROUNDS):  # one may start another meanwhile
-        found = set()
-        for file in Path("/proc").glob("[0-9]*/environ"):  # a daemon has left the group
-            with suppress(OSError):
-                if mark in file.read_bytes().split(b"\0"):
-                    found.add(int(file.parent.name))
-        with suppress(OSError):
-            os.killpg(group, signal.SIGKILL)
-        if not found:
-            break
-        for process in found:
-            with suppress(OSError):
-                os.kill(process, signal.SIGKILL)
-        ended |= found
-    return len(ended)

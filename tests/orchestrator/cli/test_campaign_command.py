@@ -67,9 +67,11 @@ def test_a_campaign_prints_its_store_and_goes_on_where_it_stopped(call, tmp_path
     other = call("campaign", written(tmp_path, ("cases = 6", "cases = 7")), "--out", out)
     assert (other.exit_code, other.stdout) == (1, "")
     assert "cases: 6 there, 7 here" in other.stderr
-    blocked = call("campaign", path, "--out", path / "a.zarr")
+    (tmp_path / "file").write_text("no folder")
+    blocked = call("campaign", path, "--out", tmp_path / "file" / "a.zarr")
     assert blocked.exit_code == 1
-    assert "cannot write there" in blocked.stderr
+    assert blocked.stderr.startswith(f"cannot use {tmp_path / 'file'}")
+    assert blocked.stderr.endswith("Name another place with --out.\n")
 
 
 MISTAKES = {

@@ -31,6 +31,12 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def test_a_run_that_is_resumed_is_watched_afterwards():
+    result = CliRunner().invoke(app, ["run", "damaged", "--watch", "--resume"])
+    assert result.exit_code == 1
+    assert result.stderr.startswith("--watch must see a run from its start.")
+
+
 def test_an_alarm_is_printed_and_the_finding_written(record):
     result = CliRunner().invoke(app, ["watch", str(record), *MESH])
     assert result.exit_code == 0, result.output

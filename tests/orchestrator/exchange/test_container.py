@@ -207,6 +207,12 @@ def test_what_a_container_cannot_do_is_refused_all_at_once(fmus, chain, tmp_path
     assert not (tmp_path / "no.fmu").exists()
 
 
+def test_a_group_is_refused(fmus, chain, tmp_path):
+    group = '[[groups]]\ncomponents = ["source", "integral"]\n'
+    with pytest.raises(ScenarioError, match=r"a container steps each FMU once, and has no groups. Remove the group."):
+        build_container(chain(more=group), fmus, tmp_path / "no.fmu")
+
+
 @pytest.mark.parametrize("name", ["my chain.fmu", "1st.fmu", "größe.fmu"])
 def test_a_name_that_no_binary_can_have_is_refused(fmus, chain, tmp_path, name):
     with pytest.raises(ScenarioError, match=r"cannot be the name of an FMU's binary. Use letters"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import zipfile
 
 import pytest
-from gossamer_orchestrator import ScenarioError, export_ssp, make_plan, open_ssp, parse_scenario
+from gossamer_orchestrator import ScenarioError, export_ssp, make_plan, open_ssp, parse_scenario, run_scenario
 from gossamer_orchestrator.cli import app
 from typer.testing import CliRunner
 
@@ -41,6 +41,51 @@ def test_a_scenario_comes_back_from_its_ssp_as_the_same_plan(fmus, tmp_path):
         for key in ("name", "start", "connections", "sent", "recorded"):
             assert [getattr(c, key) for c in after.components] == [getattr(c, key) for c in before.components]
         assert after.columns == before.columns
+
+
+ARRAYS = """
+step = 0.1
+stop = 0.5
+[components.a]
+fmu = "StateSpace3"
+parameters = {{ D = [[0, 0, 0], [0, 0, 0], [0, 0, 0]], x0 = [1, 2, 3]{more} }}
+inputs = {{ u = [0, 0, 0] }}
+[components.b]
+fmu = "StateSpace3"
+parameters = {{ "A[*]" = 0, "B[*]" = 0, "C[*]" = 0, x0 = [0, 0, 0] }}
+inputs = {{ {inputs} }}
+"""
+
+
+@pytest.mark.parametrize(("inputs", "origin", "target"), [
+    ("", "a.y", "b.u"),
+    ('"u[1]" = 5.0, "u[3]" = 6.0', "a.y[3]", "b.u[2]"),
+])  # fmt: skip
+def test_arrays_of_fmi_3_come_back_with_the_same_results(reference_fmus, tmp_path, caplog, inputs, origin, target):
+    text = ARRAYS.format(more="", inputs=inputs) + f'[[connections]]\nfrom = "{origin}"\nto = "{target}"\n'
+    scenario = parse_scenario(text, name="arrays.toml")
+    path = export_ssp(scenario, reference_fmus, tmp_path / "arrays.ssp")
+    assert "StateSpace3: SSP 1.0 has no arrays, so those of FMI 3.0 are written element by element" in caplog.text
+    assert run_scenario(path, tmp_path).equals(run_scenario(scenario, reference_fmus))
+
+
+def test_sizes_of_arrays_of_fmi_3_must_be_the_fmus_own(reference_fmus, tmp_path):
+    text = ARRAYS.format(more=", r = 2", inputs="u = [0, 0, 0]").replace(
+        "[[0, 0, 0], [0, 0, 0], [0, 0, 0]]", "[[0, 0, 0], [0, 0, 0]]"
+    )
+    with pytest.raises(
+        ScenarioError, match=r"a.r = 2 is a UInt64, but other tools read only Reals from an SSP. Leave it at"
+    ):
+        export_ssp(parse_scenario(text), reference_fmus, tmp_path / "no.ssp")
+
+
+def test_a_group_comes_back(fmus, tmp_path):
+    text = (
+        CHAIN.replace('order = ["source", "sink"]\n', "") + '[[groups]]\ncomponents = ["source", "sink"]\nsweeps = 7\n'
+    )
+    scenario = parse_scenario(text, name="chain.toml")
+    with open_ssp(export_ssp(scenario, fmus, tmp_path / "chain.ssp")) as again:
+        assert again.groups == scenario.groups
 
 
 def test_the_same_scenario_gives_the_same_bytes(fmus, tmp_path):
@@ -147,3 +192,13 @@ def test_an_ssp_is_not_written_over_its_scenario_nor_under_another_ending_nor_ov
         assert message in result.stderr
         assert "Errno" not in result.stderr
     assert path.read_bytes() == before
+
+
+def test_an_ssp_is_not_run_over_the_results_of_the_scenario_that_it_was_made_of(fmus, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "chain.toml").write_text(CHAIN)
+    export_ssp(parse_scenario(CHAIN, name="chain.toml"), fmus, tmp_path / "chain.ssp")
+    for name in ("chain.toml", "chain.ssp"):
+        result = CliRunner().invoke(app, ["run", name, "--fmus", str(fmus), "--no-pictures"])
+        assert result.exit_code == 0, result.stderr
+    assert sorted(path.parent.name for path in (tmp_path / "out").glob("*/results.nc")) == ["chain", "chain_ssp"]

@@ -100,3 +100,17 @@ def test_an_fmu_without_a_binary_for_this_machine_is_refused_when_it_is_started(
     )
     with pytest.raises(FmuError, match=message):
         run_scenario(chain(), tmp_path)
+
+
+def test_the_elements_of_an_array_go_by_their_indices_in_whatever_order_they_are_declared(edited, tmp_path):
+    """An FMU of FMI 2.0 may list a matrix by columns; connected to one by rows it must not be transposed."""
+
+    def swap(xml):
+        for old, new in (("offset[1]", "offset[x]"), ("offset[2]", "offset[1]"), ("offset[x]", "offset[2]")):
+            xml = xml.replace(old, new)
+        return xml
+
+    edited("gain", "swapped", swap)
+    fmu = FmuFile(tmp_path / "swapped.fmu")
+    assert [v for v in fmu.variables if v.startswith("offset")][:2] == ["offset[2]", "offset[1]"]
+    assert fmu.elements("offset")[:2] == ["offset[1]", "offset[2]"]

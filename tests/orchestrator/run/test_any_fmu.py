@@ -53,3 +53,38 @@ def test_the_master_of_a_file_can_be_replaced(chain, fmus):
     jacobi = run_scenario(chain(more=event), fmus, master="jacobi")
     assert seidel["integral.y"].values[-1] - jacobi["integral.y"].values[-1] == pytest.approx(0.5)
     assert jacobi.attrs["master"] == "jacobi"
+
+
+GROUP = '[[groups]]\ncomponents = ["source", "integral"]\n'
+
+
+@pytest.mark.parametrize("event", ["", '[[events]]\ntime = 0.5\ncomponent = "source"\nset = { u = 7.0 }\n'])
+def test_a_group_without_a_feedback_gives_the_same_numbers_as_no_group(chain, fmus, event):
+    _, alone = recorded(fmus, chain(more=event))
+    _, grouped = recorded(fmus, chain(more=event + GROUP))
+    assert grouped.tobytes() == alone.tobytes()
+
+
+INVERTERS = """
+step = 0.1
+stop = 0.2
+[components]
+a = {{ fmu = "inverter" }}
+{more}
+[[connections]]
+from = "{last}.y"
+to = "a.u"
+[[groups]]
+components = {names}
+"""
+
+
+def test_truth_values_that_agree_converge_and_those_that_cannot_are_said(fmus, caplog):
+    """Of two inverters in a ring one is on; an inverter that feeds itself is never in agreement."""
+    ring = '\nb = { fmu = "inverter" }\n[[connections]]\nfrom = "a.y"\nto = "b.u"'
+    columns, table = recorded(fmus, parse_scenario(INVERTERS.format(more=ring, last="b", names='["a", "b"]')))
+    assert caplog.text == ""
+    assert columns == (("a", "y"), ("b", "y"))
+    assert table.tolist()[1:] == [[1.0, 0.0], [1.0, 0.0]]
+    recorded(fmus, parse_scenario(INVERTERS.format(more="", last="a", names='["a"]')))
+    assert "the group a does not converge in the step from t = 0 s: after 20 sweeps a.y still changes." in caplog.text

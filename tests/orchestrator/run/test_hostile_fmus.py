@@ -15,6 +15,7 @@ from gossamer_orchestrator import (
     Simulation,
     SimulationError,
     load_results,
+    load_scenario,
     make_plan,
     run_scenario,
 )
@@ -83,11 +84,21 @@ def test_a_fault_after_the_run_is_a_warning(hostile, beside, tmp_path, caplog, f
 
 
 @pytest.mark.skipif(not hasattr(psutil.Process, "rlimit"), reason="looks for orphans as Linux names them")
-def test_what_an_fmu_starts_ends_with_the_run(hostile, beside, tmp_path):
-    before = {process.pid for process in psutil.process_iter()}
-    run_scenario(beside(f"fault = {faults.FORK}, at = 21"), hostile, tmp_path)
-    after = [process for process in psutil.process_iter(["cmdline"]) if process.pid not in before]
-    assert [process for process in after if "gossamer_orchestrator.run.child" in (process.info["cmdline"] or [])] == []
+@pytest.mark.parametrize("fault", [faults.FORK, faults.DAEMON, faults.COPY], ids=["child", "daemon", "copy"])
+def test_what_an_fmu_starts_ends_with_the_run_and_touches_no_results(hostile, beside, tmp_path, monkeypatch, fault):
+    """A child; a daemon, which has left the group; and a copy of the process that returns from the step, too."""
+    monkeypatch.setenv("OF_THIS_TEST", str(tmp_path))
+    data = run_scenario(beside(f"fault = {fault}, at = 21"), hostile, tmp_path)
+    assert_right_until(data, 0.1)
+    assert data.sizes["time"] == 101
+    assert [process for process in psutil.process_iter() if environment(process) == str(tmp_path)] == []
+
+
+def environment(process):
+    try:
+        return process.environ().get("OF_THIS_TEST")
+    except psutil.Error:
+        return None
 
 
 def test_memory_does_not_grow_with_the_run(hostile, tmp_path):
@@ -123,3 +134,24 @@ def test_a_state_that_no_fmu_can_serialize_or_that_is_of_another_run_is_refused(
         save(tmp_path / "unfinished.npz", simulation, 0, digests(plan))
     with pytest.raises(ScenarioError, match=r"^the scenario differs from the unfinished run in "):
         run_scenario(beside("at = 1"), hostile, tmp_path, resume=True)
+
+
+def test_a_run_is_not_resumed_with_another_file_of_inputs_and_one_that_replaces_it_says_so(hostile, tmp_path, caplog):
+    text = 'step = 0.5\nstop = 1.0\n[components.a]\nfmu = "hostile"\n[[inputs]]\nto = "a.u"\nfile = "u.csv"\ncolumn = "u"\n'
+    (tmp_path / "it.toml").write_text(text)
+    (tmp_path / "u.csv").write_text("t,u\n0,1\n1,2\n")
+    out, scenario = tmp_path / "out", load_scenario(tmp_path / "it.toml")
+    out.mkdir()
+    plan = make_plan(scenario, hostile)
+    with Simulation(plan) as simulation:
+        save(out / "unfinished.npz", simulation, 0, digests(plan))
+    (tmp_path / "u.csv").write_text("t,u\n0,1\n1,3\n")
+    with pytest.raises(ScenarioError, match=r"^file 'u.csv' differs from the unfinished run in "):
+        run_scenario(scenario, hostile, out, resume=True)
+    run_scenario(scenario, hostile, out)
+    assert [record.getMessage() for record in caplog.records] == [
+        f"the unfinished run in {out} is replaced by this one. --resume continues a run"
+    ]
+    caplog.clear()
+    run_scenario(scenario, hostile, out)
+    assert caplog.text == ""

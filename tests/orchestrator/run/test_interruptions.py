@@ -16,6 +16,7 @@ import psutil
 import pytest
 from gossamer_orchestrator import load_results, parse_scenario, run_scenario
 from gossamer_orchestrator.results.files import save_results
+from gossamer_orchestrator.run.folders import locked
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals as POSIX has them")
 
@@ -125,7 +126,13 @@ def assert_beginning_of(whole, data):
     ("number", "resumed"), [(signal.SIGINT, False), (signal.SIGTERM, True), (signal.SIGHUP, False)]
 )
 def test_a_signal_that_asks_for_the_end_keeps_the_results_and_the_run_resumes_to_the_bit(start, whole, number, resumed):
-    run = start(STOPS)
+    before = signal.signal(
+        number, signal.SIG_DFL
+    )  # whoever runs the tests may ignore it: nohup, a shell's background job
+    try:
+        run = start(STOPS)
+    finally:
+        signal.signal(number, before)
     run.wait_for_rows()
     run.process.send_signal(number)
     run.gate.touch()
@@ -146,6 +153,27 @@ def test_a_signal_that_asks_for_the_end_keeps_the_results_and_the_run_resumes_to
     assert data.sizes == whole.sizes
     assert_beginning_of(whole, data)
     assert sorted(path.name for path in run.out.iterdir()) == ["results.csv", "results.nc"]
+
+
+def test_under_nohup_the_end_of_the_terminal_is_not_that_of_the_run(start, whole):
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as a process begins that nohup starts
+    try:
+        run = start(STOPS)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    run.wait_for_rows()
+    run.process.send_signal(signal.SIGHUP)
+    run.gate.touch()
+    assert run.end()[0] == 0
+    assert load_results(run.out).sizes == whole.sizes
+
+
+def test_what_a_killed_writer_left_in_the_folder_is_removed_at_the_next_start(tmp_path):
+    left, other = tmp_path / ".results.0123abcd.unfinished.csv", tmp_path / ".watch.0123abcd.unfinished.json"
+    for path in (left, other):
+        path.write_text("hal")
+    with locked(tmp_path):
+        assert list(tmp_path.iterdir()) == [other]  # that of another command
 
 
 def test_ctrl_c_ends_a_run_whose_fmu_hangs(start, whole):

@@ -40,6 +40,12 @@ def test_an_order_holds_every_node_once_and_respects_the_edges_of_an_acyclic_gra
         assert all(order.index(a) < order.index(b) for a, successors in edges.items() for b in successors)
 
 
+def test_a_component_behind_a_cycle_stands_after_it():
+    """c takes from a cycle of a and b, which is not to delay what c gets."""
+    assert sort_components("cab", {"a": ["b", "c"], "b": ["a", "c"]}) == ["a", "b", "c"]
+    assert sort_components("dcab", {"a": ["b"], "b": ["a", "c"], "c": ["d"], "d": ["c"]}) == ["a", "b", "d", "c"]
+
+
 RING = """
 step = 0.5
 stop = 2.0
@@ -60,7 +66,7 @@ def test_under_gauss_seidel_a_loop_is_cut_by_a_delay_and_it_is_said_where(fmus, 
     make_plan(parse_scenario(text), fmus)
     assert [record.getMessage() for record in caplog.records] == [
         "scenario:10: algebraic loop a.y -> b.u -> b.y -> a.u -> a.y: the connection b.y -> a.u delays by one step. "
-        "State another 'order' or a smaller 'step'"
+        "State another 'order', a smaller 'step', or a group"
     ]
 
 

@@ -65,8 +65,30 @@ def test_a_history_may_come_from_netcdf_and_in_a_stated_unit(measured, tmp_path)
 
 
 def test_a_periodic_history_goes_on_before_and_after_its_times():
-    wave = History(times=[1.0, 2.0, 3.0], values=[0.0, 1.0, 0.0], linear=True, periodic=True)
+    wave = History(times=np.array([1.0, 2.0, 3.0]), values=np.array([0.0, 1.0, 0.0]), linear=True, periodic=True)
     assert [wave(t) for t in (0.5, 1.0, 2.0, 3.0, 3.5, 103.0)] == pytest.approx([0.5, 0.0, 1.0, 0.0, 0.5, 0.0])
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_every_period_begins_with_the_first_value_whatever_rounding_says(linear):
+    """0.3 % 0.1 is nearly 0.1: the last value of a saw tooth instead of its first."""
+    saw = History(times=np.array([0.0, 0.1]), values=np.array([0.0, 1.0]), linear=linear, periodic=True)
+    assert [saw(0.1 * k) for k in range(100)] == pytest.approx([0.0] * 100, abs=1e-6)
+    assert saw(0.3) == 0.0
+
+
+@pytest.mark.parametrize(("cell", "value"), [("True", 1.0), ("TRUE", 1.0), ("1", 1.0), ("False", 0.0), ("0", 0.0)])
+def test_truth_values_are_read_as_other_programs_write_them(reference_fmus, tmp_path, cell, value):
+    (tmp_path / "m.csv").write_text(f"t,on\n0,{cell}\n")
+    others = '"Float*" = 0.0, "Int*" = 0, "UInt*" = 0, String_input = "", Binary_input = "", Enumeration_input = 1'
+    text = f'step = 0.5\nstop = 0.5\n[components.c]\nfmu = "Feedthrough3"\ninputs = {{ {others} }}\n'
+    (tmp_path / "s.toml").write_text(text + '[[inputs]]\nto = "c.Boolean_input"\nfile = "m.csv"\ncolumn = "on"\n')
+    assert run_scenario(load_scenario(tmp_path / "s.toml"), reference_fmus)["c.Boolean_output"].values[-1] == value
+    (tmp_path / "m.csv").write_text("t,on\n0,1\n1,on\n")
+    with pytest.raises(
+        ScenarioError, match=r"column 'on' of .* cannot be read as Boolean: line 3: 'on' is neither true"
+    ):
+        make_plan(load_scenario(tmp_path / "s.toml"), reference_fmus)
 
 
 @pytest.mark.parametrize(("name", "expected"), [
@@ -81,6 +103,7 @@ def test_common_units_are_known(name, expected):
 REFUSALS = {
     "no such column": ("t,lode\n0,0\n", "", "there is no column 'load'. Did you mean 'lode'?"),
     "no number": ("t,load\n0,zero\n", "", "column 'load' of .*measured.csv cannot be read as Real: .*'zero'"),
+    "a missing value": ("t,load\n0,0\n1,\n9,0\n", "", "cannot be read as Real: line 3: there is no value. Correct"),
     "nothing": ("", "", "cannot be read as Real: it is empty. Correct the file."),
     "a short row": ("t,load\n0\n", "", "cannot be read as Real: .* Correct the file"),
     "no order": ("t,load\n0,0\n2,1\n1,0\n", "", "the times of .* do not increase"),

@@ -6,6 +6,8 @@ import pytest
 from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario
 from simulated import simulate
 
+from ..conftest import rewrite
+
 
 def test_units_of_another_dimension_are_refused(fmus, two_gains):
     message = (
@@ -29,6 +31,23 @@ def test_units_with_an_offset_are_converted(other_unit, tmp_path, two_gains):
     other_unit("b", "u", "degC", 'K="1" offset="273.15"')
     data = simulate(parse_scenario(two_gains("a", "b")), tmp_path)
     assert data["b.y"].values[-1] == pytest.approx((1500.0 - 32.0) / 1.8)
+
+
+def test_of_differences_the_offset_is_left_out(other_unit, tmp_path, two_gains):
+    """A difference of 1500 degrees Fahrenheit is one of 1500 / 1.8 K."""
+
+    def declare(xml):
+        kind = '<TypeDefinitions><SimpleType name="D"><Real relativeQuantity="true"/></SimpleType></TypeDefinitions>'
+        return xml.replace("</UnitDefinitions>", f"</UnitDefinitions>{kind}").replace(
+            "<Real unit", '<Real declaredType="D" unit'
+        )
+
+    other_unit("a", "y", "degF", f'K="1" factor="{1 / 1.8!r}" offset="{459.67 / 1.8!r}"')
+    other_unit("b", "u", "K", 'K="1"')
+    for name in "ab":
+        rewrite(tmp_path / f"{name}.fmu", tmp_path / f"{name}_difference.fmu", declare)
+    data = simulate(parse_scenario(two_gains("a_difference", "b_difference")), tmp_path)
+    assert data["b.y"].values[-1] == pytest.approx(1500.0 / 1.8)
 
 
 def test_a_variable_without_a_unit_fits_any(fmus, two_gains):

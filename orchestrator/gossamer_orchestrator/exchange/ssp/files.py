@@ -20,7 +20,7 @@ from ...fmi.archive import Kind
 STRUCTURE = "SystemStructure.ssd"
 SSP = Kind("SSP", STRUCTURE, ScenarioError)
 ANNOTATION = "gossamer.scenario"  # type of the annotation that holds what SSP has no place for:
-KEPT = {"master", "order", "record"}
+KEPT = {"master", "order", "groups", "record"}
 _ROOTS = {SSD: "SystemStructureDescription", SSV: "ParameterSet", SSM: "ParameterMapping"}
 _SCHEMAS = {  # by root element, of SSP 1.0 and 2.0
     "SystemStructureDescription": ("ssd11", "ssd2_11"),

@@ -3,12 +3,13 @@
 Written is the subset that other tools read: one flat system without connectors of its own, every input connected or given
 a value, Reals only, and for each component one parameter set, named ``initialValues``, inside the system structure. What
 SSP has no place for stands in annotations: the step in that of the Open Simulation Platform, whose tools read it; master,
-order and record in one of type ``ANNOTATION``.
+order, groups and record in one of type ``ANNOTATION``.
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import re
 from collections.abc import Iterable
 from contextlib import closing
@@ -29,6 +30,8 @@ from ...scenario import schema
 from ...scenario.plan import ComponentPlan, Plan, make_plan
 from ..limits import declare_unit, inexpressible
 from .files import ANNOTATION, KEPT, STRUCTURE
+
+logger = logging.getLogger(__name__)
 
 _OSP = "com.opensimulationplatform"
 _OSP_NAMESPACE = "http://opensimulationplatform.com/SSP/OSPAnnotations"
@@ -89,6 +92,12 @@ def _refuse_inexpressible(plan: Plan) -> None:
                     f"from an SSP. Leave it at the FMU's start value, {variable.start!r}.",
                 )
     problems.raise_if_any()
+    if names := [file.name for file in plan.files if file.arrays]:
+        logger.warning(
+            "%s: SSP 1.0 has no arrays, so those of FMI 3.0 are written element by element, 'strain[1]' and so on. "
+            "'gossamer run' reads that; other tools may not. FMUs of FMI 2.0 work in all of them",
+            ", ".join(names),
+        )
 
 
 def _sources(files: Iterable[FmuFile]) -> dict[FmuFile, str]:

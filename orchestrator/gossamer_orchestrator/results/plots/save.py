@@ -7,9 +7,9 @@ from pathlib import Path
 from textwrap import shorten
 
 import xarray as xr
+from gossamer_files import replacing
 
 from ...errors import ResultsError
-from ...files import replacing
 from . import damage, deflection, sensors
 
 logger = logging.getLogger(__name__)

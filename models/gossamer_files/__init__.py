@@ -1,4 +1,7 @@
-"""Write files whole: who reads one finds the old content or the new, whatever ends the writer."""
+"""Files: written whole, so that who reads one finds the old content or the new, and why one cannot be read.
+
+Models, FMUs and orchestrator use it, which may not import each other.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,7 @@ def replacing(path: Path) -> Iterator[Path]:
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
     target.parent.mkdir(parents=True, exist_ok=True)
-    for left in target.parent.glob(f".{escape(target.stem)}.*.unfinished{escape(target.suffix)}"):
+    for left in unfinished_of(target):
         with suppress(FileNotFoundError):  # another process removes it, too
             if time.time() - left.stat().st_mtime > STALE:
                 left.unlink()
@@ -53,3 +56,21 @@ def replacing(path: Path) -> Iterator[Path]:
         unfinished.replace(target)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def unfinished_of(path: Path) -> list[Path]:
+    """List what writers of a file are writing, or had written when they were killed."""
+    return list(path.parent.glob(f".{escape(path.stem)}.*.unfinished{escape(path.suffix)}"))
+
+
+def reason(error: Exception) -> str:
+    """Say in words why a file cannot be read."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror[0].lower() + error.strerror[1:]
+    if isinstance(error, UnicodeDecodeError):
+        return "it is no text in UTF-8"
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    if isinstance(error, KeyError):
+        return f"it lacks {error}"
+    return str(error) or type(error).__name__

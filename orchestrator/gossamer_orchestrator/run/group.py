@@ -1,0 +1,205 @@
+"""Components that need each other's outputs at the same instant: they are stepped until what they send each other agrees.
+
+Symbols: ``x`` values that are fed back, as guessed before a sweep; ``y`` what the sweep makes of them.
+
+A sweep steps the components one after another from their saved states. A value is fed back if a component of the group
+receives it from itself or from one that is stepped after it; all others are fresh. Noise and dropouts are functions of the
+step, so they are the same in every sweep.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..errors import SimulationError
+from ..fmi.instance import Instance
+from ..fmi.types import EXCHANGED_EXACTLY, FLOATS
+from ..scenario import schema
+from ..scenario.plan import Plan
+from .member import Member
+from .position import COMPONENT, Position
+from .quasi_newton import Vector, next_guess
+from .store import Store
+
+logger = logging.getLogger(__name__)
+
+_SLOT = 1  # of the states at the beginning of a step; 0 belongs to the master
+
+
+class IteratedGroup:
+    """The members of a group, stepped together; it has the methods of a member that the master calls.
+
+    Parameters
+    ----------
+    group : schema.Group
+        Tolerance and largest number of sweeps.
+    members : sequence of (int, Member)
+        Its components with their numbers, in stepping order.
+    plan : Plan
+        What is run.
+    store : Store
+        The values of the run.
+    position : Position
+        Where to note which FMU is called.
+    over : list of Instance
+        FMUs that have ended the simulation; what an earlier sweep added is taken back.
+    strict : bool
+        Raise ``SimulationError`` where it does not converge.
+
+    Attributes
+    ----------
+    names : list of str
+        Names of the components in stepping order.
+    peaks : numpy.ndarray
+        Largest magnitude so far of each Real that is fed back, or its nominal value if the FMU declares one.
+    sweeps : int
+        Sweeps of the last step.
+    """
+
+    def __init__(
+        self,
+        group: schema.Group,
+        members: Sequence[tuple[int, Member]],
+        plan: Plan,
+        store: Store,
+        position: Position,
+        over: list[Instance],
+        *,
+        strict: bool,
+    ) -> None:
+        self.names = [member.name for _, member in members]
+        self.sweeps = 0
+        self._members = members
+        self._store, self._position = store, position
+        self._over, self._strict = over, strict
+        self._tolerance, self._most = group.tolerance, group.sweeps
+        self._tick = 0
+        self._failures = 0
+        self._guesses: list[Vector] = []
+        self._results: list[Vector] = []
+        place = {name: i for i, name in enumerate(self.names)}
+        inside = [c for c in plan.connections if {c.sender, c.receiver} <= set(self.names)]
+        back = dict.fromkeys((c.sender, c.output) for c in inside if place[c.sender] >= place[c.receiver])
+        variables = {(name, v): plan.component(name).fmu.variables[v] for name, v in back}
+        self._reals = [source for source, v in variables.items() if v.type in FLOATS]
+        self._places = np.array([self._store.places[source] for source in self._reals], dtype=np.intp)
+        self._others = [
+            (source, v.type in EXCHANGED_EXACTLY) for source, v in variables.items() if v.type not in FLOATS
+        ]
+        self.peaks: Vector = np.array([_nominal(variables[source]) for source in self._reals])
+        self._declared = self.peaks > 0.0
+
+    def receive(self, tick: int) -> None:
+        """Note for which communication point the inputs will be fetched, in each sweep."""
+        self._tick = tick
+
+    def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
+        """Step all components and read their outputs (all of them if ``full``); False if an FMU discarded the step."""
+        for number, member in self._members:
+            self._position[COMPONENT] = number
+            member.instance.save_state(_SLOT)
+        ended = len(self._over)
+
+        def sweep(*, again: bool) -> bool:
+            if again:
+                del self._over[ended:]
+                for number, member in self._members:
+                    self._position[COMPONENT] = number
+                    member.instance.restore_state(_SLOT)
+            for number, member in self._members:
+                self._position[COMPONENT] = number
+                member.receive(self._tick)
+                if not member.advance(time, size, full=False):
+                    return False
+            return True
+
+        if not self._iterate(sweep, time.value):
+            return False
+        for number, member in self._members if full else ():
+            self._position[COMPONENT] = number
+            member.read(full=True)
+        return True
+
+    def initialize(self, start: float) -> None:
+        """Exchange values while all components are in their initialization, at the start of the run [s]."""
+
+        def sweep(*, again: bool) -> bool:  # noqa: ARG001
+            for number, member in self._members:
+                self._position[COMPONENT] = number
+                member.receive(0)
+                member.read(full=False)
+            return True
+
+        self._iterate(sweep, start)
+        self._store.values[self._places] = self._guesses[-1]  # one more sweep follows, when it ends
+
+    def conclude(self) -> None:
+        """Say how often it did not converge, if more than the once that has been said."""
+        if self._failures > 1:
+            logger.warning("the group %s did not converge in %d steps", ", ".join(self.names), self._failures)
+
+    def _iterate(self, sweep: Callable[..., bool], time: float) -> bool:
+        """Sweep until nothing changes; False if an FMU discarded the step, which begins at a time [s]."""
+        values = self._store.values
+        guesses, results = self._guesses, self._results
+        guesses.clear()
+        results.clear()
+        residuals = np.zeros(0)
+        with np.errstate(all="ignore"):  # what diverges is said below
+            for sweeps in range(1, self._most + 1):
+                self.sweeps = sweeps
+                others = self._read_others()
+                guesses.append(values[self._places])
+                if not sweep(again=sweeps > 1):
+                    return False
+                results.append(values[self._places])
+                x, y = guesses[-1], results[-1]
+                scale = np.where(self._declared, self.peaks, np.maximum(self.peaks, np.maximum(abs(x), abs(y))))
+                scale[scale == 0.0] = 1.0
+                residuals = abs(y - x) / scale
+                if (residuals <= self._tolerance).all() and self._read_others() == others:
+                    np.maximum(self.peaks, abs(y), out=self.peaks, where=~self._declared)
+                    return True
+                if not np.isfinite(residuals).all():
+                    break
+                if sweeps < self._most:
+                    values[self._places] = next_guess(guesses, results, scale)
+        self._give_up(time, residuals)
+        return True
+
+    def _read_others(self) -> list[Any]:
+        """Return the values of other types that are fed back."""
+        store = self._store
+        places = [(store.places[source], exact) for source, exact in self._others]
+        return [store.exact[i] if exact else float(store.values[i]) for i, exact in places]
+
+    def _give_up(self, time: float, residuals: Vector) -> None:
+        """Say that the step from a time [s] did not converge, the first time; with ``strict`` raise it."""
+        self._failures += 1
+        if self._failures > 1 and not self._strict:
+            return
+        worst = int(np.argmax(np.where(np.isfinite(residuals), residuals, np.inf))) if residuals.size else 0
+        open_ = residuals.size and not residuals[worst] <= self._tolerance
+        source = self._reals[worst] if open_ else self._others[0][0]
+        limit = f"more than 'tolerance' = {self._tolerance:g}"
+        change = f"changes by {residuals[worst]:.3g} of its size, {limit}" if open_ else "changes"
+        text = (
+            f"the group {', '.join(self.names)} does not converge in the step from t = {time:.9g} s: after {self.sweeps} "
+            f"sweep{'s' * (self.sweeps > 1)} {'.'.join(source)} still {change}."
+        )
+        advice = "Use a smaller 'step', or more 'sweeps'."
+        if self._strict:
+            msg = f"{text} {advice}"
+            raise SimulationError(msg, component=source[0], time=time)
+        logger.warning("%s The run goes on with its last values; --strict ends it there. %s", text, advice)
+
+
+def _nominal(variable: Any) -> float:  # noqa: ANN401
+    """Return the nominal value that a variable or its type declares; 0 for none."""
+    declared = variable.declaredType.nominal if variable.declaredType is not None else None
+    return abs(float(variable.nominal or declared or 0.0))

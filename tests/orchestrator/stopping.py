@@ -1,0 +1,43 @@
+"""Observers that end a run at a step, as a signal does, and that keep what its FMUs are at its end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gossamer_orchestrator import Simulation
+from gossamer_orchestrator.run.position import STOP
+
+
+class StopAt:
+    """Ask for the end of the run after a step."""
+
+    def __init__(self, tick: int) -> None:
+        self._tick = tick
+
+    def begin(self, simulation: Simulation) -> None:
+        """Do nothing."""
+
+    def sample(self, simulation: Simulation) -> None:
+        """Do what a signal does."""
+        if simulation.tick == self._tick:
+            simulation.position[STOP] = 1
+
+    def end(self, simulation: Simulation) -> None:
+        """Do nothing."""
+
+
+class KeepStates:
+    """Write the states of all FMUs at the end of the run, and what floats do not hold, to a file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def begin(self, simulation: Simulation) -> None:
+        """Do nothing."""
+
+    def sample(self, simulation: Simulation) -> None:
+        """Do nothing."""
+
+    def end(self, simulation: Simulation) -> None:
+        """Write them."""
+        self._path.write_bytes(b"".join(simulation.serialize()) + repr(simulation.store.exact).encode())
