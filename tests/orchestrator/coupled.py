@@ -11,7 +11,7 @@ from pathlib import Path
 
 import fmpy
 from gossamer_models.compiler import compile_shared
-from hostile import UNUSED
+from hostile import SAVED, UNUSED
 
 SOURCE = r"""
 #include <stdlib.h>
@@ -46,20 +46,6 @@ EXPORT int fmi2GetReal(void *c, const unsigned r[], size_t n, double v[]) {
     return 0;
 }
 EXPORT int fmi2DoStep(void *c, double t, double h, int keep) { return step(V, h); }
-EXPORT int fmi2GetFMUstate(void *c, void **f) {
-    if (!*f) *f = malloc(sizeof(State));
-    memcpy(*f, c, sizeof(State));
-    return 0;
-}
-EXPORT int fmi2SetFMUstate(void *c, void *f) { memcpy(c, f, sizeof(State)); return 0; }
-EXPORT int fmi2FreeFMUstate(void *c, void **f) { free(*f); *f = NULL; return 0; }
-EXPORT int fmi2SerializedFMUstateSize(void *c, void *f, size_t *n) { *n = sizeof(State); return 0; }
-EXPORT int fmi2SerializeFMUstate(void *c, void *f, char b[], size_t n) { memcpy(b, f, n); return 0; }
-EXPORT int fmi2DeSerializeFMUstate(void *c, const char b[], size_t n, void **f) {
-    *f = malloc(n);
-    memcpy(*f, b, n);
-    return 0;
-}
 """
 GAIN = r"""
 enum { U = 0, B = 3, A = 6, LIMIT = 15, Y = 16 };
@@ -129,7 +115,9 @@ def description(name: str) -> str:
 
 def build(name: str, folder: Path) -> Path:
     """Compile one of them for this machine."""
-    source = SOURCE + KINDS[name][0] + "".join(f"EXPORT int {unused}(void) {{ return 3; }}\n" for unused in UNUSED)
+    source = (
+        SOURCE + SAVED + KINDS[name][0] + "".join(f"EXPORT int {unused}(void) {{ return 3; }}\n" for unused in UNUSED)
+    )
     library = f"{name}{fmpy.sharedLibraryExtension}"
     binary = compile_shared({"it.c": source.encode()}, "it.c", library, ["-Wno-everything"], f"the test FMU {name}")
     path = folder / f"{name}.fmu"

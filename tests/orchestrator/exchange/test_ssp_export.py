@@ -7,6 +7,7 @@ import zipfile
 import pytest
 from gossamer_orchestrator import ScenarioError, export_ssp, make_plan, open_ssp, parse_scenario, run_scenario
 from gossamer_orchestrator.cli import app
+from state_spaces import state_spaces
 from typer.testing import CliRunner
 
 CHAIN = """
@@ -43,26 +44,12 @@ def test_a_scenario_comes_back_from_its_ssp_as_the_same_plan(fmus, tmp_path):
         assert after.columns == before.columns
 
 
-ARRAYS = """
-step = 0.1
-stop = 0.5
-[components.a]
-fmu = "StateSpace3"
-parameters = {{ D = [[0, 0, 0], [0, 0, 0], [0, 0, 0]], x0 = [1, 2, 3]{more} }}
-inputs = {{ u = [0, 0, 0] }}
-[components.b]
-fmu = "StateSpace3"
-parameters = {{ "A[*]" = 0, "B[*]" = 0, "C[*]" = 0, x0 = [0, 0, 0] }}
-inputs = {{ {inputs} }}
-"""
-
-
 @pytest.mark.parametrize(("inputs", "origin", "target"), [
     ("", "a.y", "b.u"),
     ('"u[1]" = 5.0, "u[3]" = 6.0', "a.y[3]", "b.u[2]"),
 ])  # fmt: skip
 def test_arrays_of_fmi_3_come_back_with_the_same_results(reference_fmus, tmp_path, caplog, inputs, origin, target):
-    text = ARRAYS.format(more="", inputs=inputs) + f'[[connections]]\nfrom = "{origin}"\nto = "{target}"\n'
+    text = state_spaces(inputs, stop=0.5) + f'[[connections]]\nfrom = "{origin}"\nto = "{target}"\n'
     scenario = parse_scenario(text, name="arrays.toml")
     path = export_ssp(scenario, reference_fmus, tmp_path / "arrays.ssp")
     assert "StateSpace3: SSP 1.0 has no arrays, so those of FMI 3.0 are written element by element" in caplog.text
@@ -70,7 +57,7 @@ def test_arrays_of_fmi_3_come_back_with_the_same_results(reference_fmus, tmp_pat
 
 
 def test_sizes_of_arrays_of_fmi_3_must_be_the_fmus_own(reference_fmus, tmp_path):
-    text = ARRAYS.format(more=", r = 2", inputs="u = [0, 0, 0]").replace(
+    text = state_spaces("u = [0, 0, 0]", more=", r = 2", stop=0.5).replace(
         "[[0, 0, 0], [0, 0, 0], [0, 0, 0]]", "[[0, 0, 0], [0, 0, 0]]"
     )
     with pytest.raises(

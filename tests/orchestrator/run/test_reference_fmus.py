@@ -7,6 +7,7 @@ import csv
 import numpy as np
 import pytest
 from gossamer_orchestrator import FmuFile, ScenarioError, Simulation, make_plan, parse_scenario, run_scenario
+from state_spaces import state_spaces
 
 EXPERIMENTS = {  # step and stop [s]
     "BouncingBall": (0.01, 3.0),
@@ -255,29 +256,16 @@ def test_the_suggested_start_values_are_toml(reference_fmus):
 
 # --- arrays ---
 
-ARRAYS = """
-step = 0.1
-stop = 0.1
-[components.a]
-fmu = "StateSpace3"
-parameters = {{ D = [[0, 0, 0], [0, 0, 0], [0, 0, 0]], x0 = [1, 2, 3]{more} }}
-inputs = {{ u = [0, 0, 0] }}
-[components.b]
-fmu = "StateSpace3"
-parameters = {{ "A[*]" = 0, "B[*]" = 0, "C[*]" = 0, x0 = [0, 0, 0] }}
-inputs = {{ {inputs} }}
-"""
-
 
 def test_an_array_is_connected_whole(reference_fmus):
-    text = ARRAYS.format(more="", inputs="") + '[[connections]]\nfrom = "a.y"\nto = "b.u"\n'
+    text = state_spaces("") + '[[connections]]\nfrom = "a.y"\nto = "b.u"\n'
     data = run_scenario(parse_scenario(text), reference_fmus)
     assert data["b.y"].values.tolist() == data["a.y"].values.tolist()
     assert data["b.y"].values[-1, 2] == pytest.approx(3.0 * 1.001**100)
 
 
 def test_an_element_of_an_array_is_connected_and_events_change_the_others(reference_fmus):
-    text = ARRAYS.format(more="", inputs='"u[1]" = 5.0, "u[3]" = 6.0') + (
+    text = state_spaces('"u[1]" = 5.0, "u[3]" = 6.0') + (
         '[[connections]]\nfrom = "a.y[3]"\nto = "b.u[2]"\n[[events]]\ntime = 0.1\ncomponent = "b"\nset = { "u[1]" = 7.0 }\n'
     )
     data = run_scenario(parse_scenario(text.replace("stop = 0.1", "stop = 0.2")), reference_fmus)
@@ -291,14 +279,14 @@ def test_an_element_of_an_array_is_connected_and_events_change_the_others(refere
 ])  # fmt: skip
 def test_arrays_of_two_shapes_are_not_connected(reference_fmus, change, message):
     with pytest.raises(ScenarioError, match=message):
-        make_plan(parse_scenario(ARRAYS.format(more="", inputs='"u[*]" = 0.0') + change), reference_fmus)
+        make_plan(parse_scenario(state_spaces('"u[*]" = 0.0') + change), reference_fmus)
 
 
 @pytest.mark.parametrize("values", ["[1, 2]", "[[1, 2, 3]]", "[1, 2, 3, 4]"])
 def test_an_array_given_in_another_shape_is_refused(reference_fmus, values):
     message = "'A' of FMU 'StateSpace3' is an array of 3 x 3 elements, and . are given. Give each element once."
     with pytest.raises(ScenarioError, match=message):
-        make_plan(parse_scenario(ARRAYS.format(more=f", A = {values}", inputs="u = [0, 0, 0]")), reference_fmus)
+        make_plan(parse_scenario(state_spaces("u = [0, 0, 0]", more=f", A = {values}")), reference_fmus)
 
 
 def test_an_absurdly_large_array_is_refused(reference_fmus):
