@@ -66,9 +66,10 @@ def plot_reliability(rows: Sequence[Row], *, ax: Axes | None = None) -> Axes:
     ax.plot([0.0, 1.0], [0.0, 1.0], color=GREY, lw=0.8, ls="--")
     for k, row in enumerate(rows):
         label = f"{row.judge}, {row.condition}: z rms {row.figures.damaged_z_rms:.2f} in damaged zones"
-        ax.plot(NOMINAL, row.reliability, "o-", color=COLOURS[k % 6], ms=3, lw=1.2, label=label)
+        look = "o-" if k < len(COLOURS) else "s--"
+        ax.plot(NOMINAL, row.reliability, look, color=COLOURS[k % 6], ms=3, lw=1.2, label=label)
     ax.set(xlabel="stated share [1]", ylabel="observed share [1]", xlim=(0.0, 1.0), ylim=(0.0, 1.02), aspect="equal")
-    ax.legend(loc="lower right")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12))
     return ax
 
 
@@ -149,7 +150,7 @@ def save_pictures(assessment: Assessment, folder: Path) -> list[Path]:
         wanted = [row for row in assessment.rows if row.reliability and row.condition in ("clean", "noise")]
         stated = [row for row in wanted if not np.isnan(row.reliability).any()]  # some judge is never valid
         if stated:
-            figure = _figure(6.0, 5.5)
+            figure = _figure(6.0, 6.5)
             plot_reliability(stated, ax=figure.add_subplot())
             save("reliability", figure)
         figure = _figure(8.0, 6.0)
@@ -174,9 +175,8 @@ def _detections(rows: Sequence[DetectionRow]) -> Figure:
         grid = figure.subplots(4, 4, sharex=True, sharey=True)[::-1].ravel()
         for zone, ax in enumerate(grid, start=1):
             plot_detection(zones[zone], ax=ax)
-    figure.suptitle(
-        f"{rows[0].judge}, {rows[0].condition}: {rows[0].score} above {100.0 * rows[0].threshold:.2g} % is a call"
-    )
+    title = f"{rows[0].judge}, {rows[0].condition}: {rows[0].score} above {100.0 * rows[0].threshold:.2g} % is a call"
+    figure.suptitle("\n".join(wrap(title, 48 if len(zones) <= N_ZONES else 100)))
     figure.supxlabel("damage [%]")
     figure.supylabel("probability of detection [1]")
     return figure
