@@ -94,6 +94,20 @@ def reference_fmus(once):
 
 
 @pytest.fixture(scope="session")
+def exchange_fmus(once):
+    """Folder of the same FMUs for model exchange only, those that have such an interface."""
+    pytest.importorskip("ziglang", reason="the test FMUs need the compiler ziglang")
+    from reference.build import EXCHANGED, build
+
+    def fill(folder):
+        for fmi, names in EXCHANGED.items():
+            for name in names:
+                build(name, fmi, folder, exchange=True)
+
+    return once("exchange", fill)
+
+
+@pytest.fixture(scope="session")
 def reference_outputs():
     """Folder of the outputs of the FMI project's test FMUs."""
     folder = SHARED / "reference/fmi"

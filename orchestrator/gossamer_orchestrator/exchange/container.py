@@ -85,6 +85,9 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
                     f"FMU {component.fmu.name!r} has arrays of FMI 3.0, which a container does not take. Use FMI 2.0."
                 )
                 problems.add(("components", component.name, "fmu"), text)
+            if component.fmu.model_exchange:
+                text = f"FMU {component.fmu.name!r} is for model exchange, which a container does not integrate."
+                problems.add(("components", component.name, "fmu"), f"{text} Export it for co-simulation.")
         for c in plan.connections:
             if not problems.found and (c.gain not in (None, 1.0) or c.bias not in (None, 0.0)):
                 text = f"{c.origin!r} and {c.target!r} have different units, and a container does not convert them."

@@ -19,7 +19,7 @@ from .variables import flatten
 
 
 class FmuFile:
-    """One co-simulation FMU on disk, FMI 2.0 or 3.0, shared by all its instances.
+    """One FMU on disk, FMI 2.0 or 3.0, shared by all its instances; for co-simulation, or else for model exchange.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class FmuFile:
     Raises
     ------
     FmuError
-        No archive, a dangerous one, no model description that can be read, or no FMI 2.0 or 3.0 for co-simulation.
+        No archive, a dangerous one, no model description that can be read, or an FMI that this program does not run.
     """
 
     def __init__(self, path: Path, sizes: Mapping[str, int] | None = None, *, validate: bool = True) -> None:
@@ -56,12 +56,11 @@ class FmuFile:
         check_archive(self.path)
         self.findings: list[str] = []
         description = self._read(validate=validate)
-        if not description.fmiVersion.startswith(("2", "3")) or description.coSimulation is None:
-            kind = "co-simulation" if description.coSimulation else "model exchange"
-            kind = "scheduled execution" if getattr(description, "scheduledExecution", None) else kind
+        if not description.fmiVersion.startswith(("2", "3")) or interface(description) is None:
+            kind = "" if interface(description) else " for scheduled execution"
             msg = (
-                f"{self.path} is FMI {description.fmiVersion} for {kind}; this program runs FMI 2.0 and 3.0 for "
-                "co-simulation. Export it for co-simulation."
+                f"{self.path} is FMI {description.fmiVersion}{kind}; this program runs FMI 2.0 and 3.0 for co-simulation "
+                "and model exchange. Export it for one of them."
             )
             raise FmuError(msg)
         self.description: Any = description
@@ -93,10 +92,20 @@ class FmuFile:
         return self.path.stem
 
     @property
+    def interface(self) -> Any:  # noqa: ANN401
+        """What it declares of the kind that is run, for co-simulation if it has that: FMPy's ``InterfaceType``."""
+        return interface(self.description)
+
+    @property
+    def model_exchange(self) -> bool:
+        """True if it is for model exchange only, so that this program integrates it."""
+        return self.description.coSimulation is None
+
+    @property
     def can_repeat(self) -> bool:
         """True if instances can restore their state and repeat a step in parts."""
-        can = self.description.coSimulation
-        return bool(can.canGetAndSetFMUstate and can.canHandleVariableCommunicationStepSize)
+        can = self.interface
+        return bool(can.canGetAndSetFMUstate and (self.model_exchange or can.canHandleVariableCommunicationStepSize))
 
     def names(self, *causalities: str, kind: str | None = None) -> list[str]:
         """List variables of some causalities, and of one type if given, in the order of the model description."""
@@ -184,10 +193,15 @@ class FmuFile:
             self._folder = None
 
 
+def interface(description: Any) -> Any:  # noqa: ANN401
+    """Return what an FMU declares of its co-simulation, else of its model exchange; None without both."""
+    return description.coSimulation or description.modelExchange
+
+
 def library_path(folder: Path, description: Any) -> Path:  # noqa: ANN401
-    """Return where an unpacked FMU, FMI 2.0 or 3.0 for co-simulation, has its binary for this machine."""
+    """Return where an unpacked FMU, FMI 2.0 or 3.0, has its binary for this machine."""
     platform = fmpy.platform if description.fmiVersion.startswith("2") else fmpy.platform_tuple
-    name = f"{description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+    name = f"{interface(description).modelIdentifier}{fmpy.sharedLibraryExtension}"
     return folder / "binaries" / str(platform) / name
 
 

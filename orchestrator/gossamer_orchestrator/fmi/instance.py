@@ -64,7 +64,7 @@ class Instance:
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         self.fmu = fmu
         self.name = name
-        self.event_mode = self.version == 3 and bool(fmu.description.coSimulation.hasEventMode)
+        self.event_mode = self.version == 3 and bool(getattr(fmu.interface, "hasEventMode", False))
         self._time = ctypes.c_double(time)
         self.log = Log(lambda: self.time)
         self._states = (ctypes.c_void_p(), ctypes.c_void_p())
@@ -84,7 +84,8 @@ class Instance:
         self._is_python = is_python(fmu.folder())
         # by subscript the library gives functions of its own, without FMPy's argument types
         functions = {name: self._slave.dll[symbol] for name, symbol in self._FUNCTIONS.items()}
-        self._get, self._set, self._do_step = functions["get"], functions["set"], functions["do_step"]
+        self._do_step: Any
+        self._get, self._set, self._do_step = functions["get"], functions["set"], functions.get("do_step")
         self._get_state, self._set_state = functions["get_state"], functions["set_state"]
         self._free_state, self._terminate = functions["free_state"], functions["terminate"]
         self._component = ctypes.c_void_p(self._slave.component)

@@ -154,8 +154,3 @@ class Instance3(Instance):
                 if status != DISCARD:
                     self._check(status, "failed")
                 return False
-
-
-def start_instance(fmu: FmuFile, name: str, time: float = 0.0) -> Instance:
-    """Start an instance of an FMU of either version; see ``Instance``."""
-    return (Instance if fmu.version == 2 else Instance3)(fmu, name, time)

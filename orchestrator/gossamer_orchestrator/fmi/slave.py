@@ -12,7 +12,7 @@ from fmpy import fmi2, fmi3
 from fmpy.logging import addLoggerProxy
 
 from ..errors import FmuError
-from .file import explain_platforms, library_path
+from .file import explain_platforms, interface, library_path
 
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 
@@ -102,8 +102,8 @@ def start_slave(
 
     Returns
     -------
-    fmpy.fmi2.FMU2Slave or fmpy.fmi3.FMU3Slave
-        The instance. FMPy raises bare exceptions if there is none.
+    FMU2Slave, FMU2Model, FMU3Slave or FMU3Model of FMPy
+        The instance, for co-simulation if the FMU has that. FMPy raises bare exceptions if there is none.
 
     Raises
     ------
@@ -114,18 +114,21 @@ def start_slave(
     if not library.is_file():
         raise FmuError(explain_platforms(folder, library))
     two = description.fmiVersion.startswith("2")
-    kind = fmi2.FMU2Slave if two else fmi3.FMU3Slave
+    exchange = description.coSimulation is None
+    kinds = (fmi2.FMU2Model, fmi3.FMU3Model) if exchange else (fmi2.FMU2Slave, fmi3.FMU3Slave)
+    kind = kinds[0] if two else kinds[1]
     slave = kind(
         guid=token or description.guid,
         unzipDirectory=str(folder),
-        modelIdentifier=description.coSimulation.modelIdentifier,
+        modelIdentifier=interface(description).modelIdentifier,
         instanceName=name,
     )
     try:
         if two:
             options = {"callbacks": _callbacks(log, proxy=not is_python(folder))}
         else:
-            options = {"logMessage": log.add} | dict.fromkeys(("eventModeUsed", "earlyReturnAllowed"), event_mode)
+            modes = () if exchange else ("eventModeUsed", "earlyReturnAllowed")
+            options = {"logMessage": log.add} | dict.fromkeys(modes, event_mode)
         slave.instantiate(loggingOn=True, **options)
     except Exception:
         slave.freeLibrary()  # pythonfmu 0.7.0 may abort the process at its end if it is still loaded

@@ -39,8 +39,13 @@ def digests(plan: Plan) -> dict[str, str]:
 
 def unable(plan: Plan) -> list[str]:
     """List the FMUs whose runs cannot be resumed: they cannot serialize their state, or have events of their own."""
-    capabilities = [(file.name, file.description.coSimulation) for file in plan.files]
-    return [name for name, can in capabilities if not can.canSerializeFMUstate or getattr(can, "hasEventMode", False)]
+    return [
+        file.name
+        for file in plan.files
+        if not file.interface.canSerializeFMUstate
+        or file.model_exchange  # its state does not include its next event
+        or getattr(file.interface, "hasEventMode", False)
+    ]
 
 
 def save(path: Path, simulation: Simulation, rows: int, digest: dict[str, str]) -> None:

@@ -19,7 +19,7 @@ from typing import Protocol
 
 from ..errors import SimulationError
 from ..fmi.instance import Instance
-from ..fmi.instance3 import start_instance
+from ..fmi.model_exchange import start_instance
 from ..scenario.plan import Plan
 from .channel import Channel
 from .group import IteratedGroup

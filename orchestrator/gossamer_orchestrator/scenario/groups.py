@@ -41,7 +41,7 @@ def check_groups(
                 problems.add(place, f"component {name!r} stands {where}. Name it once.")
                 continue
             homes[name] = i
-            if not files[name].description.coSimulation.canGetAndSetFMUstate:
+            if not files[name].interface.canGetAndSetFMUstate:
                 text = f"FMU {files[name].name!r} of component {name!r} cannot restore its state (canGetAndSetFMUstate)"
                 problems.add(place, f"{text}, so its step cannot be repeated. Remove it from the group.")
         names = set(group.components)

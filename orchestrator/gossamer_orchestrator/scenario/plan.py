@@ -203,7 +203,7 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict:
             found[path] = _read_file(component.fmu, path, literal, place, problems, strict=strict)
         file = found[path]
         if file is not None:
-            only_once = file.description.coSimulation.canBeInstantiatedOnlyOncePerProcess
+            only_once = file.interface.canBeInstantiatedOnlyOncePerProcess
             if only_once and file.path in [other.path for other in files.values()]:
                 text = f"FMU {component.fmu!r} can be used by one component only. Make a copy under another name."
                 problems.add(place, text)

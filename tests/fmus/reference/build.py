@@ -1,6 +1,7 @@
 """Test FMUs of the behaviour of the FMI project's Reference FMUs: small C and hand-written model descriptions.
 
-``build("Stair", 2, folder)`` compiles and packs one; ``NAMES`` lists those of each version.
+``build("Stair", 2, folder)`` compiles and packs one; ``NAMES`` lists those of each version, ``EXCHANGED`` those
+that are for model exchange too.
 """
 
 from __future__ import annotations
@@ -14,12 +15,18 @@ from gossamer_models.compiler import compile_shared
 
 HERE = Path(__file__).parent
 NAMES = {fmi: sorted(path.stem for path in (HERE / f"fmi{fmi}").glob("*.xml")) for fmi in (2, 3)}
+EXCHANGED = {
+    fmi: [name for name in names if "<ModelExchange" in (HERE / f"fmi{fmi}/{name}.xml").read_text(encoding="utf-8")]
+    for fmi, names in NAMES.items()
+}
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 
 
-def build(name: str, fmi: int, folder: Path) -> Path:
-    """Compile one of them for this machine and return its path, ``<name><fmi>.fmu``."""
+def build(name: str, fmi: int, folder: Path, *, exchange: bool = False) -> Path:
+    """Compile one of them for this machine and return its path, ``<name><fmi>.fmu``; or for model exchange only."""
     xml = (HERE / f"fmi{fmi}/{name}.xml").read_text(encoding="utf-8")
+    if exchange:
+        xml = re.sub(r" *<CoSimulation [^>]*>\n", "", xml)
     token = re.search(r'(?:guid|instantiationToken)="([^"]+)"', xml)[1]
     sources = ["model.h", f"{name}.h", f"fmi{fmi}.c", *(["fmi3_rest.c"] if fmi == 3 else [])]
     files = {source: (HERE / source).read_bytes() for source in sources}

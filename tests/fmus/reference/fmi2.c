@@ -1,4 +1,4 @@
-/* FMI 2.0 for co-simulation around a model. */
+/* FMI 2.0 for co-simulation and model exchange around a model. */
 #include "fmi2Functions.h"
 #include "model.h"
 
@@ -14,8 +14,9 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String folder,
                               const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging) {
   (void)name; (void)callbacks; (void)visible; (void)logging;
-  if (type != fmi2CoSimulation || strcmp(guid, TOKEN)) return NULL;
+  if (strcmp(guid, TOKEN)) return NULL;
   Instance *one = calloc(1, sizeof *one);
+  one->core.exchange = type == fmi2ModelExchange;
   start(&one->core.model);
 #ifdef NEEDS_FOLDER
   open_folder(&one->core.model, strncmp(folder, "file://", 7) ? folder : folder + 7);
@@ -42,7 +43,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
   Core *core = &((Instance *)c)->core;
   if (core->phase != INITIALIZING) return fmi2Error;
-  core->phase = RUNNING;
+  core->phase = core->exchange ? EVENTS : RUNNING;
   return fmi2OK;
 }
 fmi2Status fmi2Terminate(fmi2Component c) { ((Instance *)c)->core.phase = OVER; return fmi2OK; }
@@ -97,6 +98,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
 #define EXCHANGE(Name, CType, TYPE, read, store)                                                             \
   fmi2Status fmi2Get##Name(fmi2Component c, const fmi2ValueReference r[], size_t n, CType v[]) {             \
     Core *core = &((Instance *)c)->core;                                                                     \
+    derivatives(&core->model);                                                                               \
     for (size_t i = 0; i < n; i++) {                                                                         \
       const Variable *found = find(r[i], TYPE);                                                              \
       if (!found) return fmi2Error;                                                                          \
@@ -119,6 +121,69 @@ EXCHANGE(Real, fmi2Real, F64, v[i] = *(double *)place, *(double *)place = v[i])
 EXCHANGE(Integer, fmi2Integer, I32, v[i] = *(int32_t *)place, *(int32_t *)place = v[i])
 EXCHANGE(Boolean, fmi2Boolean, BOOL, v[i] = *(bool *)place, *(bool *)place = v[i])
 EXCHANGE(String, fmi2String, STR, v[i] = place, snprintf(place, sizeof(Text), "%s", v[i]))
+
+#define PART Core *core = &((Instance *)c)->core
+fmi2Status fmi2EnterEventMode(fmi2Component c) {
+  PART;
+  if (core->phase != RUNNING) return fmi2Error;
+  core->phase = EVENTS;
+  return fmi2OK;
+}
+fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
+  PART;
+  if (core->phase != EVENTS) return fmi2Error;
+  bool changed = event(&core->model, core->time);
+  if (changed) update(&core->model);
+  double next = next_event(&core->model);
+  *info = (fmi2EventInfo){0};
+  info->valuesOfContinuousStatesChanged = changed;
+  info->terminateSimulation = ended(&core->model);
+  info->nextEventTimeDefined = isfinite(next);
+  info->nextEventTime = next;
+  return fmi2OK;
+}
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
+  PART;
+  if (core->phase != EVENTS) return fmi2Error;
+  core->phase = RUNNING;
+  return fmi2OK;
+}
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean keep, fmi2Boolean *events, fmi2Boolean *over) {
+  (void)c; (void)keep;
+  *events = *over = false;
+  return fmi2OK;
+}
+fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) { PART; core->time = time; return fmi2OK; }
+fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n) {
+  PART;
+  if (n != NX || core->phase != RUNNING) return fmi2Error;
+  memcpy(&core->model, x, n * sizeof *x);
+  return fmi2OK;
+}
+fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real dx[], size_t n) {
+  PART;
+  if (n != NX) return fmi2Error;
+  derivatives(&core->model);
+  memcpy(dx, (double *)&core->model + NX, n * sizeof *dx);
+  return fmi2OK;
+}
+fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real z[], size_t n) {
+  PART;
+  if (n != NZ) return fmi2Error;
+  indicators(&core->model, z);
+  return fmi2OK;
+}
+fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {
+  PART;
+  if (n != NX) return fmi2Error;
+  memcpy(x, &core->model, n * sizeof *x);
+  return fmi2OK;
+}
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {
+  (void)c;
+  for (size_t i = 0; i < n; i++) x[i] = 1.0;
+  return fmi2OK;
+}
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
   if (!*state) *state = malloc(sizeof(Instance));

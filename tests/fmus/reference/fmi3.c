@@ -1,4 +1,4 @@
-/* FMI 3.0 for co-simulation around a model, with event mode and early return if the host wants them. */
+/* FMI 3.0 for co-simulation and model exchange around a model, with event mode and early return if the host wants them. */
 #include "fmi3Functions.h"
 #include "model.h"
 
@@ -13,21 +13,35 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t n, const f
   (void)c; (void)on; (void)n; (void)names;
   return fmi3OK;
 }
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String folder, fmi3Boolean visible,
-                                         fmi3Boolean logging, fmi3Boolean event_mode, fmi3Boolean early,
-                                         const fmi3ValueReference required[], size_t n, fmi3InstanceEnvironment environment,
-                                         fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback intermediate) {
-  (void)name; (void)visible; (void)logging; (void)required; (void)n; (void)environment; (void)log; (void)intermediate;
+static Instance *instantiate(fmi3String token, fmi3String folder) {
   if (strcmp(token, TOKEN)) return NULL;
   Instance *one = calloc(1, sizeof *one);
-  one->event_mode = event_mode;
-  one->early = early;
   start(&one->core.model);
 #ifdef NEEDS_FOLDER
   open_folder(&one->core.model, folder);
 #else
   (void)folder;
 #endif
+  return one;
+}
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String folder, fmi3Boolean visible,
+                                         fmi3Boolean logging, fmi3Boolean event_mode, fmi3Boolean early,
+                                         const fmi3ValueReference required[], size_t n, fmi3InstanceEnvironment environment,
+                                         fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback intermediate) {
+  (void)name; (void)visible; (void)logging; (void)required; (void)n; (void)environment; (void)log; (void)intermediate;
+  Instance *one = instantiate(token, folder);
+  if (!one) return NULL;
+  one->event_mode = event_mode;
+  one->early = early;
+  return one;
+}
+fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String folder, fmi3Boolean visible,
+                                          fmi3Boolean logging, fmi3InstanceEnvironment environment,
+                                          fmi3LogMessageCallback log) {
+  (void)name; (void)visible; (void)logging; (void)environment; (void)log;
+  Instance *one = instantiate(token, folder);
+  if (!one) return NULL;
+  one->event_mode = one->core.exchange = true;
   return one;
 }
 void fmi3FreeInstance(fmi3Instance c) { free(c); }
@@ -82,11 +96,13 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *again, fmi3Bool
                                     fmi3Boolean *values, fmi3Boolean *defined, fmi3Float64 *next) {
   CORE;
   if (core->phase != EVENTS) return fmi3Error;
-  if (event(&core->model, now(core))) update(&core->model);
+  *values = event(&core->model, now(core));
+  if (*values) update(&core->model);
   core->over = ended(&core->model);
-  *again = *nominals = *values = *defined = false;
+  *again = *nominals = false;
   *over = core->over;
-  *next = 0.0;
+  *next = next_event(&core->model);
+  *defined = isfinite(*next);
   return fmi3OK;
 }
 fmi3Status fmi3Terminate(fmi3Instance c) { CORE; core->phase = OVER; return fmi3OK; }
@@ -133,6 +149,46 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 size, fmi3Bo
   return fmi3OK;
 }
 
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance c) { return fmi3EnterStepMode(c); }
+fmi3Status fmi3CompletedIntegratorStep(fmi3Instance c, fmi3Boolean keep, fmi3Boolean *events, fmi3Boolean *over) {
+  (void)c; (void)keep;
+  *events = *over = false;
+  return fmi3OK;
+}
+fmi3Status fmi3SetTime(fmi3Instance c, fmi3Float64 time) { CORE; core->time = time; return fmi3OK; }
+fmi3Status fmi3SetContinuousStates(fmi3Instance c, const fmi3Float64 x[], size_t n) {
+  CORE;
+  if (n != NX || core->phase != RUNNING) return fmi3Error;
+  memcpy(&core->model, x, n * sizeof *x);
+  return fmi3OK;
+}
+fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance c, fmi3Float64 dx[], size_t n) {
+  CORE;
+  if (n != NX) return fmi3Error;
+  derivatives(&core->model);
+  memcpy(dx, (double *)&core->model + NX, n * sizeof *dx);
+  return fmi3OK;
+}
+fmi3Status fmi3GetEventIndicators(fmi3Instance c, fmi3Float64 z[], size_t n) {
+  CORE;
+  if (n != NZ) return fmi3Error;
+  indicators(&core->model, z);
+  return fmi3OK;
+}
+fmi3Status fmi3GetContinuousStates(fmi3Instance c, fmi3Float64 x[], size_t n) {
+  CORE;
+  if (n != NX) return fmi3Error;
+  memcpy(x, &core->model, n * sizeof *x);
+  return fmi3OK;
+}
+fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 x[], size_t n) {
+  (void)c;
+  for (size_t i = 0; i < n; i++) x[i] = 1.0;
+  return fmi3OK;
+}
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *n) { (void)c; *n = NZ; return fmi3OK; }
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance c, size_t *n) { (void)c; *n = NX; return fmi3OK; }
+
 #define EACH(TYPE, setting, body)                                                       \
   CORE;                                                                                 \
   size_t k = 0;                                                                         \
@@ -147,6 +203,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 size, fmi3Bo
   return k == m ? fmi3OK : fmi3Error;
 #define EXCHANGE(Name, CType, TYPE, read, store)                                                                         \
   fmi3Status fmi3Get##Name(fmi3Instance c, const fmi3ValueReference r[], size_t n, CType v[], size_t m) {                \
+    derivatives(&((Instance *)c)->core.model);                                                                           \
     EACH(TYPE, false, read)                                                                                              \
   }                                                                                                                      \
   fmi3Status fmi3Set##Name(fmi3Instance c, const fmi3ValueReference r[], size_t n, const CType v[], size_t m) {          \

@@ -8,12 +8,9 @@ __attribute__((visibility("default"))) int fmi3GetClock(void *c, const unsigned 
   return c && r ? 0 : 3;
 }
 
-NO(fmi3InstantiateModelExchange, void *, 0) NO(fmi3InstantiateScheduledExecution, void *, 0)
+NO(fmi3InstantiateScheduledExecution, void *, 0)
 ERROR(fmi3SetClock) ERROR(fmi3GetNumberOfVariableDependencies) ERROR(fmi3GetVariableDependencies)
 ERROR(fmi3GetDirectionalDerivative) ERROR(fmi3GetAdjointDerivative) ERROR(fmi3GetIntervalDecimal)
 ERROR(fmi3GetIntervalFraction) ERROR(fmi3GetShiftDecimal) ERROR(fmi3GetShiftFraction) ERROR(fmi3SetIntervalDecimal)
 ERROR(fmi3SetIntervalFraction) ERROR(fmi3SetShiftDecimal) ERROR(fmi3SetShiftFraction) ERROR(fmi3EvaluateDiscreteStates)
-ERROR(fmi3EnterContinuousTimeMode) ERROR(fmi3CompletedIntegratorStep) ERROR(fmi3SetTime) ERROR(fmi3SetContinuousStates)
-ERROR(fmi3GetContinuousStateDerivatives) ERROR(fmi3GetEventIndicators) ERROR(fmi3GetContinuousStates)
-ERROR(fmi3GetNominalsOfContinuousStates) ERROR(fmi3GetNumberOfEventIndicators) ERROR(fmi3GetNumberOfContinuousStates)
 ERROR(fmi3GetOutputDerivatives) ERROR(fmi3ActivateModelPartition)

@@ -10,6 +10,15 @@
      count(m, variable)          number of elements of a variable
      variables                   the table of its variables
 
+   or, with continuous states, NX of them, which are the first doubles of Model and stand before their derivatives,
+
+     derivatives(m)              computes the derivatives
+     NZ, indicators(m, z)        number of event indicators, and their values
+
+   in place of advance, and where events happen at known times
+
+     next_event(m)               when the next one is [s]
+
    and fmi2.c or fmi3.c the functions of the standard around it. The state of an instance is the bytes of Instance. */
 
 #include <math.h>
@@ -38,6 +47,23 @@ static const size_t SIZES[] = {8, 4, 1, 1, 2, 2, 4, 4, 8, 8, sizeof(bool), sizeo
 #define AT(member) offsetof(Model, member)
 #include MODEL_HEADER
 
+#ifdef NX
+static void advance(Model *m, double time) {
+  (void)time;
+  double *x = (double *)m;
+  derivatives(m);
+  for (int i = 0; i < NX; i++) x[i] += STEP * x[NX + i];
+}
+#else
+#define NX 0
+#define NZ 0
+static void derivatives(Model *m) { (void)m; }
+static void indicators(const Model *m, double *z) { (void)m; (void)z; }
+#endif
+#ifndef TIME_EVENTS
+static double next_event(const Model *m) { (void)m; return INFINITY; }
+#endif
+
 typedef enum { BEFORE, CONFIGURING, INITIALIZING, RUNNING, EVENTS, OVER } Phase;
 
 typedef struct {
@@ -47,6 +73,7 @@ typedef struct {
   double begin;       /* start of the run [s] */
   long steps;         /* inner steps done */
   bool over;          /* the model has ended the simulation */
+  bool exchange;      /* for model exchange: the host sets time and states */
 } Core;
 
 /* The independent variable, which stands behind the model. */
@@ -70,7 +97,7 @@ static bool may_set(const Core *c, const Variable *v) {
 
 static size_t many(const Core *c, const Variable *v) { return v == &TIME ? 1 : count(&c->model, v); }
 
-static double now(const Core *c) { return c->begin + c->steps * STEP; }
+static double now(const Core *c) { return c->exchange ? c->time : c->begin + c->steps * STEP; }
 
 static void one_step(Core *c) {
   c->steps++;

@@ -122,10 +122,10 @@ def test_what_a_file_is_instead_is_said(call, fmus, tmp_path):
     assert "there is no file" in call("info", tmp_path / "nothing.fmu").stderr
 
 
-def test_an_fmu_for_model_exchange_is_refused_once_though_two_components_use_it(call, tmp_path):
+def test_an_fmu_for_scheduled_execution_is_refused_once_though_two_components_use_it(call, tmp_path):
     description = (
         '<fmiModelDescription fmiVersion="3.0" modelName="gain" instantiationToken="x">'
-        '<ModelExchange modelIdentifier="gain"/><ModelVariables><Float64 name="time" valueReference="0" '
+        '<ScheduledExecution modelIdentifier="gain"/><ModelVariables><Float64 name="time" valueReference="0" '
         'causality="independent" variability="continuous"/></ModelVariables><ModelStructure/></fmiModelDescription>'
     )
     with zipfile.ZipFile(tmp_path / "gain.fmu", "w") as file:
@@ -135,8 +135,8 @@ def test_an_fmu_for_model_exchange_is_refused_once_though_two_components_use_it(
     )
     result = call("run", tmp_path / "g.toml", "--fmus", tmp_path)
     (line,) = result.stderr.splitlines()
-    assert "is FMI 3.0 for model exchange" in line
-    assert line.endswith("Export it for co-simulation.")
+    assert "is FMI 3.0 for scheduled execution" in line
+    assert line.endswith("Export it for one of them.")
 
 
 def test_info_lists_variables(call, fmus):

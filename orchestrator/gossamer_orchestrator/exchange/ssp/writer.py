@@ -149,7 +149,7 @@ def _component(plan: ComponentPlan, sources: dict[FmuFile, str], units: Any) -> 
     component = Component()
     component.name, component.source = plan.name, sources[plan.fmu]
     component.component_type = "application/x-fmu-sharedlibrary"
-    component.implementation = "CoSimulation"
+    component.implementation = "ModelExchange" if plan.fmu.model_exchange else "CoSimulation"
     shown = [
         *plan.fmu.names("input", "output", kind="Real"),
         *(v for v in plan.fmu.names("parameter", kind="Real") if v in plan.start),
