@@ -37,7 +37,7 @@ def run(
     ] = False,
     limit: Annotated[
         float | None,
-        typer.Option(help="End the run if one call of an FMU takes longer [s].", metavar="SECONDS", min=0.0),
+        typer.Option(help="End the run if one call of an FMU takes longer [s].", metavar="SECONDS", min=1e-3),
     ] = None,
     strict: Annotated[
         bool,
@@ -46,6 +46,12 @@ def run(
             help="Refuse FMUs that break the rules of FMI, values that are not finite, and groups that do not converge.",
         ),
     ] = False,
+    threads: Annotated[
+        int,
+        typer.Option(
+            help="How many FMUs may step at once; it pays where steps take some 0.1 ms and more.", min=1, max=64
+        ),
+    ] = 1,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the unfinished run in the folder for results.")
     ] = False,
@@ -82,6 +88,7 @@ def run(
         "master": master,
         "limit": limit,
         "strict": strict,
+        "threads": threads,
         "resume": resume,
         "csv": csv,
     }

@@ -13,7 +13,7 @@ from ..scenario.source import Problems
 
 
 def inexpressible(scenario: Scenario, what: str, keys: Mapping[str, float | None], advice: str) -> Problems:
-    """List the events and the keys of connections that a format does not have.
+    """List what a format does not have of the steps, the events and the keys of connections.
 
     Parameters
     ----------
@@ -31,6 +31,12 @@ def inexpressible(scenario: Scenario, what: str, keys: Mapping[str, float | None
         problems.add(("events", i), f"{what} has no events. Remove it, {advice}.")
     for i, _ in enumerate(scenario.inputs):
         problems.add(("inputs", i), f"{what} has no inputs from files. Remove it, {advice}.")
+    for name, component in scenario.components.items():
+        if component.every > 1:
+            text = f"{what} steps all components at once, so it has no 'every'. Remove it."
+            problems.add(("components", name, "every"), text)
+    if scenario.step_control is not None:
+        problems.add(("step_control",), f"{what} has no step control. Remove the table.")
     for i, connection in enumerate(scenario.connections):
         for key, neutral in keys.items():
             if getattr(connection, key) not in (None, neutral):

@@ -50,6 +50,7 @@ class Task:
     out: Path
     scratch: Path
     strict: bool
+    threads: int
     resume: bool
     observers: bytes
     level: int
@@ -120,7 +121,7 @@ def _run(task: Task, report: Report) -> None:
             report(begun=[shared.layout, shared.shape])
 
         stream = Stream(plan, task.out, task.scratch / WAITING, announce, card)
-        with Simulation(plan, position, strict=task.strict) as simulation:
+        with Simulation(plan, position, strict=task.strict, threads=task.threads) as simulation:
             if card is not None:
                 checkpoint.restore(simulation, card, arrays)
             try:

@@ -38,8 +38,8 @@ class IteratedGroup:
     ----------
     group : schema.Group
         Tolerance and largest number of sweeps.
-    members : sequence of (int, Member)
-        Its components with their numbers, in stepping order.
+    members : sequence of Member
+        Its components, in stepping order.
     plan : Plan
         What is run.
     store : Store
@@ -55,6 +55,8 @@ class IteratedGroup:
     ----------
     names : list of str
         Names of the components in stepping order.
+    number, every : int
+        Number of the first of them; they step at every communication point.
     peaks : numpy.ndarray
         Largest magnitude so far of each Real that is fed back, or its nominal value if the FMU declares one.
     sweeps : int
@@ -64,7 +66,7 @@ class IteratedGroup:
     def __init__(
         self,
         group: schema.Group,
-        members: Sequence[tuple[int, Member]],
+        members: Sequence[Member],
         plan: Plan,
         store: Store,
         position: Position,
@@ -72,7 +74,8 @@ class IteratedGroup:
         *,
         strict: bool,
     ) -> None:
-        self.names = [member.name for _, member in members]
+        self.names = [member.name for member in members]
+        self.number, self.every = members[0].number, 1
         self.sweeps = 0
         self._members = members
         self._store, self._position = store, position
@@ -91,7 +94,7 @@ class IteratedGroup:
         self._others = [
             (source, v.type in EXCHANGED_EXACTLY) for source, v in variables.items() if v.type not in FLOATS
         ]
-        self.peaks: Vector = np.array([_nominal(variables[source]) for source in self._reals])
+        self.peaks: Vector = np.array([nominal(variables[source]) for source in self._reals])
         self._declared = self.peaks > 0.0
 
     def receive(self, tick: int) -> None:
@@ -100,19 +103,19 @@ class IteratedGroup:
 
     def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
         """Step all components and read their outputs (all of them if ``full``); False if an FMU discarded the step."""
-        for number, member in self._members:
-            self._position[COMPONENT] = number
+        for member in self._members:
+            self._position[COMPONENT] = member.number
             member.instance.save_state(_SLOT)
         ended = len(self._over)
 
         def sweep(*, again: bool) -> bool:
             if again:
                 del self._over[ended:]
-                for number, member in self._members:
-                    self._position[COMPONENT] = number
+                for member in self._members:
+                    self._position[COMPONENT] = member.number
                     member.instance.restore_state(_SLOT)
-            for number, member in self._members:
-                self._position[COMPONENT] = number
+            for member in self._members:
+                self._position[COMPONENT] = member.number
                 member.receive(self._tick)
                 if not member.advance(time, size, full=False):
                     return False
@@ -120,8 +123,8 @@ class IteratedGroup:
 
         if not self._iterate(sweep, time.value):
             return False
-        for number, member in self._members if full else ():
-            self._position[COMPONENT] = number
+        for member in self._members if full else ():
+            self._position[COMPONENT] = member.number
             member.read(full=True)
         return True
 
@@ -129,8 +132,8 @@ class IteratedGroup:
         """Exchange values while all components are in their initialization, at the start of the run [s]."""
 
         def sweep(*, again: bool) -> bool:  # noqa: ARG001
-            for number, member in self._members:
-                self._position[COMPONENT] = number
+            for member in self._members:
+                self._position[COMPONENT] = member.number
                 member.receive(0)
                 member.read(full=False)
             return True
@@ -199,7 +202,7 @@ class IteratedGroup:
         logger.warning("%s The run goes on with its last values; --strict ends it there. %s", text, advice)
 
 
-def _nominal(variable: Any) -> float:  # noqa: ANN401
+def nominal(variable: Any) -> float:  # noqa: ANN401
     """Return the nominal value that a variable or its type declares; 0 for none."""
     declared = variable.declaredType.nominal if variable.declaredType is not None else None
     return abs(float(variable.nominal or declared or 0.0))

@@ -2,28 +2,26 @@
 
 Symbols: ``k`` tick (an integer), ``h`` communication step [s], ``y`` values read from an FMU.
 
-Time is ``start + k * h`` and nothing is accumulated. A step that an FMU discards is repeated in 2, 4, .. 64 equal parts
-from the state at its start; within step ``k`` time is ``start + (64 k + j) * (h / 64)``, which is exact at ``j = 0``
-because 64 is a power of two.
+Time is ``start + k * h`` and nothing is accumulated. Within step ``k`` it is ``start + (N k + j) * (h / N)``, which is exact
+at ``j = 0`` because N = 2**20 is a power of two.
 """
 
 from __future__ import annotations
 
 import ctypes
 import logging
-import signal
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from types import FrameType
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
-from ..errors import SimulationError
 from ..fmi.instance import Instance
 from ..fmi.model_exchange import start_instance
 from ..scenario.plan import Plan
 from .channel import Channel
+from .division import UNITS, Division
 from .group import IteratedGroup
-from .member import Member
+from .interrupts import deferred_interrupt
+from .member import Member, SlowMember
 from .position import (
     CALL,
     COMPONENT,
@@ -38,11 +36,11 @@ from .position import (
     Position,
     new_position,
 )
+from .step_control import StepControl
 from .store import Store
+from .together import Stage, side_by_side
 
 logger = logging.getLogger(__name__)
-
-MAX_PARTS = 64
 
 
 class Observer(Protocol):
@@ -68,7 +66,9 @@ class Simulation:
     position : Position or None
         Where to write which FMU is called; None is memory of its own.
     strict : bool
-        End the run where a group does not converge; by default that is a warning.
+        End the run where a group does not converge or the step control misses its tolerance; by default these are warnings.
+    threads : int
+        How many components may step at once, where none of them receives what another has just computed.
 
     Attributes
     ----------
@@ -83,11 +83,15 @@ class Simulation:
         Steps that had to be repeated in parts.
     groups : list of IteratedGroup
         Components that are stepped together.
+    control : Division or StepControl
+        Divides the steps.
     ended : str
         Which FMU ended the simulation by itself, and when; empty if none did.
+    ended_by : list of Instance
+        FMUs that have done so.
     """
 
-    def __init__(self, plan: Plan, position: Position | None = None, *, strict: bool = False) -> None:
+    def __init__(self, plan: Plan, position: Position | None = None, *, strict: bool = False, threads: int = 1) -> None:
         self.plan = plan
         self.position = new_position() if position is None else position
         self.scenario = plan.scenario
@@ -95,23 +99,25 @@ class Simulation:
         self.divided = 0
         self.members: list[Member] = []
         self.groups: list[IteratedGroup] = []
-        self._stages: list[tuple[int, Member | IteratedGroup]] = []  # in stepping order, with the first's number
+        self._stages: list[Stage] = []  # in stepping order
         self._strict = strict
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self.ended = ""
+        self.ended_by: list[Instance] = []
         self._instances: list[Instance] = []
-        self._over: list[Instance] = []
         self.store = Store(plan)
         self.places, self.values = self.store.places, self.store.values
         self._jacobi = plan.scenario.master == "jacobi"
         self._every = plan.scenario.record.every
         self._ticks = plan.scenario.ticks
-        self._unit = plan.scenario.step / MAX_PARTS
-        self._can_repeat = all(file.can_repeat for file in plan.files)
+        self._unit = plan.scenario.step / UNITS
+        wanted = plan.scenario.step_control
+        self.control = Division(self) if wanted is None else StepControl(self, wanted, strict=strict)
 
     @property
     def over(self) -> bool:
         """Whether an FMU has ended the simulation."""
-        return bool(self._over)
+        return bool(self.ended_by)
 
     @property
     def time(self) -> float:
@@ -137,6 +143,8 @@ class Simulation:
             instance.close()
         self.position[COMPONENT] = -1
         self._instances.clear()
+        if self._pool is not None:
+            self._pool.shutdown()
         self.plan.close()
 
     def run(self, observers: Sequence[Observer] = ()) -> None:
@@ -159,15 +167,15 @@ class Simulation:
                     observer.begin(self)
                 for observer in observers if self.tick == 0 else ():
                     observer.sample(self)
-                while self.tick < self._ticks and not self._over:
+                while self.tick < self._ticks and not self.ended_by:
                     if not self.step():
                         break
                     for observer in observers:
                         observer.sample(self)
                     if position[STOP]:
                         raise KeyboardInterrupt
-                if self._over:
-                    first = self._over[0]
+                if self.ended_by:
+                    first = self.ended_by[0]
                     self.ended = f"component {first.name!r} ended the simulation at t = {first.ended_at:.9g} s"
                     logger.warning("%s", self.ended)
             finally:
@@ -175,6 +183,7 @@ class Simulation:
                     observer.end(self)
                 for group in self.groups:
                     group.conclude()
+                self.control.conclude()
                 for member in self.members:
                     if warning := member.instance.log.first_warning:
                         logger.warning("component %r %s", member.name, warning)
@@ -191,31 +200,14 @@ class Simulation:
         position[TICK], position[PART], position[CALL] = self.tick, 0, STEP
         for name, values in self.plan.events.get(self.tick, ()):
             self._called(name).set(values)
-        if self._over:
+        if self.ended_by:
             position[COMPONENT] = -1
             return False
         self.store.look_up(self.time)
-        if self._can_repeat:
-            for number, member in enumerate(self.members):
-                position[COMPONENT] = number
-                member.instance.save_state()
-            self.store.save()
-        channels = self.channels
-        held = [channel.held for channel in channels]
-        parts = 1
-        while (refused := self._try(parts)) is not None:
-            if self._over:
-                position[COMPONENT] = -1
-                return False
-            if not self._can_repeat or parts == MAX_PARTS:
-                raise self._refusal(refused, parts)
-            parts *= 2
-            for member in self.members:
-                member.instance.restore_state()
-            for channel, value in zip(channels, held, strict=True):
-                channel.held = value
-            self.store.restore()
+        parts = self.control.advance()
         position[COMPONENT] = -1
+        if not parts:
+            return False
         if parts > 1:
             self.divided += 1
             position[DIVIDED] = self.divided
@@ -223,17 +215,69 @@ class Simulation:
         self.tick += 1
         return True
 
+    def substep(self, begin: int, size: int, *, full: bool) -> Member | None:
+        """Step every component once.
+
+        Parameters
+        ----------
+        begin, size : int
+            Where in the present communication step it begins, and its size, in parts of which that has ``UNITS``.
+        full : bool
+            Read what is recorded too.
+
+        Returns
+        -------
+        Member or None
+            Who refused the step; those that had stepped before it stand at the end of it.
+        """
+        tick, position = self.tick, self.position
+        time = ctypes.c_double(self.scenario.start + (tick * UNITS + begin) * self._unit)
+        length = ctypes.c_double(size * self._unit)
+        last = begin + size == UNITS
+        if self._jacobi:
+            self.store.arrive()
+        for stage in self._stages:
+            if stage.every > 1 and not (last and (tick + 1) % stage.every == 0):
+                continue
+            position[COMPONENT] = stage.number
+            stage.receive(tick + 1)
+            if not stage.advance(time, length, full=full):
+                return self.members[position[COMPONENT]]
+        return None
+
+    def is_recorded(self, tick: int) -> bool:
+        """Tell whether what is recorded is read at a communication point."""
+        return tick % self._every == 0 or tick == self._ticks
+
+    def save(self) -> None:
+        """Keep the present state of everything for ``restore``."""
+        for member in self.members:
+            self.position[COMPONENT] = member.number
+            member.instance.save_state()
+        self.store.save()
+        self._held = [channel.held for channel in self.channels]
+
+    def restore(self) -> None:
+        """Go back to what was kept, as often as needed."""
+        for member in self.members:
+            self.position[COMPONENT] = member.number
+            member.instance.restore_state()
+        for channel, value in zip(self.channels, self._held, strict=True):
+            channel.held = value
+        self.store.restore()
+
     def _start(self) -> None:
         """Instantiate all FMUs and initialize each after those that feed it."""
         start, position = self.scenario.start, self.position
         begin = 0
         position[CALL] = INSTANTIATE
-        for component in self.plan.components:
-            position[COMPONENT] += 1
+        for number, component in enumerate(self.plan.components):
+            position[COMPONENT] = number
             instance = start_instance(component.fmu, component.name, start)
-            instance.on_end = self._over.append
+            instance.on_end = self.ended_by.append
             self._instances.append(instance)
-            self.members.append(Member(component, instance, self.store, begin))
+            one = component, instance, self.store, begin, number
+            self.members.append(Member(*one) if component.every == 1 else SlowMember(*one, self.scenario))
             begin += len(component.read)
         self._make_stages()
         self.store.look_up(start)
@@ -260,22 +304,24 @@ class Simulation:
     def _make_stages(self) -> None:
         """Put the components of each group together; they are neighbours in the stepping order."""
         homes = {name: group for group in self.scenario.groups for name in group.components}
-        for number, member in enumerate(self.members):
+        for member in self.members:
             group = homes.get(member.name)
             if group is None:
-                self._stages.append((number, member))
+                self._stages.append(member)
             elif not self.groups or member.name not in self.groups[-1].names:
-                members = list(enumerate(self.members))[number : number + len(group.components)]
+                members = self.members[member.number : member.number + len(group.components)]
                 one = IteratedGroup(
-                    group, members, self.plan, self.store, self.position, self._over, strict=self._strict
+                    group, members, self.plan, self.store, self.position, self.ended_by, strict=self._strict
                 )
                 self.groups.append(one)
-                self._stages.append((number, one))
+                self._stages.append(one)
+        if self._pool is not None:
+            self._stages = side_by_side(self._stages, self.plan, self.position, self._pool)
 
     def _called(self, name: str) -> Member:
         """Return a member that is about to be called, and note that."""
         member = self.member(name)
-        self.position[COMPONENT] = self.members.index(member)
+        self.position[COMPONENT] = member.number
         return member
 
     def _enter_initialization(self, name: str) -> None:
@@ -287,51 +333,11 @@ class Simulation:
             if receiver == name:
                 member.set(values)
 
-    def _try(self, parts: int) -> Member | None:
-        """Do the present step in equal parts; return the member that refused one, if any."""
-        tick, position = self.tick, self.position
-        full = (tick + 1) % self._every == 0 or tick + 1 == self._ticks
-        stride = MAX_PARTS // parts
-        size = ctypes.c_double(self.scenario.step / parts)
-        for part in range(parts):
-            time = ctypes.c_double(self.scenario.start + (tick * MAX_PARTS + part * stride) * self._unit)
-            last = full and part == parts - 1
-            position[PART] = part
-            if self._jacobi:
-                self.store.arrive()
-            for number, stage in self._stages:
-                position[COMPONENT] = number
-                stage.receive(tick + 1)
-                if not stage.advance(time, size, full=last):
-                    return self.members[position[COMPONENT]]
-            if self._over:
-                if part < parts - 1:
-                    return self.members[position[COMPONENT]]
-                for each in self.members:
-                    each.read(full=True)  # this is the last point
-        return None
-
-    def _refusal(self, member: Member, parts: int) -> SimulationError:
-        """Explain which component refused which step, and what it logged."""
-        if self._can_repeat:
-            how = f"even in {parts} parts of {self.scenario.step / parts:.3g} s"
-            advice = "Correct its inputs or parameters, or start from smaller loads."
-        else:
-            unable = [file.name for file in self.plan.files if not file.can_repeat]
-            why = f"{', '.join(unable)} cannot restore its state or vary its step"
-            how = f"and the step cannot be repeated in parts, because {why}"
-            advice = "Use a smaller 'step'."
-        msg = (
-            f"component {member.name!r} refused the step of {self.scenario.step:g} s at t = {self.time:.9g} s, {how}."
-            f"{member.instance.log.tail()} {advice}"
-        )
-        return SimulationError(msg, component=member.name, time=self.time)
-
     def read(self, *names: str) -> None:
         """Read all variables at the present communication point, of the components named or of all."""
-        for number, member in enumerate(self.members):
+        for member in self.members:
             if not names or member.name in names:
-                self.position[COMPONENT] = number
+                self.position[COMPONENT] = member.number
                 member.read(full=True)
         self.position[COMPONENT] = -1
 
@@ -343,51 +349,19 @@ class Simulation:
     def serialize(self) -> list[bytes]:
         """Return the states of all FMUs at the present communication point."""
         states = []
-        for number, member in enumerate(self.members):
-            self.position[COMPONENT] = number
+        for member in self.members:
+            self.position[COMPONENT] = member.number
             states.append(member.instance.serialize())
         self.position[COMPONENT] = -1
         return states
 
     def deserialize(self, states: Sequence[bytes]) -> None:
         """Bring all FMUs to the states that ``serialize`` returned."""
-        for number, (member, state) in enumerate(zip(self.members, states, strict=True)):
-            self.position[COMPONENT] = number
+        for member, state in zip(self.members, states, strict=True):
+            self.position[COMPONENT] = member.number
             member.instance.deserialize(state)
         self.position[COMPONENT] = -1
 
     def member(self, name: str) -> Member:
         """Return a member by name."""
         return next(member for member in self.members if member.name == name)
-
-
-def ending_signals() -> list[signal.Signals]:
-    """List the signals of this system that ask this program to end.
-
-    Under nohup SIGHUP does not. SIGINT does, though a shell lets what runs in its background ignore it.
-    """
-    there = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    return [number for number in there if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
-
-
-@contextmanager
-def deferred_interrupt(position: Position) -> Iterator[None]:
-    """Let Ctrl-C and the signals that ask for the end stop the run after the present step; a second one acts at once."""
-    previous = {number: signal.getsignal(number) for number in ending_signals()}
-
-    def remember(_signal: int, _frame: FrameType | None) -> None:
-        position[STOP] = 1
-        restore()
-
-    def restore() -> None:
-        for number, handler in previous.items():
-            with suppress(TypeError, ValueError):
-                signal.signal(number, handler)
-
-    with suppress(ValueError):  # only the main thread can handle signals
-        for number in previous:
-            signal.signal(number, remember)
-    try:
-        yield
-    finally:
-        restore()

@@ -18,6 +18,7 @@ from ..fmi.instance import Instance
 from ..fmi.ports import Port
 from ..fmi.types import Value
 from ..scenario.plan import ComponentPlan
+from ..scenario.schema import Scenario
 from .channel import Channel
 from .store import Store
 from .typed import TypedInputs, TypedOutputs, needs_values, typed_inputs, typed_outputs
@@ -36,10 +37,17 @@ class Member:
         The values of the whole run; its own stand together there, from ``begin`` on.
     begin : int
         Place of its first value.
+    number : int
+        Its own, among the components in stepping order.
+
+    Attributes
+    ----------
+    every : int
+        It steps at every n-th communication point.
     """
 
-    def __init__(self, plan: ComponentPlan, instance: Instance, store: Store, begin: int) -> None:
-        self.name = plan.name
+    def __init__(self, plan: ComponentPlan, instance: Instance, store: Store, begin: int, number: int) -> None:
+        self.name, self.number, self.every = plan.name, number, plan.every
         self.instance = instance
         sent, recorded = plan.sent_reals, plan.recorded_reals
         y = store.values[begin : begin + len(sent) + len(recorded)]
@@ -94,3 +102,34 @@ class Member:
         for group in self.typed_outputs:
             if full or group.sent:
                 group.read()
+
+
+class SlowMember(Member):
+    """A component that steps at every n-th communication point, over the n steps that end there; see ``Member``.
+
+    Its inputs are those of the last of these steps.
+    """
+
+    def __init__(
+        self, plan: ComponentPlan, instance: Instance, store: Store, begin: int, number: int, scenario: Scenario
+    ) -> None:
+        super().__init__(plan, instance, store, begin, number)
+        self._scenario = scenario
+        self._tick = 0
+
+    def receive(self, tick: int) -> None:
+        """Fetch the inputs from what the others sent, and set them."""
+        self._tick = tick
+        super().receive(tick)
+
+    def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:  # noqa: ARG002
+        """Step, in as many parts as the others do the last of the n steps, and read all outputs."""
+        scenario = self._scenario
+        parts = round(scenario.step / size.value)
+        length = ctypes.c_double(self.every * size.value)
+        begin = scenario.seconds(self._tick - self.every)
+        for part in range(parts):
+            if not self.instance.step(ctypes.c_double(begin + part * length.value), length):
+                return False
+        self.read(full=True)
+        return True

@@ -1,6 +1,6 @@
 """Where a run stands, in memory that another process can read.
 
-Eight integers. The process of a run writes them before it calls an FMU, so that whoever watches it can say which FMU was
+Nine integers. The process of a run writes them before it calls an FMU, so that whoever watches it can say which FMU was
 called when the process died, or hangs. A write costs some 30 ns.
 """
 
@@ -10,13 +10,14 @@ import mmap
 from collections.abc import Sequence
 from pathlib import Path
 
-TICK, PART, COMPONENT, CALL, ROWS, FIRST, DIVIDED, STOP = range(8)
+TICK, PART, COMPONENT, CALL, ROWS, FIRST, DIVIDED, STOP, AT_ONCE = range(9)
 """Step under way; its part; number of the component whose FMU is called, -1 for none; what it is called for; rows recorded;
-number of the first of them that waits in memory; steps that were divided; 1 if the run should stop."""
+number of the first of them that waits in memory; steps that were divided; 1 if the run should stop; how many components from
+that number on are called at once, 0 for one."""
 
 INSTANTIATE, INITIALIZE, STEP, FREE = range(4)
 _CALLS = ("when it was instantiated", "in its initialization", "in the step from", "when it was freed")
-_SIZE = 64  # bytes
+_SIZE = 72  # bytes
 
 Position = memoryview  # of signed integers
 
@@ -51,4 +52,5 @@ def describe(position: Position, seconds: float, names: Sequence[str]) -> tuple[
     number, call = position[COMPONENT], position[CALL]
     if not 0 <= number < len(names):
         return "", ""
-    return names[number], f"{_CALLS[call]}{f' t = {seconds:.9g} s' if call == STEP else ''}"
+    called = " or ".join(names[number : number + max(position[AT_ONCE], 1)])
+    return called, f"{_CALLS[call]}{f' t = {seconds:.9g} s' if call == STEP else ''}"

@@ -23,7 +23,7 @@ from ..errors import OrchestratorError, SimulationError
 from ..processes import end_all, marked
 from ..results.netcdf import Layout
 from .child import POSITION, Task
-from .master import deferred_interrupt
+from .interrupts import deferred_interrupt
 from .position import CALL, COMPONENT, FREE, PART, STOP, TICK, describe, open_position
 from .progress import ProgressBar
 from .stream import Shared

@@ -22,6 +22,7 @@ from .groups import check_groups
 from .histories import FILE, History, read_histories
 from .schema import Component, Connection, Scenario, Value
 from .source import Location, Problems
+from .steps import check_steps
 from .values import expand, start_values
 
 logger = logging.getLogger(__name__)
@@ -33,6 +34,8 @@ class ComponentPlan:
 
     Attributes
     ----------
+    every : int
+        It steps at every n-th communication point.
     start : dict
         Parameters and unconnected inputs that the scenario sets.
     connections : tuple of Connection
@@ -44,6 +47,7 @@ class ComponentPlan:
 
     name: str
     fmu: FmuFile
+    every: int
     start: dict[str, Value]
     connections: tuple[Connection, ...]
     sent: tuple[str, ...]
@@ -141,6 +145,7 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
     events = _check_events(scenario, files, connected, problems)
     columns = _check_recording(scenario, files, connected, problems)
     check_groups(scenario, files, connections, problems)
+    check_steps(scenario, files, problems)
     start_order, order = order_components(scenario, files, connections, fed, problems)
     problems.raise_if_any()
 
@@ -156,6 +161,7 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
         return ComponentPlan(
             name=name,
             fmu=fmu,
+            every=scenario.components[name].every,
             start=start[name],
             connections=tuple(own),
             sent=_by_type(sent, fmu),
@@ -272,7 +278,8 @@ def _check_events(
                 free[key] = value
         names = [v for v in fmu.names("input") if f"{event.component}.{v}" not in connected]
         values = expand(place, free, fmu, names, "input", problems)
-        tick = math.ceil((event.time - scenario.start) / scenario.step - 1e-6)
+        every = scenario.components[event.component].every
+        tick = every * math.ceil((event.time - scenario.start) / (every * scenario.step) - 1e-6)
         events.setdefault(min(tick, scenario.ticks), []).append((event.component, values))
     return dict(sorted(events.items()))
 

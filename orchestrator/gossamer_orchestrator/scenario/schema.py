@@ -24,6 +24,9 @@ A TOML file such as::
     file = "measured.csv"
     column = "voltage"
 
+    [step_control]           # divides 'step' where that changes what is sent by more than a part of it
+    tolerance = 1e-4
+
     [[groups]]               # stepped together, again and again, until what they send each other agrees
     components = ["source", "gain"]
     tolerance = 1e-8
@@ -43,7 +46,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, field_validator
 
 from ..names import split_endpoint
 from .source import Source
@@ -104,6 +107,9 @@ class Component(Table):
     ----------
     fmu : str
         Name of an FMU in the folder of FMUs, or a path that ends in ``.fmu``.
+    every : int
+        It steps at every n-th communication point, over the n steps that end there, with the inputs of the last of them; its
+        outputs are held in between.
     parameters : dict
         Values by name or pattern; the others keep the FMU's start values.
     inputs : dict
@@ -112,6 +118,7 @@ class Component(Table):
     """
 
     fmu: str
+    every: int = Field(default=1, ge=1, le=int(MAX_STEPS))
     parameters: dict[str, Given] = Field(default_factory=dict)
     inputs: dict[str, Given] = Field(default_factory=dict)
 
@@ -220,6 +227,30 @@ class Group(Table):
     sweeps: int = Field(default=20, ge=1, le=1000)
 
 
+class StepControl(Table):
+    """Steps that are divided where that changes what the components send each other.
+
+    Attributes
+    ----------
+    tolerance : float
+        Largest difference between a step and the same in two halves, in parts of a variable's nominal value, or where the
+        FMU declares none of its largest value so far.
+    parts : int
+        The smallest step is ``step`` over this, a power of two.
+    """
+
+    tolerance: float = Field(gt=0.0, lt=1.0)
+    parts: int = Field(default=1024, ge=2, le=2**19)
+
+    @field_validator("parts")
+    @classmethod
+    def _is_a_power_of_two(cls, parts: int) -> int:
+        if parts & (parts - 1):
+            msg = "'parts' is a power of two, such as 64 or 1024"
+            raise ValueError(msg)
+        return parts
+
+
 class Recording(Table):
     """What is recorded.
 
@@ -251,6 +282,8 @@ class Scenario(Table):
         Order of the components under Gauss-Seidel; None follows the connections.
     groups : list of Group
         Components that are iterated, under Gauss-Seidel.
+    step_control : StepControl or None
+        Divide ``step`` where the error demands it; None does not.
     """
 
     title: str = ""
@@ -263,6 +296,7 @@ class Scenario(Table):
     connections: list[Connection] = Field(default_factory=list)
     inputs: list[Input] = Field(default_factory=list)
     groups: list[Group] = Field(default_factory=list)
+    step_control: StepControl | None = None
     events: list[Event] = Field(default_factory=list)
     record: Recording = Field(default_factory=Recording)
 

@@ -54,6 +54,12 @@ def test_an_fmu_that_ends_its_process_or_hangs_is_named_with_the_time_and_result
     assert len((tmp_path / "results.csv").read_text().splitlines()) == 1 + data.sizes["time"]
 
 
+def test_one_of_several_that_step_at_once_is_named_with_the_others(hostile, beside, tmp_path):
+    with pytest.raises(SimulationError, match=r"^component '(good or bad|bad or good)' crashed .* from t = 0.021 s\. "):
+        run_scenario(beside(f"fault = {faults.SEGFAULT}, at = 21"), hostile, tmp_path, threads=2)
+    assert_right_until(load_results(tmp_path), 0.021)
+
+
 def test_an_fmu_that_hangs_in_its_instantiation_is_named(hostile, beside, tmp_path):
     message = f"component '{faults.SLEEPER}' did not return within 0.5 s when it was instantiated"
     with pytest.raises(SimulationError, match=message):
