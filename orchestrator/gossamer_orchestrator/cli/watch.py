@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .twin_record import Found
 
 LEAST_WINDOW = 20  # samples
+ROUNDING = 1e-9
 LARGE = 2.0  # chi2 per sample of a window that the twin does not explain
 FALSE_ALARMS = 1e-5
 
@@ -96,7 +97,7 @@ class LiveWatch:
         self._out, self._window = out, window
         self._watching: Watch | None = None
         self._report: _Report | None = None
-        self._seen = 0.0
+        self._due = window * (1.0 - ROUNDING)  # [s] after the start
 
     def begin(self, simulation: Simulation) -> None:
         """Record what the scenario records."""
@@ -108,28 +109,28 @@ class LiveWatch:
         self._report = _Report(Console(stderr=True))
 
     def sample(self, simulation: Simulation) -> None:
-        """Judge a window when it is complete."""
+        """Judge a window when it is complete, and forget it."""
         self._recorder.sample(simulation)
-        step = simulation.scenario.step * simulation.scenario.record.every
-        if (len(self._recorder.time) - 1) * step < self._seen + self._window:
+        if simulation.time - simulation.scenario.start < self._due:
             return
-        self._seen += self._window
         report = self._report
         assert report is not None
         from ..results.dataset import make_dataset
         from .twin_record import find_in_results
 
         with model_errors():
-            data = make_dataset(
-                simulation.plan, self._recorder.time, self._recorder.table, master=simulation.scenario.master
-            )
+            time = self._recorder.time
+            data = make_dataset(simulation.plan, time, self._recorder.table, master=simulation.scenario.master)
             found = find_in_results(data, None, None, [])
             samples = _samples(self._window, found)
             if self._watching is None:
                 self._watching = _begin(found, None, 4, 4, FALSE_ALARMS)
-            first = samples * len(report.misfits)
-            if found.record.samples >= first + samples:
-                report.take(self._watching.advance(found.record.values[:, first : first + samples]))
+            if found.record.samples < samples:
+                return
+            report.take(self._watching.advance(found.record.values[:, :samples]))
+            rest = time > time[0] + (samples - 0.5) * found.record.step
+            self._recorder.clear(keep=int(rest.sum()))
+            self._due += samples * found.record.step
 
     def end(self, simulation: Simulation) -> None:  # noqa: ARG002
         """Write what was found."""

@@ -15,6 +15,7 @@ from fmpy.model_description import ValidationError
 from ..errors import FmuError
 from ..names import split_indices
 from .archive import check_archive, unpack
+from .types import parse
 from .variables import flatten
 
 
@@ -67,6 +68,7 @@ class FmuFile:
         self.version = int(description.fmiVersion[0])
         self.variables, self.arrays = flatten(self.path, description.modelVariables, sizes or {})
         self._array_of = {element: name for name, elements in self.arrays.items() for element in elements}
+        self._check_starts()
         self.corrupt = False
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
@@ -85,6 +87,15 @@ class FmuFile:
             problem = "; ".join(self.findings[:2]) or error
             msg = f"{self.path}: its modelDescription.xml is not valid: {problem}. {advice}"
             raise FmuError(msg) from error
+
+    def _check_starts(self) -> None:
+        for name, variable in self.variables.items():
+            try:
+                parse(variable.type, variable.start)
+            except ValueError as error:
+                advice = f"Check it with 'gossamer verify {self.path.name}'."
+                msg = f"{self.path}: the start value {variable.start!r} of {name!r} is no {variable.type}. {advice}"
+                raise FmuError(msg) from error
 
     @property
     def name(self) -> str:

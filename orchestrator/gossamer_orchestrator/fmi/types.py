@@ -57,12 +57,15 @@ def suffix(kind: str, version: int) -> str:
 
 
 def parse(kind: str, text: str | None) -> Value:
-    """Read a start value as a model description writes it; without one, the type's zero."""
+    """Read a start value as a model description writes it; without one, the type's zero; ``ValueError`` if it is none."""
     if kind in FLOATS:
         return float(text or 0.0)
     if kind in INTEGERS:
         return int(text or 0)
     if kind == "Boolean":
+        if text not in ("true", "1", "false", "0", "", None):
+            msg = f"{text!r} is neither true nor false"
+            raise ValueError(msg)
         return text in ("true", "1")
     return bytes.fromhex(text or "") if kind == "Binary" else text or ""
 

@@ -72,9 +72,10 @@ class Recorder:
     def end(self, simulation: Simulation) -> None:
         """Do nothing: what was recorded stays valid however the run ended."""
 
-    def clear(self) -> None:
-        """Forget the rows written so far."""
-        self.count = 0
+    def clear(self, keep: int = 0) -> None:
+        """Forget the rows written so far, but the last few."""
+        self._rows[:keep] = self._rows[self.count - keep : self.count]
+        self.count = keep
 
     def _take(self, simulation: Simulation, row: NDArray[np.float64]) -> None:
         """Fill a row with the present time and values."""

@@ -117,9 +117,15 @@ class Stream:
             (self._folder / RESUME).unlink(missing_ok=True)
             self._file = GrowingFile.create(path, header, layout)
         else:
-            if not path.exists():
+            moved = not path.exists()
+            if moved:
                 (self._folder / NETCDF).replace(path)
-            self._file = GrowingFile.reopen(path, header, layout, self._resumed["rows"])
+            try:
+                self._file = GrowingFile.reopen(path, header, layout, self._resumed["rows"])
+            except ResultsError:
+                if moved:
+                    path.replace(self._folder / NETCDF)
+                raise
         self._position = simulation.position
         self._position[ROWS] = self._position[FIRST] = self._file.count
         self._position[DIVIDED] = simulation.divided

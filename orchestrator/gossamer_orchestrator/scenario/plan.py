@@ -280,6 +280,9 @@ def _check_events(
         values = expand(place, free, fmu, names, "input", problems)
         every = scenario.components[event.component].every
         tick = every * math.ceil((event.time - scenario.start) / (every * scenario.step) - 1e-6)
+        if tick >= scenario.ticks:
+            text = "the event is at the end of the run, so it changes nothing"
+            logger.warning("%s: %s", problems.source.where(("events", i, "time")), text)
         events.setdefault(min(tick, scenario.ticks), []).append((event.component, values))
     return dict(sorted(events.items()))
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from gossamer_orchestrator import (
+    FmuError,
+    FmuFile,
     Recorder,
     ScenarioError,
     Simulation,
@@ -88,3 +92,15 @@ def test_truth_values_that_agree_converge_and_those_that_cannot_are_said(fmus, c
     assert table.tolist()[1:] == [[1.0, 0.0], [1.0, 0.0]]
     recorded(fmus, parse_scenario(INVERTERS.format(more="", last="a", names='["a"]')))
     assert "the group a does not converge in the step from t = 0 s: after 20 sweeps a.y still changes." in caplog.text
+
+
+def test_a_start_value_of_another_type_is_named(edited, tmp_path):
+    edited("gain", "odd", lambda xml: re.sub(r'(name="factor"[^>]*>\s*<Real[^>]*start=")[^"]*', r"\1much", xml))
+    with pytest.raises(FmuError, match="the start value 'much' of 'factor' is no Real"):
+        FmuFile(tmp_path / "odd.fmu")
+
+
+def test_an_event_at_the_end_of_a_run_is_said_to_change_nothing(fmus, caplog):
+    text = "step = 0.5\nstop = 1.0\n[components.a]\nfmu = 'integrator'\ninputs = { u = 1.0 }\n"
+    make_plan(parse_scenario(f"{text}[[events]]\ntime = 1.0\ncomponent = 'a'\nset = {{ u = 2.0 }}\n"), fmus)
+    assert "the event is at the end of the run, so it changes nothing" in caplog.text
