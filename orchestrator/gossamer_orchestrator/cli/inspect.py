@@ -59,8 +59,8 @@ def verify(
 ) -> None:
     """Check FMUs against FMI and against their declared capabilities.
 
-    Checks archive, model description, binary and behaviour of FMUs for co-simulation, FMI 2.0 and 3.0. An FMU runs in a
-    process of its own, which it may crash or hang. Prints a table per FMU; exits 1 if a check failed.
+    Checks archive, model description and binary of FMUs, FMI 2.0 and 3.0, and the behaviour of those for co-simulation. An
+    FMU runs in a process of its own, which it may crash or hang. Prints a table per FMU; exits 1 if a check failed.
 
     For example:
 

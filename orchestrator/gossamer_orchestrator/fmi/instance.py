@@ -77,7 +77,7 @@ class Instance:
         except Exception as error:
             # FMPy raises bare exceptions here
             self.log.close()
-            msg = f"{name}: {fmu.path} cannot be started: {error}{self.log.tail()}"
+            msg = f"{name}: {fmu.path} cannot be started: {str(error).rstrip('. ')}.{self.log.tail()}"
             if not isinstance(error, FmuError):
                 msg += " Check it with 'gossamer verify'."
             raise FmuError(msg) from error

@@ -14,10 +14,14 @@ from .subject import REALS, Subject
 def _description(subject: Subject) -> Outcome:
     version = subject.description.fmiVersion
     if subject.version not in (2, 3) or subject.can is None:
-        kind = "" if subject.can else " without co-simulation"
-        return FAILED, f"It is FMI {version}{kind}; only FMI 2.0 and 3.0 for co-simulation are checked."
+        kind = "" if subject.can else " for scheduled execution"
+        return (
+            FAILED,
+            f"It is FMI {version}{kind}; only FMI 2.0 and 3.0 for co-simulation and model exchange are checked.",
+        )
     tool = subject.description.generationTool or "an unnamed tool"
-    return PASSED, f"FMI {version} for co-simulation, {len(subject.variables)} variables, made by {tool}."
+    kind = "model exchange" if subject.exchange else "co-simulation"
+    return PASSED, f"FMI {version} for {kind}, {len(subject.variables)} variables, made by {tool}."
 
 
 @check("rules, by FMPy")
@@ -62,7 +66,8 @@ def _functions(subject: Subject) -> Outcome:
     from fmpy import fmi2, fmi3
 
     prefix = f"fmi{subject.version}"
-    kind = fmi2.FMU2Slave if subject.version == 2 else fmi3.FMU3Slave
+    kinds = (fmi2.FMU2Model, fmi3.FMU3Model) if subject.exchange else (fmi2.FMU2Slave, fmi3.FMU3Slave)
+    kind = kinds[subject.version - 2]
     wanted = [name for name in dir(kind) if name.startswith(prefix)]
     try:
         library = subject.calls.make(ctypes.CDLL, str(subject.library))

@@ -23,14 +23,14 @@ _NOISE = 2.0**17  # [byte]
 _TOLERANCE = 1e-3
 
 
-@check("start", gate=True)
+@check("start", gate=True, runs=True)
 def _start(subject: Subject) -> Outcome:
     with subject.instance() as one:
         one.slave.terminate()
     return PASSED, "Instantiated, initialized with its start values, terminated and freed."
 
 
-@check("wrong token")
+@check("wrong token", runs=True)
 def _token(subject: Subject) -> Outcome:
     try:
         with subject.instance(initialize=False, token="{00000000-0000-0000-0000-000000000000}"):
@@ -42,7 +42,7 @@ def _token(subject: Subject) -> Outcome:
     return REMARK, "An instance with another guid or instantiation token starts nevertheless."
 
 
-@check("first outputs")
+@check("first outputs", runs=True)
 def _first_outputs(subject: Subject) -> Outcome:
     with subject.instance() as one:
         strange = one.not_finite()
@@ -50,7 +50,7 @@ def _first_outputs(subject: Subject) -> Outcome:
     return none_of(strange, "Not finite after initialization", good)
 
 
-@check("readable")
+@check("readable", runs=True)
 def _readable(subject: Subject) -> Outcome:
     with subject.instance() as one:
         read = [v for v in subject.variables if v.type != "Clock" and not v.clocks]  # those in an event only
@@ -59,7 +59,7 @@ def _readable(subject: Subject) -> Outcome:
     return none_of(unreadable, "Cannot be read after initialization", good)
 
 
-@check("steps")
+@check("steps", runs=True)
 def _steps(subject: Subject) -> Outcome:
     with subject.instance() as one:
         for k in range(subject.steps):
@@ -80,7 +80,7 @@ def _equal(first: list[str], second: list[str], good: str, bad: str) -> Outcome:
     return (FAILED, f"{bad}, the outputs differ from step {differ[0]} on.") if differ else (PASSED, good)
 
 
-@check("save and restore", needs=_STATE)
+@check("save and restore", needs=_STATE, runs=True)
 def _restore(subject: Subject) -> Outcome:
     with subject.instance() as one:
         older = one.save()
@@ -93,7 +93,7 @@ def _restore(subject: Subject) -> Outcome:
     return _equal(first, second, good, "Repeated from a saved state")
 
 
-@check("serialize", needs=(*_STATE, "canSerializeFMUstate"))
+@check("serialize", needs=(*_STATE, "canSerializeFMUstate"), runs=True)
 def _serialize(subject: Subject) -> Outcome:
     with subject.instance() as one:
         one.excite(0, subject.half)
@@ -109,7 +109,7 @@ def _serialize(subject: Subject) -> Outcome:
     return _equal(first, second, good, "Continued in another instance from a serialized state")
 
 
-@check("reset")
+@check("reset", runs=True)
 def _reset(subject: Subject) -> Outcome:
     with subject.instance() as one:
         first = one.excite(0, subject.steps)
@@ -118,7 +118,7 @@ def _reset(subject: Subject) -> Outcome:
     return _equal(first, second, f"{subject.steps} steps repeated after a reset are equal to the bit.", "After a reset")
 
 
-@check("two instances")
+@check("two instances", runs=True)
 def _two(subject: Subject) -> Outcome:
     if subject.can.canBeInstantiatedOnlyOncePerProcess:
         return NOT_APPLICABLE, "It declares canBeInstantiatedOnlyOncePerProcess."
@@ -133,7 +133,7 @@ def _two(subject: Subject) -> Outcome:
     return _equal(expected, found, good, "Beside another instance with other inputs")
 
 
-@check("fixed parameter")
+@check("fixed parameter", runs=True)
 def _fixed(subject: Subject) -> Outcome:
     variable = next((v for v in subject.parameters if v.variability == "fixed"), None)
     if variable is None:
@@ -150,7 +150,7 @@ def _fixed(subject: Subject) -> Outcome:
     return REMARK, f"{variable.name!r} is fixed, but can be set after initialization, which a host must not do."
 
 
-@check("not a number")
+@check("not a number", runs=True)
 def _nan(subject: Subject) -> Outcome:
     if not subject.inputs:
         return NOT_APPLICABLE, "It has no Real input."
@@ -170,7 +170,7 @@ def _nan(subject: Subject) -> Outcome:
     return PASSED, f"Inputs {'; '.join(found)}."
 
 
-@check("wrong state")
+@check("wrong state", runs=True)
 def _wrong_state(subject: Subject) -> Outcome:
     def step(one: Trial) -> None:
         one.step(0)
@@ -197,7 +197,7 @@ def _wrong_state(subject: Subject) -> Outcome:
     return none_of(accepted, "Accepted", f"Refused: {', '.join(cases)}.", verdict=REMARK)
 
 
-@check("log messages")
+@check("log messages", runs=True)
 def _log(subject: Subject) -> Outcome:
     with subject.instance() as one:
         for variable in subject.inputs:
@@ -210,7 +210,7 @@ def _log(subject: Subject) -> Outcome:
     return PASSED, f"All its messages have text.{subject.log.tail()}"
 
 
-@check("directional derivatives", needs=_STATE)
+@check("directional derivatives", needs=_STATE, runs=True)
 def _derivatives(subject: Subject) -> Outcome:
     if not subject.differentiates:
         return NOT_APPLICABLE, "It does not declare that it provides them."
@@ -251,7 +251,7 @@ def _derivative_error(one: Trial, variable: Any, at: float, outputs: list[Any], 
     return max(abs(a - b) for a, b in zip(derivatives, quotients, strict=True)) / largest
 
 
-@check("memory")
+@check("memory", runs=True)
 def _memory(subject: Subject) -> Outcome:
     pages = Path("/proc/self/statm")
     if not pages.exists():

@@ -28,7 +28,7 @@ _POLL = 0.05  # [s]
 
 
 def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LIMIT) -> list[Finding]:
-    """Check an FMU, FMI 2.0 or 3.0 for co-simulation.
+    """Check an FMU, FMI 2.0 or 3.0; its behaviour if it is for co-simulation.
 
     Parameters
     ----------

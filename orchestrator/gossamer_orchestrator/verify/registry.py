@@ -45,15 +45,20 @@ class Check:
         Capabilities without which it is not applicable.
     gate : bool
         If it fails, no check after it means anything.
+    runs : bool
+        It steps the FMU, so that must be for co-simulation.
     """
 
     function: Function
     needs: tuple[str, ...]
     gate: bool
+    runs: bool
 
     def __call__(self, subject: Callable[[], Subject], log: Log) -> Outcome:
         """Check what ``subject`` returns; it raises what FMPy raises if the model description cannot be read."""
         try:
+            if self.runs and subject().exchange:
+                return NOT_APPLICABLE, "It is for model exchange."
             missing = [name for name in self.needs if not getattr(subject().can, name)]
             if missing:
                 return NOT_APPLICABLE, f"It does not declare {', '.join(missing)}."
@@ -65,11 +70,13 @@ class Check:
 CHECKS: dict[str, Check] = {}  # by name, in the order of the report
 
 
-def check(name: str, *, needs: tuple[str, ...] = (), gate: bool = False) -> Callable[[Function], Function]:
+def check(
+    name: str, *, needs: tuple[str, ...] = (), gate: bool = False, runs: bool = False
+) -> Callable[[Function], Function]:
     """Register a check, as a decorator of its function."""
 
     def add(function: Function) -> Function:
-        CHECKS[name] = Check(function, needs, gate)
+        CHECKS[name] = Check(function, needs, gate, runs)
         return function
 
     return add

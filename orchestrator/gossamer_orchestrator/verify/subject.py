@@ -16,7 +16,7 @@ import numpy as np
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 
-from ..fmi.file import library_path
+from ..fmi.file import interface, library_path
 from ..fmi.slave import DISCARD, FATAL, OK, Log, is_python, start_slave
 from .calls import Calls
 
@@ -71,7 +71,8 @@ class Subject:
         whole = STEPS if stop is None else max(int((stop - self.start) / self.size + 1e-6), 1)
         self.steps, self.ends = min(whole, STEPS), stop is not None
         self.fatal = False
-        self.can: Any = self.description.coSimulation
+        self.can: Any = interface(self.description)
+        self.exchange = self.description.coSimulation is None
         capabilities = ElementTree.parse(folder / "modelDescription.xml").find("CoSimulation")
         names = "providesDirectionalDerivative", "providesDirectionalDerivatives"  # FMPy reads the first, of FMI 2.0
         self.differentiates = any(capabilities.get(name) in ("true", "1") for name in names if capabilities is not None)

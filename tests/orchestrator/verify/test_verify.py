@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import re
 import shutil
 import stat
 import sys
@@ -16,6 +15,7 @@ from gossamer_fmus import build_all, build_fmu
 from gossamer_models.sensor import sensor_model
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.verify import FAILED, NOT_APPLICABLE, PASSED, REMARK, verify
+from gossamer_orchestrator.verify.registry import Finding
 from pythonfmu.builder import FmuBuilder
 from typer.testing import CliRunner
 
@@ -122,10 +122,12 @@ def test_a_model_description_against_the_rules_fails_twice_and_runs(fmus, tmp_pa
     assert findings["steps"].verdict == PASSED
 
 
-def test_model_exchange_alone_is_refused(fmus, tmp_path):
-    rewrite(fmus / "gain.fmu", tmp_path / "me.fmu", lambda xml: re.sub("(</?)CoSimulation", r"\1ModelExchange", xml))
-    findings = by_name(verify(tmp_path / "me.fmu"))
-    assert "without co-simulation" in findings["model description"].why
+def test_of_model_exchange_everything_but_the_behaviour_is_checked(exchange_fmus):
+    findings = by_name(verify(exchange_fmus / "BouncingBall3.fmu"))
+    assert "FMI 3.0 for model exchange" in findings["model description"].why
+    assert findings["exported functions"].verdict == PASSED
+    assert findings["steps"] == Finding("steps", NOT_APPLICABLE, "It is for model exchange.")
+    assert not [each for each in findings.values() if each.verdict == FAILED]
 
 
 # --- behaviour ---
