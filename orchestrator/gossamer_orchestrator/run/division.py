@@ -2,17 +2,54 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SimulationError
-from .position import PART
-
-if TYPE_CHECKING:
-    from .master import Simulation
-    from .member import Member
+from ..fmi.instance import Instance
+from ..scenario.plan import Plan
+from .member import Member
+from .position import PART, Position
 
 UNITS = 2**20  # parts of a communication step, in which those of it are counted
 MAX_PARTS = 64
+
+
+class Steps(Protocol):
+    """What a division of steps needs of a ``Simulation``, which describes it."""
+
+    plan: Plan
+    position: Position
+    tick: int
+    values: NDArray[np.float64]
+    places: dict[tuple[str, str], int]
+    members: list[Member]
+    ended_by: list[Instance]
+
+    @property
+    def over(self) -> bool:
+        """Whether an FMU has ended the simulation."""
+
+    @property
+    def time(self) -> float:
+        """Present communication point [s]."""
+
+    def save(self) -> None:
+        """Keep the present state of everything for ``restore``."""
+
+    def restore(self) -> None:
+        """Go back to what was kept, as often as needed."""
+
+    def substep(self, begin: int, size: int, *, full: bool) -> Member | None:
+        """Step every component once; return who refused."""
+
+    def is_recorded(self, tick: int) -> bool:
+        """Tell whether what is recorded is read at a communication point."""
+
+    def read(self) -> None:
+        """Read all variables at the present communication point."""
 
 
 class Division:
@@ -20,11 +57,11 @@ class Division:
 
     Parameters
     ----------
-    simulation : Simulation
+    simulation : Steps
         The run.
     """
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Steps) -> None:
         self._simulation = simulation
         self._can_repeat = all(file.can_repeat for file in simulation.plan.files)
 
@@ -63,9 +100,9 @@ class Division:
         """Say nothing at the end of the run."""
 
 
-def refusal(simulation: Simulation, member: Member, parts: int) -> SimulationError:
+def refusal(simulation: Steps, member: Member, parts: int) -> SimulationError:
     """Explain which component refused the present step in so many parts, and what it logged."""
-    step, unable = simulation.scenario.step, [file.name for file in simulation.plan.files if not file.can_repeat]
+    step, unable = simulation.plan.scenario.step, [file.name for file in simulation.plan.files if not file.can_repeat]
     if unable:
         why = f"{', '.join(unable)} cannot restore its state or vary its step"
         how = f"and the step cannot be repeated in parts, because {why}"

@@ -10,7 +10,6 @@ over a power of two, and end at communication points, where results are recorded
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +17,10 @@ from numpy.typing import NDArray
 from ..errors import SimulationError
 from ..fmi.types import FLOATS
 from ..scenario import schema
-from .division import UNITS, refusal
+from .division import UNITS, Steps, refusal
 from .group import nominal
+from .member import Member
 from .position import PART
-
-if TYPE_CHECKING:
-    from .master import Simulation
-    from .member import Member
 
 logger = logging.getLogger(__name__)
 
@@ -36,7 +32,7 @@ class StepControl:
 
     Parameters
     ----------
-    simulation : Simulation
+    simulation : Steps
         The run.
     wanted : schema.StepControl
         Tolerance and most parts.
@@ -51,7 +47,7 @@ class StepControl:
         Nominal value, or largest magnitude so far, of each value that is compared.
     """
 
-    def __init__(self, simulation: Simulation, wanted: schema.StepControl, *, strict: bool) -> None:
+    def __init__(self, simulation: Steps, wanted: schema.StepControl, *, strict: bool) -> None:
         self._simulation, self._strict = simulation, strict
         self._tolerance, self._smallest = wanted.tolerance, UNITS // wanted.parts
         plan, places = simulation.plan, simulation.places
@@ -135,7 +131,7 @@ class StepControl:
         self._misses += 1
         simulation = self._simulation
         text = (
-            f"the smallest step of the step control, {simulation.scenario.step * self._smallest / UNITS:.3g} s, has "
+            f"the smallest step of the step control, {simulation.plan.scenario.step * self._smallest / UNITS:.3g} s, has "
             f"{error:.3g} times the error of 'tolerance' = {self._tolerance:g} after t = {simulation.time:.9g} s."
         )
         advice = "Allow more 'parts', or use a larger 'tolerance'."
