@@ -17,6 +17,17 @@ def pytest_addoption(parser):
         action="store_true",
         help="write golden files and the tables in the FMU READMEs anew instead of comparing with them",
     )
+    parser.addoption(
+        "--kills",
+        type=int,
+        help="how often each command is killed, at another moment each time; a few times by default",
+    )
+
+
+@pytest.fixture(scope="session")
+def kills(request):
+    """How often each command is killed; None for as often as its test finds enough."""
+    return request.config.getoption("--kills")
 
 
 @pytest.fixture(scope="session")

@@ -74,9 +74,10 @@ def main(seed, times, *command):
     """Run the command once, then disturb it."""
     code, total = fork("complete", command)
     times = int(times)
-    if code or total < times:
+    if code or not total:
         sys.exit(f"the command ended with code {code} after {total} moments")
-    for number, at in enumerate(random.Random(int(seed)).sample(range(1, total + 1), times)):
+    moments = [*range(1, total + 1)] * (times // total + 1)  # each of them once before any is taken twice
+    for number, at in enumerate(random.Random(int(seed)).sample(moments, times)):
         code, _ = fork(f"killed_{number}", command, at)
         if code != -signal.SIGKILL:
             sys.exit(f"it was not killed at moment {at} of {total}, but ended with code {code}")

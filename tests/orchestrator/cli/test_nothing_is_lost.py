@@ -116,8 +116,10 @@ def assert_nothing_is_damaged(folder):
             check_archive(path)
 
 
-def test_a_command_that_is_killed_or_lacks_space_damages_nothing(prepared):
-    times = 1 if prepared is TRAIN else 4  # training takes long; its writer is tested at every moment in test_files.py
+def test_a_command_that_is_killed_or_lacks_space_damages_nothing(prepared, kills):
+    times = kills or (
+        1 if prepared is TRAIN else 4
+    )  # training takes long; its writer is tested at every moment in test_files.py
     script = Path(__file__).with_name("disturbed_command.py")
     done = subprocess.run(
         [sys.executable, script, "1", str(times), *prepared], capture_output=True, text=True, check=False
