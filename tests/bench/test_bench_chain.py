@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
+from gossamer_orchestrator import FmuFile, Recorder, Simulation, load_scenario, make_plan, parse_scenario
 from gossamer_orchestrator.run.finite import FiniteCheck
 from gossamer_orchestrator.run.position import open_position
 from gossamer_orchestrator.run.stream import Stream
@@ -88,3 +88,23 @@ def test_chain_of_ten_native_fmus(python_plan, native_plan):
     print(f"the native FMI calls alone: {1e6 * alone:.0f} us of {1e6 * with_master:.0f} us per step; ", end="")
     print(f"the master costs {1e6 * overhead:.1f} us per FMU and step")
     assert python > 0.5 * RATIO_TARGET * native
+
+
+@pytest.mark.parametrize(("name", "copies"), [("sensor", 4), ("membrane", 2)])
+def test_components_that_step_at_once(built, name, copies):
+    """Steps of a sensor take some 2 us, of a membrane some 100 us; the wall time tells, so the machine must be quiet."""
+    folder = built("native")["sensor"].parent
+    given = ", ".join(f'"{each}" = 0.0' for each in FmuFile(folder / f"{name}.fmu").names("input"))
+    components = "".join(f'[components.c{i}]\nfmu = "{name}"\ninputs = {{ {given} }}\n' for i in range(copies))
+    text = f'step = 3e-4\nstop = 0.15\nmaster = "jacobi"\n{components}'
+    scenario = parse_scenario(text)
+
+    def seconds(threads):
+        with Simulation(make_plan(scenario, folder), threads=threads) as simulation:
+            begin = time.perf_counter()
+            simulation.run()
+            return (time.perf_counter() - begin) / simulation.tick
+
+    table = [[seconds(threads) for threads in (1, 2)] for _ in range(5)]
+    one, two = (min(times) for times in zip(*table, strict=True))
+    print(f"\n{copies} {name}s: {1e6 * one:.0f} us per step one after another, {1e6 * two:.0f} us in two threads")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from fmpy.fmi1 import FMICallException
 
-from ..errors import SimulationError
+from ..errors import FmuError, SimulationError
 from .file import FmuFile
 from .instance import Instance
 from .instance3 import Instance3
@@ -48,8 +48,14 @@ class ModelExchange(Instance):
 
     @cached_property
     def _integrator(self) -> Integrator:
-        from .integrator import Integrator  # loads SUNDIALS
-
+        try:
+            from .integrator import Integrator  # loads SUNDIALS
+        except (ImportError, OSError) as error:
+            msg = (
+                f"{self.fmu.path} is for model exchange, and FMPy has no SUNDIALS for this machine to integrate it: {error}. "
+                "Export it for co-simulation."
+            )
+            raise FmuError(msg) from error
         return Integrator(self._slave, self.fmu.description, self.time, self.tolerance)
 
     def set_start(self, values: Mapping[str, Value]) -> None:
