@@ -27,6 +27,15 @@ def run(
     fmus: FmuFolder = FMUS,
     step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
     stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
+    values: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="Value in place of the file's, such as membrane.damage[1]=0.3 or sensor?.rest_strain=0.02; seed=2 is that "
+            "of all noise. As often as needed.",
+            metavar="NAME=VALUE",
+        ),
+    ] = None,
     master: Annotated[
         str | None, typer.Option(help="gauss-seidel or jacobi, in place of the file's or for an .ssp.")
     ] = None,
@@ -74,8 +83,12 @@ def run(
 
         gossamer run other.ssp --step 1e-3 --stop 2 --master jacobi
 
+        gossamer run damaged --set "membrane.damage[1]=0.3" --out out/deeper
+
         gossamer run my_scenario.toml --resume
     """
+    from ..scenario.changes import read_changes
+
     if watched and resume:
         msg = "--watch must see a run from its start. Resume it without --watch, then use 'gossamer watch' on its results."
         raise OrchestratorError(msg)
@@ -85,6 +98,7 @@ def run(
     options = {
         "step": step,
         "stop": stop,
+        "values": read_changes(values or []),
         "master": master,
         "limit": limit,
         "strict": strict,

@@ -52,7 +52,7 @@ class ModelExchange(Instance):
             from .integrator import Integrator  # loads SUNDIALS
         except (ImportError, OSError) as error:
             msg = (
-                f"{self.fmu.path} is for model exchange, and FMPy has no SUNDIALS for this machine to integrate it: {error}. "
+                f"{self.fmu.path} is for model exchange, and FMPy has no SUNDIALS for this machine: {error}. "
                 "Export it for co-simulation."
             )
             raise FmuError(msg) from error

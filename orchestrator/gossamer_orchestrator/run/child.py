@@ -27,8 +27,9 @@ from typing import Any, BinaryIO
 from ..errors import OrchestratorError, SimulationError
 from ..exchange.open import open_scenario
 from ..results.files import RESUME
+from ..scenario.changes import changed
 from ..scenario.plan import make_plan
-from ..scenario.schema import Scenario
+from ..scenario.schema import Given, Scenario
 from . import checkpoint
 from .finite import FiniteCheck
 from .master import Observer, Simulation
@@ -46,6 +47,7 @@ class Task:
     fmus: Path
     step: float | None
     stop: float | None
+    values: dict[str, Given]
     master: str | None
     out: Path
     scratch: Path
@@ -109,6 +111,7 @@ def _run(task: Task, report: Report) -> None:
         if task.master is not None:
             order = scenario.order if task.master == "gauss-seidel" else None
             scenario = scenario.model_copy(update={"master": task.master, "order": order})
+        scenario = changed(scenario, task.values, task.fmus)
         plan = make_plan(scenario, task.fmus, strict=task.strict)
         check_space(plan, task.out)
         card, arrays = checkpoint.load(task.out / RESUME, plan) if task.resume else (None, {})

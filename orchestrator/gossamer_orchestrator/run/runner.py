@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import pickle
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ from ..results.files import (
     save_csv,
     values_in,
 )
-from ..scenario.schema import Scenario
+from ..scenario.schema import Given, Scenario
 from .child import WAITING, Task
 from .folders import locked, scratch
 from .master import Observer
@@ -44,6 +44,7 @@ def run_scenario(
     *,
     step: float | None = None,
     stop: float | None = None,
+    values: Mapping[str, Given] | None = None,
     master: str | None = None,
     limit: float | None = None,
     strict: bool = False,
@@ -67,6 +68,8 @@ def run_scenario(
         Folder for ``results.nc`` and ``results.csv``; None writes nothing.
     step, stop : float or None
         Communication step and last time [s] in place of those of the file.
+    values : mapping of str to value, optional
+        Values in place of those of the file, see ``scenario.changes.changed``.
     master : {"gauss-seidel", "jacobi"} or None
         Master in place of that of the file, or of an SSP, which states none.
     limit : float or None
@@ -102,6 +105,7 @@ def run_scenario(
     --------
     >>> data = run_scenario("scenarios/damaged.toml", fmus="out/fmus", out="out/damaged")
     >>> data["detector.damage"].isel(time=-1)
+    >>> deeper = run_scenario("damaged", fmus="out/fmus", values={"membrane.damage[1]": 0.3})
     """
     with ExitStack() as stack:
         temporary = stack.enter_context(scratch())
@@ -115,6 +119,7 @@ def run_scenario(
             fmus=Path(fmus),
             step=step,
             stop=stop,
+            values=dict(values or {}),
             master=master,
             out=folder,
             scratch=temporary,
