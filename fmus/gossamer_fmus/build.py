@@ -83,6 +83,7 @@ def build_all(
     artifact: Path | None = None,
     elements_per_side: int | None = None,
     order: int | None = None,
+    law: str | None = None,
     native: bool = False,
     fmi: FmiVersion = 2,
     platforms: Iterable[str] = (),
@@ -101,6 +102,8 @@ def build_all(
         artifact.
     elements_per_side, order : int, optional
         Mesh of the membrane, which must be the only name; see ``membrane_model``.
+    law : str, optional
+        Law of the membrane's material: st_venant_kirchhoff, hencky or relaxed.
     native, fmi, platforms, progress
         See ``build_fmu``.
 
@@ -118,7 +121,7 @@ def build_all(
     ModuleNotFoundError
         The compiler is not installed.
     """
-    options = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order}
+    options = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order, "law": law}
     models = {name: make_model(name, compiled=native, **options) for name in names}  # all or nothing
     named = [(name, model, None) for name, model in models.items()]
     paths = _build(named, folder, native, fmi, platforms, progress)

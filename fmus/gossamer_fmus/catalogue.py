@@ -28,11 +28,13 @@ _OPTIONS = {
     "artifact": NAMES[1:],
     "elements_per_side": ("membrane",),
     "order": ("membrane",),
+    "law": ("membrane",),
 }  # and the FMUs that have them
 _REFUSALS = {
     "artifact": "FMU {!r} is not built from an artifact. Name those that are: sensor, compensator, estimator or detector.",
     "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
     "order": "FMU {!r} has no mesh. Name the membrane alone to choose the order of its elements.",
+    "law": "FMU {!r} has no law of a material. Name the membrane alone to choose it.",
 }
 
 
@@ -61,7 +63,7 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     compiled : bool
         Whether to use the form of the model for compilation, if it has one.
     **options
-        ``artifact``, ``elements_per_side`` and ``order`` as in ``build_all``; None stands for the default.
+        ``artifact``, ``elements_per_side``, ``order`` and ``law`` as in ``build_all``; None stands for the default.
 
     Returns
     -------

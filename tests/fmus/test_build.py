@@ -162,6 +162,7 @@ def test_an_artifact_or_a_mesh_can_be_chosen(fmus, tmp_path):
     for mesh, text in (
         ({"elements_per_side": 8, "order": 1}, "8 x 8 elements of order 1"),
         ({"order": 3}, "of order 3"),
+        ({"law": "relaxed"}, "law relaxed"),
     ):
         other = build_all(tmp_path, ["membrane"], **mesh)["membrane"]
         assert text in fmpy.read_model_description(str(other)).description
@@ -174,6 +175,10 @@ def test_an_artifact_or_a_mesh_can_be_chosen(fmus, tmp_path):
         build_all(tmp_path, ["sensor"], elements_per_side=8)
     with pytest.raises(ParameterError, match="'detector' has no mesh"):
         build_all(tmp_path, ["detector"], order=6)
+    with pytest.raises(ParameterError, match="'sensor' has no law"):
+        build_all(tmp_path, ["sensor"], law="hencky")
+    with pytest.raises(ParameterError, match="no law 'huke'"):
+        build_all(tmp_path, ["membrane"], law="huke")
     with pytest.raises(ArtifactError, match=r"gossamer\.sensor"):
         build_all(tmp_path, ["detector"], artifact=tmp_path / "sensor.json")
 

@@ -42,6 +42,14 @@ def build(
             metavar="N",
         ),
     ] = None,
+    law: Annotated[
+        str | None,
+        typer.Option(
+            help="Law of the membrane's material: st_venant_kirchhoff, which carries compression, by default; hencky; or "
+            "relaxed, which wrinkles instead.",
+            metavar="NAME",
+        ),
+    ] = None,
     native: Annotated[
         bool, typer.Option("--native", help="Compile C code, so that the FMU runs without Python.")
     ] = False,
@@ -73,12 +81,14 @@ def build(
 
         gossamer build membrane --elements-per-side 8 --order 1
 
+        gossamer build membrane --law relaxed
+
         gossamer build estimator --artifact out/mine/sensor.json
 
         gossamer build detector --artifact wide --out somewhere
     """
     options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
-    choices = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order}
+    choices = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order, "law": law}
     keep_inputs([artifact], [out / f"{name}.fmu" for name in names or ()])
     paths = build_fmus(out, names, **choices, **options).values()
     for path in paths:
