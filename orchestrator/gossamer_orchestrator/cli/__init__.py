@@ -22,6 +22,7 @@ from .exchange import container, export
 from .identify import CommandWithFields, identify
 from .inspect import info, verify
 from .run import demo, run
+from .sweep import sweep
 from .train import train
 from .twin import twin
 from .watch import watch
@@ -77,6 +78,7 @@ app.command()(build)
 app.command()(run)
 app.command("export-ssp")(export)
 app.command()(container)
+app.command()(sweep)
 app.command()(demo)
 app.command()(verify)
 app.command()(info)
