@@ -164,7 +164,7 @@ def run_sweep(
                 *command,
                 *texts,
                 "--out",
-                out / case.name,
+                str(out / case.name),
             ]
             with subprocess.Popen(
                 arguments, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
