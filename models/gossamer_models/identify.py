@@ -14,10 +14,11 @@ import numpy as np
 from gossamer_files import replacing
 
 from .errors import ParameterError
+from .fitting.columns import Columns
 from .fitting.errors import Errors, nrmse
 from .fitting.plots import RECORD_PICTURES
-from .fitting.reading import Columns, read_records
-from .fitting.records import thin, training_rows
+from .fitting.reading import read_records
+from .fitting.records import Record, thin, training_rows
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
@@ -115,6 +116,7 @@ def identify_files(
     command: str = "",
     origin: str = "not stated",
     progress: Callable[[str], None] = lambda _: None,
+    recognised: Callable[[Sequence[Record]], None] = lambda _: None,
 ) -> Identified:
     """Fit a sensor to the records in some files.
 
@@ -139,6 +141,8 @@ def identify_files(
         For the provenance of the artifact.
     progress : callable
         Called with a sentence on the progress.
+    recognised : callable
+        Called with the records before anything is fitted; ``Record.found`` says what was recognised.
 
     Returns
     -------
@@ -147,6 +151,7 @@ def identify_files(
     """
     settings = settings or PreisachSettings()
     read = read_records(paths, columns, weights)
+    recognised(read)
     records = thin(read)
     for before, record in zip(read, records, strict=True):
         if record is not before:

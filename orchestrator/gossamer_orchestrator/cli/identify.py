@@ -17,6 +17,7 @@ from typer.core import TyperCommand
 
 from ..errors import OrchestratorError
 from .common import keep_inputs, model_errors, wide
+from .recognised import print_recognised
 
 
 class CommandWithFields(TyperCommand):
@@ -157,6 +158,7 @@ def identify(
             command=command,
             origin=origin,
             progress=status.update,
+            recognised=lambda records: print_recognised(console, records),
         )
         result.fit.artifact.write(out)
         drawn = save_pictures(result, out.with_suffix("")) if pictures else []
