@@ -24,6 +24,7 @@ from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
 from .replay import recover_strain
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
+from .sensor.fit.doubts import determined, start_errors
 from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.settings import MODELS as PREISACH
 from .sensor.plots import SENSOR_PICTURES
@@ -178,6 +179,8 @@ def identify_files(
             "full_scale_strain": repr(fit.full_scale),
             "offset": repr(fit.rest_resistance),
             "scale": repr(fit.resistance_change),
+            "determined by the data": determined(fit),
+            "starts ended at": ", ".join(f"{each:.3f} %" for each in start_errors(fit)),
         }
     errors = fit.errors
     if isinstance(fit, PreisachFit):
