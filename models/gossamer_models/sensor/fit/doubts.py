@@ -61,7 +61,7 @@ def doubts(fit: PreisachFit) -> tuple[str, ...]:
     if max(reached[: len(fit.solutions) // 2 + 1]) > APART * reached[0]:
         sentences.append(
             f"The {len(reached)} starts ended at {', '.join(f'{each:.3g}' for each in reached)} % of the fitted range: the "
-            "fit has local minima, and another may be better. Take more starts (--starts), or preisach-hats, which has fewer."
+            "fit has local minima, and another may be better. Take more starts (--starts), or preisach-hats: it has fewer."
         )
     if fit.settings.earlier:
         sentences.append(
