@@ -180,7 +180,9 @@ def identify_files(
         fit = fit_preisach(records, rows, settings, watch=watch, **given)
         doubted = preisach_doubts(fit)
         if settings.ridge == "auto":
-            chosen = f"The ridge {fit.settings.ridge:g} predicts the later parts of the training stretch best."
+            chosen = (
+                f"The ridge {fit.settings.ridge:g} is a mean of those that best predict the later parts of training."
+            )
             doubted = (chosen, *doubted)
         stated = {
             "settings": repr(fit.settings),  # with the ridge chosen

@@ -178,6 +178,9 @@ def identify(
         drawn += save_pictures(result, out.with_suffix("")) if pictures else []
     known = "given" if rest_resistance is not None else "fitted"
     caption = f"E1: sum of errors over sum of changes from the {known} {result.fit.rest_resistance:.6g} ohm at rest"
+    starts = result.fit.artifact.provenance.get("starts ended at", "")
+    if "," in starts:
+        caption += f"\nstarts ended at {starts} of the fitted range, regularisation included"
     headings = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
     table = Table(*headings, caption=caption)
     for e in result.errors:
