@@ -97,9 +97,10 @@ def _least_rest(fit: PreisachFit) -> str:
     lower, upper = (bound[place] for bound in (fit.solver.problem.lower, fit.solver.problem.upper))
     if not np.isfinite(lower) or lower == upper or fit.x[place] > lower + 1e-7 * max(1.0, abs(lower)):
         return ""
+    why = " The record does not separate it from what was still relaxing." if fit.settings.earlier else ""
     return (
-        f"The fitted resistance at rest, {fit.rest_resistance:.4g}, is the least that is allowed: the record does not "
-        "separate it from what was still relaxing. Give it (--rest-resistance)."
+        f"The fitted resistance at rest, {fit.rest_resistance:.4g}, is the least that is allowed, and a lower one would fit "
+        f"better.{why} Give it (--rest-resistance)."
     )
 
 
