@@ -32,7 +32,7 @@ def print_recognised(console: Console, records: Sequence[Record]) -> None:
             else f"{found.shortest:.3g} to {found.longest:.4g} s, median {found.step:.3g} s"
         )
         first = [escape(record.name), *([found.written] if found.written else [])]
-        last = [f"{found.samples} samples", steps, f"{len(found.gaps)} gaps" if found.gaps else "no gap"]
+        last = [f"{found.samples} samples", steps, f"gaps: {len(found.gaps)}" if found.gaps else "no gap"]
         for k in range(3):
             quantity = found.quantities[k] if k < len(found.quantities) else None
             table.add_row(
