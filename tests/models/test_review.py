@@ -1,5 +1,6 @@
 """A stored sensor on other records: what it was never fitted to, mounted again, drifted; and what is refused."""
 
+import hashlib
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from gossamer_models.fractional import FractionalArtifact, FractionalTerm
 from gossamer_models.replay import noise_of, recover, sensor_output
 from gossamer_models.review import fit_scales, judge_files, save_judged
 from gossamer_models.review.scales import SHORTEST_DECAY
-from gossamer_models.sensor import Scales, default_artifact, sensor_model
+from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
 from gossamer_models.simulate import simulate
 from oracles.records import record, zigzag
 
@@ -116,6 +117,14 @@ def test_a_delay_is_taken_back(measured):
     given = np.isfinite(found.strain)
     assert np.sqrt(np.mean((found.strain - measured.strain)[given] ** 2)) < 0.02 * FULL
     assert found.deviation is not None
+
+
+def test_a_record_that_the_sensor_was_fitted_to_is_told(measured, stored, tmp_path):
+    path = write(tmp_path / "r.csv", measured)
+    sensor = SensorArtifact.read(stored)
+    replace(sensor, provenance={"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}).write(stored)
+    (judged,) = judge_files(stored, [path])
+    assert judged.sentences() == ("r.csv is a record that the sensor was fitted to: its errors say little of others.",)
 
 
 def test_what_is_written_reads_as_a_record(measured, stored, tmp_path):

@@ -7,6 +7,7 @@ to the same first stretch of every record, so it knows more than a sensor withou
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +47,8 @@ class Judged:
         Its fitted scales; None where the sensor's own were used.
     cubic, cubic_strain : ndarray, shape (m,)
         Resistance [ohm] and strain [1] by static cubics.
+    known : bool
+        Whether the sensor was fitted to this file.
     """
 
     record: Record
@@ -55,6 +58,7 @@ class Judged:
     scales: OwnScales | None
     cubic: Vector
     cubic_strain: Vector
+    known: bool = False
 
     @property
     def fitted(self) -> Rows:
@@ -86,9 +90,9 @@ class Judged:
         return float(np.sqrt(np.mean(stated[rows] ** 2) / true)) if true > 0.0 else None
 
     def sentences(self) -> tuple[str, ...]:
-        """Say where the static cubic does better than the sensor on the judged stretch."""
+        """Say whether the sensor knows the record, and where the static cubic does better on the judged stretch."""
         rows = self.stretches().get("judged", self.first)
-        name, said = self.record.name, []
+        name, said = self.record.name, list[str]()
         if (cubic := self.forward(rows, self.cubic)) < (own := self.forward(rows)):
             said.append(f"{name}: a cubic predicts resistance better, {cubic:.2f} to {own:.2f} %.")
         for kind, each in self.recovered.items():
@@ -96,7 +100,8 @@ class Judged:
                 said.append(f"{name}: a cubic recovers strain better than {kind}, {cubic:.2f} to {own:.2f} %.")
         if said and self.scales is None:
             said.append(f"{name}: its sensor may be mounted or drifted otherwise; find its own scales (--fit-scales).")
-        return tuple(said)
+        known = f"{name} is a record that the sensor was fitted to: its errors say little of others."
+        return (*([known] if self.known else []), *said)
 
 
 def judge_files(
@@ -150,7 +155,7 @@ def judge_files(
     read = read_records(paths, columns)
     recognised(read)
     judged = []
-    for record in thin(read):
+    for path, record in zip(paths, thin(read), strict=True):
         progress(f"judging {record.name}")
         first = training_rows(record, stretch)
         output = sensor_output(artifact, full_scale, record)
@@ -166,9 +171,15 @@ def judge_files(
                 scales=scales,
                 cubic=static_cubic(record.strain, record.resistance, first),
                 cubic_strain=static_cubic(record.resistance, record.strain, first),
+                known=_digest(path) in artifact.provenance.get("sha256", ""),
             )
         )
     return tuple(judged)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_sensor(path: Path) -> SensorArtifact:
