@@ -33,7 +33,7 @@ def metrics(results: Results) -> list[Metric]:
 
 def _comparisons(results: Results) -> list[Comparison]:
     fitted = (each for row in results.measured for each in row.comparisons())
-    return [*fitted, *(row.comparison() for row in results.transfers)]
+    return [*fitted, *(row.comparison() for row in results.transfers), *results.reviewed]
 
 
 def _matrix(comparisons: list[Comparison]) -> list[str]:
@@ -123,7 +123,9 @@ roboticslab-uc3m (nylon-silver-soft-sensor), normalised and without a clock; we 
 (electromech-stretcher). The models are fitted to the first half of a record, for carbon black to the first 60 %, and
 predict the rest. *Extension* means, for silver thread, a gain that loading changes; for the sawtooth, relaxation that
 falling strain drives too; for the velocity profile both, with either sign. `A -> B`: fitted to all of A, evaluated on
-B."""
+B. `two records -> B`: fitted to all of `strain_sin_30` and `strain_mixed_15_25` (hat functions, earlier relaxation), then
+`gossamer assess --fit-scales`: gain, offset and what was still relaxing are fitted to the first half of B, and the second
+half is judged, beside a static cubic that is fitted to the same first half. All records were seen while this was built."""
 CAPTION_FORWARD = (
     "Beyond the thesis: measured records. Output over strain (of silver thread the first and the last cycles) and "
     "over time, measured (grey) and modelled with the extension, and the residual of the model. Shaded: fitted."

@@ -16,11 +16,12 @@ from typing import Any
 from gossamer_models.fractional import FractionalFit
 
 from .fractional import Limits, TableRow, limits, run_fractional
-from .measured import MeasuredFit, Transfer, run_measured, run_transfers
+from .measured import Comparison, MeasuredFit, Transfer, run_measured, run_transfers
 from .metrics import Metric
 from .noise import TARGETS, Case, run_histories, run_ways, run_wrong_eta
 from .preisach import SpecimenFit, run_specimen
 from .recovery import Recovery, run_recovery
+from .reviewed import run_reviewed
 from .speed import run_speed
 
 MORE_NOISE = (0.0002, 0.0005, 0.002, 0.01)  # [1], to draw errors over noise
@@ -49,7 +50,7 @@ class Results:
         Model to its fit to two cycles of Dataset-3, for Figure 3.5.
     noise, more_noise, wrong_eta : sequence of Case
         Compensators under noise, at further levels of it, and with a wrong eta.
-    measured, transfers : sequence
+    measured, transfers, reviewed : sequence
         Measured records; empty if they are missing.
     """
 
@@ -65,6 +66,7 @@ class Results:
     wrong_eta: Sequence[Case]
     measured: Sequence[MeasuredFit] = field(default=())
     transfers: Sequence[Transfer] = field(default=())
+    reviewed: Sequence[Comparison] = field(default=())
 
 
 def compute(data: Path | None, report: Callable[[str, int, int], None] | None = None) -> Results:
@@ -85,6 +87,7 @@ def compute(data: Path | None, report: Callable[[str, int, int], None] | None = 
     }
     if data is not None:
         alone |= {"measured": partial(run_measured, data), "transfers": partial(run_transfers, data)}
+        alone["reviewed"] = partial(run_reviewed, data)
     together: dict[str, Callable[[], Any]] = {"fractional": run_fractional, "limits": limits}
     for noise in TARGETS:
         together[f"noise {noise}"] = partial(run_ways, noise)
@@ -121,4 +124,5 @@ def compute(data: Path | None, report: Callable[[str, int, int], None] | None = 
         wrong_eta=[case for error in ETA_ERRORS for case in results[f"wrong eta {error}"]],
         measured=results.get("measured", ()),
         transfers=results.get("transfers", ()),
+        reviewed=results.get("reviewed", ()),
     )

@@ -81,6 +81,7 @@ def build_all(
     names: Iterable[str] = NAMES,
     *,
     artifact: Path | None = None,
+    scales: tuple[float, ...] | None = None,
     elements_per_side: int | None = None,
     order: int | None = None,
     law: str | None = None,
@@ -100,6 +101,9 @@ def build_all(
     artifact : Path, optional
         Identified sensor, of either family, or trained detector; every FMU named must be built from this kind of
         artifact.
+    scales : tuple of float, optional
+        Resistance at rest [ohm], its rise to full scale [ohm] and full scale [1] of an identified sensor, in place of its
+        own; needed where it has none.
     elements_per_side, order : int, optional
         Mesh of the membrane, which must be the only name; see ``membrane_model``.
     law : str, optional
@@ -121,7 +125,13 @@ def build_all(
     ModuleNotFoundError
         The compiler is not installed.
     """
-    options = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order, "law": law}
+    options = {
+        "artifact": artifact,
+        "scales": scales,
+        "elements_per_side": elements_per_side,
+        "order": order,
+        "law": law,
+    }
     models = {name: make_model(name, compiled=native, **options) for name in names}  # all or nothing
     named = [(name, model, None) for name, model in models.items()]
     paths = _build(named, folder, native, fmi, platforms, progress)

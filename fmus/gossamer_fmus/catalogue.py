@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,7 +14,7 @@ from gossamer_models.artifacts import artifact_schema
 from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import PosteriorArtifact, detector_model, posterior_model, read_detector
 from gossamer_models.membrane import membrane_model
-from gossamer_models.sensor import SensorArtifact, sensor_model
+from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
 
 MODELS: dict[str, Callable[..., StepModel]] = {
     "membrane": membrane_model,
@@ -26,16 +27,19 @@ NAMES = tuple(MODELS)
 
 _OPTIONS = {
     "artifact": NAMES[1:],
+    "scales": NAMES[1:4],
     "elements_per_side": ("membrane",),
     "order": ("membrane",),
     "law": ("membrane",),
 }  # and the FMUs that have them
 _REFUSALS = {
+    "scales": "FMU {!r} has no scales of a sensor. Name those that have: sensor, compensator or estimator.",
     "artifact": "FMU {!r} is not built from an artifact. Name those that are: sensor, compensator, estimator or detector.",
     "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
     "order": "FMU {!r} has no mesh. Name the membrane alone to choose the order of its elements.",
     "law": "FMU {!r} has no law of a material. Name the membrane alone to choose it.",
 }
+_SCALES = "resistance at rest [ohm], its rise to full scale [ohm] and full scale [1], for instance 1000,150,0.2."
 
 
 def fmu_folder(name: str) -> Path:
@@ -63,7 +67,8 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     compiled : bool
         Whether to use the form of the model for compilation, if it has one.
     **options
-        ``artifact``, ``elements_per_side``, ``order`` and ``law`` as in ``build_all``; None stands for the default.
+        ``artifact``, ``scales``, ``elements_per_side``, ``order`` and ``law`` as in ``build_all``; None stands for the
+        default.
 
     Returns
     -------
@@ -73,7 +78,7 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     Raises
     ------
     ParameterError
-        The FMU does not have one of the options.
+        The FMU does not have one of the options, or the sensor has no scales and none are given.
     ArtifactError
         The artifact cannot be used.
     """
@@ -81,18 +86,25 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     for option in given:
         if name not in _OPTIONS[option]:
             raise ParameterError(_REFUSALS[option].format(name))
-    artifact = given.pop("artifact", None)
+    artifact, scales = given.pop("artifact", None), given.pop("scales", None)
     if name == "membrane":
         return membrane_model(**given, compiled=compiled)
     if artifact is None:
-        return MODELS[name](**given)
+        return (
+            MODELS[name](**given)
+            if scales is None
+            else MODELS[name](replace(default_artifact(), scales=_scales(scales)))
+        )
     if name == "detector":
         trained = read_detector(artifact)
         return posterior_model(trained) if isinstance(trained, PosteriorArtifact) else detector_model(trained)
     from gossamer_models import fractional  # slow to import, and rarely needed
 
     if artifact_schema(artifact) != fractional.SCHEMA:
-        return MODELS[name](SensorArtifact.read(artifact), **given)
+        return MODELS[name](_with_scales(artifact, scales), **given)
+    if scales is not None:
+        msg = f"{artifact} holds a fractional model, which has its own scales. Leave --scales out."
+        raise ParameterError(msg)
     if name == "sensor":
         return fractional.fractional_sensor_model(fractional.FractionalArtifact.read(artifact))
     msg = (
@@ -100,3 +112,26 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
         "compensator, identify the same records with --model preisach; or build the sensor alone."
     )
     raise ParameterError(msg)
+
+
+def _scales(numbers: tuple[float, ...]) -> Scales:
+    names = [f.name for f in fields(Scales)]
+    if len(numbers) != len(names):
+        msg = f"the scales of a sensor are three numbers, not {len(numbers)}: {_SCALES}"
+        raise ParameterError(msg)
+    return Scales(**dict(zip(names, numbers, strict=True)))
+
+
+def _with_scales(path: Path, scales: tuple[float, ...] | None) -> SensorArtifact:
+    """Read a sensor with scales, its own or those given; refuse one without: its FMU would start at those of no sensor."""
+    artifact = SensorArtifact.read(path)
+    if scales is not None:
+        return replace(artifact, scales=_scales(scales))
+    if artifact.scales is None and artifact != default_artifact():
+        msg = (
+            f"{path} holds no scales, because its resistance at rest is not positive: FMUs would start at 100 ohm at rest, "
+            "100 ohm more at full scale, and 50 % strain, which are those of no sensor. State its own (--scales): "
+            f"{_SCALES} Or identify it again with its resistance at rest (--rest-resistance)."
+        )
+        raise ParameterError(msg)
+    return artifact

@@ -11,18 +11,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gossamer_files import replacing
 
+from .arrays import Vector
 from .errors import ParameterError
+from .fitting.columns import Columns
 from .fitting.errors import Errors, nrmse
-from .fitting.plots import RECORD_PICTURES
-from .fitting.reading import Columns, read_records
-from .fitting.records import thin, training_rows
+from .fitting.plots import record_pictures, save_figures
+from .fitting.reading import read_records
+from .fitting.records import Record, thin, training_rows
+from .fitting.tables import write_predictions
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
 from .replay import recover_strain
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
+from .sensor.fit.doubts import determined, start_errors
 from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.settings import MODELS as PREISACH
 from .sensor.plots import SENSOR_PICTURES
@@ -50,11 +53,18 @@ class Identified:
         Training and test stretch of every record.
     remarks : tuple of str
         Repairs of the records, and what the data do not determine.
+    recovered : tuple of ndarray, shape (m,)
+        Strain [1] that the compensator recovers from each record; empty for a model without one.
     """
 
     fit: Fit
     errors: tuple[Errors, ...]
     remarks: tuple[str, ...] = ()
+    recovered: tuple[Vector, ...] = ()
+
+    def recovered_of(self, k: int) -> dict[str, Vector]:
+        """Return the strain recovered from record k by name of the compensator; nothing for a model without one."""
+        return {"recovered": self.recovered[k]} if self.recovered else {}
 
 
 def options(settings: type) -> list[Field[Any]]:
@@ -115,6 +125,7 @@ def identify_files(
     command: str = "",
     origin: str = "not stated",
     progress: Callable[[str], None] = lambda _: None,
+    recognised: Callable[[Sequence[Record]], None] = lambda _: None,
 ) -> Identified:
     """Fit a sensor to the records in some files.
 
@@ -139,6 +150,8 @@ def identify_files(
         For the provenance of the artifact.
     progress : callable
         Called with a sentence on the progress.
+    recognised : callable
+        Called with the records before anything is fitted; ``Record.found`` says what was recognised.
 
     Returns
     -------
@@ -147,6 +160,7 @@ def identify_files(
     """
     settings = settings or PreisachSettings()
     read = read_records(paths, columns, weights)
+    recognised(read)
     records = thin(read)
     for before, record in zip(read, records, strict=True):
         if record is not before:
@@ -166,18 +180,23 @@ def identify_files(
         fit = fit_preisach(records, rows, settings, watch=watch, **given)
         doubted = preisach_doubts(fit)
         if settings.ridge == "auto":
-            chosen = f"The ridge {fit.settings.ridge:g} predicts the later parts of the training stretch best."
+            chosen = (
+                f"The ridge {fit.settings.ridge:g} is a mean of those that best predict the later parts of training."
+            )
             doubted = (chosen, *doubted)
         stated = {
             "settings": repr(fit.settings),  # with the ridge chosen
             "full_scale_strain": repr(fit.full_scale),
             "offset": repr(fit.rest_resistance),
             "scale": repr(fit.resistance_change),
+            "determined by the data": determined(fit),
+            "starts ended at": ", ".join(f"{each:.3f} %" for each in start_errors(fit)),
         }
-    errors = fit.errors
+    errors, strains = fit.errors, tuple[Vector, ...]()
     if isinstance(fit, PreisachFit):
         progress("recovering the strain")
-        errors = _with_strain_errors(fit)
+        strains = tuple(recover_strain(fit, record) for record in fit.records)
+        errors = _with_strain_errors(fit, strains)
     provenance = {
         "data": ", ".join(record.name for record in records),
         "origin": origin,
@@ -192,7 +211,7 @@ def identify_files(
     repairs = tuple(f"{record.name}: {text}." for record in records for text in record.repairs)
     artifact: Any = replace(fit.artifact, provenance=provenance)
     fit = replace(fit, artifact=artifact)
-    return Identified(fit=fit, errors=errors, remarks=(*repairs, *doubted))
+    return Identified(fit=fit, errors=errors, remarks=(*repairs, *doubted), recovered=strains)
 
 
 def _digest(path: Path) -> str:
@@ -202,32 +221,30 @@ def _digest(path: Path) -> str:
 
 def save_pictures(result: Identified, folder: Path) -> list[Path]:
     """Write all pictures that an identified model has as PNG files; return their paths."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    folder.mkdir(parents=True, exist_ok=True)
-    pictures: dict[str, Callable[[], Any]] = {
-        f"{Path(record.name).stem}_{name}": partial(plot, record, predicted, train)
-        for record, predicted, train in zip(result.fit.records, result.fit.predicted, result.fit.train, strict=True)
-        for name, plot in RECORD_PICTURES.items()
-    }
-    if isinstance(result.fit, PreisachFit):
-        pictures |= {name: partial(plot, result.fit.artifact) for name, plot in SENSOR_PICTURES.items()}
-    for name, plot in pictures.items():
-        ax = plot()
-        with replacing(folder / f"{name}.png") as path:
-            ax.figure.savefig(path, dpi=130)
-        plt.close(ax.figure)
-    return [folder / f"{name}.png" for name in pictures]
+    fit = result.fit
+    pictures: dict[str, Callable[[], Any]] = {}
+    for k, record in enumerate(fit.records):
+        pictures |= record_pictures(record, fit.predicted[k], result.recovered_of(k), fit.train[k])
+    if isinstance(fit, PreisachFit):
+        pictures |= {name: partial(plot, fit.artifact) for name, plot in SENSOR_PICTURES.items()}
+    return save_figures(pictures, folder)
 
 
-def _with_strain_errors(fit: PreisachFit) -> tuple[Errors, ...]:
+def save_predictions(result: Identified, folder: Path) -> list[Path]:
+    """Write predicted resistance and recovered strain of every record as CSV; return the paths."""
+    fit, paths = result.fit, []
+    for k, record in enumerate(fit.records):
+        columns = {f"{name} strain": strain for name, strain in result.recovered_of(k).items()}
+        path = folder / f"{Path(record.name).stem}_predicted.csv"
+        paths.append(write_predictions(path, record, fit.predicted[k], columns, fit.train[k]))
+    return paths
+
+
+def _with_strain_errors(fit: PreisachFit, strains: tuple[Vector, ...]) -> tuple[Errors, ...]:
     """Return the errors of a fit with those of the strain that the compensator recovers from the measured resistance."""
     of_strain: dict[tuple[str, str], float] = {}
-    for record, rows in zip(fit.records, fit.train, strict=True):
-        recovered, size = recover_strain(fit, record), float(np.ptp(record.strain))
+    for record, rows, recovered in zip(fit.records, fit.train, strains, strict=True):
+        size = float(np.ptp(record.strain))
         for stretch, part in (("train", rows), ("test", ~rows)):
             of_strain[record.name, stretch] = nrmse(record.strain[part], recovered[part], size)
     return tuple(replace(each, strain_nrmse=of_strain[each.record, each.stretch]) for each in fit.errors)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from .arrays import Vector
 from .compensator import compensator_model
 from .errors import DataError
 from .fitting.records import Record
-from .sensor import sensor_model
+from .sensor import SensorArtifact, sensor_model
 from .sensor.fit import PreisachFit
 from .simulate import simulate
 from .step_model import StepModel
@@ -16,6 +18,28 @@ from .stepper import Stepper
 
 REACH = 1.005  # strain up to this factor of full scale is clipped, as the sensor does
 SHIFT = 10.0  # resistance at rest of the models: it must be positive, and only differences from it count
+EXACT = "exact"  # the exact inverse of a sensor that has a direct one too
+SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median of the absolute second difference of unit white noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recovered:
+    """Strain that a compensator recovers from the resistance of a record.
+
+    Attributes
+    ----------
+    strain : ndarray, shape (m,)
+        At the times of the record [1]: the delay of the compensator is taken back; not a number where it is not delivered
+        before the record ends.
+    deviation : ndarray, shape (m,), or None
+        Standard deviation that the compensator states [1]; None for one that states none.
+    delay : float
+        Delay of the compensator at the end of the record [s].
+    """
+
+    strain: Vector
+    deviation: Vector | None
+    delay: float
 
 
 def predict_resistance(fit: PreisachFit, record: Record) -> Vector:
@@ -26,31 +50,103 @@ def predict_resistance(fit: PreisachFit, record: Record) -> Vector:
     DataError
         Strain exceeds the full scale of the sensor; the message names the line.
     """
-    beyond = np.flatnonzero(record.strain > REACH * fit.full_scale)
-    if beyond.size:
-        k = int(beyond[0])
-        msg = (
-            f"{record.name}, line {record.lines[k]}: strain {record.strain[k]:g} is beyond the full scale "
-            f"{fit.full_scale:g} of the sensor. Identify it on a wider range."
-        )
-        raise DataError(msg)
-    strain = np.minimum(record.strain, fit.full_scale)
-    output = _run(sensor_model(fit.artifact), fit, record, "strain", strain, "resistance") - SHIFT
-    return fit.rest_resistance + fit.resistance_change * output
+    return fit.rest_resistance + fit.resistance_change * sensor_output(fit.artifact, fit.full_scale, record)
 
 
 def recover_strain(fit: PreisachFit, record: Record) -> Vector:
     """Return the strain [1] that the compensator recovers from the resistance of a record, shape (m,), starting at rest."""
-    output = (record.resistance - fit.rest_resistance) / fit.resistance_change + SHIFT
-    return _run(compensator_model(fit.artifact), fit, record, "resistance", output, "strain")
+    output = (record.resistance - fit.rest_resistance) / fit.resistance_change
+    return recover(fit.artifact, fit.full_scale, record, output).strain
 
 
-def _run(model: StepModel, fit: PreisachFit, record: Record, source: str, values: Vector, result: str) -> Vector:
-    """Return one result of a normalised model at the samples of a record, initialized at the first one."""
-    stepper = Stepper(model, rest_resistance=SHIFT, full_scale_resistance_change=1.0, full_scale_strain=fit.full_scale)
-    stepper.set("rest_strain", float(min(record.strain[0], fit.full_scale)))
+def sensor_output(artifact: SensorArtifact, full_scale: float, record: Record) -> Vector:
+    """Return the normalised output [1] that a sensor gives for the strain of a record, shape (m,), starting at rest.
+
+    Parameters
+    ----------
+    artifact : SensorArtifact
+        The sensor.
+    full_scale : float
+        Strain [1] at the end of its range.
+    record : Record
+        The record.
+
+    Raises
+    ------
+    DataError
+        Strain exceeds the full scale of the sensor; the message names the line.
+    """
+    beyond = np.flatnonzero(record.strain > REACH * full_scale)
+    if beyond.size:
+        k = int(beyond[0])
+        msg = (
+            f"{record.name}, line {record.lines[k]}: strain {record.strain[k]:g} is beyond the full scale "
+            f"{full_scale:g} of the sensor. Identify it on a wider range."
+        )
+        raise DataError(msg)
+    strain = np.minimum(record.strain, full_scale)
+    return _run(sensor_model(artifact), full_scale, record, "strain", strain, ["resistance"])["resistance"] - SHIFT
+
+
+def recover(
+    artifact: SensorArtifact, full_scale: float, record: Record, output: Vector, method: str = "inverse"
+) -> Recovered:
+    """Return the strain that a compensator recovers from a normalised output, starting at rest at the first strain.
+
+    Parameters
+    ----------
+    artifact, full_scale, record
+        As for ``sensor_output``.
+    output : ndarray, shape (m,)
+        Normalised output [1] at the samples of the record.
+    method : str
+        As for ``compensator_model``, or ``exact`` for the exact inverse of a sensor that has a direct one too. The noise
+        that an estimator is given is that of the output.
+
+    Raises
+    ------
+    ParameterError
+        The method is unknown or cannot compensate this sensor.
+    """
+    chosen, kind = (replace(artifact, inverse=None), "inverse") if method == EXACT else (artifact, method)
+    model = compensator_model(chosen, kind)  # type: ignore[arg-type]
+    states = [name for name in ("strain_deviation", "delay") if name in model.names]
+    results = _run(model, full_scale, record, "resistance", output + SHIFT, ["strain", *states], noise=noise_of(output))
+    strain, deviation = results["strain"], results.get("strain_deviation")
+    if "delay" not in results:
+        return Recovered(strain=strain, deviation=deviation, delay=0.0)
+    meant = record.time - results["delay"]
+    kept = np.flatnonzero(np.diff(meant, prepend=-np.inf) > 0.0)
+
+    def at_record(values: Vector) -> Vector:
+        return np.asarray(np.interp(record.time, meant[kept], values[kept], right=np.nan))
+
+    stated = None if deviation is None else at_record(deviation)
+    return Recovered(strain=at_record(strain), deviation=stated, delay=float(results["delay"][-1]))
+
+
+def noise_of(signal: Vector) -> float:
+    """Return the standard deviation of the white noise of a smooth signal, from the median of its second differences."""
+    return float(np.median(np.abs(np.diff(signal, 2))) / SECOND_DIFFERENCE)
+
+
+def _run(
+    model: StepModel,
+    full_scale: float,
+    record: Record,
+    source: str,
+    values: Vector,
+    results: list[str],
+    **parameters: float,
+) -> dict[str, Vector]:
+    """Return results of a normalised model at the samples of a record, initialized at the first one."""
+    stepper = Stepper(model, rest_resistance=SHIFT, full_scale_resistance_change=1.0, full_scale_strain=full_scale)
+    for name, value in parameters.items():
+        if name in model.names:
+            stepper.set(name, value)
+    stepper.set("rest_strain", float(min(record.strain[0], full_scale)))
     stepper.set(source, float(values[0]))
     stepper.initialize()
-    first = stepper.get(result)
-    later = simulate(stepper, np.diff(record.time), {source: values[1:]}, [result])[result]
-    return np.concatenate([[first], later])
+    first = {name: stepper.get(name) for name in results}
+    later = simulate(stepper, np.diff(record.time), {source: values[1:]}, results)
+    return {name: np.concatenate([[first[name]], later[name]]) for name in results}

@@ -208,3 +208,24 @@ def test_a_fractional_artifact_builds_a_sensor_and_nothing_else(fmus, tmp_path):
     path.write_text("{}")
     with pytest.raises(ArtifactError, match="cannot read the artifact"):
         build_all(tmp_path, ["sensor"], artifact=path)
+
+
+def test_a_sensor_without_scales_is_built_with_stated_ones_or_not_at_all(tmp_path):
+    """Its FMU would start at scales of no sensor, and recover wrong strain without a word."""
+    from gossamer_models.sensor import default_artifact
+
+    path = tmp_path / "signal.json"
+    replace(default_artifact(), provenance={"data": "another"}).write(path)
+    for name in ("sensor", "compensator", "estimator"):
+        with pytest.raises(
+            ParameterError, match=r"signal\.json holds no scales.*--scales.*1000,150,0\.2.*--rest-resistance"
+        ):
+            build_all(tmp_path, [name], artifact=path)
+    built = build_all(tmp_path, ["sensor"], artifact=path, scales=(1000.0, 150.0, 0.2))["sensor"]
+    starts = {v.name: v.start for v in fmpy.read_model_description(str(built)).modelVariables}
+    names = ("rest_resistance", "full_scale_resistance_change", "full_scale_strain")
+    assert [float(starts[name]) for name in names] == [1000.0, 150.0, 0.2]
+    with pytest.raises(ParameterError, match="three numbers, not 2"):
+        build_all(tmp_path, ["sensor"], artifact=path, scales=(1000.0, 150.0))
+    with pytest.raises(ParameterError, match="'membrane' has no scales"):
+        build_all(tmp_path, ["membrane"], scales=(1000.0, 150.0, 0.2))

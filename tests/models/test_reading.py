@@ -100,12 +100,6 @@ def test_a_small_fault_is_repaired_and_told(tmp_path, change, columns, repair, s
     assert found.strain.min() >= 0.0
 
 
-def test_a_strain_that_may_be_in_per_cent_is_told(tmp_path):
-    rows = [[f"{t:.6g}", f"{60 * s:.9g}", f"{r:.9g}"] for t, s, r in zip(T, STRAIN, OHM, strict=True)]
-    assert any("strain up to 2.99" in text for text in read_record(write(tmp_path / "r.csv", rows=rows)).repairs)
-    assert not read_record(write(tmp_path / "r.csv", "time,strain [1],resistance", rows)).repairs
-
-
 def test_records_of_one_sensor_in_two_units_are_refused(tmp_path):
     first = write(tmp_path / "first.csv")
     second = write(tmp_path / "second.csv", "time,strain,R_kohm")
@@ -139,13 +133,6 @@ def test_a_gap_at_rest_is_harmless(tmp_path):
 def test_unclear_columns_are_refused(tmp_path, header, columns, message):
     with pytest.raises(DataError, match=message.replace("[", r"\[")):
         read_record(write(tmp_path / "r.csv", header), columns)
-
-
-def test_decimal_commas_are_refused_with_what_was_read(tmp_path):
-    path = tmp_path / "r.csv"
-    path.write_text("time;strain;resistance\n0,5;0,01;1100,5\n1,5;0,02;1101,5\n")
-    with pytest.raises(DataError, match=r"line 2: 2 of 2 .* It reads 0,5 \| 0,01 \| 1100,5: write decimal points"):
-        read_record(path)
 
 
 def test_a_file_that_is_none_is_refused(tmp_path):

@@ -12,7 +12,7 @@ from gossamer_models.replay import predict_resistance
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
 from gossamer_models.sensor.fit.doubts import determination, doubts, parameters
-from gossamer_models.sensor.fit.ridge import RIDGES, choose_ridge
+from gossamer_models.sensor.fit.ridge import RIDGES, between, choose_ridge
 from oracles.preisach import drive, start
 from oracles.records import QUICK, everything, fit_like, record, zigzag
 
@@ -29,9 +29,19 @@ def test_the_ridge_is_chosen_without_a_look_at_the_test_stretch(known):
     ]
     assert chosen[0] == chosen[1]
     assert chosen[0].ridge == chosen[0].relaxation_ridge
-    assert chosen[2].ridge == max(RIDGES)  # noise as large as the signal
+    assert chosen[2].ridge > chosen[0].ridge  # noise as large as the signal
     assert len(seen) == 3 * len(RIDGES)
     assert fit_preisach((known,), rows, settings, full_scale=1.0).settings == chosen[0]
+
+
+def test_a_choice_among_ridges_that_predict_alike_hangs_on_no_single_one():
+    """A clear best one is taken; equal ones give their geometric mean; the choice never jumps."""
+    errors = np.array([1.0, 3.0, 3.0, 3.0, 3.0])
+    assert between(RIDGES, errors) == pytest.approx(RIDGES[0], rel=1e-2)
+    assert between(RIDGES, np.ones(5)) == pytest.approx(np.exp(np.mean(np.log(RIDGES))), rel=1e-2)
+    nearly = [between((1e-2, 1e-3), np.array([1.0, 1.0 + step])) for step in np.linspace(-0.02, 0.02, 21)]
+    assert np.all(np.diff(nearly) > 0.0)  # where the best one alone would jump by ten
+    assert nearly[-1] < 1.7 * nearly[0]
 
 
 def test_a_ridge_cannot_be_chosen_where_the_first_half_rests():

@@ -3,18 +3,18 @@ r"""Records of strain and resistance: read, converted to SI, checked and repaire
 Rules, each with the line of the file named where it applies:
 
 - Records of one fit have different names.
-- Options name the columns, or the names of the columns identify them (``TIME``, ``STRAIN``, ``RESISTANCE`` below).
-  Units come from an option, else from the name of the column (``t_ms``, ``strain [%]``, ``R_kohm``), else they are s, 1
-  and ohm. Two different units for one column are refused.
+- ``table.py`` finds encoding, preamble, header, delimiter and decimal mark, ``columns.py`` the columns and their units.
+  What was recognised goes with the record, ``found.py``, to be shown before a fit.
+- A column without a unit is in s, 1 or ohm. Times without one that may be milliseconds or a count are refused.
+- ISO 8601 timestamps are seconds after the first one.
 - Lines with more cells than the header has names are refused: a decimal comma divides a number.
 - Samples with a missing value or no finite number are left out; more than ``MOST_MISSING`` of them are refused.
 - Samples with the same time are averaged. Times that go backwards are refused; ``sort`` sorts them instead.
 - A record without a time column needs ``sampling_step``. A time column and ``sampling_step`` together are refused.
 - A gap, a step longer than ``LONGEST_GAP`` median steps in which strain changes by more than ``GAP_STRAIN`` of its range, is
-  refused, because the switching during the gap is unknown. A gap at constant strain is harmless and stays.
+  refused, because the switching during the gap is unknown. A gap at constant strain stays and is reported.
 - Strain above ``LARGEST_STRAIN`` in a column without a unit, an output that jumps by a factor of ``LARGEST_JUMP`` between
-  samples, and records of one fit whose largest outputs differ by this factor are refused as mixed units. Strain above
-  ``REPORTED_STRAIN`` in a column without a unit is kept and reported.
+  samples, and records of one fit whose largest outputs differ by this factor are refused as mixed units.
 - Constant strain or output, and strain below zero by more than rounding of the meter, are refused.
 """
 
@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import csv
 import math
-import re
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,43 +33,29 @@ from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..errors import DataError
-from .options import option
+from .columns import Column, Columns, read_units, wanted_columns
+from .found import Found, Quantity, gaps_of, unclear_clock, written
 from .records import Record
 from .repairs import LARGEST_JUMP, Samples, check, drop_missing, order_times
-
-TIME = ("t", "time", "timestamp", "seconds")
-STRAIN = ("strain", "eps", "epsilon")
-RESISTANCE = ("resistance", "r", "r_inner", "ohm")
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
-STRAINS = {"1": 1.0, "%": 0.01, "percent": 0.01, "permille": 1e-3, "ustrain": 1e-6}
-OHMS = {"ohm": 1.0, "kohm": 1e3, "mohm": 1e-3, "megohm": 1e6, "1": 1.0}
-OPTION = {"time": "--time", "strain": "--strain", "resistance": "--resistance"}  # of the command
+from .table import Numbers, Table, is_number, open_table, rows_of, why_no_number
 
 
-@dataclass(frozen=True, kw_only=True)
-class Columns:
-    """Which columns to read, and in which units.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Raw:
+    """Samples as they stand in a file, in SI, and how they were found; ``unread`` says what the first bad one holds."""
 
-    Attributes
-    ----------
-    time, strain, resistance : str or None
-        Names of columns; None to recognise them.
-    time_unit, strain_unit, resistance_unit : str or None
-        Keys of ``SECONDS``, ``STRAINS`` and ``OHMS``; None to recognise them.
-    sampling_step : float or None
-        Time between samples [s] where there is no time column.
-    sort : bool
-        Sort samples by time instead of refusing times that go backwards.
-    """
+    table: Table
+    wanted: list[Column]
+    numbers: Numbers
+    lines: NDArray[np.int_]
+    values: list[Vector]
+    unread: str
 
-    time: str | None = option(None, "Column of time; recognised if not given.", metavar="NAME")
-    strain: str | None = option(None, "Column of strain.", metavar="NAME")
-    resistance: str | None = option(None, "Column of resistance.", metavar="NAME")
-    time_unit: str | None = option(None, "s, ms, us, min or h.")
-    strain_unit: str | None = option(None, "1, %, permille or ustrain.")
-    resistance_unit: str | None = option(None, "ohm, kohm or megohm.")
-    sampling_step: float | None = option(None, "Time between samples [s] of a record without time.")
-    sort: bool = option(False, "Sort samples by time instead of refusing them.")
+    @property
+    def written(self) -> str:
+        return written(
+            self.table.encoding, self.table.header_line, self.table.delimiter, comma=bool(self.numbers.commas)
+        )
 
 
 def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1.0) -> Record:
@@ -79,7 +64,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     Parameters
     ----------
     path : Path
-        Comma, semicolon or tab separated.
+        Comma, semicolon, tab or space separated.
     columns : Columns or None
         None to recognise names and units.
     weight : float
@@ -96,18 +81,33 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
         The file cannot be read or breaks one of the rules above; the message names the line.
     """
     columns = columns or Columns()
-    header, unread, lines, numbers = _read_columns(path, columns)
+    raw = _read(path, columns)
+    values = list(raw.values)
     if columns.sampling_step is not None:
-        numbers.insert(0, columns.sampling_step * np.arange(len(lines), dtype=np.float64))
-    strain_at = _find(path, header, columns.strain, columns.strain_unit, STRAIN, STRAINS, "strain")[0]
-    stated = columns.strain_unit is not None or _split(header[strain_at], STRAINS)[1] is not None
-    samples = Samples(path, numbers, lines, strain_unit_stated=stated)
+        values.insert(0, columns.sampling_step * np.arange(raw.lines.size, dtype=np.float64))
+    of_strain = next(c for c in raw.wanted if c.what == "strain")
+    samples = Samples(path, values, raw.lines, strain_unit_stated=of_strain.unit is not None)
     if columns.sampling_step is not None:
         samples.repairs.append(f"no clock was read: samples are taken as {columns.sampling_step:g} s apart")
-    drop_missing(samples, unread)
+    drop_missing(samples, raw.unread)
     order_times(samples, sort=columns.sort)
-    time, strain, resistance = samples.columns
+    _check_clock(raw, samples.columns[0])
     check(samples)
+    time, strain, resistance = samples.columns
+    steps = np.diff(time)
+    ranges = {"time": time, "strain": strain, "resistance": resistance}
+    found = Found(
+        written=raw.written,
+        quantities=tuple(
+            Quantity(column=c, lowest=float(ranges[c.what].min()), highest=float(ranges[c.what].max()))
+            for c in raw.wanted
+        ),
+        samples=time.size,
+        step=float(np.median(steps)),
+        shortest=float(steps.min()),
+        longest=float(steps.max()),
+        gaps=gaps_of(time, strain, samples.lines),
+    )
     low = float(strain.min())
     if low < 0.0:
         samples.repairs.append(f"strain from {low:g} up to 0 was set to 0")
@@ -119,6 +119,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
         lines=samples.lines,
         weight=weight,
         repairs=tuple(samples.repairs),
+        found=found,
     )
 
 
@@ -147,109 +148,71 @@ def read_records(
     return records
 
 
-def _read_columns(path: Path, columns: Columns) -> tuple[list[str], list[str], NDArray[np.int_], list[Vector]]:
-    """Read the header, the cells of the first line that lacks a number, and the lines and values [SI] of all samples.
-
-    No more than the numbers is kept, so that a file of any length fits.
-    """
-    lines, unread = array("q"), list[str]()
+def _read(path: Path, columns: Columns) -> _Raw:
+    """Read all samples; no more than their numbers is kept, so that a file of any length fits."""
+    lines, unread = array("q"), ""
+    numbers = Numbers(path)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            sample = file.read(4096)
-            file.seek(0)
-            first = sample.splitlines()[0] if sample else ""
-            reader = csv.reader(file, delimiter=max(",;\t", key=first.count))
-            header = [name.strip() for name in next(reader)]
-            wanted = _wanted(path, header, columns)
-            values = [array("d") for _ in wanted]
-            for row in reader:
-                if not any(cell.strip() for cell in row):
-                    continue
-                if any(cell.strip() for cell in row[len(header) :]):
+        table = open_table(path, lambda header, line: wanted_columns(path, header, line, columns))
+        wanted = wanted_columns(path, table.header, table.header_line, columns)
+        width = len(table.header)
+        values = [array("d") for _ in wanted]
+        with path.open(encoding=table.encoding, newline="") as file:
+            for k, (line, row) in enumerate(rows_of(table, file)):
+                if any(cell.strip() for cell in row[width:]):
                     msg = (
-                        f"{path}, line {reader.line_num}: {len(row)} cells under {len(header)} names. Write decimal points, "
-                        "and a name for every column."
+                        f"{path}, line {line}: {len(row)} cells under {width} names. Write decimal points, or semicolons "
+                        "between cells with decimal commas, and a name for every column."
                     )
                     raise DataError(msg)
-                lines.append(reader.line_num)
-                for column, (place, unit) in zip(values, wanted, strict=True):
-                    column.append(unit * _number(row, place))
+                if k == 0 and (with_units := read_units(path, line, row, wanted, columns)) is not None:
+                    wanted = with_units
+                    continue
+                lines.append(line)
+                for column, c in zip(values, wanted, strict=True):
+                    column.append(_value(row, c, numbers, line))
                 if not unread and not all(math.isfinite(column[-1]) for column in values):
-                    unread = row
-    except (OSError, UnicodeDecodeError, csv.Error, StopIteration) as error:
-        what = "it is empty" if isinstance(error, StopIteration) else reason(error)
-        msg = f"cannot read {path}: {what}. Name a CSV file with a header line."
+                    unread = _why(row, wanted)
+    except (OSError, UnicodeError, csv.Error) as error:
+        msg = f"cannot read {path}: {reason(error)}. Name a CSV file with a header line."
         raise DataError(msg) from error
     if not lines:
         msg = f"{path} holds no samples. Name a CSV file with a header line and numbers below it."
         raise DataError(msg)
-    return header, unread, np.array(lines, dtype=int), [np.array(column, dtype=np.float64) for column in values]
+    factors = [1.0 if c.what == "time" and numbers.clock is not None else c.factor for c in wanted]
+    return _Raw(
+        table=table,
+        wanted=wanted,
+        numbers=numbers,
+        lines=np.array(lines, dtype=int),
+        values=[each * np.array(column, dtype=np.float64) for each, column in zip(factors, values, strict=True)],
+        unread=unread,
+    )
 
 
-def _wanted(path: Path, header: list[str], columns: Columns) -> list[tuple[int, float]]:
-    """Return the places of time, unless there is a sampling step, strain and resistance, and their factors to SI."""
-    wanted = [
-        _find(path, header, columns.strain, columns.strain_unit, STRAIN, STRAINS, "strain"),
-        _find(path, header, columns.resistance, columns.resistance_unit, RESISTANCE, OHMS, "resistance"),
-    ]
-    if columns.sampling_step is None:
-        return [_find(path, header, columns.time, columns.time_unit, TIME, SECONDS, "time"), *wanted]
-    if columns.time is not None or columns.time_unit is not None:
-        msg = f"{path}: a column or unit of time and a sampling step are given. Leave one of them out."
+def _value(row: list[str], column: Column, numbers: Numbers, line: int) -> float:
+    if column.place >= len(row):
+        return math.nan
+    return (numbers.read_time if column.what == "time" else numbers.read)(row[column.place], line)
+
+
+def _why(row: list[str], wanted: list[Column]) -> str:
+    """Return the cells of a sample without a number, and what to do about the first that is none."""
+    cells = [row[c.place] if c.place < len(row) else "" for c in wanted]
+    bad = next((cell for cell in cells if not is_number(cell)), "nan")
+    return f"It reads {' | '.join(row)}. {why_no_number(bad)}."
+
+
+def _check_clock(raw: _Raw, time: Vector) -> None:
+    """Refuse times whose unit is unclear, and timestamps in a column that states a unit of its own."""
+    clock = next((c for c in raw.wanted if c.what == "time"), None)
+    if clock is None:
+        return
+    where = f"{raw.table.path}, line {raw.table.header_line}"
+    if raw.numbers.clock is not None:
+        if clock.factor != 1.0:
+            msg = f"{where}: column {clock.name!r} is in {clock.unit}, but holds timestamps. Leave the unit out."
+            raise DataError(msg)
+    elif (why := unclear_clock(clock, time)) is not None:
+        msg = f"{where}: {why}"
         raise DataError(msg)
-    if not columns.sampling_step > 0.0:
-        msg = f"the sampling step must be a positive time [s], not {columns.sampling_step:g}"
-        raise DataError(msg)
-    return wanted
-
-
-def _find(
-    path: Path,
-    header: list[str],
-    name: str | None,
-    unit: str | None,
-    known: tuple[str, ...],
-    units: dict[str, float],
-    what: str,
-) -> tuple[int, float]:
-    """Return the place of a column and the factor to SI."""
-    parsed = [_split(cell, units) for cell in header]
-    if name is not None:
-        places = [k for k, cell in enumerate(header) if cell == name]
-    else:
-        found = ([k for k, (stem, _) in enumerate(parsed) if stem == word] for word in known)
-        places = next((group for group in found if group), [])
-    if len(places) > 1:
-        may = ", ".join(header[k] for k in places)
-        msg = f"{path}, line 1: {len(places)} columns may be the {what}: {may}. Name one ({OPTION[what]})."
-        raise DataError(msg)
-    if not places:
-        which = "no column is recognised as" if name is None else f"no column {name!r} for"
-        step = " or give the sampling step (--sampling-step)" if what == "time" else ""
-        msg = f"{path}, line 1: {which} {what} among {', '.join(header)}. Name one ({OPTION[what]}){step}."
-        raise DataError(msg)
-    place = places[0]
-    stated = parsed[place][1]
-    if unit is not None and unit not in units:
-        msg = f"{unit!r} is not a unit of {what}; it is one of {', '.join(units)}"
-        raise DataError(msg)
-    if unit is not None and stated is not None and units[unit] != units[stated]:
-        msg = f"{path}, line 1: column {header[place]!r} is in {stated}, but the option is {unit}. Correct the option."
-        raise DataError(msg)
-    return place, units[unit or stated or next(iter(units))]
-
-
-def _split(cell: str, units: dict[str, float]) -> tuple[str, str | None]:
-    """Divide ``strain [%]`` or ``t_ms`` into name and unit."""
-    text = cell.strip().lower()
-    match = re.fullmatch(r"(.*?)\s*[\[(]\s*(.+?)\s*[\])]", text) or re.fullmatch(r"(.+)_([^_]+)", text)
-    if match and match[2] in units:
-        return match[1], match[2]
-    return text, None
-
-
-def _number(row: list[str], place: int) -> float:
-    try:
-        return float(row[place])
-    except (IndexError, ValueError):
-        return float("nan")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
+from .found import Found
 
 MOST_SAMPLES = 50_000  # of all records of a fit
 MOST_RESAMPLED = 4  # times as many samples as before
@@ -33,6 +34,8 @@ class Record:
         Weight of its squared errors in a fit with others [1].
     repairs : tuple of str
         Repairs of the record, one sentence each.
+    found : Found or None
+        What was recognised in its file; None for a record that comes from none.
     """
 
     name: str
@@ -42,6 +45,7 @@ class Record:
     lines: NDArray[np.int_]
     weight: float = 1.0
     repairs: tuple[str, ...] = ()
+    found: Found | None = None
 
     def __post_init__(self) -> None:
         table = [self.time, self.strain, self.resistance]

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
+from .found import LONGEST_GAP
 from .records import LARGEST_STRAIN
 
 MOST_MISSING = 0.05
-LONGEST_GAP = 20.0
 GAP_STRAIN = 0.05
-REPORTED_STRAIN = 1.05  # a larger strain without a stated unit is reported
 LARGEST_JUMP = 30.0  # of the output between two samples: a meter that changed its unit
 LEAST_STRAIN = -0.01  # of the range: a drifted zero of the meter
 
@@ -36,8 +35,8 @@ class Samples:
         self.lines = self.lines[rows]
 
 
-def drop_missing(samples: Samples, first: list[str]) -> None:
-    """Leave out samples without a finite number; ``first`` are the cells of the first of them, for the message."""
+def drop_missing(samples: Samples, first: str) -> None:
+    """Leave out samples without a finite number; ``first`` says what the first of them holds, for the message."""
     good = np.all([np.isfinite(c) for c in samples.columns], axis=0)
     missing = int((~good).sum())
     if not missing:
@@ -46,8 +45,7 @@ def drop_missing(samples: Samples, first: list[str]) -> None:
     if missing > MOST_MISSING * good.size:
         msg = (
             f"{samples.path}, line {line}: {missing} of {good.size} samples hold no finite number, more than "
-            f"{100 * MOST_MISSING:g} %. It reads {' | '.join(first)}: write decimal points, clean the "
-            "record or name other columns."
+            f"{100 * MOST_MISSING:g} %. {first}"
         )
         raise DataError(msg)
     samples.repairs.append(f"{missing} samples without a finite number were left out, the first in line {line}")
@@ -105,8 +103,6 @@ def check(samples: Samples) -> None:
                 f"{samples.path}, line {samples.lines[k]}: strain {strain[k]:g} has no unit. State it (--strain-unit)."
             )
             raise DataError(msg)
-        if (top := float(strain.max())) > REPORTED_STRAIN:
-            samples.repairs.append(f"strain up to {top:g} was read as {top:.0%}; state the unit if it is another one")
     level = np.maximum(np.abs(resistance), 1e-2 * np.abs(resistance).max())
     jumps = np.flatnonzero(np.abs(np.diff(np.log(level))) >= np.log(LARGEST_JUMP) - 1e-9)
     if jumps.size:

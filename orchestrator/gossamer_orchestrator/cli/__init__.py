@@ -15,6 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from ..errors import OrchestratorError
+from .assess import CommandWithColumns, assess
 from .assess_detector import assess_detector
 from .build import build
 from .campaign import campaign
@@ -86,5 +87,6 @@ app.command()(train)
 app.command()(twin)
 app.command()(watch)
 app.command()(campaign)
+app.command(cls=CommandWithColumns)(assess)
 app.command("assess-detector")(assess_detector)
 app.command(cls=CommandWithFields)(identify)

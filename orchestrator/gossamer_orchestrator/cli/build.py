@@ -30,6 +30,14 @@ def build(
             metavar="FILE",
         ),
     ] = None,
+    scales: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the identified sensor, in place of its own: resistance at rest [ohm], its rise to full scale [ohm] and "
+            "full scale [1].",
+            metavar="R,R,STRAIN",
+        ),
+    ] = None,
     elements_per_side: Annotated[
         int | None,
         typer.Option(help="Elements along a side of the membrane, a multiple of 4; 4 by default.", metavar="N"),
@@ -88,12 +96,26 @@ def build(
         gossamer build detector --artifact wide --out somewhere
     """
     options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
-    choices = {"artifact": artifact, "elements_per_side": elements_per_side, "order": order, "law": law}
+    choices = {
+        "artifact": artifact,
+        "scales": _numbers(scales),
+        "elements_per_side": elements_per_side,
+        "order": order,
+        "law": law,
+    }
     keep_inputs([artifact], [out / f"{name}.fmu" for name in names or ()])
     paths = build_fmus(out, names, **choices, **options).values()
     for path in paths:
         typer.echo(path)
     print_kinds(f"FMI {fmi}.0", paths)
+
+
+def _numbers(text: str | None) -> tuple[float, ...] | None:
+    try:
+        return None if text is None else tuple(float(part) for part in text.split(","))
+    except ValueError:
+        msg = f"cannot read --scales {text!r} as numbers. Write them with commas: 1000,150,0.2."
+        raise FmuError(msg) from None
 
 
 def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> dict[str, Path]:  # noqa: ANN401

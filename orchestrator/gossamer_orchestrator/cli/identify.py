@@ -17,6 +17,7 @@ from typer.core import TyperCommand
 
 from ..errors import OrchestratorError
 from .common import keep_inputs, model_errors, wide
+from .recognised import print_recognised
 
 
 class CommandWithFields(TyperCommand):
@@ -46,7 +47,12 @@ def field_options() -> list[Any]:
         for field in options(owner):
             having = [each for each in SETTINGS if field.name in {other.name for other in options(each)}]
             defaults = {each.FAMILY: getattr(each, field.name) for each in having}
-            declared[field.name] = _parameter(owner, field, defaults, panel if len(having) < 2 else None)
+            declared[field.name] = parameter(owner, field, defaults, panel if len(having) < 2 else None)
+    return as_options(declared)
+
+
+def as_options(declared: dict[str, inspect.Parameter]) -> list[Any]:
+    """Return the options that typer makes of the parameters of a function."""
     command = typer.Typer(add_completion=False)
 
     @command.command()
@@ -57,7 +63,7 @@ def field_options() -> list[Any]:
     return list(typer.main.get_command(command).params)
 
 
-def _parameter(owner: type, field: Any, defaults: dict[str, Any], panel: str | None) -> inspect.Parameter:  # noqa: ANN401
+def parameter(owner: type, field: Any, defaults: dict[str, Any], panel: str | None) -> inspect.Parameter:  # noqa: ANN401
     """Return the parameter of a function that typer makes an option of."""
     about, hint = field.metadata, get_type_hints(owner)[field.name]
     kind = next((each for each in get_args(hint) if each is not type(None)), hint)
@@ -107,7 +113,8 @@ def identify(
 ) -> None:
     """Identify a sensor from measured strain and resistance.
 
-    Prints the paths of the artifact and of the pictures; errors on training and test stretches as a table.
+    Says first what it read: columns, units, ranges, sampling, gaps. Prints the paths of the artifact, of predicted and
+    recovered values as CSV, and of the pictures; errors on training and test stretches as a table.
 
     Models:
 
@@ -131,7 +138,14 @@ def identify(
 
     from gossamer_models.fitting import Columns
     from gossamer_models.fitting.options import numbers
-    from gossamer_models.identify import SETTINGS, identify_files, options, save_pictures, settings_for
+    from gossamer_models.identify import (
+        SETTINGS,
+        identify_files,
+        options,
+        save_pictures,
+        save_predictions,
+        settings_for,
+    )
     from rich.table import Table
 
     keep_inputs(files, [out])
@@ -157,11 +171,16 @@ def identify(
             command=command,
             origin=origin,
             progress=status.update,
+            recognised=lambda records: print_recognised(console, records),
         )
         result.fit.artifact.write(out)
-        drawn = save_pictures(result, out.with_suffix("")) if pictures else []
+        drawn = save_predictions(result, out.with_suffix(""))
+        drawn += save_pictures(result, out.with_suffix("")) if pictures else []
     known = "given" if rest_resistance is not None else "fitted"
     caption = f"E1: sum of errors over sum of changes from the {known} {result.fit.rest_resistance:.6g} ohm at rest"
+    starts = result.fit.artifact.provenance.get("starts ended at", "")
+    if "," in starts:
+        caption += f"\nstarts ended at {starts} of the fitted range, regularisation included"
     headings = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
     table = Table(*headings, caption=caption)
     for e in result.errors:

@@ -33,6 +33,12 @@ def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
     printed = result.stdout.split()
     assert printed[0] == str(out)
     assert {p.rsplit("/", 1)[-1] for p in printed[1:]} >= {"mu.png", "eta.png", "everett.png", "measured_loop.png"}
+    assert {p.rsplit("/", 1)[-1] for p in printed[1:]} >= {"measured_strain.png", "measured_strain_residual.png"}
+    table = (out.with_suffix("") / "measured_predicted.csv").read_text().splitlines()
+    assert table[0] == "time [s],strain [1],resistance [ohm],predicted [ohm],recovered strain [1],fitted"
+    assert len(table) == 241
+    assert "not stated" not in result.stderr  # time, strain and resistance have units in this file
+    assert "0.5 s" in result.stderr
     assert "NRMSE" in result.stderr
     assert "without holds, the data do not separate eta" in " ".join(result.stderr.split())
     assert SensorArtifact.read(out).provenance["data"] == "measured.csv"
@@ -49,9 +55,10 @@ def test_a_record_becomes_a_fractional_sensor_that_runs_as_its_model(measured, t
     options += ["--rest-resistance", "100", "--full-scale", "0.12", "--out", str(out)]
     result = CliRunner().invoke(app, ["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
-    pictures = [out.with_suffix("") / f"measured_{name}.png" for name in ("loop", "history", "residual")]
-    assert result.stdout.split() == [str(path) for path in (out, *pictures)]
-    assert all(path.is_file() for path in pictures)
+    names = ("predicted.csv", "loop.png", "history.png", "residual.png")
+    files = [out.with_suffix("") / f"measured_{name}" for name in names]
+    assert result.stdout.split() == [str(path) for path in (out, *files)]
+    assert all(path.is_file() for path in files)
     told = " ".join(result.stderr.split())
     assert "E1 [% of change]" in told
     assert "from the given 100 ohm at rest" in told

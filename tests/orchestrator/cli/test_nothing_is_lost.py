@@ -44,6 +44,7 @@ BUILD = ["build", "sensor", "compensator", "--out", "out"]
     ["campaign", "rec.csv", "--out"],
     ["export-ssp", "chain.toml", "--fmus", "fmus", "--out"],
     ["container", "chain.toml", "--fmus", "fmus", "--out"],
+    ["assess", "folder/sensor.json", "rec.csv", "--out"],
     ["assess-detector", "--artifact", "folder/assessment.json", "--out"],
     ["build", "sensor", "--artifact", "folder/sensor.fmu", "--out"],
 ])  # fmt: skip
@@ -53,7 +54,7 @@ def test_an_output_that_is_an_input_is_refused(record, fmus, command, name):
     shutil.copytree(fmus, "fmus")
     Path("chain.toml").write_text('step = 0.1\nstop = 1.0\n[components.i]\nfmu = "integrator"\ninputs = { u = 1.0 }\n')
     Path("folder").mkdir()
-    for file in ("folder/assessment.json", "folder/sensor.fmu"):
+    for file in ("folder/assessment.json", "folder/sensor.fmu", "folder/sensor.json"):
         Path(file).write_text("an artifact")
     given = {"export-ssp": "chain.toml", "container": "fmus/integrator.fmu"}.get(command[0], "rec.csv")
     if command[0] in ("assess-detector", "build"):

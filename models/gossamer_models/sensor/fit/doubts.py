@@ -1,4 +1,4 @@
-"""Doubts about a fit of the modified Preisach model: parameters that the data do not determine, and assumptions."""
+"""Doubts about a fit of the modified Preisach model: what the data do not determine, what was assumed, and what to do."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from ...arrays import Matrix, Rows
+from ...arrays import Matrix, Rows, Vector
 from ...fitting.records import Record
 from ...fitting.uncertainty import Parameter, alike, covariance, rest_doubt
 from .preisach import PreisachFit
@@ -15,7 +15,11 @@ DETERMINED = 0.5  # share of a parameter's information that must come from the d
 HOLD_RATE = 0.02  # of the fastest strain rate: slower is a hold
 LEAST_HOLD = 0.05  # of the training stretch
 RESTED = 0.1  # of the range of resistance that counts as another resistance at rest
-REST_ADVICE = "Check it and its unit, or fit the earlier relaxation too (--earlier)."
+REST_ADVICE = "Check it and its unit, or give it (--rest-resistance)."
+APART = 1.1  # ratio of the errors of two starts from which they are in different minima
+RELAXING = 0.3  # share of the squared error from which earlier relaxation is worth a fit
+DECAYS = 20.0, 1.0  # steps and spans: times of the decays that are looked for
+FIXED_BY = {"log_tau": "--tau", "c": "--exponents", "y0": "--rest-resistance"}
 
 
 def determination(fit: PreisachFit) -> tuple[Matrix, Matrix]:
@@ -45,35 +49,97 @@ def parameters(fit: PreisachFit) -> tuple[tuple[Parameter, ...], Matrix]:
 
 
 def doubts(fit: PreisachFit) -> tuple[str, ...]:
-    """Return what the data do not determine, one sentence each."""
+    """Return what a user should know of a fit and can do something about, one sentence each, each only where it is true."""
     sentences = []
     if not fit.solutions[0].converged:
         sentences.append(
             f"The fit was still improving after {fit.solutions[0].iterations} steps. Take more starts, or fewer modes or "
             "relaxations."
         )
+    sentences.append(_least_rest(fit))
+    reached = start_errors(fit)
+    if max(reached[: len(fit.solutions) // 2 + 1]) > APART * reached[0]:
+        sentences.append(
+            f"The {len(reached)} starts ended at {', '.join(f'{each:.3g}' for each in reached)} % of the fitted range: the "
+            "fit has local minima, and another may be better. Take more starts (--starts), or preisach-hats: it has fewer."
+        )
     if fit.settings.earlier:
         sentences.append(
             "The errors include the relaxation from before a record began. FMUs start at rest and do not include it."
         )
     else:
-        sentences += [rest_doubt(r, fit.rest_resistance, fit.full_scale, RESTED, REST_ADVICE) for r in fit.records]
+        sentences += [sentence for k, rows in enumerate(fit.train) if rows.any() for sentence in _at_start(fit, k)]
     held = [_held(record, rows) for record, rows in zip(fit.records, fit.train, strict=True) if rows.any()]
-    if fit.settings.relaxations and max(held) < LEAST_HOLD:
+    if fit.settings.relaxations and fit.settings.eta[0] < fit.settings.eta[1] and max(held) < LEAST_HOLD:
         sentences.append(
             f"The strain is at rest for {100.0 * max(held):.1f} % of the training stretch: without holds, the data do "
             "not separate eta from slow relaxation. Add a hold to the record, or treat eta as an assumption."
         )
-    known, covariances = parameters(fit)
-    weak = Counter(p.name.split("[")[0] for p in known if not p.determined)
-    sizes = {b.name: b.size for b in fit.blocks}
-    if weak:
-        which = ", ".join(f"{count} of {sizes[name]} {name}" for name, count in weak.items())
-        sentences.append(
-            f"{which} are set by regularisation or a bound, not by the data. Fewer modes or relaxations would do."
-        )
-    sentences.append(alike(fit.names, covariances, "Fix one of them."))
+    sentences.append(_alike(fit))
     return tuple(filter(None, sentences))
+
+
+def determined(fit: PreisachFit) -> str:
+    """Return how many parameters of each block the data decide rather than regularisation or a bound; for the provenance."""
+    known, _ = parameters(fit)
+    counts = Counter(p.name.split("[")[0] for p in known if p.determined)
+    return ", ".join(f"{counts[b.name]} of {b.size} {b.name}" for b in fit.blocks)
+
+
+def start_errors(fit: PreisachFit) -> list[float]:
+    """Return what every start ended at, the regularisation included, best first [% of the fitted range]."""
+    count = sum(int(rows.sum()) for rows in fit.train)
+    return [100.0 * float(np.sqrt(2.0 * each.cost / count)) for each in fit.solutions]
+
+
+def _least_rest(fit: PreisachFit) -> str:
+    place = fit.names.index("y0[1]")
+    lower, upper = (bound[place] for bound in (fit.solver.problem.lower, fit.solver.problem.upper))
+    if not np.isfinite(lower) or lower == upper or fit.x[place] > lower + 1e-7 * max(1.0, abs(lower)):
+        return ""
+    why = " The record does not separate it from what was still relaxing." if fit.settings.earlier else ""
+    return (
+        f"The fitted resistance at rest, {fit.rest_resistance:.4g}, is the least that is allowed, and a lower one would fit "
+        f"better.{why} Give it (--rest-resistance)."
+    )
+
+
+def _at_start(fit: PreisachFit, k: int) -> tuple[str, ...]:
+    """Say that a record began before the sensor was at rest, or unstrained with another resistance, where it is so."""
+    record, rows = fit.records[k], fit.train[k]
+    doubted = rest_doubt(record, fit.rest_resistance, fit.full_scale, RESTED, REST_ADVICE)
+    share = still_relaxing(record.time[rows], (fit.predicted[k] - record.resistance)[rows])
+    if share > RELAXING:
+        relaxing = (
+            f"{record.name} was still relaxing when it began: decays from there explain {share:.0%} of the squared error of "
+            "the fitted stretch. Fit them too (--earlier)."
+        )
+        lower, upper = fit.solver.problem.lower, fit.solver.problem.upper
+        given = lower[fit.names.index("y0[1]")] == upper[fit.names.index("y0[1]")]
+        return (relaxing, doubted) if given else (relaxing,)
+    return (doubted,)
+
+
+def still_relaxing(time: Vector, residual: Vector) -> float:
+    """Return the share of the squares of a residual, about its mean, that decays from the first sample on explain [1]."""
+    steps, span = np.diff(time), float(np.ptp(time))
+    if span <= 0.0:
+        return 0.0
+    taus = np.geomspace(DECAYS[0] * float(np.median(steps)), DECAYS[1] * span, 6)
+    columns = np.column_stack([np.ones(time.size), np.exp(-(time - time[0])[:, None] / taus)])
+    left = residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
+    about = residual - residual.mean()
+    total = float(about @ about)
+    return 1.0 - float(left @ left) / total if total > 0.0 else 0.0
+
+
+def _alike(fit: PreisachFit) -> str:
+    """Say which fitted parameters that an option fixes the data do not separate from another."""
+    _, covariances = parameters(fit)
+    fixable = np.array([name.split("[")[0] in FIXED_BY for name in fit.names])
+    masked = np.where(fixable[:, None] & fixable[None, :] | np.eye(fixable.size, dtype=bool), covariances, 0.0)
+    options = sorted({FIXED_BY[name.split("[")[0]] for name, each in zip(fit.names, fixable, strict=True) if each})
+    return alike(fit.names, masked, f"Fix one of them ({' or '.join(options)}).")
 
 
 def _held(record: Record, rows: Rows) -> float:

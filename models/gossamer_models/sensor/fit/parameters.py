@@ -18,6 +18,8 @@ from .densities import hat_functions, wave_numbers
 from .regression import Regression, earlier_rates
 from .settings import PreisachSettings
 
+LEAST_REST = 0.01  # of the smallest fitted output: a resistance at rest is positive
+LEAST_REST_OF_RANGE = 1e-6  # of the fitted range, for signals that begin with zero
 REST_STIFFNESS = 1e-2  # pull of the resistance at rest towards the first one, relative to the range
 
 
@@ -66,7 +68,7 @@ def block(
 
 
 def parameter_blocks(
-    settings: PreisachSettings, regression: Regression, rest_resistance: float | None
+    settings: PreisachSettings, regression: Regression, rest_resistance: float | None, *, positive_rest: bool = True
 ) -> tuple[Block, ...]:
     """Return all parameters in order; the resistance at rest [ohm] is one of them where it is None."""
     blocks = [*_density_blocks(settings), *_kernel_blocks(settings, regression.kernels)]
@@ -75,11 +77,18 @@ def parameter_blocks(
         blocks += [block(f"v{r + 1}", np.zeros(n_v), lowest, linear=True, stiffness=1e-3) for r in regression.fitted]
     if rest_resistance is None:
         first = np.array([min(float(regression.stretches[k].y[0]) for k in regression.fitted)])
-        blocks.append(block("y0", first, linear=True, stiffness=REST_STIFFNESS))
+        lowest = least_rest(regression) if positive_rest else -np.inf
+        blocks.append(block("y0", np.maximum(first, lowest), lowest, linear=True, stiffness=REST_STIFFNESS))
     else:
         rest = rest_resistance / regression.unit
         blocks.append(block("y0", np.array([rest]), rest, rest, linear=True))
     return tuple(blocks)
+
+
+def least_rest(regression: Regression) -> float:
+    """Return the least resistance at rest, over the fitted range [1]: none where an output is negative, a signal's."""
+    smallest = min(float(s.y[s.train].min()) for s in regression.stretches if s.train.any())
+    return max(LEAST_REST * smallest, LEAST_REST_OF_RANGE) if smallest >= 0.0 else -np.inf
 
 
 def _density_blocks(settings: PreisachSettings) -> list[Block]:

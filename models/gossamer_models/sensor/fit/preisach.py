@@ -89,6 +89,7 @@ def fit_preisach(
     *,
     full_scale: float | None = None,
     rest_resistance: float | None = None,
+    positive_rest: bool = True,
     watch: Watch | None = None,
 ) -> PreisachFit:
     """Fit one sensor to one or several records.
@@ -105,6 +106,8 @@ def fit_preisach(
         Strain [1] at the end of the range; None for the largest in the records.
     rest_resistance : float or None
         Resistance [ohm] of the unstrained sensor at rest, where it is known; None to fit it.
+    positive_rest : bool
+        Keep the fitted resistance at rest positive where the output is nowhere negative, as that of a resistance.
     watch : callable, optional
         Called with the name of the start, the iteration and the root mean square error [% of range].
 
@@ -126,7 +129,7 @@ def fit_preisach(
             records, train, settings, full_scale=full_scale, rest_resistance=rest_resistance, watch=watch
         )
     regression = prepare(records, train, settings, full_scale)
-    weights = weight_function(settings, regression, rest_resistance)
+    weights = weight_function(settings, regression, rest_resistance, positive_rest=positive_rest)
     solver, solutions = solve(weights, regression, settings, watch)
     x, unit = solutions[0].x, regression.unit
     artifact, y0, rise = normalised_sensor(settings, weights, x, regression)
@@ -159,7 +162,8 @@ def fit_preisach(
 def _direct_inverse(stretches: tuple[Stretch, ...], y0: float, rise: float, forward: PreisachSettings) -> DirectInverse:
     """Fit the operators from resistance to strain, on the training stretches."""
     turned = turn(stretches, y0, rise)
-    fit = fit_preisach(turned.records, turned.train, inverse_settings(turned, forward), full_scale=1.0)
+    settings = inverse_settings(turned, forward)
+    fit = fit_preisach(turned.records, turned.train, settings, full_scale=1.0, positive_rest=False)
     return DirectInverse(
         law=replace(fit.artifact, scales=None),
         lowest=turned.lowest,

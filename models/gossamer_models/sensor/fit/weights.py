@@ -50,10 +50,14 @@ class WeightFunction:
 
 
 def weight_function(
-    settings: PreisachSettings, regression: Regression, rest_resistance: float | None = None
+    settings: PreisachSettings,
+    regression: Regression,
+    rest_resistance: float | None = None,
+    *,
+    positive_rest: bool = True,
 ) -> WeightFunction:
-    """Build the weights for some records; the resistance at rest [ohm] is fitted where it is None."""
-    blocks = parameter_blocks(settings, regression, rest_resistance)
+    """Build the weights for some records; the resistance at rest [ohm] is fitted where it is None, see ``fit_preisach``."""
+    blocks = parameter_blocks(settings, regression, rest_resistance, positive_rest=positive_rest)
     x = ca.MX.sym("x", sum(b.size for b in blocks))
     p = by_block(blocks, x)
 

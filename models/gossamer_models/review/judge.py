@@ -1,0 +1,233 @@
+"""A stored sensor judged on records that it was not fitted to: errors, beside those of a static cubic.
+
+The sensor is not fitted. With its own scales a record is predicted as the FMUs would. With those of the record,
+``scales.py``, they are fitted to the first stretch of it, and the rest is what counts. The cubic is fitted
+to the same first stretch of every record, so it knows more than a sensor without fitted scales.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Rows, Vector
+from ..artifacts import artifact_schema
+from ..errors import ArtifactError
+from ..fitting.columns import Columns
+from ..fitting.errors import nrmse
+from ..fitting.plots import record_pictures, save_figures
+from ..fitting.reading import read_records
+from ..fitting.records import Record, thin, training_rows
+from ..fitting.tables import write_predictions
+from ..replay import Recovered, recover, sensor_output
+from ..sensor import Scales, SensorArtifact
+from .cubic import static_cubic
+from .scales import OwnScales, fit_scales
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """One record and what a sensor makes of it.
+
+    Attributes
+    ----------
+    record : Record
+        The record.
+    first : ndarray of bool, shape (m,)
+        Its first stretch, which the cubic and fitted scales know.
+    predicted : ndarray, shape (m,)
+        Resistance [ohm] for its strain.
+    recovered : dict of str to Recovered
+        Strain from its resistance, by compensator.
+    scales : OwnScales or None
+        Its fitted scales; None where the sensor's own were used.
+    cubic, cubic_strain : ndarray, shape (m,)
+        Resistance [ohm] and strain [1] by static cubics.
+    known : bool
+        Whether the sensor was fitted to this file.
+    """
+
+    record: Record
+    first: Rows
+    predicted: Vector
+    recovered: dict[str, Recovered]
+    scales: OwnScales | None
+    cubic: Vector
+    cubic_strain: Vector
+    known: bool = False
+
+    @property
+    def fitted(self) -> Rows:
+        """Samples that something of the sensor was fitted to: none with its own scales."""
+        return self.first if self.scales is not None else np.zeros_like(self.first)
+
+    def stretches(self) -> dict[str, Rows]:
+        """Return the first stretch and the rest, where there is one, by name."""
+        fitted = "scales fitted" if self.scales is not None else "first"
+        return {name: rows for name, rows in ((fitted, self.first), ("judged", ~self.first)) if rows.any()}
+
+    def forward(self, rows: Rows, predicted: Vector | None = None) -> float:
+        """Return the error of the sensor's resistance, or of another one, on some samples [% of range]."""
+        of = self.predicted if predicted is None else predicted
+        return nrmse(self.record.resistance[rows], of[rows], float(np.ptp(self.record.resistance)))
+
+    def strain(self, rows: Rows, recovered: Vector) -> float:
+        """Return the error of a recovered strain on some samples, but for those not delivered [% of range]."""
+        rows = rows & np.isfinite(recovered)
+        return nrmse(self.record.strain[rows], recovered[rows], float(np.ptp(self.record.strain)))
+
+    def deviation_ratio(self, rows: Rows, name: str) -> float | None:
+        """Return the root mean square of the stated deviation over that of the true error [1], where one is stated."""
+        stated, found = self.recovered[name].deviation, self.recovered[name].strain
+        if stated is None:
+            return None
+        rows = rows & np.isfinite(found)
+        true = float(np.mean((found[rows] - self.record.strain[rows]) ** 2))
+        return float(np.sqrt(np.mean(stated[rows] ** 2) / true)) if true > 0.0 else None
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say whether the sensor knows the record, and where the static cubic does better on the judged stretch."""
+        rows = self.stretches().get("judged", self.first)
+        name, said = self.record.name, list[str]()
+        if (cubic := self.forward(rows, self.cubic)) < (own := self.forward(rows)):
+            said.append(f"{name}: a cubic predicts resistance better, {cubic:.2f} to {own:.2f} %.")
+        for kind, each in self.recovered.items():
+            if (cubic := self.strain(rows, self.cubic_strain)) < (own := self.strain(rows, each.strain)):
+                said.append(f"{name}: a cubic recovers strain better than {kind}, {cubic:.2f} to {own:.2f} %.")
+        if said and self.scales is None:
+            said.append(f"{name}: its sensor may be mounted or drifted otherwise; find its own scales (--fit-scales).")
+        known = f"{name} is a record that the sensor was fitted to: its errors say little of others."
+        return (*([known] if self.known else []), *said)
+
+
+def judge_files(
+    sensor: Path,
+    paths: Sequence[Path],
+    *,
+    columns: Columns | None = None,
+    compensators: Sequence[str] = ("inverse",),
+    own_scales: bool = False,
+    stretch: str = "50%",
+    recognised: Callable[[Sequence[Record]], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[Judged, ...]:
+    """Judge a stored sensor on records without fitting it.
+
+    Parameters
+    ----------
+    sensor : Path
+        Artifact of a Preisach sensor.
+    paths : sequence of Path
+        CSV files, one record each.
+    columns : Columns or None
+        Columns to read, with their units.
+    compensators : sequence of str
+        What recovers strain, see ``replay.recover``.
+    own_scales : bool
+        Fit gain, offset and what was still relaxing of each record to its first stretch.
+    stretch : str
+        That first stretch, see ``training_rows``.
+    recognised : callable
+        Called with the records before anything is computed.
+    progress : callable
+        Called with a sentence on the progress.
+
+    Returns
+    -------
+    tuple of Judged
+        One for each record.
+
+    Raises
+    ------
+    ArtifactError
+        The artifact cannot be read, or is of a model without a compensator.
+    DataError
+        A record cannot be read, exceeds the sensor's range, or does not follow it.
+    ParameterError
+        There is no such compensator for this sensor.
+    """
+    artifact = read_sensor(sensor)
+    offset, gain, full_scale = scales_of(artifact, sensor)
+    read = read_records(paths, columns)
+    recognised(read)
+    judged = []
+    for path, record in zip(paths, thin(read), strict=True):
+        progress(f"judging {record.name}")
+        first = training_rows(record, stretch)
+        output = sensor_output(artifact, full_scale, record)
+        scales = fit_scales(output, record, first) if own_scales else None
+        gains, offsets = (gain, offset) if scales is None else (scales.gain, scales.offset)
+        normalised = (record.resistance - offsets) / gains
+        judged.append(
+            Judged(
+                record=record,
+                first=first,
+                predicted=offsets + gains * output,
+                recovered={name: recover(artifact, full_scale, record, normalised, name) for name in compensators},
+                scales=scales,
+                cubic=static_cubic(record.strain, record.resistance, first),
+                cubic_strain=static_cubic(record.resistance, record.strain, first),
+                known=_digest(path) in artifact.provenance.get("sha256", ""),
+            )
+        )
+    return tuple(judged)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_sensor(path: Path) -> SensorArtifact:
+    """Read a Preisach sensor; refuse a fractional one by name."""
+    if artifact_schema(path) == "gossamer.fractional":
+        msg = f"{path} holds a fractional model, which recovers no strain. Judge a sensor of --model preisach."
+        raise ArtifactError(msg)
+    return SensorArtifact.read(path)
+
+
+def scales_of(artifact: SensorArtifact, path: Path) -> tuple[float, float, float]:
+    """Return resistance at rest and its rise to full scale [ohm] and full scale [1] of the record a sensor was fitted to."""
+    if artifact.scales is not None:
+        scales: Scales = artifact.scales
+        return scales.rest_resistance, scales.full_scale_resistance_change, scales.full_scale_strain
+    try:
+        offset, scale, full = (float(artifact.provenance[name]) for name in ("offset", "scale", "full_scale_strain"))
+    except (KeyError, ValueError):
+        msg = f"{path} does not say the scales of its record. Identify it again with gossamer identify."
+        raise ArtifactError(msg) from None
+    return offset, scale, full
+
+
+def save_judged(judged: Sequence[Judged], folder: Path, *, pictures: bool = True) -> list[Path]:
+    """Write predictions as CSV, and pictures of resistance, recovered strain and residuals; return the paths."""
+    paths = []
+    drawn: dict[str, Callable[[], object]] = {}
+    for each in judged:
+        strains = {name: found.strain for name, found in each.recovered.items()}
+        paths.append(
+            write_predictions(
+                table_path(folder, each.record.name), each.record, each.predicted, _cells(each), each.fitted
+            )
+        )
+        if pictures:
+            drawn |= record_pictures(each.record, each.predicted, strains, each.fitted)
+    return [*paths, *save_figures(drawn, folder)] if drawn else paths
+
+
+def table_path(folder: Path, name: str) -> Path:
+    """Return where the predictions of a record go."""
+    return folder / f"{Path(name).stem}_predicted.csv"
+
+
+def _cells(each: Judged) -> Mapping[str, Vector]:
+    cells: dict[str, Vector] = {}
+    for name, found in each.recovered.items():
+        cells[f"recovered strain by {name}"] = found.strain
+        if found.deviation is not None:
+            cells[f"its deviation by {name}"] = found.deviation
+    return cells

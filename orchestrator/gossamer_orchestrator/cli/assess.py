@@ -1,0 +1,144 @@
+"""``gossamer assess``: an identified sensor judged on other records, without fitting it."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from .common import keep_inputs, model_errors, wide
+from .identify import as_options, parameter
+from .recognised import print_recognised
+
+if TYPE_CHECKING:
+    from gossamer_models.review import Judged
+    from rich.table import Table
+
+COMPENSATORS = "inverse (its direct one where it has one), exact, estimator"
+
+
+class CommandWithColumns(TyperCommand):
+    """A command that has, besides its own options, those of columns of records; their values are in ``ctx.obj`` by name."""
+
+    def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401
+        """Return all options."""
+        *own, help_option = super().get_params(ctx)
+        return [*own, *column_options(), help_option]
+
+    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
+        """Call the command."""
+        given = {each.name: ctx.params.pop(each.name) for each in column_options()}
+        ctx.obj = {name: value for name, value in given.items() if value is not None}
+        return super().invoke(ctx)
+
+
+@cache
+def column_options() -> list[Any]:
+    """Return the options of columns, as typer makes them."""
+    from gossamer_models.fitting import Columns
+    from gossamer_models.identify import options
+
+    return as_options({each.name: parameter(Columns, each, {}, "Columns of the records") for each in options(Columns)})
+
+
+def assess(
+    ctx: typer.Context,
+    sensor: Annotated[Path, typer.Argument(help="Artifact of gossamer identify.")],
+    files: Annotated[list[Path], typer.Argument(help="CSV files with a header line, one record each.")],
+    compensator: Annotated[
+        list[str] | None,
+        typer.Option(help=f"What recovers strain; may be repeated: {COMPENSATORS}.", metavar="NAME"),
+    ] = None,
+    fit_scales: Annotated[
+        bool,
+        typer.Option(
+            "--fit-scales",
+            help="Find gain, offset and what was still relaxing of each record in its first stretch, and judge the rest: "
+            "for a sensor that was mounted again, is warmer, or has drifted.",
+        ),
+    ] = False,
+    stretch: Annotated[
+        str, typer.Option(help="First stretch of each record: 0:200 for seconds, 50% for a leading part.")
+    ] = "50%",
+    out: Annotated[Path, typer.Option(help="Folder of predictions and pictures.", metavar="FOLDER")] = Path(
+        "out/assessed"
+    ),
+    pictures: Annotated[bool, typer.Option(help="Draw pictures.")] = True,
+) -> None:
+    """Judge an identified sensor on other records, without fitting it.
+
+    Says first what it read: columns, units, ranges, sampling, gaps. Prints errors of resistance and of recovered strain as a
+    table, and the paths of predicted and recovered values as CSV and of pictures. Beside the sensor stands a static cubic,
+    which is fitted to the first stretch of each record.
+
+    For example:
+
+        gossamer assess sensor.json other.csv
+
+        gossamer assess sensor.json other.csv third.csv --fit-scales --stretch 0:200
+
+        gossamer assess sensor.json other.csv --compensator inverse --compensator estimator --out out/mine
+    """
+    from gossamer_models.fitting import Columns
+    from gossamer_models.review import judge_files, save_judged, table_path
+
+    keep_inputs([sensor, *files], [out, *(table_path(out, each.name) for each in files)])
+    console = wide(stderr=True)
+    with model_errors(), console.status("reading the records") as status:
+        judged = judge_files(
+            sensor,
+            files,
+            columns=Columns(**ctx.obj),
+            compensators=tuple(compensator or ("inverse",)),
+            own_scales=fit_scales,
+            stretch=stretch,
+            recognised=lambda records: print_recognised(console, records),
+            progress=status.update,
+        )
+        paths = save_judged(judged, out, pictures=pictures)
+    for table in _tables(judged, stretch):
+        console.print(table)
+    for each in judged:
+        for sentence in each.sentences():
+            console.print(sentence, style="yellow", markup=False)
+    for path in paths:
+        typer.echo(path)
+
+
+def _tables(judged: tuple[Judged, ...], stretch: str) -> list[Table]:
+    """Return the errors, and the scales where they were fitted, as tables."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    fitted = judged[0].scales is not None
+    first = (
+        "fitted scales and the cubic know" if fitted else "the cubic knows; the sensor knows nothing of these records"
+    )
+    errors = Table(
+        *("record", "stretch", "samples", "resistance", "by a cubic", "recovered by", "strain", "by a cubic"),
+        "stated / true deviation",
+        title="errors: NRMSE in % of range",
+        caption=f"The first stretch ({stretch}) of a record is what {first}.",
+    )
+    for each in judged:
+        for name, rows in each.stretches().items():
+            for k, (kind, found) in enumerate(each.recovered.items()):
+                ratio = each.deviation_ratio(rows, kind)
+                left = (escape(each.record.name), name, str(int(rows.sum())), f"{each.forward(rows):.2f}")
+                right = (kind, f"{each.strain(rows, found.strain):.2f}", f"{each.strain(rows, each.cubic_strain):.2f}")
+                errors.add_row(
+                    *((*left, f"{each.forward(rows, each.cubic):.2f}") if k == 0 else ("",) * 5),
+                    *right,
+                    "-" if ratio is None else f"{ratio:.2f}",
+                )
+    if not fitted:
+        return [errors]
+    scales = Table("record", "gain, first", "last", "offset, first", "last", title="scales of each record in ohm")
+    for each in judged:
+        if (own := each.scales) is not None:
+            numbers = (own.gain[0], own.last_gain, own.offset[0], own.last_offset)
+            scales.add_row(escape(each.record.name), *(f"{number:.4g}" for number in numbers))
+    return [errors, scales]

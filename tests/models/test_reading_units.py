@@ -1,0 +1,207 @@
+"""No silent unit: however a file is written, its numbers are read in their unit, or refused by name."""
+
+import datetime
+
+import numpy as np
+import pytest
+from gossamer_models import DataError
+from gossamer_models.fitting import Columns, read_record
+from gossamer_models.fitting.units import factor
+
+T = 0.1 * np.arange(40)
+STRAIN = 0.05 * np.abs(np.sin(T))
+OHM = 1000.0 + 2000.0 * STRAIN
+
+
+def text_of(header="time_s,strain [1],R_ohm", time=T, strain=STRAIN, ohm=OHM, above="", below="", mark=None):
+    """A file as a meter may write it; with a mark for decimals, semicolons part the cells."""
+    rows = [header, *([below] if below else [])]
+    for t, s, r in zip(time, strain, ohm, strict=True):
+        row = ",".join(x if isinstance(x, str) else f"{x:.10g}" for x in (t, s, r))
+        rows.append(row.replace(",", ";").replace(".", mark) if mark else row)
+    return above + "\n".join(rows) + "\n"
+
+
+def read(tmp_path, text, columns=None, encoding="utf-8"):
+    path = tmp_path / "r.csv"
+    path.write_bytes(text.encode(encoding))
+    return read_record(path, columns)
+
+
+def same(record):
+    assert record.time == pytest.approx(T, abs=1e-9)
+    assert record.strain == pytest.approx(STRAIN, abs=1e-9)
+    assert record.resistance == pytest.approx(OHM, rel=1e-9)
+    return record
+
+
+@pytest.mark.parametrize(
+    ("what", "units"),
+    [
+        ("resistance", {"kΩ": 1e3, "k\N{OHM SIGN}": 1e3, "MΩ": 1e6, "mΩ": 1e-3, "kOhm": 1e3, "KOHM": 1e3, "Ohms": 1.0}),
+        ("resistance", {"MOhm": 1e6, "mohm": 1e-3, "megohm": 1e6, "1": 1.0, "%": 0.01}),
+        ("time", {"s": 1.0, "S": 1.0, "ms": 1e-3, "µs": 1e-6, "us": 1e-6, "min": 60.0, "h": 3600.0, "Seconds": 1.0}),
+        ("strain", {"%": 0.01, "µε": 1e-6, "με": 1e-6, "ustrain": 1e-6, "‰": 1e-3, "permille": 1e-3, "mm/mm": 1.0}),
+    ],
+)
+def test_a_unit_has_one_meaning_however_it_is_spelled(what, units):
+    for name, wanted in units.items():
+        assert factor(name, what) == pytest.approx(wanted, rel=1e-12), name
+
+
+@pytest.mark.parametrize(("what", "text"), [("resistance", "V"), ("time", "ohm"), ("strain", "rad"), ("strain", "foo")])
+def test_what_is_no_unit_of_a_column_has_no_factor(what, text):
+    assert factor(text, what) is None
+
+
+@pytest.mark.parametrize(
+    ("header", "factors"),
+    [
+        ("t / ms,ε / %,R / kΩ", (1e-3, 1e-2, 1e3)),
+        ("Time [s],microstrain,R (MΩ)", (1.0, 1e-6, 1e6)),
+        ("milliseconds,Strain (µε),kOhm", (1e-3, 1e-6, 1e3)),
+        ("Zeit in min,Dehnung [%],Widerstand [kOhm]", (60.0, 1e-2, 1e3)),
+        ("time_ms,strain_pct,R_MOhm", (1e-3, 1e-2, 1e6)),
+    ],
+)
+def test_units_in_names_are_read(tmp_path, header, factors):
+    found = same(read(tmp_path, text_of(header, *(x / f for x, f in zip((T, STRAIN, OHM), factors, strict=True)))))
+    assert [q.column.factor for q in found.found.quantities] == pytest.approx(factors)
+    assert found.found.remarks == ()
+
+
+def test_a_row_of_units_is_read(tmp_path):
+    found = same(read(tmp_path, text_of("time,strain,R", 1e3 * T, 100 * STRAIN, 1e-3 * OHM, below="ms,[%],kOhm")))
+    assert [q.column.unit for q in found.found.quantities] == ["ms", "%", "kOhm"]
+    assert found.repairs == ()
+    same(read(tmp_path, text_of("time,strain,R", T, STRAIN, 1e-3 * OHM, below="s,-,kΩ")))
+
+
+@pytest.mark.parametrize(
+    ("header", "below", "message"),
+    [
+        ("time,strain,R", "s,furlong,kOhm", r"line 2: .*'furlong' is neither a number nor a unit of strain"),
+        ("time_s,strain,R_ohm", "s,1,kOhm", r"line 2: column 'R_ohm' is in ohm, but the row of units says kOhm"),
+        ("time_s,strain,R [V]", "", r"line 1: 'V' in 'R \[V\]' is not a unit of resistance"),
+        ("time_s,strain,R_inner_ohm", "", None),
+        ("time_s,strain,resistance,R_outer_ohm", "", None),
+    ],
+)
+def test_a_unit_that_is_none_or_contradicts_is_refused(tmp_path, header, below, message):
+    if message is None:
+        same(read(tmp_path, text_of(header)))
+        return
+    with pytest.raises(DataError, match=message):
+        read(tmp_path, text_of(header, below=below))
+
+
+def test_of_two_resistances_one_must_be_named(tmp_path):
+    header = "t_s,strain,R_inner_ohm,R_outer_ohm"
+    text = text_of(header, ohm=[f"{r:.10g},{2 * r:.10g}" for r in OHM])
+    with pytest.raises(
+        DataError, match=r"2 columns may be the resistance: R_inner_ohm, R_outer_ohm\. Name one \(--resis"
+    ):
+        read(tmp_path, text)
+    found = read(tmp_path, text, Columns(resistance="R_outer_ohm"))
+    assert found.resistance == pytest.approx(2 * OHM)
+    found = same(read(tmp_path, text.replace("R_inner_ohm", "resistance")))
+    assert "'resistance' is taken as resistance; 'R_outer_ohm' may be it too (--resistance)." in found.found.remarks
+
+
+@pytest.mark.parametrize("step", [1.0, 100.0, 12.5])
+def test_times_without_a_unit_that_may_be_milliseconds_are_refused(tmp_path, step):
+    text = text_of("time,strain,R_ohm", step * np.arange(40))
+    with pytest.raises(
+        DataError, match=r"'time' has no unit, .* apart may be seconds, milliseconds or a count\. State it"
+    ):
+        read(tmp_path, text)
+    assert read(tmp_path, text, Columns(time_unit="ms")).time[-1] == pytest.approx(39e-3 * step)
+    assert read(tmp_path, text.replace("time", "time_s", 1)).time[-1] == pytest.approx(39 * step)
+
+
+def test_a_strain_that_may_be_in_per_cent_is_said_before_a_fit(tmp_path):
+    found = read(tmp_path, text_of("t_s,strain,R_ohm", strain=16 * STRAIN)).found
+    assert [sentence for sentence in found.remarks if "it reaches 80%" in sentence and "--strain-unit %" in sentence]
+    assert read(tmp_path, text_of(strain=16 * STRAIN)).found.remarks == ()
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
+@pytest.mark.parametrize("mark", [None, ","])
+def test_encodings_and_decimal_commas_are_read(tmp_path, encoding, mark):
+    header = "Zeit [s],Dehnung [µm/m],R [kOhm]"
+    text = text_of(header.replace(",", ";") if mark else header, T, 1e6 * STRAIN, 1e-3 * OHM, mark=mark)
+    found = same(read(tmp_path, text, encoding=encoding)).found
+    assert ("decimal commas" in found.written) == (mark == ",")
+    assert ("LATIN-1" in found.written) == (encoding == "latin-1")
+    assert ("UTF-16" in found.written) == encoding.startswith("utf-16")
+
+
+def test_a_preamble_is_passed_over(tmp_path):
+    above = "Tensile tester 5;serial 12,5\n# operator: Maß\n\nspecimen,7,3\n"
+    found = same(read(tmp_path, text_of(above=above))).found
+    assert "header in line 5" in found.written
+    same(read(tmp_path, text_of("# time_s strain R_ohm").replace(",", " ")))
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+def test_iso_timestamps_are_seconds_after_the_first(tmp_path, zone):
+    begin = datetime.datetime(2024, 3, 31, 1, 59, 58)  # an hour later clocks in Europe are put forward
+    stamps = [(begin + datetime.timedelta(seconds=t)).isoformat(timespec="milliseconds") + zone for t in T.tolist()]
+    same(read(tmp_path, text_of("timestamp,strain,R_ohm", stamps)))
+    with pytest.raises(DataError, match="is in ms, but holds timestamps"):
+        read(tmp_path, text_of("timestamp [ms],strain,R_ohm", stamps))
+
+
+def test_times_of_day_are_read_and_other_dates_refused_for_what_they_are(tmp_path):
+    same(
+        read(
+            tmp_path,
+            text_of(
+                "time,strain,R_ohm", [f"10:59:{57 + t:06.3f}"[:12] if t < 3 else f"11:00:{t - 3:06.3f}" for t in T]
+            ),
+        )
+    )
+    dates = [f"31.05.2024 12:00:{t:04.1f}" for t in T]
+    with pytest.raises(DataError, match=r"It looks like a date or a time: write it in ISO 8601") as caught:
+        read(tmp_path, text_of("time,strain,R_ohm", dates))
+    assert "decimal" not in str(caught.value)
+
+
+def test_marks_that_contradict_each_other_are_refused(tmp_path):
+    text = text_of("time_s;strain;R_ohm", mark=",")
+    lines = text.splitlines()
+    mixed = "\n".join([*lines[:4], lines[4].replace(",", "."), *lines[5:]])
+    with pytest.raises(DataError, match=r"decimal commas \(line 3\) and decimal points \(line 5\) in one file"):
+        read(tmp_path, mixed)
+    with pytest.raises(DataError, match=r"'1\.000,5' marks thousands"):
+        read(
+            tmp_path,
+            text_of("time_s;strain;R_ohm", ohm=["1.000,5"] * 40)
+            .replace(",5", "#")
+            .replace(",", ";")
+            .replace("#", ",5"),
+        )
+
+
+def test_a_gap_at_constant_strain_is_said_with_its_line(tmp_path):
+    time = np.where(np.arange(40) < 20, T, T + 200.0)
+    strain = STRAIN.copy()
+    strain[20] = strain[19]
+    (gap,) = read(tmp_path, text_of(time=time, strain=strain)).found.gaps
+    assert (gap.line, gap.strain) == (22, 0.0)
+    assert gap.seconds == pytest.approx(200.1)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"PK\x03\x04rest", "is a spreadsheet of another program. Save it as CSV"),
+        (b"\x01\x02\x00\x03\x04\x05\x00", "holds no text"),
+        (b"0,1,2\n1,2,3\n", "numbers, but no names of columns"),
+        (b"\n \n", "it is empty"),
+    ],
+)
+def test_a_file_without_a_table_is_refused_by_what_it_is(tmp_path, content, message):
+    (tmp_path / "r.csv").write_bytes(content)
+    with pytest.raises(DataError, match=message):
+        read_record(tmp_path / "r.csv")

@@ -1,0 +1,163 @@
+"""A stored sensor on other records: what it was never fitted to, mounted again, drifted; and what is refused."""
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gossamer_models import ArtifactError, DataError, ParameterError, Stepper
+from gossamer_models.fitting import read_record
+from gossamer_models.fractional import FractionalArtifact, FractionalTerm
+from gossamer_models.replay import noise_of, recover, sensor_output
+from gossamer_models.review import fit_scales, judge_files, save_judged
+from gossamer_models.review.scales import SHORTEST_DECAY
+from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
+from gossamer_models.simulate import simulate
+from oracles.records import record, zigzag
+
+FULL, REST, RISE = 0.2, 1000.0, 300.0
+
+
+@pytest.fixture(scope="module")
+def measured():
+    """A record of the sensor that ships with the package, in ohm, of strain that no fit has seen."""
+    strain = FULL * zigzag(seed=11, turns=40)
+    sensor = Stepper(sensor_model(), rest_resistance=REST, full_scale_resistance_change=RISE, full_scale_strain=FULL)
+    sensor.initialize()
+    later = simulate(sensor, np.full(strain.size - 1, 0.1), {"strain": strain[1:]}, ["resistance"])["resistance"]
+    return record(strain, np.concatenate([[REST], later]))
+
+
+@pytest.fixture
+def stored(tmp_path):
+    path = tmp_path / "sensor.json"
+    scales = Scales(rest_resistance=REST, full_scale_resistance_change=RISE, full_scale_strain=FULL)
+    replace(default_artifact(), scales=scales).write(path)
+    return path
+
+
+def write(path, r):
+    rows = zip(r.time, r.strain, r.resistance, strict=True)
+    path.write_text(
+        "t_s,strain [1],R_ohm\n" + "".join(f"{t!r},{s!r},{y!r}\n" for t, s, y in np.array([*rows]).tolist())
+    )
+    return path
+
+
+def drifted(r, offset_time=None, gain_time=None):
+    """The same sensor, mounted again: another gain and offset, and decays of both, by default of times that a fit tries."""
+    unit = (r.resistance - REST) / RISE
+    span = r.time[r.time.size // 2 - 1]
+    gain = 260.0 + 40.0 * np.exp(-r.time / (gain_time or span))
+    decaying = 60.0 * np.exp(-r.time / (offset_time or span * SHORTEST_DECAY ** (1 / 3)))
+    return replace(r, resistance=1100.0 + decaying + gain * unit)
+
+
+def test_a_sensor_on_a_record_of_its_own_making_errs_by_rounding(measured, stored, tmp_path):
+    (judged,) = judge_files(stored, [write(tmp_path / "r.csv", measured)])
+    for rows in judged.stretches().values():
+        assert judged.forward(rows) < 1e-9
+        assert judged.strain(rows, judged.recovered["inverse"].strain) < 1e-6
+    assert not judged.fitted.any()
+    assert judged.sentences() == ()
+
+
+def test_its_scales_are_found_again_without_touching_the_sensor(measured, stored, tmp_path):
+    path = write(tmp_path / "r.csv", drifted(measured))
+    (as_stored,), (judged,) = (judge_files(stored, [path], own_scales=own) for own in (False, True))
+    rows = judged.stretches()["judged"]
+    assert as_stored.forward(rows) > 10.0
+    assert judged.forward(rows) < 0.1
+    assert judged.strain(rows, judged.recovered["inverse"].strain) < 0.1
+    assert judged.scales.last_gain == pytest.approx(260.0, rel=0.01)
+    assert judged.scales.last_offset == pytest.approx(1100.0, rel=0.001)
+    assert any("find its own scales (--fit-scales)" in sentence for sentence in as_stored.sentences())
+
+
+def test_decays_of_other_times_are_approached(measured, stored, tmp_path):
+    path = write(tmp_path / "r.csv", drifted(measured, 15.0, 20.0))
+    (as_stored,), (judged,) = (judge_files(stored, [path], own_scales=own) for own in (False, True))
+    rows = judged.stretches()["judged"]
+    assert judged.forward(rows) < 0.1 * as_stored.forward(rows)
+    assert judged.forward(rows) < 0.2 * judged.forward(rows, judged.cubic)
+
+
+def test_the_judged_part_plays_no_part_in_the_scales(measured):
+    output = sensor_output(default_artifact(), FULL, measured)
+    first = np.arange(output.size) < output.size // 2
+    other = replace(measured, resistance=np.where(first, measured.resistance, 5e4))
+    found = [fit_scales(output, r, first) for r in (measured, other)]
+    assert (found[0].gain == found[1].gain).all()
+    assert (found[0].offset == found[1].offset).all()
+
+
+def test_an_affine_change_of_the_resistance_changes_the_scales_alone(measured):
+    output = sensor_output(default_artifact(), FULL, measured)
+    first = np.arange(output.size) < output.size // 2
+    scales = fit_scales(output, drifted(measured), first)
+    turned = fit_scales(output, replace(measured, resistance=7.0 + 3.0 * drifted(measured).resistance), first)
+    assert turned.gain == pytest.approx(3.0 * scales.gain, rel=1e-6)
+    assert turned.offset == pytest.approx(7.0 + 3.0 * scales.offset, rel=1e-6)
+
+
+def test_noise_is_measured_on_a_signal_that_moves():
+    t = np.linspace(0.0, 20.0, 4000)
+    noise = np.random.default_rng(5).normal(size=t.size)
+    assert noise_of(np.sin(t) + 0.003 * noise) == pytest.approx(0.003, rel=0.05)
+    assert noise_of(np.sin(t)) < 1e-4
+
+
+def test_a_delay_is_taken_back(measured):
+    rng = np.random.default_rng(3)
+    y = (measured.resistance - REST) / RISE
+    noisy = y + 0.002 * rng.normal(size=y.size)
+    found = recover(default_artifact(), FULL, measured, noisy, "estimator")
+    assert found.delay == pytest.approx(2.4)
+    assert np.isnan(found.strain).sum() == 24
+    given = np.isfinite(found.strain)
+    assert np.sqrt(np.mean((found.strain - measured.strain)[given] ** 2)) < 0.02 * FULL
+    assert found.deviation is not None
+
+
+def test_a_record_that_the_sensor_was_fitted_to_is_told(measured, stored, tmp_path):
+    path = write(tmp_path / "r.csv", measured)
+    sensor = SensorArtifact.read(stored)
+    replace(sensor, provenance={"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}).write(stored)
+    (judged,) = judge_files(stored, [path])
+    assert judged.sentences() == ("r.csv is a record that the sensor was fitted to: its errors say little of others.",)
+
+
+def test_what_is_written_reads_as_a_record(measured, stored, tmp_path):
+    judged = judge_files(stored, [write(tmp_path / "r.csv", measured)], compensators=("inverse", "estimator"))
+    (table,) = save_judged(judged, tmp_path / "out", pictures=False)
+    again = read_record(table)
+    assert again.resistance == pytest.approx(measured.resistance, rel=1e-8)
+    header, *_, last = table.read_text().splitlines()
+    assert "recovered strain by estimator [1],its deviation by estimator [1],fitted" in header
+    assert last.endswith(",,,0")  # the estimator delivers the last samples after the record
+
+
+def test_what_cannot_be_judged_is_refused_by_name(measured, stored, tmp_path):
+    path = write(tmp_path / "r.csv", measured)
+    with pytest.raises(DataError, match=r"lines 2 to \d+: no scales can be fitted to 5 samples.*--stretch"):
+        judge_files(stored, [path], own_scales=True, stretch="0:0.4")
+    falling = write(tmp_path / "f.csv", replace(measured, resistance=3000.0 - measured.resistance))
+    with pytest.raises(DataError, match=r"f\.csv.*the fitted gain falls to -.*Check its columns and units"):
+        judge_files(stored, [falling], own_scales=True)
+    wide = write(tmp_path / "w.csv", replace(measured, strain=1.5 * measured.strain))
+    with pytest.raises(DataError, match=r"w\.csv, line \d+: strain .* is beyond the full scale 0\.2"):
+        judge_files(stored, [wide])
+    with pytest.raises(ParameterError, match="there is no compensation method 'oracle'"):
+        judge_files(stored, [path], compensators=("oracle",))
+    default_artifact().write(tmp_path / "signal.json")
+    assert judge_files(tmp_path / "signal.json", [path], own_scales=True)  # its provenance says its scales
+    replace(default_artifact(), provenance={}).write(tmp_path / "signal.json")
+    with pytest.raises(ArtifactError, match="does not say the scales of its record"):
+        judge_files(tmp_path / "signal.json", [path])
+    term = FractionalTerm(coefficient=0.1, order=0.3)
+    other = FractionalArtifact(
+        model="sub-model-1", direct=0.4, terms=(term,), full_scale_strain=0.1, resistance_change=5.0
+    )
+    other.write(tmp_path / "fractional.json")
+    with pytest.raises(ArtifactError, match="holds a fractional model, which recovers no strain"):
+        judge_files(tmp_path / "fractional.json", [path])
