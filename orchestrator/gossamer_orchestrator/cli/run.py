@@ -52,7 +52,8 @@ def run(
         bool,
         typer.Option(
             "--strict",
-            help="Refuse FMUs that break the rules of FMI, values that are not finite, and groups that do not converge.",
+            help="Refuse FMUs that break the rules of FMI, values that are not finite, groups that do not converge, and "
+            "steps that miss the tolerance of the step control.",
         ),
     ] = False,
     threads: Annotated[

@@ -8,6 +8,7 @@ function that declares no types, which halves the cost of a call; so every argum
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -21,6 +22,7 @@ from .ports import Port, TypedPort
 from .slave import DISCARD, ERROR, FATAL, WARNING, Log, is_python, start_slave
 from .types import Value
 
+MAX_UPDATES = 1000
 _LAST_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
 _LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
@@ -51,6 +53,7 @@ class Instance:
     """
 
     version = 2
+    _UPDATE, _LEAVE = "updateDiscreteStates", "enterStepMode"  # FMPy's methods that handle events, and leave their mode
     _FUNCTIONS: ClassVar = {
         "get": "fmi2GetReal",
         "set": "fmi2SetReal",
@@ -71,6 +74,7 @@ class Instance:
         self.ended_at: float | None = None
         self.on_end: Callable[[Instance], object] = lambda _: None
         self._initialized = False
+        self._next_event = math.inf  # [s]
         self._component: Any = None
         try:
             self._slave = start_slave(fmu.description, fmu.folder(), name, self.log, event_mode=self.event_mode)
@@ -133,6 +137,28 @@ class Instance:
         status = self._get(*port.arguments)
         if status > WARNING:
             self._check(status, "did not return its outputs")
+
+    def enter_event_mode(self) -> None:
+        """Enter the mode in which inputs may jump."""
+        self._call("could not enter its event mode", "enterEventMode")
+
+    def leave_event_mode(self) -> bool:
+        """Let the FMU handle its events and return to the mode before; True if it ends the simulation."""
+        for _ in range(MAX_UPDATES):
+            again, over, _, _, defined, event = self._call("could not handle its events", self._UPDATE)
+            if over:
+                return True
+            if not again:
+                break
+        else:
+            msg = (
+                f"component {self.name!r} still has events after {MAX_UPDATES} updates at t = {self.time:.9g} s."
+                f"{self.log.tail()} Check it with 'gossamer verify'."
+            )
+            raise SimulationError(msg, component=self.name, time=self.time)
+        self._next_event = float(event) if defined else math.inf
+        self._call("could not leave its event mode", self._LEAVE)
+        return False
 
     def write_typed(self, port: TypedPort, values: Sequence[Value], failure: str = "refused its inputs") -> None:
         """Set the variables of a port of any type."""
@@ -210,6 +236,7 @@ class Instance:
     def restore_state(self, slot: int = 0) -> None:
         """Restore the state saved in a slot."""
         self._check(self._set_state(self._component, self._states[slot]), "did not restore its saved state")
+        self.ended_at = None
 
     def serialize(self) -> bytes:
         """Return the present state as bytes, which another process can continue from."""

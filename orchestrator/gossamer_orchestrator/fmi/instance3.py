@@ -19,7 +19,6 @@ from .slave import DISCARD, WARNING
 from .types import Value, parse
 
 _EVENTS, _OVER, _EARLY = range(3)  # the flags that fmi3DoStep sets, in this order
-MAX_UPDATES = 1000
 
 
 class Instance3(Instance):
@@ -96,26 +95,6 @@ class Instance3(Instance):
         """Restore the state saved in a slot, with the inputs of then."""
         super().restore_state(slot)
         self._written.clear()
-
-    def enter_event_mode(self) -> None:
-        """Enter the mode in which discrete inputs may change."""
-        self._call("could not enter its event mode", "enterEventMode")
-
-    def leave_event_mode(self) -> bool:
-        """Let the FMU handle its events and return to the mode of steps; True if it ends the simulation."""
-        over = False
-        for _ in range(MAX_UPDATES):
-            again, over, *_ = self._call("could not handle its events", "updateDiscreteStates")
-            if over or not again:
-                break
-        else:
-            msg = (
-                f"component {self.name!r} still has events after {MAX_UPDATES} updates at t = {self.time:.9g} s."
-                f"{self.log.tail()} Check it with 'gossamer verify'."
-            )
-            raise SimulationError(msg, component=self.name, time=self.time)
-        self._call("could not leave its event mode", "enterStepMode")
-        return bool(over)
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
         """Advance by ``size`` [s] from ``time`` [s]; see ``Instance.step``."""

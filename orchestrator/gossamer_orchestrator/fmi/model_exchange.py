@@ -27,36 +27,27 @@ if TYPE_CHECKING:
     from .integrator import Integrator
 
 TOLERANCE = 1e-6  # relative, of the integration, where the model description names none
-MAX_UPDATES = 1000
 MAX_EVENTS = 10_000  # within one communication step
 
 
 class ModelExchange(Instance):
     """What both versions of FMI have in common; see ``Instance``."""
 
-    _update: str  # FMPy's method that handles events
+    _LEAVE = "enterContinuousTimeMode"
 
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
+        self._integrator_class = _load_integrator(fmu)
         super().__init__(fmu, name, time)
         self._inputs: dict[Port | TypedPort, Any] = {}  # as they were set last
-        self._next_event = math.inf  # [s]
-        self._saved_events = [math.inf, math.inf]
         self._now = time  # [s] reached so far
         self._anew = True  # whether the integration starts anew
+        self._saved = [(math.inf, time), (math.inf, time)]  # next event and time [s] of the saved states
         asked = getattr(self.fmu.description.defaultExperiment, "tolerance", None)
         self.tolerance = float(asked) if asked else TOLERANCE
 
     @cached_property
     def _integrator(self) -> Integrator:
-        try:
-            from .integrator import Integrator  # loads SUNDIALS
-        except (ImportError, OSError) as error:
-            msg = (
-                f"{self.fmu.path} is for model exchange, and FMPy has no SUNDIALS for this machine: {error}. "
-                "Export it for co-simulation."
-            )
-            raise FmuError(msg) from error
-        return Integrator(self._slave, self.fmu.description, self.time, self.tolerance)
+        return self._integrator_class(self._slave, self.fmu.description, self.time, self.tolerance)
 
     def set_start(self, values: Mapping[str, Value]) -> None:
         """Set parameters and inputs of any type by name."""
@@ -88,32 +79,27 @@ class ModelExchange(Instance):
         if self._initialized:
             self._leave_events()
 
-    def restore_state(self, slot: int = 0) -> None:
-        """Restore the state saved in a slot, with the inputs of then."""
-        super().restore_state(slot)
-        self._next_event = self._saved_events[slot]
-        self._inputs.clear()
-        self._anew = True
-
     def save_state(self, slot: int = 0) -> None:
         """Save the present state in a slot, 0 or 1, in place of the one saved there before."""
         super().save_state(slot)
-        self._saved_events[slot] = self._next_event
+        self._saved[slot] = self._next_event, self._now
 
-    def enter_event_mode(self) -> None:
-        """Enter the mode in which inputs may jump."""
-        self._call("could not enter its event mode", "enterEventMode")
+    def restore_state(self, slot: int = 0) -> None:
+        """Restore the state saved in a slot, with the inputs of then."""
+        super().restore_state(slot)
+        self._next_event, self._now = self._saved[slot]
+        self._inputs.clear()
+        self._anew = True
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
         """Integrate from ``time`` [s] over ``size`` [s], with the events on the way; see ``Instance.step``."""
         self._time = time
-        now, end = time.value, time.value + size.value
-        for _ in range(MAX_EVENTS):
-            target = min(end, self._next_event)
+        now, end, events = time.value, time.value + size.value, 0
+        while events < MAX_EVENTS:
             try:
-                now, root = self._integrator.advance(now, target, anew=self._anew)
-                self._anew = False
-                step_event, over = self._slave.completedIntegratorStep()
+                now, root = self._integrator.advance(now, min(end, self._next_event), anew=self._anew)
+                # an earlier state may be restored, if the FMU can do that at all
+                step_event, over = self._slave.completedIntegratorStep(not self.fmu.can_repeat)
             except FMICallException as error:
                 if error.status == DISCARD:
                     return False
@@ -125,12 +111,13 @@ class ModelExchange(Instance):
                     "smaller 'step', or correct its parameters."
                 )
                 raise SimulationError(msg, component=self.name, time=now) from error
-            self._now = now
+            self._now, self._anew = now, False
             if over:
                 return self._end(now, end)
             if root or step_event or now >= self._next_event:
+                events += 1
                 self.enter_event_mode()
-                if not self._leave_events():
+                if self._leave_events():
                     return self._is_at(now, end)
             if now >= end:
                 return True
@@ -141,41 +128,35 @@ class ModelExchange(Instance):
         raise SimulationError(msg, component=self.name, time=now)
 
     def _leave_events(self) -> bool:
-        """Handle the present events and go back to continuous time; False if the FMU ends the simulation."""
-        time, self._anew = self._now, True
-        for _ in range(MAX_UPDATES):
-            again, over, _, _, defined, event = self._call("could not handle its events", self._update)
-            if over:
-                self._end(time, time)
-                return False
-            if not again:
-                break
-        else:
-            msg = (
-                f"component {self.name!r} still has events after {MAX_UPDATES} updates at t = {time:.9g} s."
-                f"{self.log.tail()} Correct its parameters."
-            )
-            raise SimulationError(msg, component=self.name, time=time)
-        self._next_event = event if defined else math.inf
-        self._call("could not leave its event mode", "enterContinuousTimeMode")
-        return True
+        """Handle the present events; True, and it is noted, if the FMU ends the simulation."""
+        self._anew = True
+        over = self.leave_event_mode()
+        if over:
+            self._end(self._now, self._now)
+        return over
+
+
+def _load_integrator(fmu: FmuFile) -> type[Integrator]:
+    """Load SUNDIALS, which only FMUs for model exchange need."""
+    try:
+        from .integrator import Integrator
+    except (ImportError, OSError) as error:
+        msg = (
+            f"{fmu.path} is for model exchange, and FMPy has no SUNDIALS for this machine: {error}. Export it for "
+            "co-simulation."
+        )
+        raise FmuError(msg) from error
+    return Integrator
 
 
 class ModelExchange2(ModelExchange):
     """One instance of an FMU of FMI 2.0 for model exchange."""
 
     _FUNCTIONS: ClassVar = {name: symbol for name, symbol in Instance._FUNCTIONS.items() if name != "do_step"}
-    _update = "newDiscreteStates"
+    _UPDATE = "newDiscreteStates"
 
 
 class ModelExchange3(ModelExchange, Instance3):
     """One instance of an FMU of FMI 3.0 for model exchange."""
 
     _FUNCTIONS: ClassVar = {name: symbol for name, symbol in Instance3._FUNCTIONS.items() if name != "do_step"}
-    _update = "updateDiscreteStates"
-
-
-def start_instance(fmu: FmuFile, name: str, time: float = 0.0) -> Instance:
-    """Start an instance of an FMU of either version and kind; see ``Instance``."""
-    kinds = {(2, False): Instance, (3, False): Instance3, (2, True): ModelExchange2, (3, True): ModelExchange3}
-    return kinds[fmu.version, fmu.model_exchange](fmu, name, time)

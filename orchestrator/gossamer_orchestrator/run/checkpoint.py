@@ -83,7 +83,8 @@ def load(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
     if names := unable(plan):
         msg = (
             f"{', '.join(names)} cannot serialize {'its' if len(names) == 1 else 'their'} state (canSerializeFMUstate), or "
-            "has an event mode, so this run cannot be resumed. Run it from its start, without --resume."
+            "has events of its own (event mode, model exchange), so this run cannot be resumed. Run it from its start, "
+            "without --resume."
         )
         raise ScenarioError(msg)
     if not path.is_file():
@@ -105,7 +106,7 @@ def load(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
     if changed:
         msg = (
             f"{', '.join(changed)} differ{'s' * (len(changed) == 1)} from the unfinished run in {path.parent}. "
-            "Give it what it had, also --step, --stop and --master, or run it from its start, without --resume."
+            "Give it what it had, also --step, --stop, --set and --master, or run it from its start, without --resume."
         )
         raise ScenarioError(msg)
     return card, arrays
@@ -128,5 +129,5 @@ def restore(simulation: Simulation, card: dict[str, Any], arrays: dict[str, Any]
         group.peaks[:] = arrays[f"peaks_{i}"]
     if isinstance(simulation.control, StepControl):
         simulation.control.size = int(arrays["size"])
-        simulation.control.peaks[:] = arrays["peaks"]
+        simulation.control.peaks = arrays["peaks"]
     simulation.tick, simulation.divided = card["tick"], card["divided"]

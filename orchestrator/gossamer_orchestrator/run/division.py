@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..errors import SimulationError
 from ..fmi.instance import Instance
 from ..scenario.plan import Plan
+from .group import IteratedGroup
 from .member import Member
 from .position import PART, Position
 
@@ -27,6 +28,7 @@ class Steps(Protocol):
     places: dict[tuple[str, str], int]
     members: list[Member]
     ended_by: list[Instance]
+    groups: list[IteratedGroup]
 
     @property
     def over(self) -> bool:

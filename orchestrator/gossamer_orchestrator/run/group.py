@@ -61,6 +61,8 @@ class IteratedGroup:
         Largest magnitude so far of each Real that is fed back, or its nominal value if the FMU declares one.
     sweeps : int
         Sweeps of the last step.
+    may_refuse : bool
+        Where it does not converge the step is refused: a smaller one will be tried.
     """
 
     def __init__(
@@ -77,6 +79,7 @@ class IteratedGroup:
         self.names = [member.name for member in members]
         self.number, self.every = members[0].number, 1
         self.sweeps = 0
+        self.may_refuse = False
         self._members = members
         self._store, self._position = store, position
         self._over, self._strict = over, strict
@@ -117,7 +120,7 @@ class IteratedGroup:
             for member in self._members:
                 self._position[COMPONENT] = member.number
                 member.receive(self._tick)
-                if not member.advance(time, size, full=False):
+                if len(self._over) > ended or not member.advance(time, size, full=False):
                     return False
             return True
 
@@ -172,6 +175,8 @@ class IteratedGroup:
                     break
                 if sweeps < self._most:
                     values[self._places] = next_guess(guesses, results, scale)
+        if self.may_refuse:
+            return False
         self._give_up(time, residuals)
         return True
 

@@ -15,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
 from ..fmi.instance import Instance
-from ..fmi.model_exchange import start_instance
+from ..fmi.instances import start_instance
 from ..scenario.plan import Plan
 from .channel import Channel
 from .division import UNITS, Division
@@ -101,7 +101,7 @@ class Simulation:
         self.groups: list[IteratedGroup] = []
         self._stages: list[Stage] = []  # in stepping order
         self._strict = strict
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         self.ended = ""
         self.ended_by: list[Instance] = []
         self._instances: list[Instance] = []
@@ -175,7 +175,7 @@ class Simulation:
                     if position[STOP]:
                         raise KeyboardInterrupt
                 if self.ended_by:
-                    first = self.ended_by[0]
+                    first = min(self.ended_by, key=lambda one: (one.ended_at, self._instances.index(one)))
                     self.ended = f"component {first.name!r} ended the simulation at t = {first.ended_at:.9g} s"
                     logger.warning("%s", self.ended)
             finally:
@@ -241,6 +241,8 @@ class Simulation:
                 continue
             position[COMPONENT] = stage.number
             stage.receive(tick + 1)
+            if self.ended_by:  # by an input that has arrived
+                return self.members[position[COMPONENT]]
             if not stage.advance(time, length, full=full):
                 return self.members[position[COMPONENT]]
         return None
@@ -256,6 +258,7 @@ class Simulation:
             member.instance.save_state()
         self.store.save()
         self._held = [channel.held for channel in self.channels]
+        self._peaks = [group.peaks.copy() for group in self.groups]
 
     def restore(self) -> None:
         """Go back to what was kept, as often as needed."""
@@ -264,6 +267,8 @@ class Simulation:
             member.instance.restore_state()
         for channel, value in zip(self.channels, self._held, strict=True):
             channel.held = value
+        for group, peaks in zip(self.groups, self._peaks, strict=True):
+            group.peaks[:] = peaks
         self.store.restore()
 
     def _start(self) -> None:

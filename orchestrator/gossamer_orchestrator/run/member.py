@@ -131,5 +131,7 @@ class SlowMember(Member):
         for part in range(parts):
             if not self.instance.step(ctypes.c_double(begin + part * length.value), length):
                 return False
+            if self.instance.ended_at is not None and part < parts - 1:
+                return False
         self.read(full=True)
         return True

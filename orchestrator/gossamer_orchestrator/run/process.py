@@ -24,7 +24,7 @@ from ..processes import end_all, marked
 from ..results.netcdf import Layout
 from .child import POSITION, Task
 from .interrupts import deferred_interrupt
-from .position import CALL, COMPONENT, FREE, PART, STOP, TICK, describe, open_position
+from .position import CALL, COMPONENT, FREE, PART, RETURNED, STOP, TICK, describe, open_position
 from .progress import ProgressBar
 from .stream import Shared
 
@@ -112,13 +112,13 @@ class Process:
                 progress.stop()
 
     def _watch(self, limit: float | None, progress: ProgressBar | None) -> None:
-        last, since, asked = (0, 0, 0, 0), time.monotonic(), 0.0
+        last, since, asked = [0] * 5, time.monotonic(), 0.0
         while not self._closed:
             self._take(_POLL)
             now, position = time.monotonic(), self.position
             if progress is not None and self.shared is not None:
                 progress.show(position[TICK], self._ticks, self._seconds())
-            present = (position[TICK], position[PART], position[COMPONENT], position[CALL])
+            present = [position[i] for i in (TICK, PART, COMPONENT, CALL, RETURNED)]
             if present != last or position[COMPONENT] < 0:
                 last, since = present, now
             over = bool(self.ended) or self.error is not None

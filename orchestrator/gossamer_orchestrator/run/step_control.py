@@ -1,7 +1,7 @@
 """Steps of a size that an error demands: each is done once whole and once in two halves, and the halves are kept.
 
 Symbols: ``y`` values that are sent, after the halves; ``e`` their difference from those after the whole step, over
-``tolerance`` and their nominal value, or where the FMU declares none their largest value so far.
+``tolerance`` and their nominal value, or where the FMU declares none their largest value so far, at least ``FLOOR``.
 
 A step of an explicit master has an error of order two, so halving it divides ``e`` by four. Steps are the communication step
 over a power of two, and end at communication points, where results are recorded.
@@ -20,10 +20,13 @@ from ..scenario import schema
 from .division import UNITS, Steps, refusal
 from .group import nominal
 from .member import Member
-from .position import PART
+from .position import PART, STOP
 
 logger = logging.getLogger(__name__)
 
+FLOOR = (
+    1.0  # least size of a value whose nominal value is not declared, in its unit, as FMI assumes: it may begin at zero
+)
 ENOUGH = 0.1  # where e is less, the next step is twice as large: e is then expected below 0.4
 
 
@@ -73,17 +76,18 @@ class StepControl:
         """
         simulation, at, steps = self._simulation, 0, 0
         while at < UNITS:
-            while at % self.size:  # of an earlier step that was cut short
-                self.size //= 2
-            size = self.size
+            if simulation.position[STOP]:
+                raise KeyboardInterrupt
+            size, small = self.size, self.size <= self._smallest
+            for group in simulation.groups:
+                group.may_refuse = not small
             simulation.save()
-            refused, error = self._compare(at, size)
+            refused, error, peaks = self._compare(at, size)
             if simulation.over:
                 if refused is not None or at + size < UNITS:
                     return 0
                 simulation.read()  # this is the last point
                 return steps + 1
-            small = size <= self._smallest
             if refused is not None and small:
                 raise refusal(simulation, refused, UNITS // size)
             if refused is not None or (error > 1.0 and not small):
@@ -92,7 +96,7 @@ class StepControl:
                 continue
             if error > 1.0:
                 self._miss(error)
-            at, steps = at + size, steps + 1
+            self.peaks, at, steps = peaks, at + size, steps + 1
             if error < ENOUGH and at % (2 * size) == 0 and size < UNITS:
                 self.size = 2 * size
         if simulation.is_recorded(simulation.tick + 1):
@@ -104,27 +108,34 @@ class StepControl:
         if self._misses > 1:
             logger.warning("the step control missed its tolerance in %d steps", self._misses)
 
-    def _compare(self, at: int, size: int) -> tuple[Member | None, float]:
-        """Do a step whole, take it back, and do it in halves; return who refused it, and the error."""
-        simulation = self._simulation
-        values, half = simulation.values, size // 2
+    def _compare(self, at: int, size: int) -> tuple[Member | None, float, NDArray[np.float64]]:
+        """Do a step whole, take it back, and do it in halves.
+
+        Returns
+        -------
+        (Member or None, float, numpy.ndarray)
+            Who refused the step, or ended before its end; ``e``; and what ``peaks`` are if the halves are kept.
+        """
+        simulation, half = self._simulation, size // 2
         simulation.position[PART] = at
-        ended = len(simulation.ended_by)
-        if (refused := simulation.substep(at, size, full=False)) is not None and not simulation.over:
-            return refused, 0.0
-        whole = values[self._places]
-        del simulation.ended_by[ended:]
+        refused = simulation.substep(at, size, full=False)
+        if refused is not None and not simulation.over:
+            return refused, 0.0, self.peaks
+        whole = simulation.values[self._places]
+        simulation.ended_by.clear()
         simulation.restore()
         for begin in (at, at + half):
             refused = simulation.substep(begin, half, full=False)
-            if refused is not None or (simulation.over and begin == at):
-                return refused or simulation.members[0], 0.0
-        y = values[self._places]
-        np.maximum(self.peaks, abs(y), out=self.peaks, where=~self._declared)
-        scale = np.where(self.peaks > 0.0, self.peaks, 1.0)
+            if simulation.over and begin == at:
+                refused = next(member for member in simulation.members if member.instance in simulation.ended_by)
+            if refused is not None:
+                return refused, 0.0, self.peaks
+        y = simulation.values[self._places]
         with np.errstate(all="ignore"):
+            peaks = np.where(self._declared, self.peaks, np.fmax(self.peaks, abs(y)))
+            scale = np.where(self._declared, peaks, np.fmax(peaks, FLOOR))
             error = float(np.max(abs(y - whole) / scale, initial=0.0)) / self._tolerance
-        return None, error if np.isfinite(error) else np.inf
+        return None, error if np.isfinite(error) else np.inf, peaks
 
     def _miss(self, error: float) -> None:
         """Say that the smallest step misses the tolerance, the first time; with ``strict`` raise it."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, as_completed
 from typing import Protocol
 
 from ..scenario.plan import Plan
 from .member import Member
-from .position import AT_ONCE, COMPONENT, Position
+from .position import AT_ONCE, COMPONENT, RETURNED, Position
 
 
 class Stage(Protocol):
@@ -62,8 +62,10 @@ class Together:
         try:
             done = [first.advance(time, size, full=full)]
         finally:
-            errors = [future.exception() for future in waiting]  # waits for all of them
-            self._position[AT_ONCE] = 0
+            for _ in as_completed(waiting):
+                self._position[RETURNED] += 1  # the time limit is that of a call
+            self._position[AT_ONCE] = self._position[RETURNED] = 0
+        errors = [future.exception() for future in waiting]
         for error in errors:
             if error is not None:
                 raise error

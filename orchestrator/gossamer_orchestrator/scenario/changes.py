@@ -10,6 +10,7 @@ from ..errors import ScenarioError
 from ..fmi.file import FmuFile
 from ..names import matches, split_endpoint, suggest
 from .schema import Component, Given, Scenario
+from .sizes import resized
 
 SEED = "seed"
 
@@ -56,6 +57,7 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
         An FMU cannot be read.
     """
     components = dict(scenario.components)
+    files: dict[Path, FmuFile] = {}
     for name, value in changes.items():
         if name == SEED:
             scenario = _seeded(scenario, value)
@@ -67,8 +69,11 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
             msg = f"--set {name}: {what}. {suggest(pattern, [*components, SEED])}"
             raise ScenarioError(msg)
         for component in found:
-            file = FmuFile(scenario.fmu_path(component, fmus), validate=False)
-            components[component] = _with_value(components[component], file, variable, value, name)
+            path = scenario.fmu_path(component, fmus)
+            if path.is_file():  # otherwise the plan says so
+                files[path] = files[path] if path in files else FmuFile(path, validate=False)
+                file = resized(files[path], components[component], validate=False)
+                components[component] = _with_value(components[component], file, variable, value, name)
     return scenario.model_copy(update={"components": components})
 
 

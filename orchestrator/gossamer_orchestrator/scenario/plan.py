@@ -21,6 +21,7 @@ from .graph import order_components
 from .groups import check_groups
 from .histories import FILE, History, read_histories
 from .schema import Component, Connection, Scenario, Value
+from .sizes import resized
 from .source import Location, Problems
 from .steps import check_steps
 from .values import expand, start_values
@@ -219,12 +220,8 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict:
 
 def _resize(file: FmuFile, component: Component, place: Location, problems: Problems) -> FmuFile:
     """Return the FMU with arrays of the sizes that a component gives by structural parameters."""
-    sizes = {v: component.parameters.get(v) for v in file.names("structuralParameter")}
-    given = {v: size for v, size in sizes.items() if type(size) is int and size >= 0}
-    if not given:
-        return file
     try:
-        return FmuFile(file.path, given)
+        return resized(file, component)
     except FmuError as error:
         problems.add(place, str(error))
         return file

@@ -172,7 +172,7 @@ class Connection(Table):
 
 
 class Input(Table):
-    """A measured history of an input that no connection feeds; it is looked up where a step begins, and held over it.
+    """A measured history of an input that no connection feeds; it is looked up where a step of the run begins, and held.
 
     Attributes
     ----------
@@ -234,9 +234,9 @@ class StepControl(Table):
     ----------
     tolerance : float
         Largest difference between a step and the same in two halves, in parts of a variable's nominal value, or where the
-        FMU declares none of its largest value so far.
+        FMU declares none of its largest value so far, or 1 of its unit if that is more.
     parts : int
-        The smallest step is ``step`` over this, a power of two.
+        The smallest step that is tried whole is ``step`` over this, a power of two.
     """
 
     tolerance: float = Field(gt=0.0, lt=1.0)

@@ -23,14 +23,14 @@ _NOISE = 2.0**17  # [byte]
 _TOLERANCE = 1e-3
 
 
-@check("start", gate=True, runs=True)
+@check("start", gate=True)
 def _start(subject: Subject) -> Outcome:
     with subject.instance() as one:
         one.slave.terminate()
     return PASSED, "Instantiated, initialized with its start values, terminated and freed."
 
 
-@check("wrong token", runs=True)
+@check("wrong token")
 def _token(subject: Subject) -> Outcome:
     try:
         with subject.instance(initialize=False, token="{00000000-0000-0000-0000-000000000000}"):
@@ -42,7 +42,7 @@ def _token(subject: Subject) -> Outcome:
     return REMARK, "An instance with another guid or instantiation token starts nevertheless."
 
 
-@check("first outputs", runs=True)
+@check("first outputs")
 def _first_outputs(subject: Subject) -> Outcome:
     with subject.instance() as one:
         strange = one.not_finite()
@@ -50,7 +50,7 @@ def _first_outputs(subject: Subject) -> Outcome:
     return none_of(strange, "Not finite after initialization", good)
 
 
-@check("readable", runs=True)
+@check("readable")
 def _readable(subject: Subject) -> Outcome:
     with subject.instance() as one:
         read = [v for v in subject.variables if v.type != "Clock" and not v.clocks]  # those in an event only

@@ -149,8 +149,10 @@ fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
   return fmi2OK;
 }
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean keep, fmi2Boolean *events, fmi2Boolean *over) {
-  (void)c; (void)keep;
-  *events = *over = false;
+  PART;
+  (void)keep;
+  *events = step_event(&core->model);
+  *over = false;
   return fmi2OK;
 }
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) { PART; core->time = time; return fmi2OK; }

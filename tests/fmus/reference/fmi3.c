@@ -151,8 +151,10 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 size, fmi3Bo
 
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance c) { return fmi3EnterStepMode(c); }
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance c, fmi3Boolean keep, fmi3Boolean *events, fmi3Boolean *over) {
-  (void)c; (void)keep;
-  *events = *over = false;
+  CORE;
+  (void)keep;
+  *events = step_event(&core->model);
+  *over = false;
   return fmi3OK;
 }
 fmi3Status fmi3SetTime(fmi3Instance c, fmi3Float64 time) { CORE; core->time = time; return fmi3OK; }

@@ -19,6 +19,10 @@
 
      next_event(m)               when the next one is [s]
 
+   or only after a step of the integrator
+
+     step_event(m)               tells whether one is due
+
    and fmi2.c or fmi3.c the functions of the standard around it. The state of an instance is the bytes of Instance. */
 
 #include <math.h>
@@ -59,6 +63,9 @@ static void advance(Model *m, double time) {
 #define NZ 0
 static void derivatives(Model *m) { (void)m; }
 static void indicators(const Model *m, double *z) { (void)m; (void)z; }
+#endif
+#ifndef STEP_EVENTS
+static bool step_event(const Model *m) { (void)m; return false; }
 #endif
 #ifndef TIME_EVENTS
 static double next_event(const Model *m) { (void)m; return INFINITY; }

@@ -88,6 +88,44 @@ def test_steps_that_are_repeated_twice_give_the_same_bits(exchange_fmus, fmi):
     assert ends[0] == pytest.approx(ends[1], abs=1e-4)
 
 
+@pytest.mark.parametrize("step", [0.01, 0.05, 0.1, 1.0])
+def test_events_within_rounding_of_a_communication_point_happen_once(exchange_fmus, step):
+    data = run_scenario(alone("Sampler2", step, 1.0, "inputs = { u = 0.0 }\n"), exchange_fmus)
+    t = data.time.values
+    assert data["a.x"].values == pytest.approx(t, abs=1e-12)
+    between = abs(10.0 * t - np.round(10.0 * t)) > 1e-6  # at the points themselves rounding decides which was first
+    assert data["a.y"].values[between] == pytest.approx(np.floor(10.0 * t[between]) / 10.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("step", [0.1, 10.0])
+def test_a_step_event_happens_after_the_step_that_asks_for_it(exchange_fmus, step):
+    """The integrator takes steps of at most 0.1 s, so x falls before it is above 1.6; it needs a second and a half again."""
+    data = run_scenario(alone("Sampler2", step, 10.0, "inputs = { u = 0.0 }\n"), exchange_fmus)
+    assert data["a.x"].values.max() <= 1.6 + 1e-9
+    assert 0.0 <= data["a.x"].values[-1] <= 1.6
+
+
+def test_an_input_that_makes_the_fmu_end_the_simulation_ends_the_run_in_peace(exchange_fmus):
+    text = (
+        'step = 0.1\nstop = 10.0\n[components]\na = { fmu = "Sampler2", inputs = { u = 0.0 } }\nb = { fmu = "Sampler2" }\n'
+        "[[connections]]\nfrom = 'a.x'\nto = 'b.u'\ngain = 10.0\n"
+    )
+    data = run_scenario(parse_scenario(text), exchange_fmus)
+    assert data.attrs["ended"] == "component 'b' ended the simulation at t = 0.5 s"
+
+
+@pytest.mark.parametrize(
+    "more", ["every = 2\n", "[step_control]\ntolerance = 1e-4\n", "[[groups]]\ncomponents = ['a', 'b']\n"]
+)
+def test_model_exchange_takes_part_in_everything_that_steps(exchange_fmus, more):
+    text = 'step = 0.1\nstop = 1.0\n[components.b]\nfmu = "Sampler2"\n[components.a]\nfmu = "Dahlquist3"\n'
+    text += more if more.startswith("every") else ""
+    text += "[[connections]]\nfrom = 'a.x'\nto = 'b.u'\n" + ("" if more.startswith("every") else more)
+    data = run_scenario(parse_scenario(text), exchange_fmus)
+    assert data["a.x"].values[-1] == pytest.approx(np.exp(-1.0), abs=1e-5)
+    assert data["b.x"].values[-1] == pytest.approx(1.0, abs=1e-9)
+
+
 def test_what_needs_co_simulation_says_so(exchange_fmus, tmp_path):
     with pytest.raises(ScenarioError, match="is for model exchange, which a container does not integrate"):
         build_container(alone("Dahlquist2", 0.1, 1.0), exchange_fmus, tmp_path / "one.fmu")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +18,7 @@ from gossamer_orchestrator import (
     parse_scenario,
     run_scenario,
 )
+from gossamer_orchestrator.run import checkpoint
 from simulated import simulate
 
 # --- a rate per component ---
@@ -122,6 +125,46 @@ def test_a_tolerance_that_cannot_be_met_is_said_once_and_strict_ends_the_run(fmu
         run_scenario(scenario, fmus, tmp_path, strict=True)
 
 
+@pytest.mark.parametrize("rate", [20.0, 200.0])
+def test_trials_that_are_taken_back_leave_no_trace(fmus, rate):
+    """x' = k (1 - x): the first trials are unstable and huge, and the answer is as good as the tolerance asks."""
+    text = (
+        "step = 1.0\nstop = 10.0\nmaster = 'jacobi'\nstep_control = { tolerance = 1e-3, parts = 65536 }\n"
+        "[components.x]\nfmu = 'integrator'\n[components.one]\nfmu = 'gain'\ninputs = { '*' = 0.0, 'offset[1]' = 1.0 }\n"
+        f"[[connections]]\nfrom = 'x.y'\nto = 'x.u'\ngain = {-rate}\nbias = {rate}\n"
+    ).replace("'*' = 0.0, 'offset[1]' = 1.0", "u = 0.0, 'offset[*]' = 0.0")
+    data = simulate(parse_scenario(text), fmus)
+    assert data["x.y"].values[1:] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_value_that_leaves_zero_slowly_is_no_miss(fmus, caplog):
+    """Two integrators in a row, by Jacobi: the second begins as the square of time."""
+    text = (
+        "step = 0.5\nstop = 2.0\nmaster = 'jacobi'\nstep_control = { tolerance = 1e-3 }\n[components]\n"
+        "a = { fmu = 'integrator', inputs = { u = 1.0 } }\nb = { fmu = 'integrator' }\nc = { fmu = 'integrator' }\n"
+        "[[connections]]\nfrom = 'a.y'\nto = 'b.u'\n[[connections]]\nfrom = 'b.y'\nto = 'c.u'\n"
+    )
+    data = simulate(parse_scenario(text), fmus)
+    assert "smallest step" not in caplog.text
+    assert data["c.y"].values[-1] == pytest.approx(8.0 / 6.0, abs=0.1)
+
+
+def test_a_run_under_step_control_resumes_to_the_same_bits(reference_fmus, tmp_path):
+    text = "step = 0.1\nstop = 4.0\nstep_control = { tolerance = 1e-5 }\n[components.a]\nfmu = 'VanDerPol2'\n"
+    text += "[components.b]\nfmu = 'VanDerPol2'\nevery = 2\n"
+    plan = make_plan(parse_scenario(text), reference_fmus)
+    with Simulation(plan) as whole:
+        for _ in range(20):
+            whole.step()
+        checkpoint.save(tmp_path / "half.npz", whole, 0, checkpoint.digests(plan))
+        whole.run()
+        wanted = whole.values.tolist()
+    with Simulation(make_plan(parse_scenario(text), reference_fmus)) as resumed:
+        checkpoint.restore(resumed, *checkpoint.load(tmp_path / "half.npz", resumed.plan))
+        resumed.run()
+        assert resumed.values.tolist() == wanted
+
+
 def test_a_refused_step_is_halved_by_the_step_control(fmus):
     text = oscillator("step_control = { tolerance = 0.1 }").source.text
     data = simulate(
@@ -145,6 +188,48 @@ def test_what_cannot_be_controlled_is_refused(fmus, tmp_path):
 
 
 # --- components that step at once ---
+
+
+class Counted:
+    """Stands for the step of an instance, and counts how many are in it at once."""
+
+    def __init__(self):
+        self.now = self.most = 0
+        self.lock = threading.Lock()
+
+    def of(self, step):
+        def counted(*arguments):
+            with self.lock:
+                self.now += 1
+                self.most = max(self.most, self.now)
+            time.sleep(0.01)
+            try:
+                return step(*arguments)
+            finally:
+                with self.lock:
+                    self.now -= 1
+
+        return counted
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_as_many_components_step_at_once_as_there_are_threads(reference_fmus, threads):
+    components = "".join(f"c{i} = {{ fmu = 'Dahlquist2' }}\n" for i in range(4))
+    scenario = parse_scenario(f"step = 0.1\nstop = 0.2\nmaster = 'jacobi'\n[components]\n{components}")
+    with Simulation(make_plan(scenario, reference_fmus), threads=threads) as simulation:
+        counted = Counted()
+        for member in simulation.members:
+            member.instance.step = counted.of(member.instance.step)
+        simulation.run()
+    assert counted.most == threads
+
+
+def test_of_several_that_end_the_simulation_the_first_in_order_is_named_with_threads_too(reference_fmus):
+    stairs = "a = { fmu = 'Stair2' }\nb = { fmu = 'Stair2' }\n"
+    scenario = parse_scenario(f"step = 0.2\nstop = 10.0\nmaster = 'jacobi'\n[components]\n{stairs}")
+    for threads in (1, 2):
+        data = run_scenario(scenario, reference_fmus, threads=threads)
+        assert data.attrs["ended"] == "component 'a' ended the simulation at t = 9 s"
 
 
 @pytest.mark.parametrize("master", ["jacobi", "gauss-seidel"])
