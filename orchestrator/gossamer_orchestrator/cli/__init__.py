@@ -21,6 +21,7 @@ from .campaign import campaign
 from .exchange import container, export
 from .identify import CommandWithFields, identify
 from .inspect import info, verify
+from .report import report, view
 from .run import demo, run
 from .train import train
 from .twin import twin
@@ -78,6 +79,8 @@ app.command()(run)
 app.command("export-ssp")(export)
 app.command()(container)
 app.command()(demo)
+app.command()(report)
+app.command()(view)
 app.command()(verify)
 app.command()(info)
 app.command()(train)

@@ -1,9 +1,9 @@
-"""``gossamer run`` and ``gossamer demo``: from a scenario to results, pictures and judgements."""
+"""``gossamer run`` and ``gossamer demo``: from a scenario to results, pictures, a page and judgements."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +12,9 @@ from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .common import FMUS, FmuFolder, wide
 from .watch import LiveWatch
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 DEMO = "damage_begins"
 WATCHED = "watch.json"
@@ -30,7 +33,9 @@ def run(
     master: Annotated[
         str | None, typer.Option(help="gauss-seidel or jacobi, in place of the file's or for an .ssp.")
     ] = None,
-    pictures: Annotated[bool, typer.Option(help="Draw pictures of what was recorded.")] = True,
+    pictures: Annotated[
+        bool, typer.Option(help="Draw pictures of what was recorded, and write report.html, the page of the run.")
+    ] = True,
     watched: Annotated[
         bool,
         typer.Option("--watch", help="Run the digital twin beside it: an alarm when damage begins, then its place."),
@@ -61,8 +66,9 @@ def run(
 ) -> None:
     """Run a scenario.
 
-    Writes results.nc, results.csv and pictures, and prints their paths. The FMUs run in a process of their own, and results
-    are on the disk within a second: whatever ends the run, what it reached is kept, and --resume continues it.
+    Writes results.nc, results.csv, pictures and report.html, the page of the run, and prints their paths. The FMUs run in a
+    process of their own, and results are on the disk within a second: whatever ends the run, what it reached is kept, and
+    --resume continues it.
 
     For example:
 
@@ -146,6 +152,7 @@ def _run(
             typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
         for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
             typer.echo(path)
+        _write_page(data, out)
     console = wide(stderr=True)
     try:
         ended = windows(data)
@@ -157,3 +164,13 @@ def _run(
         console.print(zone_table(judgement))
     for sentence in doubts(data, ended):
         console.print(sentence, style="bold yellow", highlight=False)
+
+
+def _write_page(data: xr.Dataset, out: Path) -> None:
+    """Write the page of a run and print its path; a page that cannot be written ends no run."""
+    from ..results.report import write_report
+
+    try:
+        typer.echo(write_report(data, out))
+    except ResultsError as error:
+        typer.echo(str(error), err=True)

@@ -37,7 +37,9 @@ def zone_table(judgement: Judgement) -> Table:
             numbers = f"{true:.0f} -> {estimated:.1f}" if known else f"{estimated:.1f}"
             if certain:
                 numbers += f" +- {100 * judgement.deviation[zone]:.1f}"
-            cells.append(f"zone {zone + 1}\n" + (f"[bold]{numbers}[/bold]" if true > 0.0 or estimated >= 5.0 else numbers))
+            cells.append(
+                f"zone {zone + 1}\n" + (f"[bold]{numbers}[/bold]" if true > 0.0 or estimated >= 5.0 else numbers)
+            )
         table.add_row(*cells)
     return table
 

@@ -16,11 +16,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...errors import ResultsError
+from ..columns import LIKENESS
 from ..judgements import Judgement, changes, true_damage, windows
 from ..plots.axes import side
 from ..roles import compensators, find_all, sensors
 from .membrane import membrane_mesh
-from .thin import ROWS, Pixels
+from .thin import Pixels
 
 FRAMES = 240  # instants of the slider
 NUMBERS = 600_000  # of all frames of the membrane, at most
@@ -50,19 +51,22 @@ def collect(data: xr.Dataset, folder: Path) -> dict[str, Any]:
     count = max(2, min(FRAMES, NUMBERS // size))
     rows = np.unique(np.linspace(0, len(time) - 1, count).round().astype(int))
     curves, readers = _sensor_curves(data)
-    centre = [f"{name}.deflection" for name in find_all(data, "membrane")[:1]]
-    covered = {"deflection": _reader(name) for name in centre if name in data}
+    centre = f"{next(iter(find_all(data, 'membrane')), '')}.deflection"
+    covered = {"deflection": _reader(centre)} if centre in data else {}
     others = _other_scalars(data)
     t, lines = _thin_all(data, time, pixels, curves | covered | others)
     for number, reader in readers.items():
         reader |= _loops(data, time, ended, reader)
         reader |= _at_rows(data, rows, reader)
-        reader |= _errors(data, time, reader)
-        reader["curves"] = {key.split("/")[1]: lines[key] for key in curves if key.startswith(f"{number}/")}
+        errors, more = _errors(data, time, pixels, reader)
+        reader |= errors
+        reader["curves"] = {key.split("/")[1]: lines[key] for key in curves if key.startswith(f"{number}/")} | more
     constant = {name: float(lines[name][0]) for name in others if np.ptp(lines[name]) == 0.0}
     return {
         "rows": len(time),
         "stride": pixels.stride,
+        "start": float(time[0]),
+        "end": float(time[-1]),
         "time": t,
         "frames": time[rows],
         "frame_rows": rows,
@@ -145,7 +149,9 @@ def _band(name: str, deviation: str, sign: float) -> Curve:
 
 def _other_scalars(data: xr.Dataset) -> dict[str, Curve]:
     """Return curves of recorded scalars that no other picture shows."""
-    known = {"membrane": ("deflection",), "sensor": ("resistance",), "detector": ("valid",)}
+    known: dict[str, tuple[str, ...]] = {"membrane": ("deflection",), "sensor": ("resistance",), "detector": ("valid",)}
+    if windows_of(data):
+        known["detector"] += LIKENESS
     known["compensator"] = ("resistance", "strain", "strain_deviation", "delay")
     shown = {f"{name}.{v}" for role, names in known.items() for name in find_all(data, role) for v in names}
     return {str(n): _reader(str(n)) for n in data.data_vars if data[n].dims == ("time",) and n not in shown}
@@ -213,21 +219,34 @@ def _at_rows(data: xr.Dataset, rows: NDArray[np.intp], reader: dict[str, Any]) -
     return {"at": {"strain": strain, "resistance": resistance}}
 
 
-def _errors(data: xr.Dataset, time: Array, reader: dict[str, Any]) -> dict[str, Any]:
-    """Return the RMS error of the compensated strain, its delay taken out, and the range of the true one."""
+def _errors(
+    data: xr.Dataset, time: Array, pixels: Pixels, reader: dict[str, Any]
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Return the error of the compensated strain, its delay taken out: RMS and the true range, and its curve.
+
+    The last rows have no error: their strain is not yet compensated.
+    """
     late = reader.get("compensator", "")
     if "strain" not in reader or f"{late}.strain" not in data:
-        return {}
-    true, compensated = _reader(*reader["strain"]), _reader(f"{late}.strain")
+        return {}, {}
+    names = {"error": f"{late}.strain", "above": f"{late}.strain_deviation"}
+    parts: dict[str, list[Array]] = {what: [] for what, name in names.items() if name in data}
+    true = _reader(*reader["strain"])
     shift = int(np.searchsorted(time, time[0] + reader["delay"] - 1e-9)) if reader["delay"] > 0.0 else 0
     squares, count, low, high = 0.0, 0, np.inf, -np.inf
-    for first in range(0, len(time) - shift, ROWS):
-        last = min(first + ROWS, len(time) - shift)
-        here = true(data.isel(time=slice(first, last)))
-        error = compensated(data.isel(time=slice(first + shift, last + shift))) - here
-        squares, count = squares + float(np.nansum(error**2)), count + int(np.isfinite(error).sum())
-        low, high = min(low, float(np.nanmin(here))), max(high, float(np.nanmax(here)))
-    return {"rms": float(np.sqrt(squares / count)), "span": high - low} if count else {}
+    for rows in pixels.parts():
+        here = true(data.isel(time=rows))
+        later = data.isel(time=slice(rows.start + shift, rows.stop + shift))
+        for what, each in parts.items():
+            values = np.full(len(here), np.nan)
+            values[: later.sizes["time"]] = later[names[what]].to_numpy()
+            values = values - here if what == "error" else 2.0 * values
+            each.append(pixels.thin(values))
+            if what == "error":
+                squares, count = squares + float(np.nansum(values**2)), count + int(np.isfinite(values).sum())
+        low, high = min(low, float(np.fmin.reduce(here))), max(high, float(np.fmax.reduce(here)))
+    found = {"rms": float(np.sqrt(squares / count)), "span": high - low} if count else {}
+    return found, {what: np.concatenate(each) for what, each in parts.items()}
 
 
 def _damage(data: xr.Dataset, time: Array, ended: Sequence[Judgement]) -> dict[str, Any] | None:
@@ -254,4 +273,4 @@ def _damage(data: xr.Dataset, time: Array, ended: Sequence[Judgement]) -> dict[s
             if f"{detector}.{name}" in data:
                 values = data[f"{detector}.{name}"].isel(time=at).to_numpy()
                 found[name] = values.reshape(len(at), -1)
-    return {"end": float(time[-1]), "start": float(time[0]), "true": true, "windows": found}
+    return {"true": true, "windows": found}

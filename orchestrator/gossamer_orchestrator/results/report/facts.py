@@ -38,7 +38,7 @@ def run_table(data: xr.Dataset, content: Mapping[str, Any]) -> str:
         ("How it ended", known.get("ended", "not recorded")),
     ]
     if "step" in known:
-        rows.append(("Step", f"{float(known['step']):.6g} s; every {int(known.get('record_every', 1))}. is recorded"))
+        rows.append(("Step", f"{float(known['step']):.6g} s{_every(int(known.get('record_every', 1)))}"))
     rows.append(("Recorded", f"{content['rows']} instants of {len(data.data_vars)} variables"))
     if "wall_time" in known:
         rows.append(("Wall time", f"{float(known['wall_time']):.3g} s"))
@@ -52,6 +52,10 @@ def run_table(data: xr.Dataset, content: Mapping[str, Any]) -> str:
     if text := known.get("scenario"):
         rows.append(("SHA-256 of the scenario", hashlib.sha256(str(text).encode()).hexdigest()))
     return table((), rows, "The run")
+
+
+def _every(steps: int) -> str:
+    return f"; one in {steps} is recorded" if steps > 1 else ""
 
 
 def components(data: xr.Dataset) -> str:

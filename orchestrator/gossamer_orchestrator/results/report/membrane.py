@@ -11,7 +11,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-SENSORS = ((1, 1), (2, 1), (1, 2), (2, 2))  # places of the four sensors in thirds of the side, as the membrane numbers them
+SENSORS = (
+    (1, 1),
+    (2, 1),
+    (1, 2),
+    (2, 2),
+)  # places of the four sensors in thirds of the side, as the membrane numbers them
 
 
 def membrane_mesh(heights: xr.DataArray, rows: NDArray[np.intp], side: tuple[float, str]) -> dict[str, Any]:

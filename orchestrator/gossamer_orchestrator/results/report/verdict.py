@@ -57,7 +57,9 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
     more = _watch_sentences(watched)
     if not ended:
         end = float(data["time"][-1])
-        sentence = f"No judgement: until t = {end:.6g} s no window of a detector ended. The pictures show what was recorded."
+        sentence = (
+            f"No judgement: until t = {end:.6g} s no window of a detector ended. The pictures show what was recorded."
+        )
         return Verdict("none", sentence, more)
     reasons = doubts(data, list(ended))
     valid = [window for window in ended if window.valid]

@@ -61,7 +61,7 @@ function addMap(found, known, side) {
     label: "Map of the damage of every zone; the table of damage in numbers holds the last judgement.",
     make(colors) {
       const { z: [z], text: [text] } = fill(page.content.frames[page.instant]);
-      const data = [{ type: "heatmap", x: labels, y: labels, z, text, texttemplate: "%{text}", zmin: 0, zmax: topDamage(), xgap: 2, ygap: 2,
+      const data = [{ type: "heatmap", x: labels, y: labels, z, showscale: window.innerWidth >= 600, text, texttemplate: "%{text}", zmin: 0, zmax: topDamage(), xgap: 2, ygap: 2,
         colorscale: damageScale(colors), colorbar: { title: { text: "%" }, thickness: 12 }, hoverinfo: "skip" }];
       const bare = { showgrid: false, zeroline: false, showticklabels: false, ticks: "", constrain: "domain" };
       return { data, more: { dragmode: false, xaxis: axis(colors, "x →", bare), yaxis: axis(colors, "y →", { ...bare, scaleanchor: "x" }), margin: { l: 30, r: 10, t: 10, b: 30 } } };
@@ -85,7 +85,7 @@ function addBars(found, known, count) {
       const data = [
         { type: "bar", x: zones, y: values, name: "estimated", marker: { color: colors.lines[0] },
           error_y: { type: "data", array: bars, color: colors.ink, thickness: 1.5, width: 4 } },
-        { type: "scatter", mode: "markers", x: zones, y: truth, name: "true", visible: Boolean(known),
+        { type: "scatter", mode: "markers", x: zones, y: truth, name: "true", visible: Boolean(known), cliponaxis: false,
           marker: { symbol: "diamond-open", size: 11, color: colors.lines[1], line: { width: 2 } } }];
       return { data, more: { xaxis: axis(colors, "zone", { dtick: count > 40 ? undefined : window.innerWidth < 600 ? 3 : 1 }), yaxis: axis(colors, "damage [%]", { range: [0, 1.15 * topDamage()] }) } };
     },
@@ -115,7 +115,7 @@ function addHistory(damage, found, known, count) {
       const data = [];
       const step = (x, y, more) => data.push({ type: "scatter", mode: "lines", x, y, line: { shape: "hv", width: 2, ...more.line }, ...more.rest });
       if (found) {
-        const x = [...found.time, damage.end];
+        const x = [...found.time, page.content.end];
         const held = (row) => [...row, row[row.length - 1]];
         zones.filter((z) => !shown.includes(z)).forEach((z, i) => step(x, held(found.estimated.map((row) => 100 * row[z])),
           { line: { color: colors.grey, width: 0.8 }, rest: { name: "other zones", legendgroup: "others", showlegend: i === 0, hoverinfo: "skip" } }));
@@ -130,16 +130,16 @@ function addHistory(damage, found, known, count) {
         for (const [valid, symbol, name] of [[true, "circle", "judgement"], [false, "x", "not valid"]]) {
           const some = found.valid.map((value, k) => k).filter((k) => found.valid[k] === valid);
           if (some.length) data.push({ type: "scatter", mode: "markers", x: some.map((k) => found.time[k]), y: some.map((k) => 100 * most([found.estimated[k]], found.estimated[k].indexOf(Math.max(...found.estimated[k])))),
-            name, marker: { symbol, size: 8, color: colors.ink }, hoverinfo: "skip" });
+            name, cliponaxis: false, marker: { symbol, size: 8, color: colors.ink }, hoverinfo: "skip" });
         }
       }
-      if (known) shown.filter((z) => real.includes(z)).forEach((z, i) => step([...known.time, damage.end], [...known.values.map((row) => 100 * row[z]), 100 * known.values[known.values.length - 1][z]],
+      if (known) shown.filter((z) => real.includes(z)).forEach((z, i) => step([...known.time, page.content.end], [...known.values.map((row) => 100 * row[z]), 100 * known.values[known.values.length - 1][z]],
         { line: { color: colors.lines[i], width: 1.6, dash: "dash" }, rest: { name: `zone ${z + 1}, true` } }));
       if (findings.length) data.push({ type: "scatter", mode: "markers", x: findings.map((each) => each.onset), y: findings.map(() => 0), name: "onset, twin",
-        error_x: { type: "data", array: findings.map((each) => 2 * each.onset_deviation), color: colors.alarm }, marker: { symbol: "diamond", size: 11, color: colors.alarm } });
+        error_x: { type: "data", array: findings.map((each) => 2 * each.onset_deviation), color: colors.alarm }, cliponaxis: false, marker: { symbol: "diamond", size: 11, color: colors.alarm } });
       if (alarms.length) data.push({ type: "scatter", mode: "lines", x: [null], y: [null], name: "alarm, twin", line: { color: colors.alarm, width: 2, dash: "dashdot" } });
       const shapes = alarms.map((x) => ({ type: "line", xref: "x", yref: "paper", x0: x, x1: x, y0: 0, y1: 1, line: { color: colors.alarm, width: 2, dash: "dashdot" } }));
-      return { data, more: { shapes, xaxis: axis(colors, "time [s]", { range: [damage.start, damage.end] }), yaxis: axis(colors, "damage [%]", { rangemode: "tozero" }), hovermode: "closest" } };
+      return { data, more: { shapes, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "damage [%]", { rangemode: "tozero" }), hovermode: "closest" } };
     },
   });
 }
@@ -153,8 +153,7 @@ function addLikeness(found) {
     make(colors) {
       const data = [{ type: "scatter", mode: "lines+markers", x: found.time, y: found.likeness_values, name: found.likeness, line: { color: colors.lines[0] } }];
       const shapes = [{ type: "line", xref: "paper", yref: "y", x0: 0, x1: 1, y0: limit, y1: limit, line: { color: colors.alarm, width: 1.5, dash: "dash" } }];
-      const { start, end } = page.content.damage;
-      return { data, more: { shapes, showlegend: false, xaxis: axis(colors, "time [s]", { range: [start, end] }), yaxis: axis(colors, `${found.likeness} [1]`, { rangemode: "tozero" }) } };
+      return { data, more: { shapes, showlegend: false, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, `${found.likeness} [1]`, { rangemode: "tozero" }) } };
     },
   });
 }

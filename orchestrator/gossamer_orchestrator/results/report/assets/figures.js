@@ -36,7 +36,7 @@ function heading(text) {
 }
 
 // A figure is drawn anew by `make`, moved to the slider's time by `move`; `timed` figures have time on the x axis.
-function addFigure({ title, note, label, make, move, timed, tall, broad, control }) {
+function addFigure({ title, note, label, make, move, timed, tall, broad, control, slow }) {
   const number = page.figures.length;
   const caption = element("figcaption", { id: `caption${number}` }, title);
   if (control) caption.append(control);
@@ -44,7 +44,7 @@ function addFigure({ title, note, label, make, move, timed, tall, broad, control
   const div = element("div", { class: tall ? "plot tall" : "plot", role: "img", "aria-label": label || title });
   const figure = element("figure", { "aria-labelledby": `caption${number}`, class: broad ? "broad" : "" }, caption, div);
   document.getElementById("pictures").append(figure);
-  const added = { div, make, move, timed, visible: false, drawn: false, at: -1 };
+  const added = { div, make, move, timed, slow, visible: false, drawn: false, at: -1 };
   page.figures.push(added);
   return added;
 }
@@ -67,7 +67,10 @@ function layout(figure, colors, more) {
     dragmode: narrow ? false : "zoom", uirevision: "kept",
   };
   const made = { ...base, ...more };
-  if (figure.timed) made.shapes = [line, ...(made.shapes || [])];
+  if (!figure.timed) return made;
+  const { start, end } = page.content;
+  made.shapes = [line, ...(made.shapes || [])];
+  made.xaxis = { ...made.xaxis, range: [start, end] };
   return made;
 }
 
@@ -87,7 +90,7 @@ function link(source, change) {
   if (page.linking) return;
   let range = null;
   if ("xaxis.range[0]" in change) range = { "xaxis.range": [change["xaxis.range[0]"], change["xaxis.range[1]"]] };
-  else if (change["xaxis.autorange"]) range = { "xaxis.autorange": true };
+  else if (change["xaxis.autorange"]) range = { "xaxis.range": [page.content.start, page.content.end] };
   if (!range) return;
   page.linking = true;
   const others = page.figures.filter((each) => each.timed && each.drawn && each !== source);

@@ -38,7 +38,8 @@ async function drawAll() {
       if (figure.visible) moveFigure(figure);
     }
   });
-  for (const figure of page.figures) {
+  const order = [...page.figures.filter((each) => !each.slow), ...page.figures.filter((each) => each.slow)];
+  for (const figure of order) {
     await draw(figure);
     seen.observe(figure.div);
     await new Promise((resolve) => setTimeout(resolve));

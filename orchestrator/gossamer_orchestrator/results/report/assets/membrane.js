@@ -60,7 +60,7 @@ function addMembrane() {
   const outlines = (values, least) => squares && values ? Array.from(values.keys()).filter((z) => values[z] >= least).map(outline) : [];
   const points = (instant) => ({
     x: mesh.sensors.map(([x]) => side * x), y: mesh.sensors.map(([, y]) => side * y),
-    z: mesh.sensors.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.03 * top),
+    z: mesh.sensors.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.08 * top),
     text: mesh.sensors.map((_, k) => {
       const at = (content.sensors.find((each) => each.number === k + 1) || {}).at;
       return `sensor ${k + 1}` + (at ? `<br>strain ${at.strain[instant].toPrecision(4)}<br>resistance ${at.resistance[instant].toPrecision(5)} Ω` : "");
@@ -76,13 +76,18 @@ function addMembrane() {
     const values = select.value === "true" ? trueAt(content.frames[instant]) : estimatedAt(content.frames[instant]);
     return cells.map((zone) => (values ? 100 * values[zone] : 0));
   };
+  // Numbers are dark where the surface is light.
+  const zoneInk = (colors, heights) => {
+    const high = heights[Math.floor(mesh.nx / 2) * mesh.ny + Math.floor(mesh.ny / 2)] > 0;
+    return (select.value === "deflection" ? high : !colors.dark) ? "#101418" : "#ffffff";
+  };
   const parts = (instant) => {
     const time = content.frames[instant];
     return [over(instant, grid), over(instant, outlines(damage && estimatedAt(time), leastFound())),
             over(instant, outlines(damage && trueAt(time), 1e-9))];
   };
   const figure = addFigure({
-    title: "Membrane", tall: true, control: select,
+    title: "Membrane", tall: true, slow: true, control: select,
     note: mesh.flat ? "Deflections of the nodes (membrane.w) are not recorded, so it is drawn flat." : "Heights are drawn larger than they are. Drag to turn; numbers are zones, white dots sensors.",
     label: "The membrane in three dimensions, with zones, sensors and damaged zones marked; the tables below hold the numbers.",
     make(colors) {
@@ -98,7 +103,7 @@ function addMembrane() {
         { type: "scatter3d", mode: "markers", ...points(page.instant), name: "sensors", hoverinfo: "text",
           marker: { size: 6, color: "#ffffff", line: { color: "#000000", width: 2 } } },
         { type: "scatter3d", mode: "text", ...zoneTexts(page.instant), text: Array.from({ length: zoneCount }, (_, z) => `${z + 1}`), hoverinfo: "skip",
-          showlegend: false, textfont: { size: 11, color: deflected || colors.dark ? "#ffffff" : "#1b2026" } }];
+          showlegend: false, textfont: { size: 11, color: zoneInk(colors, surface(page.instant)) } }];
       data[1].showlegend = false;
       data[2].showlegend = Boolean(damage && damage.windows);
       data[3].showlegend = Boolean(damage && damage.true);
@@ -115,6 +120,7 @@ function addMembrane() {
       Plotly.restyle(div, { x: [X, ...found.map((f) => f.x)], y: [Y, ...found.map((f) => f.y)], z: [heights, ...found.map((f) => f.z)] });
       Plotly.restyle(div, { intensity: [values] }, [0]);
       Plotly.restyle(div, { text: [found[3].text] }, [4]);
+      Plotly.restyle(div, { "textfont.color": [zoneInk(theme(), heights)] }, [5]);
     },
   });
   select.addEventListener("change", () => draw(figure));

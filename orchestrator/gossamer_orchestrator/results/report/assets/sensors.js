@@ -38,6 +38,16 @@ function addSensors() {
       return { data, more: { annotations, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "strain [1]") } };
     },
   });
+  if (some("error")) add({
+    title: "Error of the compensated strain", timed: true, note: "Compensated minus true strain of the same time, and two standard deviations as the compensator states them.",
+    make(colors) {
+      const { curves } = chosen(), t = content.time, data = [];
+      if (curves.above) data.push(...band(t, curves.above.map((value) => -value), curves.above, colors.lines[1], "± 2 deviations"));
+      if (curves.error) data.push(curve("error", t, curves.error, colors.lines[0]));
+      const top = 1.5 * (curves.error || []).reduce((most, value) => Math.max(most, Math.abs(value) || 0), 1e-12);
+      return { data, more: { xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "error [1]", { range: [-top, top] }) } };
+    },
+  });
   if (some("resistance", "reading")) add({
     title: "Resistance", timed: true, label: "Resistance of the sensor over time, and as the compensator reads it.",
     make(colors) {
