@@ -71,29 +71,34 @@ def windows(data: xr.Dataset) -> list[Judgement]:
     need(data, f"{detector}.damage", f"{detector}.valid")
     watched = [f"{detector}.{name}" for name in WATCHED if f"{detector}.{name}" in data.data_vars]
     data = data.isel(time=changes(data[watched]))
-    estimated, valid = need(data, f"{detector}.damage", f"{detector}.valid")
-    true = next((data[name] for name in true_damage(data)), math.nan * estimated)
+    time, estimated, valid = (data[name].to_numpy() for name in ("time", f"{detector}.damage", f"{detector}.valid"))
     likeness = next((name for name in LIKENESS if f"{detector}.{name}" in data.data_vars), "")
-    measure = data.get(f"{detector}.{likeness}", math.nan * data["time"])
-    deviation = data.get(f"{detector}.deviation", math.nan * estimated)
+    true, deviation, measure = (
+        data[name].to_numpy() if name in data.data_vars else np.full(shape, math.nan)
+        for name, shape in (
+            (true_damage(data), estimated.shape),
+            (f"{detector}.deviation", estimated.shape),
+            (f"{detector}.{likeness}", time.shape),
+        )
+    )
     return [
         Judgement(
-            time=float(data["time"][k]),
-            true=true.to_numpy()[k],
-            estimated=estimated.to_numpy()[k],
-            deviation=deviation.to_numpy()[k],
+            time=float(time[k]),
+            true=true[k],
+            estimated=estimated[k],
+            deviation=deviation[k],
             likeness=likeness,
             likeness_value=float(measure[k]),
             valid=float(valid[k]) > 0.5,
         )
-        for k in range(data.sizes["time"])
+        for k in range(len(time))
     ]
 
 
-def true_damage(data: xr.Dataset) -> list[str]:
-    """Name the variable that is the true damage, if one was recorded."""
-    names = [f"{membrane}.damage" for membrane in find_all(data, "membrane")[:1]]
-    return [name for name in names if name in data.data_vars]
+def true_damage(data: xr.Dataset) -> str:
+    """Name the variable that is the true damage; empty if none was recorded."""
+    name = f"{next(iter(find_all(data, 'membrane')), '')}.damage"
+    return name if name in data.data_vars else ""
 
 
 def changes(data: xr.Dataset) -> NDArray[np.intp]:

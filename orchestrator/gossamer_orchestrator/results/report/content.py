@@ -34,18 +34,19 @@ Array = NDArray[np.float64]
 Curve = Callable[[xr.Dataset], Array]
 
 
-def collect(data: xr.Dataset, folder: Path) -> dict[str, Any]:
+def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[str, Any]:
     """Return all that a page draws.
 
     Parameters
     ----------
     data : xarray.Dataset
         Results, from memory or from the disk.
+    ended : sequence of Judgement
+        Windows of the detector, as ``windows_of`` lists them.
     folder : Path
         Where ``watch.json`` may be.
     """
     time, pixels = data["time"].to_numpy(), Pixels(data.sizes["time"])
-    ended = windows_of(data)
     heights = next((data[f"{name}.w"] for name in find_all(data, "membrane")[:1] if f"{name}.w" in data), None)
     size = 1 if heights is None else int(np.prod(heights.shape[1:]))
     count = max(2, min(FRAMES, NUMBERS // size))
@@ -53,7 +54,7 @@ def collect(data: xr.Dataset, folder: Path) -> dict[str, Any]:
     curves, readers = _sensor_curves(data)
     centre = f"{next(iter(find_all(data, 'membrane')), '')}.deflection"
     covered = {"deflection": _reader(centre)} if centre in data else {}
-    others = _other_scalars(data)
+    others = _other_scalars(data, judged=bool(ended))
     t, lines = _thin_all(data, time, pixels, curves | covered | others)
     for number, reader in readers.items():
         reader |= _loops(data, time, ended, reader)
@@ -147,10 +148,10 @@ def _band(name: str, deviation: str, sign: float) -> Curve:
     return lambda part: np.asarray(part[name].to_numpy() + sign * part[deviation].to_numpy(), dtype=float)
 
 
-def _other_scalars(data: xr.Dataset) -> dict[str, Curve]:
+def _other_scalars(data: xr.Dataset, *, judged: bool) -> dict[str, Curve]:
     """Return curves of recorded scalars that no other picture shows."""
     known: dict[str, tuple[str, ...]] = {"membrane": ("deflection",), "sensor": ("resistance",), "detector": ("valid",)}
-    if windows_of(data):
+    if judged:
         known["detector"] += LIKENESS
     known["compensator"] = ("resistance", "strain", "strain_deviation", "delay")
     shown = {f"{name}.{v}" for role, names in known.items() for name in find_all(data, role) for v in names}
@@ -252,7 +253,7 @@ def _errors(
 def _damage(data: xr.Dataset, time: Array, ended: Sequence[Judgement]) -> dict[str, Any] | None:
     """Return windows and the true damage as steps: a value holds from its time on."""
     true: dict[str, Any] | None = None
-    for name in true_damage(data):
+    if name := true_damage(data):
         rows = np.concatenate([[0], changes(data[[name]])])[:MOST_WINDOWS]
         true = {"time": time[rows], "values": data[name].isel(time=rows).to_numpy().reshape(len(rows), -1)}
     if not ended and true is None:

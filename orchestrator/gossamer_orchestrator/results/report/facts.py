@@ -64,7 +64,7 @@ def components(data: xr.Dataset) -> str:
     if not fmus:
         return "<p>The results do not say which FMUs made them.</p>"
     rows = [(name, each.get("file", ""), each.get("model", ""), each.get("guid", "")) for name, each in fmus.items()]
-    parts = [table(("component", "file", "model", "GUID, a hash of its content"), rows, "Components")]
+    parts = [table(("component", "file", "model", "GUID"), rows, "Components")]
     for name, each in fmus.items():
         start, values = each.get("start", {}), each.get("parameters", {})
         lines = [(v, f"{x:.9g}", "scenario" if v in start else "FMU") for v, x in values.items()]

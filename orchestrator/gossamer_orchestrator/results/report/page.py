@@ -57,7 +57,8 @@ def write_report(data: xr.Dataset, folder: Path) -> Path:
 
 
 def _page(data: xr.Dataset, folder: Path) -> str:
-    content, ended = collect(data, folder), windows_of(data)
+    ended = windows_of(data)
+    content = collect(data, ended, folder)
     verdict = make_verdict(data, ended, content["watch"])
     title = str(data.attrs.get("title") or data.attrs.get("scenario_name") or "A run")
     template = Template((ASSETS / "page.html").read_text(encoding="utf-8"))

@@ -41,7 +41,7 @@ function addFigure({ title, note, label, make, move, timed, tall, broad, control
   const caption = element("figcaption", { id: `caption${number}` }, title);
   if (control) caption.append(control);
   if (note) caption.append(element("small", {}, note));
-  const div = element("div", { class: tall ? "plot tall" : "plot", role: "img", "aria-label": label || title });
+  const div = element("div", { class: `plot ${tall ? "tall" : broad ? "broad" : ""}`, role: "img", "aria-label": label || title });
   const figure = element("figure", { "aria-labelledby": `caption${number}`, class: broad ? "broad" : "" }, caption, div);
   document.getElementById("pictures").append(figure);
   const added = { div, make, move, timed, slow, visible: false, drawn: false, at: -1 };
