@@ -28,16 +28,19 @@ def report(results: Results) -> None:
 
 
 def view(results: Results) -> None:
-    """Open the page of a run in the browser; write it first if it is not there.
+    """Open the page of a run in the browser; write it first if it is not there, or older than the results.
 
     For example:
 
         gossamer view out/damage_begins
     """
+    from ..results.files import CSV, NETCDF, UNFINISHED_NETCDF
     from ..results.report import PAGE
 
-    path = _folder(results) / PAGE
-    if not path.is_file():
+    folder = _folder(results)
+    path, recorded = folder / PAGE, [folder / name for name in (NETCDF, UNFINISHED_NETCDF, CSV)]
+    latest = max((each.stat().st_mtime for each in recorded if each.is_file()), default=0.0)
+    if not path.is_file() or path.stat().st_mtime < latest:
         make_page(results)
     typer.echo(path)
     if not webbrowser.open(path.resolve().as_uri()):

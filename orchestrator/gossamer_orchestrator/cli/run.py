@@ -127,10 +127,8 @@ def _run(
     watched: bool,
     **options: Any,  # noqa: ANN401
 ) -> None:
-    """Run one scenario, write everything, and print the judgements as tables on stderr, if there is a detector."""
+    """Run one scenario, write everything, and print what was judged and which page to open."""
     from ..results.files import CSV, NETCDF
-    from ..results.judgements import doubts, windows
-    from ..results.tables import history_table, zone_table
     from ..run.progress import ProgressBar
     from ..run.runner import run_scenario
 
@@ -144,15 +142,36 @@ def _run(
     for name in (NETCDF, CSV, *[WATCHED] * watched):
         if (out / name).is_file():
             typer.echo(out / name)
-    if pictures:
-        from ..results.plots import save_pictures
+    page = _draw(data, out) if pictures else None
+    _print_judgements(data)
+    if page is not None:
+        typer.echo(f"Open {page}, or type 'gossamer view {out}'.", err=True)
 
-        stride = -(-data.sizes["time"] // LARGEST_PICTURE)
-        if stride > 1:
-            typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
-        for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
-            typer.echo(path)
-        _write_page(data, out)
+
+def _draw(data: xr.Dataset, out: Path) -> Path | None:
+    """Draw pictures and write the page of a run, and print their paths; a page that cannot be written ends no run."""
+    from ..results.plots import save_pictures
+    from ..results.report import write_report
+
+    stride = -(-data.sizes["time"] // LARGEST_PICTURE)
+    if stride > 1:
+        typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
+    for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
+        typer.echo(path)
+    try:
+        page = write_report(data, out)
+    except ResultsError as error:
+        typer.echo(str(error), err=True)
+        return None
+    typer.echo(page)
+    return page
+
+
+def _print_judgements(data: xr.Dataset) -> None:
+    """Print the judgements as tables on stderr, if there is a detector."""
+    from ..results.judgements import doubts, windows
+    from ..results.tables import history_table, zone_table
+
     console = wide(stderr=True)
     try:
         ended = windows(data)
@@ -164,13 +183,3 @@ def _run(
         console.print(zone_table(judgement))
     for sentence in doubts(data, ended):
         console.print(sentence, style="bold yellow", highlight=False)
-
-
-def _write_page(data: xr.Dataset, out: Path) -> None:
-    """Write the page of a run and print its path; a page that cannot be written ends no run."""
-    from ..results.report import write_report
-
-    try:
-        typer.echo(write_report(data, out))
-    except ResultsError as error:
-        typer.echo(str(error), err=True)
