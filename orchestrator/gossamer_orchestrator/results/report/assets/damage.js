@@ -1,4 +1,5 @@
 // Damage: what the detector judged, over zones and over time, beside the truth where it is recorded.
+const MOST_MARKERS = 300; // more would be a line, and slow
 const percent = (values) => Array.from(values, (value) => 100 * value);
 const stated = (values) => values.some((value) => Number.isFinite(value));
 
@@ -87,7 +88,7 @@ function addBars(found, known, count) {
           error_y: { type: "data", array: bars, color: colors.ink, thickness: 1.5, width: 4 } },
         { type: "scatter", mode: "markers", x: zones, y: truth, name: "true", visible: Boolean(known), cliponaxis: false,
           marker: { symbol: "diamond-open", size: 11, color: colors.lines[1], line: { width: 2 } } }];
-      return { data, more: { xaxis: axis(colors, "zone", { dtick: count > 40 ? undefined : window.innerWidth < 600 ? 3 : 1 }), yaxis: axis(colors, "damage [%]", { range: [0, 1.15 * topDamage()] }) } };
+      return { data, more: { xaxis: axis(colors, "zone", { dtick: count > 40 ? undefined : window.innerWidth < 600 ? 3 : 1 }), yaxis: axis(colors, "damage [%]", { range: [-0.06 * topDamage(), 1.15 * topDamage()] }) } };
     },
     move(div, instant, time) {
       const { values, bars, truth } = fill(time);
@@ -108,7 +109,8 @@ function addHistory(damage, found, known, count) {
   const findings = watch.findings || [], alarms = watch.alarms || [];
   addFigure({
     title: "Damage over time", timed: true, broad: true,
-    note: "A dot stands at each valid judgement, a cross at one that is not valid; bands are two standard deviations to each side."
+    note: (found && found.time.length <= MOST_MARKERS ? "A dot stands at each valid judgement, a cross at one that is not valid. " : "")
+      + "Bands are two standard deviations wide to each side."
       + (alarms.length ? " A line marks each alarm of the digital twin, a diamond the onset that it found." : ""),
     label: "Estimated damage of the zones over time, true damage dashed, with alarms and onsets.",
     make(colors) {
@@ -117,8 +119,9 @@ function addHistory(damage, found, known, count) {
       if (found) {
         const x = [...found.time, page.content.end];
         const held = (row) => [...row, row[row.length - 1]];
-        zones.filter((z) => !shown.includes(z)).forEach((z, i) => step(x, held(found.estimated.map((row) => 100 * row[z])),
-          { line: { color: colors.grey, width: 0.8 }, rest: { name: "other zones", legendgroup: "others", showlegend: i === 0, hoverinfo: "skip" } }));
+        const rest = zones.filter((z) => !shown.includes(z)), largest = (row) => 100 * rest.reduce((top, z) => Math.max(top, row[z]), 0);
+        if (rest.length) step(x, held(found.estimated.map(largest)),
+          { line: { color: colors.grey, width: 1 }, rest: { name: "largest of the others", hoverinfo: "skip" } });
         shown.forEach((z, i) => {
           const color = colors.lines[i], group = `${z}`, bar = (sign) => held(found.estimated.map((row, k) => 100 * (row[z] + 2 * sign * found.deviation[k][z])));
           if (stated(found.deviation[found.time.length - 1])) {
@@ -129,7 +132,7 @@ function addHistory(damage, found, known, count) {
         });
         for (const [valid, symbol, name] of [[true, "circle", "judgement"], [false, "x", "not valid"]]) {
           const some = found.valid.map((value, k) => k).filter((k) => found.valid[k] === valid);
-          if (some.length) data.push({ type: "scatter", mode: "markers", x: some.map((k) => found.time[k]), y: some.map((k) => 100 * most([found.estimated[k]], found.estimated[k].indexOf(Math.max(...found.estimated[k])))),
+          if (some.length && some.length <= MOST_MARKERS) data.push({ type: "scatter", mode: "markers", x: some.map((k) => found.time[k]), y: some.map((k) => 100 * Math.max(...found.estimated[k])),
             name, cliponaxis: false, marker: { symbol, size: 8, color: colors.ink }, hoverinfo: "skip" });
         }
       }
@@ -151,7 +154,7 @@ function addLikeness(found) {
     title: misfit ? "Misfit with what the detector was trained on" : "Similarity with what the detector was trained on", timed: true,
     note: `A judgement is valid ${misfit ? "up to" : "from"} ${limit}.`,
     make(colors) {
-      const data = [{ type: "scatter", mode: "lines+markers", x: found.time, y: found.likeness_values, name: found.likeness, line: { color: colors.lines[0] } }];
+      const data = [{ type: "scatter", mode: found.time.length > MOST_MARKERS ? "lines" : "lines+markers", x: found.time, y: found.likeness_values, name: found.likeness, line: { color: colors.lines[0] } }];
       const shapes = [{ type: "line", xref: "paper", yref: "y", x0: 0, x1: 1, y0: limit, y1: limit, line: { color: colors.alarm, width: 1.5, dash: "dash" } }];
       return { data, more: { shapes, showlegend: false, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, `${found.likeness} [1]`, { rangemode: "tozero" }) } };
     },

@@ -60,7 +60,7 @@ function addMembrane() {
   const outlines = (values, least) => squares && values ? Array.from(values.keys()).filter((z) => values[z] >= least).map(outline) : [];
   const points = (instant) => ({
     x: mesh.sensors.map(([x]) => side * x), y: mesh.sensors.map(([, y]) => side * y),
-    z: mesh.sensors.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.08 * top),
+    z: mesh.sensors.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.16 * top),
     text: mesh.sensors.map((_, k) => {
       const at = (content.sensors.find((each) => each.number === k + 1) || {}).at;
       return `sensor ${k + 1}` + (at ? `<br>strain ${at.strain[instant].toPrecision(4)}<br>resistance ${at.resistance[instant].toPrecision(5)} Ω` : "");
@@ -101,7 +101,7 @@ function addMembrane() {
         line(estimated, { color: "#D55E00", width: 7 }, "judged damaged"),
         line(real, { color: colors.dark ? "#ffffff" : "#000000", width: 4, dash: "dash" }, "truly damaged"),
         { type: "scatter3d", mode: "markers", ...points(page.instant), name: "sensors", hoverinfo: "text",
-          marker: { size: 6, color: "#ffffff", line: { color: "#000000", width: 2 } } },
+          marker: { size: 5, color: "#ffffff", line: { color: "#000000", width: 2 } } },
         { type: "scatter3d", mode: "text", ...zoneTexts(page.instant), text: Array.from({ length: zoneCount }, (_, z) => `${z + 1}`), hoverinfo: "skip",
           showlegend: false, textfont: { size: 11, color: zoneInk(colors, surface(page.instant)) } }];
       data[1].showlegend = false;
@@ -109,7 +109,7 @@ function addMembrane() {
       data[3].showlegend = Boolean(damage && damage.true);
       const place = { gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)", nticks: 4 };
       const scene = { xaxis: { ...place, title: { text: `x [${mesh.unit}]` } }, yaxis: { ...place, title: { text: `y [${mesh.unit}]` } },
-        zaxis: { ...place, title: { text: mesh.flat ? "" : "w [mm]" }, range: [-1.1 * top, 1.1 * top], visible: !mesh.flat },
+        zaxis: { ...place, title: { text: mesh.flat ? "" : "w [mm]" }, nticks: 3, range: [-1.1 * top, 1.1 * top], visible: !mesh.flat },
         aspectmode: "manual", aspectratio: { x: 1.25, y: 1.25, z: 0.45 }, camera: { eye: { x: -0.75, y: -1.5, z: 1.05 }, center: { x: 0, y: 0, z: -0.12 } } };
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
