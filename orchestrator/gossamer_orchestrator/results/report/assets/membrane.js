@@ -67,7 +67,7 @@ function addMembrane() {
     }),
   });
   const zoneTexts = (instant) => {
-    const centres = Array.from({ length: zoneCount }, (_, z) => [(z % zones + 0.22) / zones, (Math.floor(z / zones) + 0.2) / zones]);
+    const centres = Array.from({ length: zoneCount }, (_, z) => [(z % zones + 0.5) / zones, (Math.floor(z / zones) + 0.13) / zones]);
     return { x: centres.map(([x]) => side * x), y: centres.map(([, y]) => side * y),
              z: centres.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.04 * top) };
   };
@@ -88,7 +88,7 @@ function addMembrane() {
   };
   const figure = addFigure({
     title: "Membrane", tall: true, slow: true, control: select,
-    note: mesh.flat ? "Deflections of the nodes (membrane.w) are not recorded, so it is drawn flat." : "Heights are drawn larger than they are. Drag to turn; numbers are zones, white dots sensors.",
+    note: mesh.flat ? "Deflections of the nodes (membrane.w) are not recorded, so it is drawn flat." : "Heights are drawn larger than they are. Drag to turn; numbers are zones, dots sensors.",
     label: "The membrane in three dimensions, with zones, sensors and damaged zones marked; the tables below hold the numbers.",
     make(colors) {
       const [lines, estimated, real] = parts(page.instant), deflected = select.value === "deflection";
@@ -101,16 +101,17 @@ function addMembrane() {
         line(estimated, { color: "#D55E00", width: 7 }, "judged damaged"),
         line(real, { color: colors.dark ? "#ffffff" : "#000000", width: 4, dash: "dash" }, "truly damaged"),
         { type: "scatter3d", mode: "markers", ...points(page.instant), name: "sensors", hoverinfo: "text",
-          marker: { size: 5, color: "#ffffff", line: { color: "#000000", width: 2 } } },
+          marker: { size: 6, color: "#CC79A7", line: { color: "#000000", width: 2 } } },
         { type: "scatter3d", mode: "text", ...zoneTexts(page.instant), text: Array.from({ length: zoneCount }, (_, z) => `${z + 1}`), hoverinfo: "skip",
           showlegend: false, textfont: { size: 11, color: zoneInk(colors, surface(page.instant)) } }];
       data[1].showlegend = false;
       data[2].showlegend = Boolean(damage && damage.windows);
       data[3].showlegend = Boolean(damage && damage.true);
       const place = { gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)", nticks: 4 };
+      const far = window.innerWidth < 600 ? 1.35 : 1;
       const scene = { xaxis: { ...place, title: { text: `x [${mesh.unit}]` } }, yaxis: { ...place, title: { text: `y [${mesh.unit}]` } },
         zaxis: { ...place, title: { text: mesh.flat ? "" : "w [mm]" }, nticks: 3, range: [-1.1 * top, 1.1 * top], visible: !mesh.flat },
-        aspectmode: "manual", aspectratio: { x: 1.25, y: 1.25, z: 0.45 }, camera: { eye: { x: -0.75, y: -1.5, z: 1.05 }, center: { x: 0, y: 0, z: -0.12 } } };
+        aspectmode: "manual", aspectratio: { x: 1.25, y: 1.25, z: 0.45 }, camera: { eye: { x: -0.75 * far, y: -1.5 * far, z: 1.05 * far }, center: { x: 0, y: 0, z: -0.12 } } };
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
     move(div, instant) {
