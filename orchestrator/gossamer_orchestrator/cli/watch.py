@@ -98,6 +98,7 @@ class LiveWatch:
         self._watching: Watch | None = None
         self._report: _Report | None = None
         self._due = window * (1.0 - ROUNDING)  # [s] after the start
+        self._forgotten = 0.0  # [s] until where windows are judged; a record counts its time from there
 
     def begin(self, simulation: Simulation) -> None:
         """Record what the scenario records."""
@@ -120,7 +121,9 @@ class LiveWatch:
 
         with model_errors():
             time = self._recorder.time
-            data = make_dataset(simulation.plan, time, self._recorder.table, master=simulation.scenario.master)
+            data = make_dataset(
+                simulation.plan, time - self._forgotten, self._recorder.table, master=simulation.scenario.master
+            )
             found = find_in_results(data, None, None, [])
             samples = _samples(self._window, found)
             if self._watching is None:
@@ -129,6 +132,7 @@ class LiveWatch:
                 return
             report.take(self._watching.advance(found.record.values[:, :samples]))
             rest = time > time[0] + (samples - 0.5) * found.record.step
+            self._forgotten = float(time[rest][0])
             self._recorder.clear(keep=int(rest.sum()))
             self._due += samples * found.record.step
 
