@@ -22,6 +22,7 @@ from .campaign import campaign
 from .exchange import container, export
 from .identify import CommandWithFields, identify
 from .inspect import info, verify
+from .report import report, view
 from .run import demo, run
 from .sweep import sweep
 from .train import train
@@ -81,6 +82,8 @@ app.command("export-ssp")(export)
 app.command()(container)
 app.command()(sweep)
 app.command()(demo)
+app.command()(report)
+app.command()(view)
 app.command()(verify)
 app.command()(info)
 app.command()(train)

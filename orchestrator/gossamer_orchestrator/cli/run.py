@@ -1,9 +1,9 @@
-"""``gossamer run`` and ``gossamer demo``: from a scenario to results, pictures and judgements."""
+"""``gossamer run`` and ``gossamer demo``: from a scenario to results, pictures, a page and judgements."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +12,9 @@ from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .common import FMUS, FmuFolder, wide
 from .watch import LiveWatch
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 DEMO = "damage_begins"
 WATCHED = "watch.json"
@@ -39,7 +42,9 @@ def run(
     master: Annotated[
         str | None, typer.Option(help="gauss-seidel or jacobi, in place of the file's or for an .ssp.")
     ] = None,
-    pictures: Annotated[bool, typer.Option(help="Draw pictures of what was recorded.")] = True,
+    pictures: Annotated[
+        bool, typer.Option(help="Draw pictures of what was recorded, and write report.html, the page of the run.")
+    ] = True,
     watched: Annotated[
         bool,
         typer.Option("--watch", help="Run the digital twin beside it: an alarm when damage begins, then its place."),
@@ -71,8 +76,9 @@ def run(
 ) -> None:
     """Run a scenario.
 
-    Writes results.nc, results.csv and pictures, and prints their paths. The FMUs run in a process of their own, and results
-    are on the disk within a second: whatever ends the run, what it reached is kept, and --resume continues it.
+    Writes results.nc, results.csv, pictures and report.html, the page of the run, and prints their paths. The FMUs run in a
+    process of their own, and results are on the disk within a second: whatever ends the run, what it reached is kept, and
+    --resume continues it.
 
     For example:
 
@@ -136,10 +142,8 @@ def _run(
     watched: bool,
     **options: Any,  # noqa: ANN401
 ) -> None:
-    """Run one scenario, write everything, and print the judgements as tables on stderr, if there is a detector."""
+    """Run one scenario, write everything, and print what was judged and which page to open."""
     from ..results.files import CSV, NETCDF
-    from ..results.judgements import doubts, windows
-    from ..results.tables import history_table, zone_table
     from ..run.progress import ProgressBar
     from ..run.runner import run_scenario
 
@@ -153,14 +157,36 @@ def _run(
     for name in (NETCDF, CSV, *[WATCHED] * watched):
         if (out / name).is_file():
             typer.echo(out / name)
-    if pictures:
-        from ..results.plots import save_pictures
+    page = _draw(data, out) if pictures else None
+    _print_judgements(data)
+    if page is not None:
+        typer.echo(f"Open {page}, or type 'gossamer view {out}'.", err=True)
 
-        stride = -(-data.sizes["time"] // LARGEST_PICTURE)
-        if stride > 1:
-            typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
-        for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
-            typer.echo(path)
+
+def _draw(data: xr.Dataset, out: Path) -> Path | None:
+    """Draw pictures and write the page of a run, and print their paths; a page that cannot be written ends no run."""
+    from ..results.plots import save_pictures
+    from ..results.report import write_report
+
+    stride = -(-data.sizes["time"] // LARGEST_PICTURE)
+    if stride > 1:
+        typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
+    for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
+        typer.echo(path)
+    try:
+        page = write_report(data, out)
+    except ResultsError as error:
+        typer.echo(str(error), err=True)
+        return None
+    typer.echo(page)
+    return page
+
+
+def _print_judgements(data: xr.Dataset) -> None:
+    """Print the judgements as tables on stderr, if there is a detector."""
+    from ..results.judgements import doubts, windows
+    from ..results.tables import history_table, zone_table
+
     console = wide(stderr=True)
     try:
         ended = windows(data)

@@ -1,4 +1,4 @@
-"""Judgements of the detector, beside the true damage.
+"""Judgements of the detector, beside the true damage where it was recorded.
 
 A window of the detector ends when its outputs change. It gives a valid judgement if ``valid`` is 1 then. Everything is read
 from recorded results, from a file as well as right after a run.
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import ResultsError
 from .columns import LIKENESS, WATCHED
-from .roles import find, need
+from .roles import find, find_all, need
 
 _ROWS = 20_000
 LEAST_SIMILARITY, LARGEST_MISFIT = 0.5, 1.0  # of a valid judgement, by the interface of the detectors
@@ -30,7 +30,7 @@ class Judgement:
     time : float
         When the window ended [s].
     true, estimated : numpy.ndarray
-        Damage of every zone [1], at that time.
+        Damage of every zone [1], at that time; not a number if the true one was not recorded.
     deviation : numpy.ndarray
         Standard deviation of the estimate of every zone [1]; not a number if the detector states none.
     likeness : str
@@ -68,28 +68,40 @@ class Judgement:
 def windows(data: xr.Dataset) -> list[Judgement]:
     """List the judgement at the end of every window, valid or not, in order of time."""
     detector = find(data, "detector")
-    need(data, f"{find(data, 'membrane')}.damage", f"{detector}.damage", f"{detector}.valid")
+    need(data, f"{detector}.damage", f"{detector}.valid")
     watched = [f"{detector}.{name}" for name in WATCHED if f"{detector}.{name}" in data.data_vars]
-    data = data.isel(time=_changes(data[watched]))
-    true, estimated, valid = need(data, f"{find(data, 'membrane')}.damage", f"{detector}.damage", f"{detector}.valid")
+    data = data.isel(time=changes(data[watched]))
+    time, estimated, valid = (data[name].to_numpy() for name in ("time", f"{detector}.damage", f"{detector}.valid"))
     likeness = next((name for name in LIKENESS if f"{detector}.{name}" in data.data_vars), "")
-    measure = data.get(f"{detector}.{likeness}", math.nan * data["time"])
-    deviation = data.get(f"{detector}.deviation", math.nan * estimated)
+    true, deviation, measure = (
+        data[name].to_numpy() if name in data.data_vars else np.full(shape, math.nan)
+        for name, shape in (
+            (true_damage(data), estimated.shape),
+            (f"{detector}.deviation", estimated.shape),
+            (f"{detector}.{likeness}", time.shape),
+        )
+    )
     return [
         Judgement(
-            time=float(data["time"][k]),
-            true=true.to_numpy()[k],
-            estimated=estimated.to_numpy()[k],
-            deviation=deviation.to_numpy()[k],
+            time=float(time[k]),
+            true=true[k],
+            estimated=estimated[k],
+            deviation=deviation[k],
             likeness=likeness,
             likeness_value=float(measure[k]),
             valid=float(valid[k]) > 0.5,
         )
-        for k in range(data.sizes["time"])
+        for k in range(len(time))
     ]
 
 
-def _changes(data: xr.Dataset) -> NDArray[np.intp]:
+def true_damage(data: xr.Dataset) -> str:
+    """Name the variable that is the true damage; empty if none was recorded."""
+    name = f"{next(iter(find_all(data, 'membrane')), '')}.damage"
+    return name if name in data.data_vars else ""
+
+
+def changes(data: xr.Dataset) -> NDArray[np.intp]:
     """List the rows in which a value differs from that of the row before, with few rows in memory at a time."""
     found = [np.zeros(0, dtype=np.intp)]
     for first in range(0, data.sizes["time"] - 1, _ROWS):

@@ -16,12 +16,16 @@ LEAST_SHOWN = 0.0005  # damage that is shown as 0.1 %; among zones with less, no
 def zone_table(judgement: Judgement) -> Table:
     """Tabulate true and estimated damage as the membrane is seen: zone 1 lower left, x to the right, y up."""
     side, certain = math.isqrt(judgement.true.size), bool(np.isfinite(judgement.deviation).all())
+    known = bool(np.isfinite(judgement.true).all())
+    errors = (
+        f"mean absolute error {100 * judgement.mean_absolute_error:.2f} %\n"
+        f"largest error {100 * judgement.largest_error:+.2f} % in zone {judgement.worst_zone}\n"
+    )
+    what = f"{'true -> ' * known}estimated{' +- its standard deviation' * certain}"
     table = Table(
-        title=f"Damage at t = {judgement.time:.4f} s, true -> estimated{' +- its standard deviation' * certain} [%]",
+        title=f"Damage at t = {judgement.time:.4f} s, {what} [%]",
         caption=(
-            f"mean absolute error {100 * judgement.mean_absolute_error:.2f} %\n"
-            f"largest error {100 * judgement.largest_error:+.2f} % in zone {judgement.worst_zone}\n"
-            f"{judgement.likeness or 'similarity'} with training {judgement.likeness_value:.2g}"
+            f"{errors if known else ''}{judgement.likeness or 'similarity'} with training {judgement.likeness_value:.2g}"
         ),
         show_header=False,
         show_lines=True,
@@ -30,10 +34,12 @@ def zone_table(judgement: Judgement) -> Table:
         cells = []
         for zone in range(row * side, (row + 1) * side):
             true, estimated = 100 * judgement.true[zone], 100 * judgement.estimated[zone]
-            numbers = f"{true:.0f} -> {estimated:.1f}"
+            numbers = f"{true:.0f} -> {estimated:.1f}" if known else f"{estimated:.1f}"
             if certain:
                 numbers += f" +- {100 * judgement.deviation[zone]:.1f}"
-            cells.append(f"zone {zone + 1}\n" + (f"[bold]{numbers}[/bold]" if true or estimated >= 5.0 else numbers))
+            cells.append(
+                f"zone {zone + 1}\n" + (f"[bold]{numbers}[/bold]" if true > 0.0 or estimated >= 5.0 else numbers)
+            )
         table.add_row(*cells)
     return table
 
@@ -53,14 +59,14 @@ def history_table(ended: list[Judgement]) -> Table:
     rows = []
     for judgement in ended:
         zone = int(np.argmax(judgement.estimated))
-        found = judgement.estimated[zone] >= LEAST_SHOWN
+        found, known = judgement.estimated[zone] >= LEAST_SHOWN, np.isfinite(judgement.true).all()
         rows.append(
             (
                 f"{judgement.time:.4f}",
                 f"{zone + 1}" if found else "-",
                 f"{100 * judgement.estimated[zone]:.1f}",
-                f"{100 * judgement.true[zone]:.0f}" if found else "-",
-                f"{100 * judgement.mean_absolute_error:.2f}",
+                f"{100 * judgement.true[zone]:.0f}" if found and known else "-",
+                f"{100 * judgement.mean_absolute_error:.2f}" if known else "-",
                 f"{judgement.likeness_value:.2g}",
                 "yes" if judgement.valid else "no",
             )

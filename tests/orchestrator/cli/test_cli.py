@@ -14,7 +14,7 @@ from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.scenario.shipped import find_scenario, shipped_scenarios
 from typer.testing import CliRunner
 
-COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin", "watch")
+COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin", "watch", "report", "view")
 
 FRAGILE = 'step = 0.1\nstop = 1.0\n[components.f]\nfmu = "fragile"\n'
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
@@ -40,8 +40,17 @@ def test_a_run_prints_the_paths_of_its_results(call, fmus, tmp_path):
     (tmp_path / "g.toml").write_text(GAIN)
     result = call("run", tmp_path / "g.toml", "--fmus", fmus, "--out", tmp_path / "out")
     assert result.exit_code == 0, result.stderr
-    assert result.stdout.split() == [str(tmp_path / "out/results.nc"), str(tmp_path / "out/results.csv")]
+    names = ["results.nc", "results.csv", "report.html"]
+    assert result.stdout.split() == [str(tmp_path / "out" / name) for name in names]
     assert all(Path(line).is_file() for line in result.stdout.split())
+    assert result.stderr.endswith(f"Open {tmp_path / 'out/report.html'}, or type 'gossamer view {tmp_path / 'out'}'.\n")
+
+
+def test_a_run_without_pictures_writes_no_page(call, fmus, tmp_path):
+    (tmp_path / "g.toml").write_text(GAIN)
+    result = call("run", tmp_path / "g.toml", "--fmus", fmus, "--out", tmp_path / "out", "--no-pictures")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["results.csv", "results.nc"]
+    assert "Open" not in result.stderr
 
 
 def test_an_expected_error_is_its_message_alone(call, fmus, tmp_path):

@@ -99,3 +99,16 @@ def test_a_detector_that_states_its_deviation_is_shown_with_it(data):
     data["detector.valid"][:] = 0.0
     with pytest.raises(ResultsError, match=r"misfit with what it was trained on is above one: 3. .* Check load"):
         judge(data)
+
+
+def test_where_no_true_damage_is_recorded_tables_show_the_estimate_alone(data):
+    for unknown in (data.drop_vars("membrane.damage"), data.drop_vars([name for name in data if "membrane" in name])):
+        last = judge(unknown)
+        assert np.isnan(last.true).all()
+        assert last.estimated[1] == 0.2
+        console = Console(file=io.StringIO(), width=120)
+        console.print(zone_table(last), history_table(windows(unknown)))
+        text = console.file.getvalue()
+        assert "estimated [%]" in text
+        assert "20.0" in text
+        assert not any(word in text for word in ("nan", "->", "mean absolute error"))

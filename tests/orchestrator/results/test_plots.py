@@ -124,3 +124,10 @@ def test_nothing_is_drawn_of_a_stranger_s_run_and_one_line_says_why(tmp_path, ca
 def test_any_title_can_stand_above_a_picture(data, tmp_path):
     """A long one is cut; one in dollars is no formula."""
     assert plots.save_pictures(data.assign_attrs(title=2_000 * r"$\nonsense{$ "), tmp_path)
+
+
+def test_the_map_of_damage_shows_the_estimate_alone_where_the_truth_is_not_recorded(data, tmp_path):
+    unknown = data.drop_vars([name for name in data if "membrane" in name])
+    assert [path.stem for path in plots.save_pictures(unknown, tmp_path)] == ["damage"]
+    ax = plots.plot_damage_map(unknown, ax=Figure().add_subplot())
+    assert ax.get_title() == "Estimated damage [%] at t = 8.0000 s"

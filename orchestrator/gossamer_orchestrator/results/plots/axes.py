@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from ..roles import find
+from ..roles import find_all
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,7 @@ def axes_or_new(ax: Axes | None) -> Axes:
 
 def side(data: xr.Dataset) -> tuple[float, str]:
     """Return the side of the stretched square and its unit; 1 and "side" if its parameters are not known."""
-    membrane = find(data, "membrane")
+    membrane = next(iter(find_all(data, "membrane")), "")
     known = json.loads(data.attrs.get("fmus", "{}")).get(membrane, {}).get("parameters", {})
     for name in ("side_length", "edge_displacement"):
         if f"{membrane}.{name}" in data.data_vars:

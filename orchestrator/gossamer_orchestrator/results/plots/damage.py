@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from ...errors import ResultsError
-from ..judgements import doubts, judge, windows
+from ..judgements import doubts, judge, true_damage, windows
 from ..roles import find, need
 from .axes import COLORS, GREY, axes_or_new, side
 
@@ -36,7 +36,7 @@ def plot_damage_map(
     ax = axes_or_new(ax)
     percent = 100.0 * (judgement.true if which == "true" else judgement.estimated)
     n, bars = round(percent.size**0.5), 100.0 * judgement.deviation
-    top = max(50.0, 100.0 * float(max(judgement.true.max(), judgement.estimated.max())))
+    top = max(50.0, 100.0 * float(np.fmax(judgement.true, judgement.estimated).max()))
     extent = (0.0, length, 0.0, length)
     ax.imshow(percent.reshape(n, n), origin="lower", extent=extent, vmin=0.0, vmax=top, cmap="Blues")
     size = length / n
@@ -95,8 +95,10 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
 
 
 def _damage(data: xr.Dataset, figure: Figure) -> None:
-    left, right = figure.subplots(1, 2)
-    plot_damage_map(data, "true", ax=left)
+    known = bool(true_damage(data))
+    *left, right = figure.subplots(1, 1 + known, squeeze=False)[0]
+    for ax in left:
+        plot_damage_map(data, "true", ax=ax)
     plot_damage_map(data, "estimated", ax=right)
     if not windows(data)[-1].valid:
         figure.supxlabel(doubts(data, windows(data))[0], fontsize=9)

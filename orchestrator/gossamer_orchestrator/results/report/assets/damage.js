@@ -1,0 +1,174 @@
+// Damage: what the detector judged, over zones and over time, beside the truth where it is recorded.
+const MOST_MARKERS = 300; // more would be a line, and slow
+const percent = (values) => Array.from(values, (value) => 100 * value);
+const stated = (values) => values.some((value) => Number.isFinite(value));
+
+function estimatedAt(time) {
+  const found = page.content.damage && page.content.damage.windows;
+  if (!found) return null;
+  const k = lastBefore(found.time, time);
+  return k < 0 ? null : found.estimated[k];
+}
+
+function trueAt(time) {
+  const known = page.content.damage && page.content.damage.true;
+  return known ? known.values[Math.max(0, lastBefore(known.time, time))] : null;
+}
+
+// As the verdict has it: any damage of a detector that states its deviation, 5 % of one that does not.
+function leastFound() {
+  const found = page.content.damage && page.content.damage.windows;
+  return found && stated(found.deviation[found.deviation.length - 1]) ? 5e-4 : 0.05;
+}
+
+function topDamage() {
+  const { windows, true: known } = page.content.damage;
+  const all = [...(windows ? windows.estimated : []), ...(known ? known.values : [])];
+  return Math.max(50, ...all.map((values) => 100 * values.reduce((a, b) => Math.max(a, b), 0)));
+}
+
+function addDamage() {
+  const damage = page.content.damage;
+  if (!damage) return;
+  const found = damage.windows, known = damage.true;
+  const count = (found ? found.estimated : known.values)[0].length, side = Math.round(Math.sqrt(count));
+  if (side * side === count) addMap(found, known, side);
+  addBars(found, known, count);
+  addHistory(damage, found, known, count);
+  if (found) addLikeness(found);
+  if (found && found.index) addIndices(found);
+}
+
+function addMap(found, known, side) {
+  const labels = Array.from({ length: side }, (_, i) => i + 1);
+  const fill = (time) => {
+    const k = found ? lastBefore(found.time, time) : -1, truth = trueAt(time), values = k < 0 ? null : found.estimated[k];
+    const z = [], text = [];
+    for (let row = 0; row < side; row++) {
+      z.push([]); text.push([]);
+      for (let column = 0; column < side; column++) {
+        const zone = row * side + column, shown = values || (found ? null : truth);
+        z[row].push(shown ? 100 * shown[zone] : 0);
+        const bar = values && Number.isFinite(found.deviation[k][zone]) ? `<br>± ${(100 * found.deviation[k][zone]).toFixed(1)}` : "";
+        const real = truth && truth[zone] > 0 ? `<br>true ${(100 * truth[zone]).toFixed(0)}` : "";
+        text[row].push(`<i>${zone + 1}</i><br>` + (shown ? `<b>${(100 * shown[zone]).toFixed(1)}</b>` : "–") + bar + real);
+      }
+    }
+    return { z: [z], text: [text] };
+  };
+  addFigure({
+    title: found ? "Damage of the zones [%], judged at the slider's time" : "True damage of the zones [%]", tall: true,
+    note: `Zone number, estimate, standard deviation${known ? ", and the true damage where there is some" : "; the true damage is not recorded"}.`,
+    label: "Map of the damage of every zone; the table of damage in numbers holds the last judgement.",
+    make(colors) {
+      const { z: [z], text: [text] } = fill(page.content.frames[page.instant]);
+      const data = [{ type: "heatmap", x: labels, y: labels, z, showscale: window.innerWidth >= 600, text, texttemplate: "%{text}", zmin: 0, zmax: topDamage(), xgap: 2, ygap: 2,
+        colorscale: damageScale(colors), colorbar: { title: { text: "%" }, thickness: 12 }, hoverinfo: "skip" }];
+      const bare = { showgrid: false, zeroline: false, showticklabels: false, ticks: "", constrain: "domain" };
+      return { data, more: { dragmode: false, xaxis: axis(colors, "x →", bare), yaxis: axis(colors, "y →", { ...bare, scaleanchor: "x" }), margin: { l: 30, r: 10, t: 10, b: 30 } } };
+    },
+    move(div, instant, time) { Plotly.restyle(div, fill(time), [0]); },
+  });
+}
+
+function addBars(found, known, count) {
+  const zones = Array.from({ length: count }, (_, z) => z + 1);
+  const fill = (time) => {
+    const k = found ? lastBefore(found.time, time) : -1, truth = trueAt(time), none = zones.map(() => null);
+    return { values: k < 0 ? none : percent(found.estimated[k]), bars: k < 0 ? none : percent(found.deviation[k]).map((value) => 2 * value || 0),
+             truth: truth ? percent(truth) : none };
+  };
+  addFigure({
+    title: "Damage of each zone with two standard deviations", broad: true,
+    label: "Bars: estimated damage of each zone with two standard deviations to each side; diamonds: true damage.",
+    make(colors) {
+      const { values, bars, truth } = fill(page.content.frames[page.instant]);
+      const data = [
+        { type: "bar", x: zones, y: values, name: "estimated", marker: { color: colors.lines[0] },
+          error_y: { type: "data", array: bars, color: colors.ink, thickness: 1.5, width: 4 } },
+        { type: "scatter", mode: "markers", x: zones, y: truth, name: "true", visible: Boolean(known), cliponaxis: false,
+          marker: { symbol: "diamond-open", size: 11, color: colors.lines[1], line: { width: 2 } } }];
+      return { data, more: { xaxis: axis(colors, "zone", { dtick: count > 40 ? undefined : window.innerWidth < 600 ? 3 : 1 }), yaxis: axis(colors, "damage [%]", { range: [-0.06 * topDamage(), 1.15 * topDamage()] }) } };
+    },
+    move(div, instant, time) {
+      const { values, bars, truth } = fill(time);
+      Plotly.restyle(div, { y: [values, truth] });
+      Plotly.restyle(div, { "error_y.array": [bars] }, [0]);
+    },
+  });
+}
+
+// Zones that matter in colour: truly damaged ones, then those judged damaged most; the others grey.
+function addHistory(damage, found, known, count) {
+  const most = (rows, zone) => rows.reduce((top, row) => Math.max(top, row[zone] || 0), 0);
+  const zones = Array.from({ length: count }, (_, z) => z);
+  const real = known ? zones.filter((z) => most(known.values, z) > 0) : [];
+  const suspects = found ? zones.filter((z) => !real.includes(z) && most(found.estimated, z) >= Math.max(0.03, leastFound())) : [];
+  if (found) suspects.sort((a, b) => most(found.estimated, b) - most(found.estimated, a));
+  const shown = [...real, ...suspects].slice(0, 6), watch = page.content.watch || {};
+  const findings = watch.findings || [], alarms = watch.alarms || [];
+  addFigure({
+    title: "Damage over time", timed: true, broad: true,
+    note: (found && found.time.length <= MOST_MARKERS ? "A dot stands at each valid judgement, a cross at one that is not valid. " : "")
+      + "Bands are two standard deviations wide to each side."
+      + (alarms.length ? " A line marks each alarm of the digital twin, a diamond the onset that it found." : ""),
+    label: "Estimated damage of the zones over time, true damage dashed, with alarms and onsets.",
+    make(colors) {
+      const data = [];
+      const step = (x, y, more) => data.push({ type: "scatter", mode: "lines", x, y, line: { shape: "hv", width: 2, ...more.line }, ...more.rest });
+      if (found) {
+        const x = [...found.time, page.content.end];
+        const held = (row) => [...row, row[row.length - 1]];
+        const rest = zones.filter((z) => !shown.includes(z)), largest = (row) => 100 * rest.reduce((top, z) => Math.max(top, row[z]), 0);
+        if (rest.length) step(x, held(found.estimated.map(largest)),
+          { line: { color: colors.grey, width: 1 }, rest: { name: "largest of the others", hoverinfo: "skip" } });
+        shown.forEach((z, i) => {
+          const color = colors.lines[i], group = `${z}`, bar = (sign) => held(found.estimated.map((row, k) => 100 * (row[z] + 2 * sign * found.deviation[k][z])));
+          if (stated(found.deviation[found.time.length - 1])) {
+            step(x, bar(-1), { line: { width: 0, color }, rest: { legendgroup: group, showlegend: false, hoverinfo: "skip" } });
+            step(x, bar(1), { line: { width: 0, color }, rest: { legendgroup: group, showlegend: false, hoverinfo: "skip", fill: "tonexty", fillcolor: translucent(color, 0.25) } });
+          }
+          step(x, held(found.estimated.map((row) => 100 * row[z])), { line: { color }, rest: { name: `zone ${z + 1}`, legendgroup: group } });
+        });
+        for (const [valid, symbol, name] of [[true, "circle", "judgement"], [false, "x", "not valid"]]) {
+          const some = found.valid.map((value, k) => k).filter((k) => found.valid[k] === valid);
+          if (some.length && some.length <= MOST_MARKERS) data.push({ type: "scatter", mode: "markers", x: some.map((k) => found.time[k]), y: some.map((k) => 100 * Math.max(...found.estimated[k])),
+            name, cliponaxis: false, marker: { symbol, size: 8, color: colors.ink }, hoverinfo: "skip" });
+        }
+      }
+      if (known) shown.filter((z) => real.includes(z)).forEach((z, i) => step([...known.time, page.content.end], [...known.values.map((row) => 100 * row[z]), 100 * known.values[known.values.length - 1][z]],
+        { line: { color: colors.lines[i], width: 1.6, dash: "dash" }, rest: { name: `zone ${z + 1}, true` } }));
+      if (findings.length) data.push({ type: "scatter", mode: "markers", x: findings.map((each) => each.onset), y: findings.map(() => 0), name: "onset, twin",
+        error_x: { type: "data", array: findings.map((each) => 2 * each.onset_deviation), color: colors.alarm }, cliponaxis: false, marker: { symbol: "diamond", size: 11, color: colors.alarm } });
+      if (alarms.length) data.push({ type: "scatter", mode: "lines", x: [null], y: [null], name: "alarm, twin", line: { color: colors.alarm, width: 2, dash: "dashdot" } });
+      const shapes = alarms.map((x) => ({ type: "line", xref: "x", yref: "paper", x0: x, x1: x, y0: 0, y1: 1, line: { color: colors.alarm, width: 2, dash: "dashdot" } }));
+      return { data, more: { shapes, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "damage [%]", { rangemode: "tozero" }), hovermode: "closest" } };
+    },
+  });
+}
+
+function addLikeness(found) {
+  if (!found.likeness || !stated(Array.from(found.likeness_values))) return;
+  const misfit = found.likeness === "misfit", limit = misfit ? 1 : 0.5;
+  addFigure({
+    title: misfit ? "Misfit with what the detector was trained on" : "Similarity with what the detector was trained on", timed: true,
+    note: `A judgement is valid ${misfit ? "up to" : "from"} ${limit}.`,
+    make(colors) {
+      const data = [{ type: "scatter", mode: found.time.length > MOST_MARKERS ? "lines" : "lines+markers", x: found.time, y: found.likeness_values, name: found.likeness, line: { color: colors.lines[0] } }];
+      const shapes = [{ type: "line", xref: "paper", yref: "y", x0: 0, x1: 1, y0: limit, y1: limit, line: { color: colors.alarm, width: 1.5, dash: "dash" } }];
+      return { data, more: { shapes, showlegend: false, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, `${found.likeness} [1]`, { rangemode: "tozero" }) } };
+    },
+  });
+}
+
+function addIndices(found) {
+  const base = found.index[0], rows = Array.from(base.keys());
+  addFigure({
+    title: "Packet energies over those of the first window", timed: true, note: "One row for each index of the detector; 1 is no change.",
+    make(colors) {
+      const z = rows.map((row) => found.index.map((values) => values[row] / base[row]));
+      const data = [{ type: "heatmap", x: found.time, y: rows.map((row) => row + 1), z, colorscale: "Cividis", colorbar: { thickness: 12 } }];
+      return { data, more: { xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "index") } };
+    },
+  });
+}

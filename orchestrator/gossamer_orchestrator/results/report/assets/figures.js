@@ -1,0 +1,113 @@
+// What all pictures share: colours of light and dark, a place on the page, the line of the slider's time, linked zoom.
+const darkness = matchMedia("(prefers-color-scheme: dark)");
+const page = { printing: false, instant: 0, sensor: 0, content: null, figures: [], linking: false };
+
+// Colours of Okabe and Ito, which colour-blind readers can tell apart; the lighter ones first on a dark page.
+function theme() {
+  const dark = darkness.matches && !page.printing;
+  return dark
+    ? { dark, ink: "#e6eaee", soft: "#a5afba", grid: "#333c46", grey: "#6d7782", panel: "#1c2229",
+        lines: ["#56B4E9", "#E69F00", "#3CC79A", "#CC79A7", "#F0E442", "#D55E00"], alarm: "#F08A4B" }
+    : { dark, ink: "#1b2026", soft: "#59626d", grid: "#dfe4e9", grey: "#9a9a9a", panel: "#f5f7f9",
+        lines: ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"], alarm: "#B34700" };
+}
+
+// Light to dark on a light page, dark to light on a dark one: no damage is the paper's side.
+function damageScale(colors) {
+  const steps = ["#f7fbff", "#c6dbef", "#6baed6", "#2171b5", "#08306b"];
+  const dim = ["#202a35", "#1d4a73", "#2f7fb8", "#7cc0ea", "#e8f5ff"];
+  return (colors.dark ? dim : steps).map((color, i) => [i / 4, color]);
+}
+
+function translucent(color, alpha) {
+  const parts = [1, 3, 5].map((at) => parseInt(color.slice(at, at + 2), 16));
+  return `rgba(${parts.join(",")},${alpha})`;
+}
+
+function element(tag, attributes, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes || {})) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+
+function heading(text) {
+  document.getElementById("pictures").append(element("h2", {}, text));
+}
+
+// A figure is drawn anew by `make`, moved to the slider's time by `move`; `timed` figures have time on the x axis.
+function addFigure({ title, note, label, make, move, timed, tall, broad, control, slow }) {
+  const number = page.figures.length;
+  const caption = element("figcaption", { id: `caption${number}` }, title);
+  if (control) caption.append(control);
+  if (note) caption.append(element("small", {}, note));
+  const div = element("div", { class: `plot ${tall ? "tall" : broad ? "broad" : ""}`, role: "img", "aria-label": label || title });
+  const figure = element("figure", { "aria-labelledby": `caption${number}`, class: broad ? "broad" : "" }, caption, div);
+  document.getElementById("pictures").append(figure);
+  const added = { div, make, move, timed, slow, visible: false, drawn: false, at: -1 };
+  page.figures.push(added);
+  return added;
+}
+
+function axis(colors, text, more) {
+  return { title: { text, standoff: 8 }, gridcolor: colors.grid, zerolinecolor: colors.grid, linecolor: colors.grid,
+           automargin: true, ...more };
+}
+
+// The layout of a figure; a timed one begins its shapes with the line at the slider's time.
+function layout(figure, colors, more) {
+  const time = page.content.frames[page.instant];
+  const line = { type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1,
+                 line: { color: colors.ink, width: 1.2, dash: "dot" } };
+  const narrow = window.innerWidth < 600;
+  const base = {
+    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: colors.ink, size: 12, family: "system-ui, sans-serif" },
+    margin: { l: 55, r: 12, t: 12, b: 42 }, showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+    hovermode: figure.timed ? "x unified" : "closest", hoverlabel: { bgcolor: colors.panel, font: { color: colors.ink } },
+    dragmode: narrow ? false : "zoom", uirevision: "kept",
+  };
+  const made = { ...base, ...more };
+  if (!figure.timed) return made;
+  const { start, end } = page.content;
+  made.shapes = [line, ...(made.shapes || [])];
+  made.xaxis = { ...made.xaxis, range: [start, end] };
+  return made;
+}
+
+async function draw(figure) {
+  const colors = theme();
+  const { data, more } = figure.make(colors);
+  const settings = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  await Plotly.react(figure.div, data, layout(figure, colors, more), settings);
+  if (!figure.drawn && figure.timed) figure.div.on("plotly_relayout", (change) => link(figure, change));
+  figure.drawn = true;
+  figure.at = figure.timed ? page.instant : -1;
+  moveFigure(figure);
+}
+
+// Zoom in one picture over time zooms all.
+function link(source, change) {
+  if (page.linking) return;
+  let range = null;
+  if ("xaxis.range[0]" in change) range = { "xaxis.range": [change["xaxis.range[0]"], change["xaxis.range[1]"]] };
+  else if (change["xaxis.autorange"]) range = { "xaxis.range": [page.content.start, page.content.end] };
+  if (!range) return;
+  page.linking = true;
+  const others = page.figures.filter((each) => each.timed && each.drawn && each !== source);
+  Promise.all(others.map((each) => Plotly.relayout(each.div, range))).finally(() => { page.linking = false; });
+}
+
+function moveFigure(figure) {
+  if (!figure.drawn || figure.at === page.instant) return;
+  figure.at = page.instant;
+  const time = page.content.frames[page.instant];
+  if (figure.timed) Plotly.relayout(figure.div, { "shapes[0].x0": time, "shapes[0].x1": time });
+  if (figure.move) figure.move(figure.div, page.instant, time);
+}
+
+// The place of the last value that holds at a time; -1 before the first.
+function lastBefore(times, time) {
+  let found = -1;
+  for (let k = 0; k < times.length && times[k] <= time + 1e-12; k++) found = k;
+  return found;
+}

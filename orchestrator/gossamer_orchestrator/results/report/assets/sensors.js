@@ -1,0 +1,105 @@
+// Sensors and their compensators: resistance, strain with its band, error, loop and spectrum; then what else was recorded.
+const chosen = () => page.content.sensors[page.sensor];
+
+function curve(name, x, y, color, more) {
+  return { type: "scatter", mode: "lines", name, x, y, line: { color, width: 1.4, ...(more || {}).line }, ...(more || {}).rest };
+}
+
+// Lower and upper edge of a band, filled between.
+function band(x, low, high, color, name) {
+  const edge = (y, more) => curve(name, x, y, color, { line: { width: 0 }, rest: { hoverinfo: "skip", ...more } });
+  return [edge(low, { showlegend: false }), edge(high, { fill: "tonexty", fillcolor: translucent(color, 0.25) })];
+}
+
+function addSensors() {
+  const { content } = page;
+  const usable = content.sensors.filter((each) => Object.keys(each.curves).length);
+  content.sensors = usable;
+  if (!usable.length) return;
+  heading("Sensors");
+  const select = element("select", { id: "sensor" });
+  usable.forEach((each, k) => select.append(element("option", { value: `${k}` }, `${each.number}: ${[each.sensor, each.compensator].filter(Boolean).join(", ")}`)));
+  document.getElementById("pictures").append(element("p", { class: "picker" }, element("label", { for: "sensor" }, "Sensor "), select));
+  const some = (...names) => usable.some((each) => names.some((name) => each.curves[name]));
+  const figures = [];
+  const add = (figure) => figures.push(addFigure(figure));
+  if (some("strain", "compensated")) add({
+    title: "Strain", timed: true, broad: true, note: "True strain, and that of the compensator without its delay.",
+    label: "True strain and compensated strain over time.",
+    make(colors) {
+      const { curves, delay, rms, span, number } = chosen(), t = content.time, data = [];
+      const earlier = delay ? t.map((value) => value - delay) : t;
+      if (curves.low) data.push(...band(earlier, curves.low, curves.high, colors.lines[1], "± 2 deviations"));
+      if (curves.strain) data.push(curve("true", t, curves.strain, colors.ink, { line: { width: 2 } }));
+      const late = delay ? `compensated, drawn ${(1e3 * delay).toPrecision(3)} ms earlier` : "compensated";
+      if (curves.compensated) data.push(curve(late, earlier, curves.compensated, colors.lines[1], { line: { dash: curves.strain ? "dash" : "solid" } }));
+      const text = span ? `sensor ${number}: RMS error ${rms.toPrecision(2)}, ${(100 * rms / span).toPrecision(2)} % of range` : "";
+      const annotations = text ? [{ text, xref: "paper", yref: "paper", x: 1, y: 0, xanchor: "right", yanchor: "bottom", showarrow: false, bgcolor: translucent(colors.panel, 0.85) }] : [];
+      return { data, more: { annotations, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "strain [1]") } };
+    },
+  });
+  if (some("error")) add({
+    title: "Error of the compensated strain", timed: true, note: "Compensated minus true strain of the same time, and two standard deviations as the compensator states them.",
+    make(colors) {
+      const { curves } = chosen(), t = content.time, data = [];
+      if (curves.above) data.push(...band(t, curves.above.map((value) => -value), curves.above, colors.lines[1], "± 2 deviations"));
+      if (curves.error) data.push(curve("error", t, curves.error, colors.lines[0]));
+      const top = 1.5 * (curves.error || []).reduce((most, value) => Math.max(most, Math.abs(value) || 0), 1e-12);
+      return { data, more: { xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "error [1]", { range: [-top, top] }) } };
+    },
+  });
+  if (some("resistance", "reading")) add({
+    title: "Resistance", timed: true, label: "Resistance of the sensor over time, and as the compensator reads it.",
+    make(colors) {
+      const { curves } = chosen(), data = [];
+      if (curves.reading) data.push(curve("as read, with noise", content.time, curves.reading, colors.lines[1], { line: { width: 1 } }));
+      if (curves.resistance) data.push(curve("of the sensor", content.time, curves.resistance, colors.lines[0]));
+      return { data, more: { xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "resistance [Ω]") } };
+    },
+  });
+  const marker = (instant) => { const { at } = chosen(); return { x: [at ? [at.strain[instant]] : []], y: [at ? [at.resistance[instant]] : []] }; };
+  if (usable.some((each) => each.loops)) add({
+    title: "Resistance against strain", note: "The diamond is the slider's time.", label: "Loops of resistance against strain: hysteresis and drift.",
+    make(colors) {
+      const data = (chosen().loops || []).map((loop, k) => curve(loop.name, loop.strain, loop.resistance, colors.lines[k]));
+      const { x: [x], y: [y] } = marker(page.instant);
+      data.push({ type: "scatter", mode: "markers", x, y, name: "now", marker: { symbol: "diamond", size: 12, color: colors.ink, line: { color: colors.panel, width: 1.5 } } });
+      return { data, more: { xaxis: axis(colors, "strain [1]"), yaxis: axis(colors, "resistance [Ω]") } };
+    },
+    move(div, instant) { Plotly.restyle(div, marker(instant), [div.data.length - 1]); },
+  });
+  if (usable.some((each) => (each.loops || []).some((loop) => loop.frequency))) add({
+    title: "Spectrum of the resistance", note: "Amplitudes under Hann's window, without the mean.",
+    make(colors) {
+      const data = (chosen().loops || []).filter((loop) => loop.frequency).map((loop, k) => curve(loop.name, loop.frequency, loop.amplitude, colors.lines[k], { line: { width: 1.1 } }));
+      return { data, more: { xaxis: axis(colors, "frequency [Hz]", { type: "log" }), yaxis: axis(colors, "amplitude [Ω]", { type: "log", exponentformat: "power", nticks: 6 }) } };
+    },
+  });
+  select.addEventListener("change", () => { page.sensor = Number(select.value); figures.forEach(draw); });
+}
+
+function addDeflection() {
+  const { content } = page;
+  if (!content.deflection) return;
+  addFigure({
+    title: "Deflection of the membrane's centre", timed: true,
+    make(colors) {
+      const data = [curve("centre", content.time, content.deflection.map((value) => 1e3 * value), colors.lines[0])];
+      return { data, more: { showlegend: false, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "deflection [mm]") } };
+    },
+  });
+}
+
+function addOthers() {
+  const { content } = page, units = [...new Set(content.others.map((each) => each.unit))];
+  if (!units.length) return;
+  heading("What else was recorded");
+  for (const unit of units) addFigure({
+    title: `Recorded variables in [${unit || "1"}]`, timed: true, broad: true,
+    make(colors) {
+      const some = content.others.filter((each) => each.unit === unit).slice(0, 24);
+      const data = some.map((each, k) => curve(each.name, content.time, each.values, colors.lines[k % 6], { line: { dash: ["solid", "dash", "dot", "dashdot"][Math.floor(k / 6)] } }));
+      return { data, more: { showlegend: true, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, `[${unit || "1"}]`) } };
+    },
+  });
+}

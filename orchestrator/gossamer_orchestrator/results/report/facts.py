@@ -1,0 +1,120 @@
+"""What a page says in words and tables: how the run went, what each component was given, the judgements."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..judgements import Judgement
+from .verdict import found_zones
+
+SHOWN_WINDOWS = 60
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]], caption: str, *, row_heads: bool = True) -> str:
+    """Return a table in HTML; the first cell of each row is its heading."""
+    lines = [f"<table><caption>{escape(caption)}</caption>"]
+    if head:
+        lines.append("<thead><tr>" + "".join(f'<th scope="col">{escape(text)}</th>' for text in head) + "</tr></thead>")
+    lines.append("<tbody>")
+    for first, *rest in rows:
+        begin = f'<th scope="row">{escape(str(first))}</th>' if row_heads else f"<td>{escape(str(first))}</td>"
+        lines.append(f"<tr>{begin}" + "".join(f"<td>{escape(str(cell))}</td>" for cell in rest) + "</tr>")
+    return '<div class="wide">' + "\n".join(lines) + "</tbody></table></div>"
+
+
+def run_table(data: xr.Dataset, content: Mapping[str, Any]) -> str:
+    """Return the table of what happened."""
+    known, time = data.attrs, data["time"]
+    rows = [
+        ("Scenario", known.get("scenario_name", "not recorded")),
+        ("Time", f"{float(time[0]):.6g} s to {float(time[-1]):.6g} s"),
+        ("How it ended", known.get("ended", "not recorded")),
+    ]
+    if "step" in known:
+        rows.append(("Step", f"{float(known['step']):.6g} s{_every(int(known.get('record_every', 1)))}"))
+    rows.append(("Recorded", f"{content['rows']} instants of {len(data.data_vars)} variables"))
+    if "wall_time" in known:
+        rows.append(("Wall time", f"{float(known['wall_time']):.3g} s"))
+    if int(known.get("divided_steps", 0)):
+        rows.append(("Divided steps", str(int(known["divided_steps"]))))
+    if "master" in known:
+        rows.append(("Master", str(known["master"])))
+    versions = json.loads(known.get("versions", "{}"))
+    if versions:
+        rows.append(("Versions", ", ".join(f"{name} {number}" for name, number in versions.items())))
+    if text := known.get("scenario"):
+        rows.append(("SHA-256 of the scenario", hashlib.sha256(str(text).encode()).hexdigest()))
+    return table((), rows, "The run")
+
+
+def _every(steps: int) -> str:
+    return f"; one in {steps} is recorded" if steps > 1 else ""
+
+
+def components(data: xr.Dataset) -> str:
+    """Return a table of the components, and for each its parameters."""
+    fmus = json.loads(data.attrs.get("fmus", "{}"))
+    if not fmus:
+        return "<p>The results do not say which FMUs made them.</p>"
+    rows = [(name, each.get("file", ""), each.get("model", ""), each.get("guid", "")) for name, each in fmus.items()]
+    parts = [table(("component", "file", "model", "GUID"), rows, "Components")]
+    for name, each in fmus.items():
+        start, values = each.get("start", {}), each.get("parameters", {})
+        lines = [(v, f"{x:.9g}", "scenario" if v in start else "FMU") for v, x in values.items()]
+        lines += [(v, str(x), "scenario") for v, x in start.items() if v not in values]
+        if lines:
+            inner = table(("name", "value", "set by"), lines, f"Parameters and start values of {name}")
+            parts.append(f"<details><summary>{escape(name)}: {len(lines)} values</summary>{inner}</details>")
+    return "\n".join(parts)
+
+
+def connections(data: xr.Dataset) -> str:
+    """Return a table of the connections."""
+    pairs = json.loads(data.attrs.get("connections", "[]"))
+    if not pairs:
+        return ""
+    inner = table(("from", "to"), pairs, "Connections", row_heads=False)
+    return f"<details><summary>{len(pairs)} connections</summary>{inner}</details>"
+
+
+def scenario(data: xr.Dataset) -> str:
+    """Return the scenario's text."""
+    text = data.attrs.get("scenario")
+    return f"<details><summary>The scenario file</summary><pre>{escape(str(text))}</pre></details>" if text else ""
+
+
+def judgement_tables(ended: Sequence[Judgement]) -> str:
+    """Return the last valid judgement zone by zone, and the windows."""
+    if not ended:
+        return ""
+    known, certain = (bool(np.isfinite(x).all()) for x in (ended[-1].true, ended[-1].deviation))
+    parts = []
+    for last in [window for window in ended if window.valid][-1:]:
+        head = ["zone", *["true [%]"] * known, "estimated [%]", *["standard deviation [%]"] * certain]
+        rows = []
+        for z, value in enumerate(last.estimated):
+            row = [str(z + 1)]
+            row += [f"{100 * last.true[z]:.1f}"] * known
+            row += [f"{100 * value:.1f}"]
+            row += [f"{100 * last.deviation[z]:.2f}"] * certain
+            rows.append(row)
+        inner = table(head, rows, f"Damage of every zone at t = {last.time:.4f} s")
+        parts.append(f"<details><summary>Damage in numbers</summary>{inner}</details>")
+    likeness = ended[-1].likeness or "similarity"
+    head = ["t [s]", "damaged zones", *["mean abs. error [%]"] * known, likeness, "valid"]
+    rows = []
+    for window in ended[-SHOWN_WINDOWS:]:
+        zones = ", ".join(str(z + 1) for z in found_zones(window)) or "-"
+        row = [f"{window.time:.4f}", zones]
+        row += [f"{100 * window.mean_absolute_error:.2f}"] * known
+        rows.append([*row, f"{window.likeness_value:.3g}", "yes" if window.valid else "no"])
+    more = f", the last {SHOWN_WINDOWS} of {len(ended)}" if len(ended) > SHOWN_WINDOWS else ""
+    inner = table(head, rows, f"Windows of the detector{more}")
+    return "\n".join([*parts, f"<details><summary>{len(ended)} windows</summary>{inner}</details>"])

@@ -1,0 +1,127 @@
+"""Say in a sentence what the detector found, how sure it is, and what was true if that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..judgements import Judgement, doubts
+from ..tables import LEAST_SHOWN
+
+LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
+MOST_NAMED = 4  # zones
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a page says first.
+
+    Attributes
+    ----------
+    kind : str
+        "damage", "healthy", "invalid" or "none".
+    sentence : str
+        The verdict.
+    more : list of str
+        What else is known: the truth, the alarm, reasons to doubt.
+    """
+
+    kind: str
+    sentence: str
+    more: list[str]
+
+
+def found_zones(judgement: Judgement) -> list[int]:
+    """List the zones, from 0, that a judgement calls damaged, the most damaged first."""
+    certain = np.isfinite(judgement.deviation).all()
+    order = np.argsort(-judgement.estimated, kind="stable")
+    return [int(z) for z in order if judgement.estimated[z] >= (LEAST_SHOWN if certain else LEAST_CLEAR)]
+
+
+def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str, Any] | None) -> Verdict:
+    """Say what was found.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Results.
+    ended : sequence of Judgement
+        All windows; none if there is no detector.
+    watched : dict or None
+        Content of ``watch.json``.
+    """
+    more = _watch_sentences(watched)
+    if not ended:
+        end = float(data["time"][-1])
+        sentence = (
+            f"No judgement: until t = {end:.6g} s no window of a detector ended. The pictures show what was recorded."
+        )
+        return Verdict("none", sentence, more)
+    reasons = doubts(data, list(ended))
+    valid = [window for window in ended if window.valid]
+    if not valid:
+        return Verdict("invalid", "No valid judgement. " + reasons[0], reasons[1:] + more)
+    last, found = valid[-1], found_zones(valid[-1])
+    certain = bool(np.isfinite(last.deviation).all())
+    rest = [z for z in range(last.estimated.size) if z not in found]
+    if found:
+        sentence = f"Damaged: {_listed(last, found)}, judged at t = {last.time:.4f} s{_undamaged(last, rest, certain)}."
+        first = next(window for window in valid if found_zones(window))
+        if first is not last:
+            more.insert(0, f"The first valid window that shows damage ended at t = {first.time:.4f} s.")
+    else:
+        sentence = f"No damage: judged at t = {last.time:.4f} s{_undamaged(last, rest, certain)}."
+    if np.isfinite(last.true).all():
+        more.insert(0, _truth(last))
+    else:
+        more.insert(0, "The true damage is not recorded.")
+    return Verdict("damage" if found else "healthy", sentence, reasons + more)
+
+
+def _listed(judgement: Judgement, zones: list[int]) -> str:
+    parts = []
+    for zone in zones[:MOST_NAMED]:
+        value, deviation = 100 * judgement.estimated[zone], 100 * judgement.deviation[zone]
+        bar = f" ± {deviation:.1f}" if np.isfinite(deviation) else ""
+        parts.append(f"zone {zone + 1} lost {value:.1f}{bar} % of its stiffness")
+    if len(zones) > MOST_NAMED:
+        parts.append(f"{len(zones) - MOST_NAMED} more zones are damaged less")
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+
+
+def _undamaged(judgement: Judgement, zones: list[int], certain: bool) -> str:
+    """Say how sure the detector is of the other zones."""
+    if not zones:
+        return ""
+    which = f"the other {len(zones)} zones" if len(zones) < judgement.estimated.size else f"all {len(zones)} zones"
+    if not certain:
+        return f"; {which} show less than {100 * LEAST_CLEAR:.0f} %; the detector states no uncertainty"
+    most = max(100 * float(judgement.deviation[zones].max()), 0.05)
+    return f"; {which} are undamaged, each within ± {most:.1f} % (± is one standard deviation)"
+
+
+def _truth(judgement: Judgement) -> str:
+    damaged = np.flatnonzero(judgement.true > 0.0)
+    true = ", ".join(f"{100 * judgement.true[z]:.3g} % in zone {z + 1}" for z in damaged[:MOST_NAMED])
+    if len(damaged) > MOST_NAMED:
+        true += " and more"
+    error = f"the mean absolute error over all zones is {100 * judgement.mean_absolute_error:.2f} %"
+    return f"True then: {true or 'no damage'}; {error}."
+
+
+def _watch_sentences(watched: dict[str, Any] | None) -> list[str]:
+    """Say what the twin that watched the run found."""
+    if not watched:
+        return []
+    alarms, findings = watched.get("alarms", []), watched.get("findings", [])
+    if not alarms:
+        return [f"The digital twin raised no alarm in {len(watched.get('misfit', []))} windows."]
+    sentence = f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s"
+    if findings:
+        onset, deviation = findings[0]["onset"], findings[0]["onset_deviation"]
+        sentence += f" and dates the onset of damage to t = {onset:.6f} s ± {1e3 * deviation:.2g} ms"
+    return [sentence + "."]

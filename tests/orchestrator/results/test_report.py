@@ -1,0 +1,198 @@
+"""The page of a run: whole, from disk, without a network, and true."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+import xarray as xr
+from gossamer_orchestrator import ResultsError
+from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.results.files import save_results
+from gossamer_orchestrator.results.judgements import windows
+from gossamer_orchestrator.results.report import write_report
+from gossamer_orchestrator.results.report.thin import Pixels
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+VOID = {"meta", "input", "link", "br", "img", "hr"}
+
+
+class Page(HTMLParser):
+    """Tags of a page that closes what it opens."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open, self.tags, self.inside = [], [], {}
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append((tag, dict(attrs).get("id")))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop()[0] == tag
+
+    def handle_data(self, text):
+        for _, name in self.open:
+            self.inside[name] = self.inside.get(name, "") + text
+
+    def unpacked(self, name):
+        return gzip.decompress(base64.b64decode(self.inside[name])).decode()
+
+
+def numbers(packed):
+    return np.frombuffer(base64.b64decode(packed["bytes"]), f"<{packed['kind']}").reshape(packed["shape"])
+
+
+@pytest.fixture
+def certain(data) -> xr.Dataset:
+    """Results of a detector that states its deviation, in place of a similarity."""
+    data = data.drop_vars("detector.similarity").assign_attrs(schema="gossamer.results", version=1)
+    data["detector.deviation"] = (data["detector.damage"].dims, 0.1 * data["detector.damage"].to_numpy())
+    data["detector.misfit"] = ("time", np.full(10, 0.4))
+    return data
+
+
+def page_of(data, folder):
+    return Page(write_report(data, folder).read_text(encoding="utf-8"))
+
+
+def test_the_page_is_one_valid_file_that_needs_no_network(certain, tmp_path):
+    path = write_report(certain, tmp_path)
+    text = path.read_text(encoding="utf-8")
+    page = Page(text)
+    assert [each.name for each in tmp_path.iterdir()] == ["report.html"]
+    assert text.startswith("<!DOCTYPE html>")
+    names = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    assert len(names) == len(set(names))
+    for _, attributes in page.tags:
+        assert "src" not in attributes
+        assert attributes.get("href", "#").startswith("#")
+        for reference in ("for", "aria-labelledby"):
+            assert attributes.get(reference, names[0]) in names
+    assert not re.search(r"https?:|@import|url\(", text)
+    (policy,) = [attributes["content"] for tag, attributes in page.tags if attributes.get("http-equiv")]
+    assert policy.startswith("default-src 'none'")
+    assert path.stat().st_size < 3e6
+    assert "plotly.js v" in page.unpacked("library")[:200]
+
+
+def test_the_verdict_is_a_sentence_with_its_uncertainty(certain, tmp_path):
+    (tmp_path / "watch.json").write_text(
+        json.dumps({"alarms": [6.0], "findings": [{"onset": 5.0, "onset_deviation": 1e-3}], "misfit": [1.0]})
+    )
+    page = page_of(certain, tmp_path)
+    assert page.inside["verdict"] == (
+        "Damaged: zone 2 lost 20.0 ± 2.0 % of its stiffness and zone 7 lost 4.0 ± 0.4 % of its stiffness, judged at "
+        "t = 8.0000 s; the other 14 zones are undamaged, each within ± 0.1 % (± is one standard deviation)."
+    )
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "True then: 30 % in zone 2; the mean absolute error over all zones is 0.8" in text
+    assert "first alarm at t = 6.0000 s and dates the onset of damage to t = 5.000000 s ± 1 ms." in text
+
+
+def test_a_verdict_says_what_is_not_known(data, certain, later_window_invalid, tmp_path):
+    assert "the detector states no uncertainty" in page_of(data, tmp_path).inside["verdict"]
+    healthy = certain.copy(deep=True)
+    healthy["detector.damage"][:] = 0.0
+    assert page_of(healthy, tmp_path).inside["verdict"].startswith("No damage: judged at t = ")
+    never = data.copy(deep=True)
+    never["detector.valid"][:] = 0.0
+    assert page_of(never, tmp_path).inside["verdict"].startswith("No valid judgement. 2 windows of the detector ended")
+    write_report(later_window_invalid(data), tmp_path)
+    assert "The last window, ended at 8.0000 s, was not valid" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_where_no_true_damage_is_recorded_the_estimate_stands_alone(certain, tmp_path):
+    for unknown in (certain.drop_vars("membrane.damage"), certain.drop_vars([n for n in certain if "membrane" in n])):
+        page = page_of(unknown, tmp_path)
+        assert page.inside["verdict"].startswith("Damaged: zone 2 lost 20.0 ± 2.0 %")
+        assert "The true damage is not recorded." in (tmp_path / "report.html").read_text(encoding="utf-8")
+        damage = json.loads(page.unpacked("data"))["damage"]
+        assert damage["true"] is None
+        assert numbers(damage["windows"]["estimated"])[-1] == pytest.approx(windows(unknown)[-1].estimated)
+
+
+def test_nodes_beside_the_edge_are_drawn_at_the_slider_s_instants(certain, tmp_path):
+    content = json.loads(page_of(certain, tmp_path).unpacked("data"))
+    w = numbers(content["membrane"]["w"]).reshape(10, 9, 9)
+    assert w[:, 1:-1, 1:-1] == pytest.approx(certain["membrane.w"].to_numpy(), abs=1e-6)
+    assert not w[:, 0].any()
+    assert numbers(content["frames"]).tolist() == certain["time"].to_numpy().tolist()
+    flat = json.loads(page_of(certain.drop_vars("membrane.w"), tmp_path).unpacked("data"))
+    assert flat["membrane"] is None
+
+
+def test_compensated_strain_is_compared_with_the_true_strain_of_its_time(certain, tmp_path):
+    certain["compensator1.delay"] = ("time", [2.0] * 10)
+    certain["compensator1.strain_deviation"] = ("time", [1e-3] * 10)
+    now = certain["compensator1.strain"].to_numpy()
+    certain["compensator1.strain"] = ("time", np.r_[now[:2], now[:-2]])
+    sensor = json.loads(page_of(certain, tmp_path).unpacked("data"))["sensors"][0]
+    assert sensor["rms"] == pytest.approx(0.0, abs=1e-12)
+    assert sensor["delay"] == 2.0
+    high, low = (numbers(sensor["curves"][name]) for name in ("high", "low"))
+    assert high - low == pytest.approx(4e-3)
+    assert np.isnan(numbers(sensor["curves"]["error"])[-2:]).all()
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=300), st.integers(1, 20))
+def test_no_peak_is_lost_by_thinning(values, pixels):
+    thinned = Pixels(len(values), pixels)
+    curve = np.concatenate([thinned.thin(np.array(values)[rows]) for rows in thinned.parts()])
+    times = np.concatenate([thinned.times(np.arange(float(len(values)))[rows]) for rows in thinned.parts()])
+    assert len(times) == len(curve) <= 2 * pixels
+    assert (curve.min(), curve.max()) == (min(values), max(values))
+    assert (np.diff(times) >= 0.0).all()
+
+
+def test_a_long_run_stays_small_and_says_how_it_was_thinned(tmp_path):
+    n = 50_000
+    values = np.random.default_rng(1).normal(size=n)
+    values[31_234] = 99.0
+    data = xr.Dataset({f"a.y{k}": ("time", values) for k in range(8)}, coords={"time": np.arange(n) * 1e-3})
+    page = page_of(data, tmp_path)
+    curve = numbers(json.loads(page.unpacked("data"))["others"][0]["values"])
+    assert curve.max() == 99.0
+    assert len(curve) <= 5000
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Of the 50000 recorded points, curves over time show the smallest and the largest of every 20" in text
+    assert len(text) < 3e6
+
+
+def test_a_stranger_s_run_has_a_page_and_its_words_are_only_words(tmp_path):
+    data = xr.Dataset(
+        {"a.y": ("time", [0.0, np.nan])}, coords={"time": [0.0, 1.0]}, attrs={"title": "<script>$x</script>"}
+    )
+    page = page_of(data, tmp_path)
+    assert page.inside["verdict"].startswith("No judgement: until t = 1 s")
+    assert "&lt;script&gt;$x" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    with pytest.raises(ResultsError, match="have no row"):
+        write_report(data.isel(time=slice(0)), tmp_path)
+
+
+def test_report_writes_a_page_and_view_opens_it(certain, tmp_path, monkeypatch):
+    save_results(certain, tmp_path)
+    opened = []
+    monkeypatch.setattr("webbrowser.open", lambda url: bool(opened.append(url)))
+    result = CliRunner().invoke(app, ["view", str(tmp_path)])
+    assert result.stdout == f"{tmp_path / 'report.html'}\n"
+    assert "No browser could be started" in result.stderr
+    assert opened == [(tmp_path / "report.html").as_uri()]
+    first = (tmp_path / "report.html").read_bytes()
+    result = CliRunner().invoke(app, ["report", str(tmp_path / "results.nc")])
+    assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'report.html'}\n")
+    assert (tmp_path / "report.html").read_bytes() == first
+    result = CliRunner().invoke(app, ["report", str(tmp_path / "nowhere")])
+    assert result.exit_code == 1
+    assert "there are no results at" in result.stderr

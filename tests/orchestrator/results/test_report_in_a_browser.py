@@ -1,0 +1,114 @@
+"""The page of a run in a real browser, as its reader sees it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from gossamer_orchestrator.results.report import write_report
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+FLAGS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]  # draws in 3-D without a graphics card
+PATIENCE = 120_000  # [ms]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[object]:
+    with sync_api.sync_playwright() as driver:
+        program = next(filter(None, map(shutil.which, NAMES)), driver.chromium.executable_path)
+        if not Path(program).is_file():
+            pytest.skip("there is no Chromium here; 'apt install chromium' or 'playwright install chromium' has one")
+        opened = driver.chromium.launch(executable_path=program, args=FLAGS)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def report(data, tmp_path) -> str:
+    data = data.drop_vars("detector.similarity")
+    data["detector.deviation"] = (data["detector.damage"].dims, 0.1 * data["detector.damage"].to_numpy())
+    data["detector.misfit"] = ("time", np.full(10, 0.4))
+    for k in range(1, 5):
+        data[f"compensator{k}.strain_deviation"] = ("time", np.full(10, 1e-3))
+    (tmp_path / "watch.json").write_text(
+        '{"alarms": [6.0], "findings": [{"onset": 5.0, "onset_deviation": 0.1}], "misfit": []}'
+    )
+    return write_report(data, tmp_path).as_uri()
+
+
+def opened(browser, url, troubles, **settings):
+    """Open a page and wait until all is drawn; list what it complains about and what it asks for."""
+    page = browser.new_page(**settings)
+    page.on("console", lambda message: message.type == "error" and troubles.append(message.text))
+    page.on("pageerror", lambda error: troubles.append(str(error)))
+    page.on("request", lambda request: request.url.startswith("http") and troubles.append(request.url))
+    page.goto(url)
+    page.wait_for_selector("body[data-ready]", state="attached", timeout=PATIENCE)
+    return page
+
+
+def test_the_slider_moves_every_picture_and_nothing_is_amiss(browser, report):
+    troubles: list[str] = []
+    page = opened(browser, report, troubles, viewport={"width": 1400, "height": 900})
+    page.set_default_timeout(PATIENCE)
+    assert page.inner_text("#verdict").startswith("Damaged: zone 2 lost 20.0 ± 2.0 % of its stiffness")
+    assert page.locator("figure").count() == 11
+    assert page.inner_text("#clock") == "9.0000 s"
+    heights = "() => Array.from(page.figures[0].div.data[0].z)"
+    shown = "() => page.figures[1].div.data[0].z.flat()"
+    last, judged = page.evaluate(heights), page.evaluate(shown)
+    assert judged[1] == pytest.approx(20.0)
+    assert max(map(abs, last)) == pytest.approx(1e3 * abs(np.sin(9.0)), rel=1e-5)
+    page.focus("#instant")
+    page.keyboard.press("Home")
+    for _ in range(4):
+        page.keyboard.press("ArrowRight")
+    assert page.inner_text("#clock") == "4.0000 s"
+    page.evaluate("page.figures.forEach(moveFigure)")
+    assert page.evaluate(heights) != last
+    assert max(map(abs, page.evaluate(heights))) == pytest.approx(1e3 * abs(np.sin(4.0)), rel=1e-5)
+    assert max(page.evaluate(shown)) == 0.0
+    lines = page.evaluate("page.figures.filter(f => f.timed).map(f => f.div.layout.shapes[0].x0)")
+    assert lines == [4.0] * len(lines)
+    page.select_option("#sensor", "2")
+    page.evaluate(
+        "Plotly.relayout(page.figures.filter(f => f.timed)[0].div, {'xaxis.range[0]': 1, 'xaxis.range[1]': 3})"
+    )
+    page.wait_for_function("page.figures.filter(f => f.timed).every(f => f.div.layout.xaxis.range[1] === 3)")
+    assert troubles == []
+    page.close()
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1400, "dark"), (400, "light")])
+def test_the_page_fits_wide_and_narrow_windows_in_light_and_dark(browser, report, tmp_path, width, scheme):
+    troubles: list[str] = []
+    page = opened(browser, report, troubles, viewport={"width": width, "height": 900}, color_scheme=scheme)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == (
+        "rgb(20, 24, 29)" if scheme == "dark" else "rgb(255, 255, 255)"
+    )
+    page.screenshot(path=tmp_path / f"{width}_{scheme}.png", full_page=True, timeout=PATIENCE)
+    unnamed = "Array.from(document.querySelectorAll('[role=img]')).filter(e => !e.getAttribute('aria-label')).length"
+    assert page.evaluate(unnamed) == 0
+    assert troubles == []
+    page.close()
+
+
+def test_without_deflections_the_membrane_is_flat_and_says_so(browser, data, tmp_path):
+    troubles: list[str] = []
+    page = opened(browser, write_report(data.drop_vars("membrane.w"), tmp_path).as_uri(), troubles)
+    assert "are not recorded, so it is drawn flat" in page.inner_text("figure >> nth=0")
+    assert troubles == []
+    stranger = xr.Dataset({"a.y": ("time", [0.0, 1.0])}, coords={"time": [0.0, 1.0]})
+    page = opened(browser, write_report(stranger, tmp_path).as_uri(), troubles)
+    assert page.locator("figure").count() == 1
+    assert troubles == []
