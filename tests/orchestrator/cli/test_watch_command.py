@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import json
 import pickle
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model
+from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
 from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.cli.twin_record import find_in_results
 from gossamer_orchestrator.cli.watch import LiveWatch
+from gossamer_orchestrator.results.dataset import make_dataset
+from gossamer_orchestrator.scenario.schema import Recording
+from gossamer_orchestrator.scenario.shipped import shipped_scenarios
 from typer.testing import CliRunner
 
 STEP, ONSET = 3e-4, 0.2104
@@ -65,3 +72,27 @@ def test_options_that_make_no_sense_are_refused(record, options, message):
 
 def test_the_observer_of_a_run_can_be_sent_to_the_process_of_the_run(tmp_path):
     assert pickle.loads(pickle.dumps(LiveWatch(tmp_path / "watch.json")))._out == tmp_path / "watch.json"
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_the_observer_hands_every_sample_to_the_twin_once(built, monkeypatch, tmp_path, every):
+    scenario = load_scenario(shipped_scenarios()["damaged"], stop=0.18)
+    variables = ["membrane.*", "sensor?.resistance", "detector.*"]
+    scenario = scenario.model_copy(update={"record": Recording(variables=variables, every=every)})
+    plan = make_plan(scenario, built("native")["sensor"].parent)
+    taken = []
+
+    class Twin:
+        def advance(self, values):
+            taken.append(values)
+            return SimpleNamespace(misfit=1.0, alarm=False, finding=None)
+
+    monkeypatch.setattr(sys.modules[LiveWatch.__module__], "_begin", lambda *_: Twin())
+    recorder = Recorder(plan)
+    with Simulation(plan) as simulation:
+        simulation.run([recorder, LiveWatch(tmp_path / "watch.json")])
+    data = make_dataset(plan, recorder.time, recorder.table, master=scenario.master)
+    whole = find_in_results(data, None, None, []).record.values
+    seen = np.hstack(taken)
+    assert len(taken) == 3
+    assert np.array_equal(seen, whole[:, : seen.shape[1]])
