@@ -31,7 +31,8 @@ _OPTIONS = {
     "order": ("membrane",),
 }  # and the FMUs that have them
 _REFUSALS = {
-    "artifact": "FMU {!r} is not built from an artifact. Name those that are: sensor, compensator, estimator, filter or detector.",
+    "artifact": "FMU {!r} is not built from an artifact. Name those that are: sensor, compensator, estimator, filter or "
+    "detector.",
     "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
     "order": "FMU {!r} has no mesh. Name the membrane alone to choose the order of its elements.",
 }

@@ -8,11 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import Field, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from gossamer_files import replacing
 
+from .arrays import Vector
+from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
 from .errors import ParameterError
 from .fitting.errors import Errors, nrmse
 from .fitting.plots import RECORD_PICTURES
@@ -28,6 +30,7 @@ from .sensor.fit.settings import MODELS as PREISACH
 from .sensor.plots import SENSOR_PICTURES
 
 log = logging.getLogger(__name__)
+AUTO: Literal["auto"] = "auto"  # chooses the model by predicting the later parts of the training stretch
 
 Fit = PreisachFit | FractionalFit
 Settings = PreisachSettings | FractionalSettings
@@ -49,12 +52,18 @@ class Identified:
     errors : tuple of Errors
         Training and test stretch of every record.
     remarks : tuple of str
-        Repairs of the records, and what the data do not determine.
+        Repairs of the records, what the data do not determine, and baselines that are better.
+    trials : tuple of Trial
+        What was tried, if the model was chosen automatically.
+    standings : tuple of Standing
+        Errors on the test stretches beside those of a static cubic and of a regression on lags.
     """
 
     fit: Fit
     errors: tuple[Errors, ...]
     remarks: tuple[str, ...] = ()
+    trials: tuple[Trial, ...] = ()
+    standings: tuple[Standing, ...] = ()
 
 
 def options(settings: type) -> list[Field[Any]]:
@@ -109,12 +118,14 @@ def identify_files(
     columns: Columns | None = None,
     weights: Sequence[float] | None = None,
     train: str = "50%",
-    settings: Settings | None = None,
+    settings: Settings | Literal["auto"] | None = None,
+    budget: float = BUDGET,
     full_scale: float | None = None,
     rest_resistance: float | None = None,
     command: str = "",
     origin: str = "not stated",
     progress: Callable[[str], None] = lambda _: None,
+    advance: Callable[[float, str], None] = lambda _share, _text: None,
 ) -> Identified:
     """Fit a sensor to the records in some files.
 
@@ -129,8 +140,11 @@ def identify_files(
         Of the squared errors of each record [1]; None for 1.
     train : str
         Training stretch of every record, see ``training_rows``.
-    settings : PreisachSettings, FractionalSettings or None
-        Model and settings of the fit, see ``settings_for``; None for the thesis' Preisach model.
+    settings : PreisachSettings, FractionalSettings, "auto" or None
+        Model and settings of the fit, see ``settings_for``; None for the thesis' Preisach model. "auto" chooses them and
+        the compensator, see ``automatic.choose``.
+    budget : float
+        Time [s] for that choice.
     full_scale : float or None
         Strain [1] at the end of the range.
     rest_resistance : float or None
@@ -139,6 +153,8 @@ def identify_files(
         For the provenance of the artifact.
     progress : callable
         Called with a sentence on the progress.
+    advance : callable
+        Called with the share of an automatic choice that is done [1] and a sentence.
 
     Returns
     -------
@@ -154,7 +170,16 @@ def identify_files(
     rows = tuple(training_rows(record, train) for record in records)
     given: dict[str, Any] = {"full_scale": full_scale, "rest_resistance": rest_resistance}
     fit: Fit
-    if isinstance(settings, FractionalSettings):
+    trials: tuple[Trial, ...] = ()
+    if isinstance(settings, str):
+        won = choose(records, rows, budget=budget, progress=advance, **given)
+        fit, trials = won.fit, won.trials
+        doubted = (
+            f"Chosen by predicting the later parts of the training stretch: {won.text}.",
+            *preisach_doubts(fit),
+        )
+        stated = _stated(fit)
+    elif isinstance(settings, FractionalSettings):
         fit = fit_fractional(records, rows, settings, progress=progress, **given)
         doubted = fractional_doubts(fit)
         stated = {"settings": repr(settings)}
@@ -168,16 +193,14 @@ def identify_files(
         if settings.ridge == "auto":
             chosen = f"The ridge {fit.settings.ridge:g} predicts the later parts of the training stretch best."
             doubted = (chosen, *doubted)
-        stated = {
-            "settings": repr(fit.settings),  # with the ridge chosen
-            "full_scale_strain": repr(fit.full_scale),
-            "offset": repr(fit.rest_resistance),
-            "scale": repr(fit.resistance_change),
-        }
-    errors = fit.errors
+        stated = _stated(fit)
+    errors, recovered = fit.errors, None
     if isinstance(fit, PreisachFit):
         progress("recovering the strain")
-        errors = _with_strain_errors(fit)
+        recovered = tuple(recover_strain(fit, record) for record in fit.records)
+        errors = _with_strain_errors(fit, recovered)
+    table = standings(fit.records, fit.train, fit.predicted, recovered)
+    doubted = (*doubted, *defeats(table))
     provenance = {
         "data": ", ".join(record.name for record in records),
         "origin": origin,
@@ -192,7 +215,17 @@ def identify_files(
     repairs = tuple(f"{record.name}: {text}." for record in records for text in record.repairs)
     artifact: Any = replace(fit.artifact, provenance=provenance)
     fit = replace(fit, artifact=artifact)
-    return Identified(fit=fit, errors=errors, remarks=(*repairs, *doubted))
+    return Identified(fit=fit, errors=errors, remarks=(*repairs, *doubted), trials=trials, standings=table)
+
+
+def _stated(fit: PreisachFit) -> dict[str, str]:
+    """Return how a sensor was fitted, for its provenance."""
+    return {
+        "settings": repr(fit.settings),  # with the ridge chosen
+        "full_scale_strain": repr(fit.full_scale),
+        "offset": repr(fit.rest_resistance),
+        "scale": repr(fit.resistance_change),
+    }
 
 
 def _digest(path: Path) -> str:
@@ -223,11 +256,11 @@ def save_pictures(result: Identified, folder: Path) -> list[Path]:
     return [folder / f"{name}.png" for name in pictures]
 
 
-def _with_strain_errors(fit: PreisachFit) -> tuple[Errors, ...]:
-    """Return the errors of a fit with those of the strain that the compensator recovers from the measured resistance."""
+def _with_strain_errors(fit: PreisachFit, recovered: Sequence[Vector]) -> tuple[Errors, ...]:
+    """Return the errors of a fit with those of the strain that its compensator recovers from the measured resistance."""
     of_strain: dict[tuple[str, str], float] = {}
-    for record, rows in zip(fit.records, fit.train, strict=True):
-        recovered, size = recover_strain(fit, record), float(np.ptp(record.strain))
+    for record, rows, found in zip(fit.records, fit.train, recovered, strict=True):
+        size = float(np.ptp(record.strain))
         for stretch, part in (("train", rows), ("test", ~rows)):
-            of_strain[record.name, stretch] = nrmse(record.strain[part], recovered[part], size)
+            of_strain[record.name, stretch] = nrmse(record.strain[part], found[part], size)
     return tuple(replace(each, strain_nrmse=of_strain[each.record, each.stretch]) for each in fit.errors)

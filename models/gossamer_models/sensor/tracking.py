@@ -70,7 +70,9 @@ class Tracking:
     def __post_init__(self) -> None:
         _positive(self, "rate", "turns", "wander", "tail", "factor", "floor")
         if not 0.0 <= self.hold < 1.0:
-            msg = f"hold is {self.hold:g}; the share of time at rest is 0 or more and below 1. Identify the sensor again."
+            msg = (
+                f"hold is {self.hold:g}; the share of time at rest is 0 or more and below 1. Identify the sensor again."
+            )
             raise ParameterError(msg)
 
     @classmethod

@@ -25,8 +25,8 @@ def build(
     artifact: Annotated[
         Path | None,
         typer.Option(
-            help="Identified sensor (for sensor, compensator, estimator and filter) or trained detector: its file, or nominal, wide "
-            "or single_damage, which ship with Gossamer.",
+            help="Identified sensor (for sensor, compensator, estimator and filter) or trained detector: its file, or "
+            "nominal, wide or single_damage, which ship with Gossamer.",
             metavar="FILE",
         ),
     ] = None,

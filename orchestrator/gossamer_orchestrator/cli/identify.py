@@ -17,6 +17,7 @@ from typer.core import TyperCommand
 
 from ..errors import OrchestratorError
 from .common import keep_inputs, model_errors, wide
+from .identify_report import print_result, progress_of
 
 
 class CommandWithFields(TyperCommand):
@@ -90,7 +91,11 @@ def identify(
     out: Annotated[Path, typer.Option(help="File to write; pictures go beside it.", metavar="FILE")] = Path(
         "out/identified/sensor.json"
     ),
-    model: Annotated[str, typer.Option(help="One of those above.", metavar="NAME")] = "preisach",
+    model: Annotated[
+        str | None,
+        typer.Option(help="One of those above; auto if no option of a model is given, else preisach.", metavar="NAME"),
+    ] = None,
+    budget: Annotated[float, typer.Option(help="Seconds for the choice of auto.", min=1.0)] = 60.0,
     train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
     full_scale: Annotated[
         float | None, typer.Option(help="Strain [1] at the end of the range; the largest if not given.")
@@ -111,6 +116,9 @@ def identify(
 
     Models:
 
+    - auto: chooses sensor, relaxation, regularisation, direct inverse and compensator by predicting the later parts of the
+    training stretch. Sensor and compensator; gossamer build takes the compensator that was chosen.
+
     - preisach: modified Preisach with modal densities. Sensor and compensator.
 
     - preisach-hats: the same with hat functions, which follow rich records more closely. Sensor and compensator.
@@ -120,6 +128,8 @@ def identify(
     - fractional-model-1, fractional-sub-model-2: with phases, Eqs. (3.15) and (3.25). Offline only, no FMUs.
 
     For example:
+
+        gossamer identify measurements.csv --out sensor.json
 
         gossamer identify measurements.csv --modes 7 --relaxations 7 --train 0:200 --out sensor.json
 
@@ -131,8 +141,7 @@ def identify(
 
     from gossamer_models.fitting import Columns
     from gossamer_models.fitting.options import numbers
-    from gossamer_models.identify import SETTINGS, identify_files, options, save_pictures, settings_for
-    from rich.table import Table
+    from gossamer_models.identify import AUTO, SETTINGS, identify_files, options, save_pictures, settings_for
 
     keep_inputs(files, [out])
     console = wide(stderr=True)
@@ -145,29 +154,33 @@ def identify(
     columns = {each.name: chosen.pop(each.name) for each in options(Columns) if each.name in chosen}
     names = {str(path): path.name for path in (*files, out)} | {f"--out={out}": f"--out={out.name}"}
     command = shlex.join(["gossamer", *(names.get(argument, argument) for argument in sys.argv[1:])])
-    with model_errors(), console.status("reading the records") as status:
+    model = model or ("preisach" if chosen else AUTO)
+    if model == AUTO and chosen:
+        msg = f"--model auto chooses {', '.join(chosen)} itself. Leave the option out, or name another model."
+        raise OrchestratorError(msg)
+    settings: Any = AUTO
+    if model != AUTO:
+        with model_errors():
+            settings = settings_for(model, **chosen)
+    with model_errors(), progress_of(console, bar=model == AUTO) as (say, advance):
         result = identify_files(
             files,
             columns=Columns(**columns),
             weights=None if weights is None else _read("weights", weights, numbers),
             train=train,
-            settings=settings_for(model, **chosen),
+            settings=settings,
+            budget=budget,
             full_scale=full_scale,
             rest_resistance=rest_resistance,
             command=command,
             origin=origin,
-            progress=status.update,
+            progress=say,
+            advance=advance,
         )
         result.fit.artifact.write(out)
         drawn = save_pictures(result, out.with_suffix("")) if pictures else []
     known = "given" if rest_resistance is not None else "fitted"
-    caption = f"E1: sum of errors over sum of changes from the {known} {result.fit.rest_resistance:.6g} ohm at rest"
-    headings = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
-    table = Table(*headings, caption=caption)
-    for e in result.errors:
-        recovered = "-" if e.strain_nrmse is None else f"{e.strain_nrmse:.3f}"
-        table.add_row(e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}", recovered)
-    console.print(table)
+    print_result(console, result, f"{known} {result.fit.rest_resistance:.6g} ohm at rest")
     for sentence in result.remarks:
         console.print(sentence, style="yellow")
     for path in (out, *drawn):

@@ -48,6 +48,8 @@ class PreisachFit:
         Fitted records.
     predicted : tuple of ndarray
         Resistance [ohm] that the artifact gives for every record, with the relaxation from before it began.
+    alone : tuple of ndarray
+        The same without that relaxation: what an FMU gives, which cannot know it.
     train : tuple of ndarray of bool
         Samples of every record that were fitted.
     solutions : tuple of Solution
@@ -66,6 +68,7 @@ class PreisachFit:
     x: Vector
     records: tuple[Record, ...]
     predicted: tuple[Vector, ...]
+    alone: tuple[Vector, ...]
     train: tuple[Rows, ...]
     solutions: tuple[Solution, ...]
     solver: GaussNewton
@@ -90,6 +93,7 @@ def fit_preisach(
     full_scale: float | None = None,
     rest_resistance: float | None = None,
     watch: Watch | None = None,
+    inverse: bool = True,
 ) -> PreisachFit:
     """Fit one sensor to one or several records.
 
@@ -107,6 +111,8 @@ def fit_preisach(
         Resistance [ohm] of the unstrained sensor at rest, where it is known; None to fit it.
     watch : callable, optional
         Called with the name of the start, the iteration and the root mean square error [% of range].
+    inverse : bool
+        False leaves the direct inverse out, for trials of the sensor alone.
 
     Returns
     -------
@@ -130,7 +136,7 @@ def fit_preisach(
     solver, solutions = solve(weights, regression, settings, watch)
     x, unit = solutions[0].x, regression.unit
     artifact, y0, rise = normalised_sensor(settings, weights, x, regression)
-    if settings.direct_inverse or not settings.invertible:
+    if inverse and (settings.direct_inverse or not settings.invertible):
         artifact = replace(artifact, inverse=_direct_inverse(regression.stretches, y0, rise, settings))
     if y0 > 0.0:  # a resistance, not a signal
         scales = Scales(
@@ -138,6 +144,7 @@ def fit_preisach(
         )
         artifact = replace(artifact, scales=scales)
     earlier = weights(x).v
+    alone = tuple(unit * (y0 + rise * normalised_output(artifact, s)) for s in regression.stretches)
     return PreisachFit(
         artifact=artifact,
         settings=settings,
@@ -146,9 +153,8 @@ def fit_preisach(
         resistance_change=rise * unit,
         x=x,
         records=records,
-        predicted=tuple(
-            unit * (y0 + rise * normalised_output(artifact, s) + s.V @ earlier) for s in regression.stretches
-        ),
+        predicted=tuple(p + unit * (s.V @ earlier) for p, s in zip(alone, regression.stretches, strict=True)),
+        alone=alone,
         train=train,
         solutions=solutions,
         solver=solver,

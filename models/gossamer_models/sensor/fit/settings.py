@@ -17,6 +17,28 @@ PRESETS: dict[str, dict[str, Any]] = {
 MODELS = tuple(PRESETS)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InverseSettings:
+    """How to fit a direct inverse.
+
+    Attributes
+    ----------
+    extension : str or None
+        Key of ``EXTENSIONS``; None for ``reversing`` where the sensor has a gain, else ``falling``.
+    knots : int
+        Knots of the hat functions along each axis.
+    ridge : float
+        Pull towards small densities and relaxation.
+    earlier : bool or None
+        Whether relaxation from before a record is fitted too; None as for the sensor.
+    """
+
+    extension: str | None = None
+    knots: int = 6
+    ridge: float = 1e-3
+    earlier: bool | None = None
+
+
 @dataclass(frozen=True, kw_only=True)
 class PreisachSettings:
     r"""How to fit.
@@ -68,6 +90,8 @@ class PreisachSettings:
         data require them.
     most_iterations : int
         Most iterations per start.
+    inverse : InverseSettings
+        How to fit a direct inverse, where there is one.
     """
 
     FAMILY: ClassVar[str] = "Preisach"
@@ -117,6 +141,7 @@ class PreisachSettings:
     kernel_stiffness: float = 1e-3
     relaxation_ridge: float = 1e-3
     most_iterations: int = 60
+    inverse: InverseSettings = InverseSettings()
 
     @classmethod
     def of(cls, model: str, **chosen: Any) -> PreisachSettings:  # noqa: ANN401
