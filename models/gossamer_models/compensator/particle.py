@@ -264,9 +264,11 @@ def _weigh(
     total = variance + model.white**2 + noise
     surprise = error - mean
     squares = surprise**2 / total
-    gain = variance / total
+    least = ca.mmin(squares)
+    # a sample that no hypothesis explains is a fault, and tells nothing of the slow part
+    gain = variance / total * ca.fmin((tail + 1.0) / (tail + least), 1.0)
     log_w = -0.5 * (tail + 1.0) * ca.log1p(squares / tail)
-    return mean + gain * surprise, (1.0 - gain) * variance, ca.sqrt(ca.mmin(squares)), log_w
+    return mean + gain * surprise, (1.0 - gain) * variance, ca.sqrt(least), log_w
 
 
 def _survivors(w: ca.MX) -> ca.MX:
