@@ -88,7 +88,8 @@ class Bench:
         def ask(number: int, judge: Callable[[Setting], float]) -> None:
             begin = time.monotonic()
             with suppress(GossamerError):
-                logs.setdefault(number, []).append(float(np.log(judge(waiting[number]))))
+                error = judge(waiting[number])
+                logs.setdefault(number, []).append(float(np.log(error)))
             spent[number] += time.monotonic() - begin
 
         for number, setting in enumerate(waiting):
@@ -98,7 +99,9 @@ class Bench:
             ask(number, judges[0])
         ranked = sorted((n for n, log in logs.items() if np.isfinite(log[0])), key=lambda n: logs[n][0])
         for judge in judges[1:]:
-            for number in ranked[:SEEDED]:
+            for place, number in enumerate(ranked[:SEEDED]):
+                if place and time.monotonic() > until:
+                    break
                 ask(number, judge)
         full = [n for n in ranked if len(logs[n]) == len(judges) and np.isfinite(logs[n]).all()]
         full.sort(key=lambda n: float(np.mean(logs[n])))
