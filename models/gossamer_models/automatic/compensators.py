@@ -139,7 +139,8 @@ def choose_compensator(
         kinds = product((True, False), TAILS, WANDERS)
         methods += [Method(sensor=sensor, name="filter", direct=d, tail=t, wander=w) for d, t, w in kinds]
         if sensor.invertible:
-            methods += [Method(sensor=sensor, name=name, direct=False) for name in ("inverse", "estimator")]
+            plain = replace(sensor, residual=0)  # a network has no exact inverse
+            methods += [Method(sensor=plain, name=name, direct=False) for name in ("inverse", "estimator")]
     judges = [partial(judge, share) for share in FITTED]
     found = bench.best("compensator", methods, lambda m: m.text, judges, until=until, share=(0.7, 0.95))
     if not found:

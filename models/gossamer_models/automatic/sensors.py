@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from ..fitting.records import Record
 from ..sensor.drives import EXTENSIONS
 from ..sensor.fit import PreisachSettings, fit_preisach
 from ..sensor.fit.inverse import inverse_settings, turn
+from ..sensor.fit.preisach import residual_steps
 from ..sensor.fit.regression import prepare
 from ..sensor.fit.settings import InverseSettings
 from .split import FITTED, cut
@@ -57,12 +60,11 @@ def choose_sensors(
     DataError
         Nothing could be fitted.
     """
+    given: dict[str, Any] = {"full_scale": full_scale, "rest_resistance": rest_resistance}
 
     def judge(share: float, settings: PreisachSettings) -> float:
         early, late = cut(train, share)
-        fit = fit_preisach(
-            records, early, settings, full_scale=full_scale, rest_resistance=rest_resistance, inverse=False
-        )
+        fit = fit_preisach(records, early, settings, inverse=False, **given)
         return error_on(fit.predicted, (r.resistance for r in records), late)
 
     judges = [partial(judge, share) for share in FITTED]
@@ -73,7 +75,13 @@ def choose_sensors(
         raise DataError(NOTHING)
     best = _of_different_kinds(found)
     found += ask([_hats(s.extension, s.earlier, ridge) for s in best for ridge in RIDGES], share=(0.2, 0.4))
-    return _of_different_kinds(sorted(found, key=lambda pair: pair[0]))
+    corrected: list[PreisachSettings] = []
+    for sensor in _of_different_kinds(found):
+        bench.progress(0.4, f"steps of a residual network of {sensor_name(sensor)}")
+        if time.monotonic() < until or not corrected:
+            corrected.append(replace(sensor, residual=residual_steps(records, train, sensor, **given)))
+    found += ask([sensor for sensor in corrected if sensor.residual], share=(0.4, 0.4))
+    return _of_different_kinds(found)
 
 
 def choose_inverse(
@@ -114,7 +122,8 @@ def choose_inverse(
 
 def sensor_name(s: PreisachSettings) -> str:
     """Return the settings of a sensor in words."""
-    return f"{s.extension}{', earlier' if s.earlier else ''}, ridge {s.density_ridge:g}"
+    network = f", network of {s.residual} steps" if s.residual else ""
+    return f"{s.extension}{', earlier' if s.earlier else ''}, ridge {s.density_ridge:g}{network}"
 
 
 def inverse_name(how: InverseSettings) -> str:
@@ -124,7 +133,7 @@ def inverse_name(how: InverseSettings) -> str:
 
 def _of_different_kinds(found: list[tuple[float, PreisachSettings]]) -> list[PreisachSettings]:
     best: dict[str, PreisachSettings] = {}
-    for _, settings in found:
+    for _, settings in sorted(found, key=lambda pair: pair[0]):
         best.setdefault(settings.extension, settings)
     return list(best.values())[:KINDS]
 

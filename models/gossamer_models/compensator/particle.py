@@ -168,7 +168,7 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
             ca.MX(ca.DM.ones(1, particles)) / particles,
             unknown,
             unknown,
-            direct.rest(rest.output()),
+            direct.rest(law.output(rest)),
             ca.MX.zeros(delay),
             ca.MX.zeros(2),
         )
@@ -182,10 +182,11 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
         # move and predict
         s, v, factor = _move(x.hypotheses, tracking, aim, place, h)
         sensor = law.advance(x.hypotheses.sensor, s, h)
+        predicted = law.output(sensor)
         sensor = replace(sensor, up=ca.sum1(sensor.up), down=ca.sum1(sensor.down))
         # weigh
         noise = (p.noise / p.full_scale_resistance_change) ** 2
-        b, vb, miss, log_w = _weigh(x.hypotheses.b, x.vb, y - sensor.output(), tracking.output, tracking.tail, noise, h)
+        b, vb, miss, log_w = _weigh(x.hypotheses.b, x.vb, y - predicted, tracking.output, tracking.tail, noise, h)
         c, vc = x.hypotheses.c, x.vc
         if aim is not None and tracking.inverse is not None:
             c, vc, _, more = _weigh(c, vc, aim - s, tracking.inverse, tracking.tail, ca.MX(0.0), h)

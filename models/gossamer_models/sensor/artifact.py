@@ -20,6 +20,7 @@ from ..arrays import Vector
 from ..artifacts import read_artifact, write_artifact
 from ..errors import ArtifactError, ParameterError
 from .drives import Drive
+from .residual import Residual
 from .tracking import Tracking
 
 SCHEMA = "gossamer.sensor"
@@ -133,6 +134,8 @@ class SensorArtifact:
         Terms of the dynamic operators; empty for a rate-independent sensor.
     inverse : DirectInverse or None
         Direct inverse from output to strain, where one was identified (extension); None for the exact inverse.
+    residual : Residual or None
+        Network that corrects the output (extension); such a sensor has no exact inverse.
     tracking : Tracking or None
         Numbers of the filter of strain, where they were identified; None for ``DEFAULT_TRACKING``.
     compensator : {"inverse", "estimator", "filter"} or None
@@ -153,6 +156,7 @@ class SensorArtifact:
     nu: Table
     relaxation: tuple[RelaxationTerm, ...] = ()
     inverse: DirectInverse | None = None
+    residual: Residual | None = None
     tracking: Tracking | None = None
     compensator: str | None = None
     scales: Scales | None = None
@@ -193,8 +197,8 @@ class SensorArtifact:
 
     @property
     def exactly_invertible(self) -> bool:
-        """Whether the exact inverse exists: no term moves the output against the strain or is a gain."""
-        return not any(term.signed or term.gain for term in self.relaxation)
+        """Whether the exact inverse exists: no term moves the output against the strain or is a gain, and no network."""
+        return self.residual is None and not any(term.signed or term.gain for term in self.relaxation)
 
     @property
     def n_lines(self) -> int:
@@ -209,7 +213,7 @@ class SensorArtifact:
         """Write the artifact as JSON."""
         extended = self.inverse is not None or any(t.drive != "rising" or t.signed or t.gain for t in self.relaxation)
         content: dict[str, Any] = {"mu": self.mu, "nu": self.nu, "relaxation": [asdict(t) for t in self.relaxation]}
-        extended = extended or self.tracking is not None or self.compensator is not None
+        extended = extended or self.residual is not None or self.tracking is not None or self.compensator is not None
         if not extended:
             for item in content["relaxation"]:
                 del item["drive"], item["signed"], item["gain"]
@@ -221,6 +225,8 @@ class SensorArtifact:
                 "relaxation": [asdict(t) for t in law.relaxation],
                 **{name: getattr(self.inverse, name) for name in ("lowest", "highest", "offset", "scale")},
             }
+        if self.residual is not None:
+            content["residual"] = asdict(self.residual)
         if self.tracking is not None:
             content["tracking"] = asdict(self.tracking)
         if self.compensator is not None:
@@ -249,6 +255,7 @@ class SensorArtifact:
             return cls(
                 **_parts(card),
                 inverse=inverse,
+                residual=None if card.get("residual") is None else Residual.of(card["residual"]),
                 tracking=None if tracking is None else Tracking.of(tracking),
                 compensator=card.get("compensator"),
                 scales=None if scales is None else Scales(**{name: float(value) for name, value in scales.items()}),

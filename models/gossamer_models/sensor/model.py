@@ -78,13 +78,13 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
 
     def init(_: Values, p: Values) -> tuple[SensorState, Results]:
         rest = resting_state(law, p)
-        return rest, {"resistance": resistance(rest.output(), p), "saturated": 0.0}
+        return rest, {"resistance": resistance(law.output(rest), p), "saturated": 0.0}
 
     def step(x: SensorState, u: Values, p: Values, h: ca.MX) -> tuple[SensorState, Results]:
         s = u.strain / p.full_scale_strain
         state = law.advance(x, clip(s), h)
         outside = ca.logic_or(s > 1.0, s < 0.0)
-        return state, {"resistance": resistance(state.output(), p), "saturated": outside}
+        return state, {"resistance": resistance(law.output(state), p), "saturated": outside}
 
     beyond = saturated("1 if the strain is outside 0 to full scale and was clipped, else 0")
     return StepModel.written(

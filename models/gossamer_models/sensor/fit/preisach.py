@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from ...arrays import Rows, Vector
+from ...arrays import Matrix, Rows, Vector
 from ...fitting.constrained import GaussNewton, Solution
 from ...fitting.errors import Errors, stretch_errors
 from ...fitting.records import Record, check_rest, strain_range
@@ -22,7 +22,9 @@ from .inverse import inverse_settings, turn
 from .normalise import normalised_output, normalised_sensor
 from .parameters import Block
 from .regression import Stretch, prepare
-from .ridge import choose_ridge
+from .residual import choose_steps, corrections, features_of
+from .residual import train as train_network
+from .ridge import choose_ridge, forward_cuts
 from .settings import PreisachSettings
 from .solve import Watch, solve
 from .weights import weight_function
@@ -131,12 +133,15 @@ def fit_preisach(
         settings = choose_ridge(
             records, train, settings, full_scale=full_scale, rest_resistance=rest_resistance, watch=watch
         )
+    if settings.residual == "auto":
+        steps = residual_steps(records, train, settings, full_scale=full_scale, rest_resistance=rest_resistance)
+        settings = replace(settings, residual=steps)
     regression = prepare(records, train, settings, full_scale)
     weights = weight_function(settings, regression, rest_resistance)
     solver, solutions = solve(weights, regression, settings, watch)
     x, unit = solutions[0].x, regression.unit
     artifact, y0, rise = normalised_sensor(settings, weights, x, regression)
-    if inverse and (settings.direct_inverse or not settings.invertible):
+    if inverse and (settings.direct_inverse or not settings.invertible or settings.residual):
         artifact = replace(artifact, inverse=_direct_inverse(regression.stretches, y0, rise, settings))
     if y0 > 0.0:  # a resistance, not a signal
         scales = Scales(
@@ -145,7 +150,7 @@ def fit_preisach(
         artifact = replace(artifact, scales=scales)
     earlier = weights(x).v
     alone = tuple(unit * (y0 + rise * normalised_output(artifact, s)) for s in regression.stretches)
-    return PreisachFit(
+    fit = PreisachFit(
         artifact=artifact,
         settings=settings,
         full_scale=full_scale,
@@ -159,6 +164,45 @@ def fit_preisach(
         solutions=solutions,
         solver=solver,
         blocks=weights.blocks,
+    )
+    return _with_network(fit, int(settings.residual)) if settings.residual else fit
+
+
+def residual_steps(
+    records: tuple[Record, ...],
+    train: tuple[Rows, ...],
+    settings: PreisachSettings,
+    *,
+    full_scale: float,
+    rest_resistance: float | None = None,
+) -> int:
+    """Return for how many steps a residual network is best trained, 0 for none; only training samples are used."""
+    plain = replace(settings, residual=0)
+    cuts = []
+    for fitted, held in forward_cuts(train):
+        given = {"full_scale": full_scale, "rest_resistance": rest_resistance}
+        fit = fit_preisach(records, fitted, plain, inverse=False, **given)  # type: ignore[arg-type]
+        cuts.append((*_left_over(fit), fitted, held))
+    return choose_steps(cuts, seed=settings.seed)
+
+
+def _left_over(fit: PreisachFit) -> tuple[list[Matrix], list[Vector]]:
+    """Return the features of a sensor over every record, and the output [1] that it does not explain."""
+    features = [features_of(fit.artifact, record, fit.full_scale) for record in fit.records]
+    left = [(r.resistance - p) / fit.resistance_change for r, p in zip(fit.records, fit.predicted, strict=True)]
+    return features, left
+
+
+def _with_network(fit: PreisachFit, steps: int) -> PreisachFit:
+    """Return a fit whose sensor is corrected by a network that was trained on what it leaves over."""
+    features, left = _left_over(fit)
+    network = train_network(features, left, fit.train, steps, seed=fit.settings.seed)
+    changes = [fit.resistance_change * corrections(network, each) for each in features]
+    return replace(
+        fit,
+        artifact=replace(fit.artifact, residual=network),
+        predicted=tuple(p + change for p, change in zip(fit.predicted, changes, strict=True)),
+        alone=tuple(p + change for p, change in zip(fit.alone, changes, strict=True)),
     )
 
 

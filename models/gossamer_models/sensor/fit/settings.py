@@ -7,7 +7,7 @@ from math import inf
 from typing import Any, ClassVar, Literal
 
 from ...errors import ParameterError
-from ...fitting.options import number_or_auto, numbers, option
+from ...fitting.options import count_or_auto, number_or_auto, numbers, option
 from ..drives import EXTENSIONS, Drive
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -58,6 +58,8 @@ class PreisachSettings:
     ridge : float, "auto" or None
         Value for both ``density_ridge`` and ``relaxation_ridge``; "auto" chooses it by predicting the later parts of the
         training stretch; None leaves them as they are.
+    residual : int or "auto"
+        Iterations in which a network is trained on what the sensor leaves over; 0 for no network.
     earlier : bool
         Whether relaxation from before a record may still be under way when it begins; the resulting sensor does not
         include it.
@@ -121,6 +123,13 @@ class PreisachSettings:
     )
     earlier: bool = option(False, "The sensor was not at rest when its record began: fit the earlier relaxation too.")
     direct_inverse: bool = option(False, "Fit a direct inverse from resistance to strain too, for the compensator.")
+    residual: int | Literal["auto"] = option(
+        0,
+        "Correct the sensor by a small network: training steps, or auto to choose them, or none, by predicting the later "
+        "parts of the training stretch. None if not given.",
+        read=count_or_auto,
+        metavar="NUMBER",
+    )
     least_slope: float = option(
         0.02, "Least slope, in the output's range per full scale: limits how much the compensator amplifies noise."
     )
