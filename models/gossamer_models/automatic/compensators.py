@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -21,8 +20,9 @@ from .split import FITTED, cut
 from .tracking import calibrated, error_model, held_errors, motion
 from .trials import Bench, error_on
 
-TAILS, WANDERS = (4.0, 30.0), (3.0, 1.0)
-NEAR = 1.1  # a filter whose error is at most so many times the least one is preferred, as it states its deviation
+TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
+SURE, CALM = 30.0, 1.0
+NEAR = 1.1  # of methods whose errors are at most so many times the least one, that tried first wins: less is left to chance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +44,8 @@ class Method:
     sensor: PreisachSettings
     name: str
     direct: bool
-    tail: float = TAILS[1]
-    wander: float = 1.0
+    tail: float = TAIL
+    wander: float = WANDER
 
     @property
     def text(self) -> str:
@@ -134,19 +134,18 @@ def choose_compensator(
         strains = (each.strain for each in run(share, method))
         return error_on(strains, (r.strain for r in records), cut(train, share)[1])
 
-    methods = [Method(sensor=sensors[0], name="inverse", direct=True)]
-    for sensor in sensors:
-        kinds = product((True, False), TAILS, WANDERS)
-        methods += [Method(sensor=sensor, name="filter", direct=d, tail=t, wander=w) for d, t, w in kinds]
-        if sensor.invertible:
-            plain = replace(sensor, residual=0)  # a network has no exact inverse
-            methods += [Method(sensor=plain, name=name, direct=False) for name in ("inverse", "estimator")]
+    methods = [Method(sensor=sensor, name="filter", direct=True) for sensor in sensors]
+    methods.append(Method(sensor=sensors[0], name="inverse", direct=True))
+    methods += [Method(sensor=sensor, name="filter", direct=False) for sensor in sensors]
+    methods += [Method(sensor=s, name="filter", direct=True, tail=SURE, wander=CALM) for s in sensors]
+    plain = (replace(sensor, residual=0) for sensor in sensors if sensor.invertible)  # a network has no exact inverse
+    methods += [Method(sensor=s, name=name, direct=False) for s in plain for name in ("inverse", "estimator")]
     judges = [partial(judge, share) for share in FITTED]
     found = bench.best("compensator", methods, lambda m: m.text, judges, until=until, share=(0.7, 0.95))
     if not found:
         raise DataError(NOTHING)
     close = [method for error, method in found if error <= NEAR * found[0][0]]
-    best = next((method for method in close if method.name == "filter"), close[0])
+    best = min(close, key=methods.index)
     filters = [m for _, m in found if m.name == "filter" and m.sensor == best.sensor]
     if not filters:  # none was among the best: the first of them serves whoever builds the FMU filter
         filters = [m for m in methods if m.name == "filter" and m.sensor == best.sensor]
