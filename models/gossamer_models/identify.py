@@ -19,12 +19,13 @@ from .errors import ParameterError
 from .fitting.errors import Errors, nrmse
 from .fitting.plots import RECORD_PICTURES
 from .fitting.reading import Columns, read_records
-from .fitting.records import thin, training_rows
+from .fitting.records import strain_range, thin, training_rows
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
 from .replay import recover_strain
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
+from .sensor.fit.align import OwnScale, align
 from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.settings import MODELS as PREISACH
 from .sensor.plots import SENSOR_PICTURES
@@ -120,6 +121,7 @@ def identify_files(
     train: str = "50%",
     settings: Settings | Literal["auto"] | None = None,
     budget: float = BUDGET,
+    own_scales: bool = False,
     full_scale: float | None = None,
     rest_resistance: float | None = None,
     command: str = "",
@@ -145,6 +147,9 @@ def identify_files(
         the compensator, see ``automatic.choose``.
     budget : float
         Time [s] for that choice.
+    own_scales : bool
+        Whether each record has an offset and a gain of its own, see ``sensor.fit.align``; the sensor and its errors are in
+        the units of the first one.
     full_scale : float or None
         Strain [1] at the end of the range.
     rest_resistance : float or None
@@ -168,6 +173,10 @@ def identify_files(
         if record is not before:
             log.warning("%s: %s", record.name, record.repairs[-1])
     rows = tuple(training_rows(record, train) for record in records)
+    scales: tuple[OwnScale, ...] = ()
+    if own_scales:
+        progress("aligning the records")
+        records, scales = align(records, rows, full_scale=strain_range(records, full_scale))
     given: dict[str, Any] = {"full_scale": full_scale, "rest_resistance": rest_resistance}
     fit: Fit
     trials: tuple[Trial, ...] = ()
@@ -210,9 +219,14 @@ def identify_files(
         **stated,
         **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in errors},
         "doubts": " ".join(doubted),
+        **{f"own scale of {r.name}": f"{s.offset:.6g} + {s.gain:.6g} R" for r, s in zip(records, scales, strict=False)},
         **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
     }
     repairs = tuple(f"{record.name}: {text}." for record in records for text in record.repairs)
+    repairs += tuple(
+        f"{r.name} has the scale {s.offset:.6g} + {s.gain:.6g} R, where R is of {records[0].name}."
+        for r, s in zip(records[1:], scales[1:], strict=False)
+    )
     artifact: Any = replace(fit.artifact, provenance=provenance)
     fit = replace(fit, artifact=artifact)
     return Identified(fit=fit, errors=errors, remarks=(*repairs, *doubted), trials=trials, standings=table)

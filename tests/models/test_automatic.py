@@ -9,7 +9,9 @@ from gossamer_models.automatic import HERE, choose, defeats, standings
 from gossamer_models.automatic.split import cut, shortened
 from gossamer_models.automatic.tracking import calibrated, error_model, motion
 from gossamer_models.automatic.trials import Bench, error_on
+from gossamer_models.identify import settings_for
 from gossamer_models.replay import recover
+from gossamer_models.sensor.fit.align import align
 from gossamer_models.sensor.tracking import DEFAULT_TRACKING
 from oracles.records import everything, record, zigzag
 
@@ -137,6 +139,26 @@ def test_what_is_chosen_recovers_strain_better_than_a_cubic(hasty):
     found = recover(chosen.fit, PLAY).strain
     rivals = standings((PLAY,), half(PLAY), (PLAY.resistance,), (found,))
     assert error_on([found], [STRAIN], [~half(PLAY)[0]]) < rivals[1].strain[0]
+
+
+def test_records_of_one_sensor_are_brought_to_the_scale_of_the_first_and_weighted_by_their_noise():
+    """The second is 7 + 2.5 times the first sensor's, with noise of 3 % of its range."""
+    strains = zigzag(turns=14, per=12), zigzag(seed=8, turns=14, per=12)
+    noise = 0.08 * np.random.default_rng(0).standard_normal(strains[1].size)
+    records = (
+        record(strains[0], 3.0 + 0.3 * strains[0] + plays(strains[0]), name="first"),
+        record(strains[1], 7.0 + 2.5 * (3.0 + 0.3 * strains[1] + plays(strains[1])) + noise, name="second"),
+    )
+    rows = tuple(everything(r)[0] for r in records)
+    settings = settings_for("preisach-hats", knots=5, relaxations=0, starts=1)
+    aligned, scales = align(records, rows, settings, full_scale=1.0)
+    assert (scales[0].offset, scales[0].gain) == (0.0, 1.0)
+    assert scales[1].gain == pytest.approx(2.5, rel=0.03)
+    assert scales[1].offset + 3.5 * scales[1].gain == pytest.approx(7.0 + 2.5 * 3.5, abs=0.03)
+    assert aligned[1].weight < 0.5 * aligned[0].weight
+    falling = replace(records[1], resistance=-records[1].resistance)
+    with pytest.raises(DataError, match=r"second does not follow first.*Leave it out"):
+        align((records[0], falling), rows, settings, full_scale=1.0)
 
 
 def test_a_record_too_short_to_be_cut_is_refused_with_the_remedy():

@@ -107,6 +107,12 @@ def identify(
         str | None,
         typer.Option(help="Of each record's squared errors: 1,0.5 for two files; 1 if not given.", metavar="LIST"),
     ] = None,
+    own_scales: Annotated[
+        bool,
+        typer.Option(
+            "--own-scales", help="Each record has its own offset and gain: re-mounted, another temperature, drift."
+        ),
+    ] = False,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
     pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
 ) -> None:
@@ -170,6 +176,7 @@ def identify(
             train=train,
             settings=settings,
             budget=budget,
+            own_scales=own_scales,
             full_scale=full_scale,
             rest_resistance=rest_resistance,
             command=command,
