@@ -34,7 +34,7 @@ def regression(
     shortest = min(float(np.median(np.diff(r.time))) for r in records)
     longest = max(float(np.ptp(r.time[rows])) for r, rows in zip(records, train, strict=True))
     times = np.geomspace(3.0 * shortest, 0.25 * longest, LOW_PASSES)
-    X = [_features(r.time, u, times) for r, u in zip(records, inputs, strict=True)]
+    X = [features_of(r.time, u, times) for r, u in zip(records, inputs, strict=True)]
     early, late = cut(train)
     errors = []
     for ridge in RIDGES:
@@ -44,7 +44,7 @@ def regression(
     return _ridge(X, outputs, train, RIDGES[int(np.argmin(errors))])
 
 
-def _features(time: Vector, u: Vector, times: Vector) -> Matrix:
+def features_of(time: Vector, u: Vector, times: Vector) -> Matrix:
     """Return the features, shape (m, f), of an input at some times [s]."""
     past = np.maximum(np.arange(u.size)[:, None] - np.arange(1, LAGS + 1), 0)
     low = np.empty((u.size, times.size))

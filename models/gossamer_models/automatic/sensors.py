@@ -26,6 +26,7 @@ from .trials import Bench, error_on
 FIRST_RIDGE, RIDGES = 3e-3, (3e-2, 1e-3, 3e-4, 5e-5)
 INVERSE_RIDGES, MORE_INVERSE_RIDGES = (1e-1, 1e-3), (3e-1, 1e-2, 1e-4, 1e-5)
 INVERSE_KNOTS = (4, 9)
+COMPARABLE = 1.25  # times the least error: a sensor that predicts worse is not taken for the sake of its compensator
 KINDS = 2  # sensors of different extensions that go on to the choice of the compensator
 NOTHING = (
     "no model could be fitted to the earlier part of the training stretch, so none can be chosen. Name a longer one "
@@ -132,9 +133,12 @@ def inverse_name(how: InverseSettings) -> str:
 
 
 def _of_different_kinds(found: list[tuple[float, PreisachSettings]]) -> list[PreisachSettings]:
+    """Return the best settings, and the best ones of another extension if they predict almost as well."""
     best: dict[str, PreisachSettings] = {}
-    for _, settings in sorted(found, key=lambda pair: pair[0]):
-        best.setdefault(settings.extension, settings)
+    ordered = sorted(found, key=lambda pair: pair[0])
+    for error, settings in ordered:
+        if error <= COMPARABLE * ordered[0][0]:
+            best.setdefault(settings.extension, settings)
     return list(best.values())[:KINDS]
 
 
