@@ -15,6 +15,7 @@ from typing import Any
 
 from gossamer_models.fractional import FractionalFit
 
+from .automatic import DefaultRow, run_automatic
 from .fractional import Limits, TableRow, limits, run_fractional
 from .measured import MeasuredFit, Transfer, run_measured, run_transfers
 from .metrics import Metric
@@ -51,6 +52,8 @@ class Results:
         Compensators under noise, at further levels of it, and with a wrong eta.
     measured, transfers : sequence
         Measured records; empty if they are missing.
+    automatic : sequence of DefaultRow
+        The same with the defaults, beside regressions.
     """
 
     specimen: Sequence[SpecimenFit]
@@ -65,6 +68,7 @@ class Results:
     wrong_eta: Sequence[Case]
     measured: Sequence[MeasuredFit] = field(default=())
     transfers: Sequence[Transfer] = field(default=())
+    automatic: Sequence[DefaultRow] = field(default=())
 
 
 def compute(data: Path | None, report: Callable[[str, int, int], None] | None = None) -> Results:
@@ -85,6 +89,7 @@ def compute(data: Path | None, report: Callable[[str, int, int], None] | None = 
     }
     if data is not None:
         alone |= {"measured": partial(run_measured, data), "transfers": partial(run_transfers, data)}
+        alone["automatic"] = partial(run_automatic, data)
     together: dict[str, Callable[[], Any]] = {"fractional": run_fractional, "limits": limits}
     for noise in TARGETS:
         together[f"noise {noise}"] = partial(run_ways, noise)
@@ -121,4 +126,5 @@ def compute(data: Path | None, report: Callable[[str, int, int], None] | None = 
         wrong_eta=[case for error in ETA_ERRORS for case in results[f"wrong eta {error}"]],
         measured=results.get("measured", ()),
         transfers=results.get("transfers", ()),
+        automatic=results.get("automatic", ()),
     )

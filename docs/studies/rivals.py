@@ -40,7 +40,7 @@ def rivals(record: Record, train: Rows, u: Vector, y: Vector) -> dict[str, Vecto
     return {name: np.asarray(values) for name, values in found.items()}
 
 
-def _split(train: Rows) -> tuple[Vector, Vector]:
+def _split(train: Rows) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
     places = np.flatnonzero(train)
     end = round((1.0 - HELD) * places.size)
     return places[:end], places[end:]

@@ -64,7 +64,8 @@ def calibrated(tracking: Tracking, errors: Vector, stated: Vector) -> Tracking:
 
     Notes
     -----
-    It is ``OPTIMISM`` times as large as these errors; the factor was chosen on four of the measured records. Half of the mean square goes to the constant part, half to the scatter of the hypotheses.
+    It is ``OPTIMISM`` times as large as these errors; the factor was chosen on four of the measured records. Half of the
+    mean square goes to the constant part, half to the scatter of the hypotheses.
     """
     squares = max(float(np.mean(errors**2)), 1e-10) * OPTIMISM**2
     scatter = np.maximum(stated**2 - tracking.floor**2, 1e-12) / tracking.factor**2
