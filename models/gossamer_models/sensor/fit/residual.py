@@ -8,6 +8,7 @@ predict the later parts of the training stretch best.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import count
 
 import casadi as ca
 import numpy as np
@@ -21,7 +22,7 @@ from ..residual import Residual
 from ..state import SensorLaw
 
 HIDDEN = 8  # units
-MOST_STEPS = 150  # iterations
+MOST_STEPS, LOOK = 150, 5  # iterations, and how many pass between two looks at the held samples
 DECAY = 1e-3  # of the squares of the weights, relative to the mean square of what remains
 BOUND = 2.0  # times the largest remaining output in training
 SPREAD = 0.05  # least range of a feature [1]
@@ -141,9 +142,14 @@ def choose_steps(
             ]
             return float(np.log(np.mean(np.concatenate(squares)) + 1e-18))
 
-        curve = [error(None)]
-        train(features, remaining, fitted, MOST_STEPS, seed=seed, watch=lambda net: curve.append(error(net)))  # noqa: B023
-        curves.append(curve + [curve[-1]] * (MOST_STEPS + 1 - len(curve)))
+        curve, taken = [error(None)], count(1)
+
+        def watch(network: Residual) -> None:
+            if next(taken) % LOOK == 0:  # noqa: B023
+                curve.append(error(network))  # noqa: B023
+
+        train(features, remaining, fitted, MOST_STEPS, seed=seed, watch=watch)
+        curves.append(curve + [curve[-1]] * (MOST_STEPS // LOOK + 1 - len(curve)))
     mean = np.mean(curves, axis=0)
     best = int(np.argmin(mean))
-    return best if mean[best] < mean[0] + 2.0 * np.log(WORTH) else 0
+    return LOOK * best if mean[best] < mean[0] + 2.0 * np.log(WORTH) else 0
