@@ -15,6 +15,7 @@ from typing import Any
 
 from gossamer_models.fractional import FractionalFit
 
+from .automatic import DefaultRow, run_automatic
 from .fractional import Limits, TableRow, limits, run_fractional
 from .measured import Comparison, MeasuredFit, Transfer, run_measured, run_transfers
 from .metrics import Metric
@@ -52,6 +53,8 @@ class Results:
         Compensators under noise, at further levels of it, and with a wrong eta.
     measured, transfers, reviewed : sequence
         Measured records; empty if they are missing.
+    automatic : sequence of DefaultRow
+        The same with the defaults, beside regressions.
     """
 
     specimen: Sequence[SpecimenFit]
@@ -67,6 +70,7 @@ class Results:
     measured: Sequence[MeasuredFit] = field(default=())
     transfers: Sequence[Transfer] = field(default=())
     reviewed: Sequence[Comparison] = field(default=())
+    automatic: Sequence[DefaultRow] = field(default=())
 
 
 def compute(data: Path | None, report: Callable[[str, int, int], None] | None = None) -> Results:
@@ -88,6 +92,7 @@ def compute(data: Path | None, report: Callable[[str, int, int], None] | None = 
     if data is not None:
         alone |= {"measured": partial(run_measured, data), "transfers": partial(run_transfers, data)}
         alone["reviewed"] = partial(run_reviewed, data)
+        alone["automatic"] = partial(run_automatic, data)
     together: dict[str, Callable[[], Any]] = {"fractional": run_fractional, "limits": limits}
     for noise in TARGETS:
         together[f"noise {noise}"] = partial(run_ways, noise)
@@ -125,4 +130,5 @@ def compute(data: Path | None, report: Callable[[str, int, int], None] | None = 
         measured=results.get("measured", ()),
         transfers=results.get("transfers", ()),
         reviewed=results.get("reviewed", ()),
+        automatic=results.get("automatic", ()),
     )

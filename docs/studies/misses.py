@@ -9,6 +9,20 @@ from .metrics import Metric, number
 
 LIMITS = (  # pattern of a metric, and why it misses its target; the first match counts
     (
+        r"velocity_profile.*defaults",
+        "The training stretch holds two and a half cycles, the test two faster ones. Which ridge extrapolates to faster "
+        "strain cannot be seen within training; a smaller ridge predicts the output better than the one that is chosen.",
+    ),
+    (
+        r"random_sawtooth.*defaults",
+        "The noise of the meter is 1.2 to 1.7 % of the range, and no forward model predicts the relaxation after peaks "
+        "better than this; no residual network does either.",
+    ),
+    (
+        r"defaults",
+        "The sensor drifts on in the test stretch, farther than training shows.",
+    ),
+    (
         r"Dataset-2.*sub-model",
         "The sub-models of model-2 are linear in strain, and the specimen is not. We assume that the strain in "
         "Dataset-2 is twice as large in the same time. Under this assumption, even a causal linear model that is "

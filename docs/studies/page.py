@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from . import chapter_3, chapter_4, chapter_5, chapter_measured, chapter_noise, misses
+from . import chapter_3, chapter_4, chapter_5, chapter_automatic, chapter_measured, chapter_noise, misses
 from .compute import Results
 from .style import FOLDER
 
@@ -36,7 +36,7 @@ specimen belongs to no fitted family, and its numbers were fixed before any fit.
 thesis, so equal errors do not mean equal difficulty. Dataset-1: two triangles to 7.5 % at 0.15 %/s, then no strain to
 400 s. Dataset-2: two triangles to 15 % at 0.30 %/s. Dataset-3: four triangles to 7.5 %. The noise is 1.5 ohm, 0.24 % of
 the range of Dataset-1."""
-CHAPTERS = (chapter_3, chapter_4, chapter_5, chapter_measured, chapter_noise)
+CHAPTERS = (chapter_3, chapter_4, chapter_5, chapter_measured, chapter_automatic, chapter_noise)
 
 
 def write(results: Results, docs: Path) -> None:

@@ -21,6 +21,7 @@ MODELS: dict[str, Callable[..., StepModel]] = {
     "sensor": sensor_model,
     "compensator": compensator_model,
     "estimator": partial(compensator_model, method="estimator"),  # a compensator that tolerates noise
+    "filter": partial(compensator_model, method="filter"),  # a compensator of any sensor
     "detector": posterior_model,
 }
 NAMES = tuple(MODELS)
@@ -33,8 +34,9 @@ _OPTIONS = {
     "law": ("membrane",),
 }  # and the FMUs that have them
 _REFUSALS = {
-    "scales": "FMU {!r} has no scales of a sensor. Name those that have: sensor, compensator or estimator.",
-    "artifact": "FMU {!r} is not built from an artifact. Name those that are: sensor, compensator, estimator or detector.",
+    "scales": "FMU {!r} has no scales of a sensor. Name those that have: sensor, compensator, estimator or filter.",
+    "artifact": "FMU {!r} is not built from an artifact. Name those that are: sensor, compensator, estimator, filter or "
+    "detector.",
     "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
     "order": "FMU {!r} has no mesh. Name the membrane alone to choose the order of its elements.",
     "law": "FMU {!r} has no law of a material. Name the membrane alone to choose it.",

@@ -8,29 +8,32 @@ from collections.abc import Callable, Sequence
 from dataclasses import Field, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from .arrays import Vector
+from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
 from .errors import ParameterError
 from .fitting.columns import Columns
 from .fitting.errors import Errors, nrmse
 from .fitting.plots import record_pictures, save_figures
 from .fitting.reading import read_records
-from .fitting.records import Record, thin, training_rows
+from .fitting.records import Record, strain_range, thin, training_rows
 from .fitting.tables import write_predictions
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
 from .replay import recover_strain
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
+from .sensor.fit.align import OwnScale, align
 from .sensor.fit.doubts import determined, start_errors
 from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.settings import MODELS as PREISACH
 from .sensor.plots import SENSOR_PICTURES
 
 log = logging.getLogger(__name__)
+AUTO: Literal["auto"] = "auto"  # chooses the model by predicting the later parts of the training stretch
 
 Fit = PreisachFit | FractionalFit
 Settings = PreisachSettings | FractionalSettings
@@ -52,15 +55,21 @@ class Identified:
     errors : tuple of Errors
         Training and test stretch of every record.
     remarks : tuple of str
-        Repairs of the records, and what the data do not determine.
+        Repairs of the records, what the data do not determine, and baselines that are better.
     recovered : tuple of ndarray, shape (m,)
         Strain [1] that the compensator recovers from each record; empty for a model without one.
+    trials : tuple of Trial
+        What was tried, if the model was chosen automatically.
+    standings : tuple of Standing
+        Errors on the test stretches beside those of a static cubic and of a regression on lags.
     """
 
     fit: Fit
     errors: tuple[Errors, ...]
     remarks: tuple[str, ...] = ()
     recovered: tuple[Vector, ...] = ()
+    trials: tuple[Trial, ...] = ()
+    standings: tuple[Standing, ...] = ()
 
     def recovered_of(self, k: int) -> dict[str, Vector]:
         """Return the strain recovered from record k by name of the compensator; nothing for a model without one."""
@@ -119,13 +128,16 @@ def identify_files(
     columns: Columns | None = None,
     weights: Sequence[float] | None = None,
     train: str = "50%",
-    settings: Settings | None = None,
+    settings: Settings | Literal["auto"] | None = None,
+    budget: float = BUDGET,
+    own_scales: bool = False,
     full_scale: float | None = None,
     rest_resistance: float | None = None,
     command: str = "",
     origin: str = "not stated",
     progress: Callable[[str], None] = lambda _: None,
     recognised: Callable[[Sequence[Record]], None] = lambda _: None,
+    advance: Callable[[float, str], None] = lambda _share, _text: None,
 ) -> Identified:
     """Fit a sensor to the records in some files.
 
@@ -140,8 +152,14 @@ def identify_files(
         Of the squared errors of each record [1]; None for 1.
     train : str
         Training stretch of every record, see ``training_rows``.
-    settings : PreisachSettings, FractionalSettings or None
-        Model and settings of the fit, see ``settings_for``; None for the thesis' Preisach model.
+    settings : PreisachSettings, FractionalSettings, "auto" or None
+        Model and settings of the fit, see ``settings_for``; None for the thesis' Preisach model. "auto" chooses them and
+        the compensator, see ``automatic.choose``.
+    budget : float
+        Time [s] for that choice.
+    own_scales : bool
+        Whether each record has an offset and a gain of its own, see ``sensor.fit.align``; the sensor and its errors are in
+        the units of the first one.
     full_scale : float or None
         Strain [1] at the end of the range.
     rest_resistance : float or None
@@ -152,6 +170,8 @@ def identify_files(
         Called with a sentence on the progress.
     recognised : callable
         Called with the records before anything is fitted; ``Record.found`` says what was recognised.
+    advance : callable
+        Called with the share of an automatic choice that is done [1] and a sentence.
 
     Returns
     -------
@@ -166,9 +186,22 @@ def identify_files(
         if record is not before:
             log.warning("%s: %s", record.name, record.repairs[-1])
     rows = tuple(training_rows(record, train) for record in records)
+    scales: tuple[OwnScale, ...] = ()
+    if own_scales:
+        progress("aligning the records")
+        records, scales = align(records, rows, full_scale=strain_range(records, full_scale))
     given: dict[str, Any] = {"full_scale": full_scale, "rest_resistance": rest_resistance}
     fit: Fit
-    if isinstance(settings, FractionalSettings):
+    trials: tuple[Trial, ...] = ()
+    if isinstance(settings, str):
+        won = choose(records, rows, budget=budget, progress=advance, **given)
+        fit, trials = won.fit, won.trials
+        doubted = (
+            f"Chosen by predicting the later parts of the training stretch: {won.text}.",
+            *preisach_doubts(fit),
+        )
+        stated = _stated(fit)
+    elif isinstance(settings, FractionalSettings):
         fit = fit_fractional(records, rows, settings, progress=progress, **given)
         doubted = fractional_doubts(fit)
         stated = {"settings": repr(settings)}
@@ -184,19 +217,14 @@ def identify_files(
                 f"The ridge {fit.settings.ridge:g} is a mean of those that best predict the later parts of training."
             )
             doubted = (chosen, *doubted)
-        stated = {
-            "settings": repr(fit.settings),  # with the ridge chosen
-            "full_scale_strain": repr(fit.full_scale),
-            "offset": repr(fit.rest_resistance),
-            "scale": repr(fit.resistance_change),
-            "determined by the data": determined(fit),
-            "starts ended at": ", ".join(f"{each:.3f} %" for each in start_errors(fit)),
-        }
+        stated = _stated(fit)
     errors, strains = fit.errors, tuple[Vector, ...]()
     if isinstance(fit, PreisachFit):
         progress("recovering the strain")
         strains = tuple(recover_strain(fit, record) for record in fit.records)
         errors = _with_strain_errors(fit, strains)
+    table = standings(fit.records, fit.train, fit.predicted, strains or None)
+    doubted = (*doubted, *defeats(table))
     provenance = {
         "data": ", ".join(record.name for record in records),
         "origin": origin,
@@ -206,12 +234,30 @@ def identify_files(
         **stated,
         **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in errors},
         "doubts": " ".join(doubted),
+        **{f"own scale of {r.name}": f"{s.offset:.6g} + {s.gain:.6g} R" for r, s in zip(records, scales, strict=False)},
         **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
     }
     repairs = tuple(f"{record.name}: {text}." for record in records for text in record.repairs)
+    repairs += tuple(
+        f"{r.name} has the scale {s.offset:.6g} + {s.gain:.6g} R, where R is of {records[0].name}."
+        for r, s in zip(records[1:], scales[1:], strict=False)
+    )
     artifact: Any = replace(fit.artifact, provenance=provenance)
     fit = replace(fit, artifact=artifact)
-    return Identified(fit=fit, errors=errors, remarks=(*repairs, *doubted), recovered=strains)
+    remarks = (*repairs, *doubted)
+    return Identified(fit=fit, errors=errors, remarks=remarks, recovered=strains, trials=trials, standings=table)
+
+
+def _stated(fit: PreisachFit) -> dict[str, str]:
+    """Return how a sensor was fitted, for its provenance."""
+    return {
+        "settings": repr(fit.settings),  # with the ridge chosen
+        "full_scale_strain": repr(fit.full_scale),
+        "offset": repr(fit.rest_resistance),
+        "scale": repr(fit.resistance_change),
+        "determined by the data": determined(fit),
+        "starts ended at": ", ".join(f"{each:.3f} %" for each in start_errors(fit)),
+    }
 
 
 def _digest(path: Path) -> str:
@@ -240,11 +286,11 @@ def save_predictions(result: Identified, folder: Path) -> list[Path]:
     return paths
 
 
-def _with_strain_errors(fit: PreisachFit, strains: tuple[Vector, ...]) -> tuple[Errors, ...]:
-    """Return the errors of a fit with those of the strain that the compensator recovers from the measured resistance."""
+def _with_strain_errors(fit: PreisachFit, recovered: Sequence[Vector]) -> tuple[Errors, ...]:
+    """Return the errors of a fit with those of the strain that its compensator recovers from the measured resistance."""
     of_strain: dict[tuple[str, str], float] = {}
-    for record, rows, recovered in zip(fit.records, fit.train, strains, strict=True):
+    for record, rows, found in zip(fit.records, fit.train, recovered, strict=True):
         size = float(np.ptp(record.strain))
         for stretch, part in (("train", rows), ("test", ~rows)):
-            of_strain[record.name, stretch] = nrmse(record.strain[part], recovered[part], size)
+            of_strain[record.name, stretch] = nrmse(record.strain[part], found[part], size)
     return tuple(replace(each, strain_nrmse=of_strain[each.record, each.stretch]) for each in fit.errors)

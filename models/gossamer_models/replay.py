@@ -31,6 +31,8 @@ class Recovered:
     strain : ndarray, shape (m,)
         At the times of the record [1]: the delay of the compensator is taken back; not a number where it is not delivered
         before the record ends.
+    present : ndarray, shape (m,)
+        Without delay [1].
     deviation : ndarray, shape (m,), or None
         Standard deviation that the compensator states [1]; None for one that states none.
     delay : float
@@ -38,8 +40,9 @@ class Recovered:
     """
 
     strain: Vector
-    deviation: Vector | None
-    delay: float
+    present: Vector
+    deviation: Vector | None = None
+    delay: float = 0.0
 
 
 def predict_resistance(fit: PreisachFit, record: Record) -> Vector:
@@ -54,9 +57,37 @@ def predict_resistance(fit: PreisachFit, record: Record) -> Vector:
 
 
 def recover_strain(fit: PreisachFit, record: Record) -> Vector:
-    """Return the strain [1] that the compensator recovers from the resistance of a record, shape (m,), starting at rest."""
+    """Return the strain [1] of ``recover_by_fit`` with the compensator that the artifact names, shape (m,)."""
+    return recover_by_fit(fit, record).strain
+
+
+def recover_by_fit(
+    fit: PreisachFit, record: Record, method: str | None = None, *, noise: float | None = None
+) -> Recovered:
+    """Return the strain that a compensator recovers from the resistance of a record, starting at rest.
+
+    Parameters
+    ----------
+    fit, record
+        The sensor, and a record of it.
+    method : str or None
+        As for ``recover``.
+    noise : float or None
+        Standard deviation of the resistance's white noise [ohm]; None as for ``recover``.
+
+    Returns
+    -------
+    Recovered
+        The last samples, for which the record ends before the strain is delivered, have the present strain.
+    """
     output = (record.resistance - fit.rest_resistance) / fit.resistance_change
-    return recover(fit.artifact, fit.full_scale, record, output).strain
+    given = None if noise is None else noise / fit.resistance_change
+    found = recover(fit.artifact, fit.full_scale, record, output, method, noise=given)
+    late = np.isnan(found.strain)
+    deviation = found.deviation
+    if deviation is not None and not late.all():
+        deviation = np.where(late, deviation[~late][-1], deviation)
+    return replace(found, strain=np.where(late, found.present, found.strain), deviation=deviation)
 
 
 def sensor_output(artifact: SensorArtifact, full_scale: float, record: Record) -> Vector:
@@ -89,7 +120,13 @@ def sensor_output(artifact: SensorArtifact, full_scale: float, record: Record) -
 
 
 def recover(
-    artifact: SensorArtifact, full_scale: float, record: Record, output: Vector, method: str = "inverse"
+    artifact: SensorArtifact,
+    full_scale: float,
+    record: Record,
+    output: Vector,
+    method: str | None = None,
+    *,
+    noise: float | None = None,
 ) -> Recovered:
     """Return the strain that a compensator recovers from a normalised output, starting at rest at the first strain.
 
@@ -99,9 +136,11 @@ def recover(
         As for ``sensor_output``.
     output : ndarray, shape (m,)
         Normalised output [1] at the samples of the record.
-    method : str
-        As for ``compensator_model``, or ``exact`` for the exact inverse of a sensor that has a direct one too. The noise
-        that an estimator is given is that of the output.
+    method : str or None
+        As for ``compensator_model``, or ``exact`` for the exact inverse of a sensor that has a direct one too.
+    noise : float or None
+        Standard deviation of the output's white noise [1]; None for that of the output for an estimator, and none for a
+        filter, whose model has its own.
 
     Raises
     ------
@@ -110,19 +149,25 @@ def recover(
     """
     chosen, kind = (replace(artifact, inverse=None), "inverse") if method == EXACT else (artifact, method)
     model = compensator_model(chosen, kind)  # type: ignore[arg-type]
-    states = [name for name in ("strain_deviation", "delay") if name in model.names]
-    results = _run(model, full_scale, record, "resistance", output + SHIFT, ["strain", *states], noise=noise_of(output))
+    if noise is None:
+        noise = noise_of(output) if (kind or artifact.compensator) == "estimator" else 0.0
+    more = [name for name in ("present_strain", "strain_deviation", "delay") if name in model.names]
+    results = _run(model, full_scale, record, "resistance", output + SHIFT, ["strain", *more], noise=noise)
     strain, deviation = results["strain"], results.get("strain_deviation")
     if "delay" not in results:
-        return Recovered(strain=strain, deviation=deviation, delay=0.0)
+        return Recovered(strain=strain, present=strain, deviation=deviation)
     meant = record.time - results["delay"]
     kept = np.flatnonzero(np.diff(meant, prepend=-np.inf) > 0.0)
 
     def at_record(values: Vector) -> Vector:
         return np.asarray(np.interp(record.time, meant[kept], values[kept], right=np.nan))
 
-    stated = None if deviation is None else at_record(deviation)
-    return Recovered(strain=at_record(strain), deviation=stated, delay=float(results["delay"][-1]))
+    return Recovered(
+        strain=at_record(strain),
+        present=results["present_strain"],
+        deviation=None if deviation is None else at_record(deviation),
+        delay=float(results["delay"][-1]),
+    )
 
 
 def noise_of(signal: Vector) -> float:

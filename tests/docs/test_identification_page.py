@@ -10,6 +10,7 @@ import pytest
 from gossamer_models.fractional import FractionalSettings
 from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
 from studies import chapter_measured, misses, noise, preisach_plane
+from studies.automatic import DefaultRow
 from studies.compute import Results
 from studies.fractional import fit_row, limits, repeat_on_dataset_3
 from studies.measured import MeasuredFit
@@ -71,6 +72,18 @@ def results():
                 strain_targets=(1.0, 1.0),
             )
             for name in ("strain_triangular", "velocity_profile_10wt")
+        ],
+        automatic=[
+            DefaultRow(
+                name="strain_sin_20",
+                chosen="filter",
+                forward={"defaults": 1.0, "cubic": 5.0},
+                strain={"defaults": 2.0, "cubic": 1.5},
+                ratio=1.1,
+                seconds=1.0,
+                forward_target=1.5,
+                strain_target=1.2,
+            )
         ],
     )
 

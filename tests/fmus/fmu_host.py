@@ -26,7 +26,7 @@ def model_of(name):
 def excite(name, k):
     """Input values that move, different for each step; a resistance stays near its rest value."""
     resistance = {"resistance": 100.0 * (1.0 + 0.01 * math.sin(0.3 * k))}
-    if name == "compensator":
+    if name in ("compensator", "filter"):
         return resistance
     if name == "estimator":
         return resistance | {"known": float(k % 5 == 2), "known_strain": 0.02 + 0.01 * math.sin(0.3 * k)}

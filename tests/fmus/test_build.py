@@ -100,12 +100,13 @@ def test_the_table_in_the_readme_is_up_to_date(models, name, rewrite_goldens):
     assert path.read_text(encoding="utf-8") == wanted, "run 'make goldens'"
 
 
-def test_the_table_of_the_estimator_is_up_to_date(models, rewrite_goldens):
+@pytest.mark.parametrize("name", ["estimator", "filter"])
+def test_the_tables_of_the_other_methods_are_up_to_date(models, name, rewrite_goldens):
     path = fmu_folder("compensator") / "README.md"
-    begin, end = "<!-- variables of the estimator -->\n", "\n<!-- end of variables of the estimator -->"
+    begin, end = f"<!-- variables of the {name} -->\n", f"\n<!-- end of variables of the {name} -->"
     text = path.read_text(encoding="utf-8")
     before, rest = text.split(begin)
-    wanted = before + begin + variables_table(models["estimator"]) + end + rest.split(end)[1]
+    wanted = before + begin + variables_table(models[name]) + end + rest.split(end)[1]
     if rewrite_goldens:
         path.write_text(wanted, encoding="utf-8")
     assert path.read_text(encoding="utf-8") == wanted, "run 'make goldens'"

@@ -35,7 +35,7 @@ def inputs_of(name, golden):
         }
     if name == "sensor":
         return {"strain": strain_history()}
-    if name == "compensator":
+    if name in ("compensator", "filter"):
         return {"resistance": golden("sensor", "ref")["resistance"][1:]}
     if name == "estimator":
         noise = 0.05 * np.random.default_rng(1).standard_normal(STEPS)
@@ -49,12 +49,13 @@ PARAMETERS = {
     "sensor": {"rest_strain": 0.02},
     "compensator": {"rest_strain": 0.02},
     "estimator": {"rest_strain": 0.02, "noise": 0.05},
+    "filter": {"rest_strain": 0.02},
     "detector": {"window_length": 96 * H, "repeat": 1.0},
 }
 
 
 def place(name, kind):
-    return fmu_folder("compensator" if name == "estimator" else name) / f"{name}_{kind}.csv"
+    return fmu_folder("compensator" if name in ("estimator", "filter") else name) / f"{name}_{kind}.csv"
 
 
 def read(name, kind):

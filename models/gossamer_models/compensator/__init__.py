@@ -1,21 +1,22 @@
-"""Compensator: resistance back to strain, as the exact inverse of the sensor or as an estimator that tolerates noise."""
+"""Compensator: resistance back to strain, as an inverse of the sensor, an estimator or a filter that runs the sensor."""
 
 from __future__ import annotations
 
 from typing import Literal
 
 from ..errors import ParameterError
-from ..sensor.artifact import SensorArtifact, default_artifact
+from ..sensor.artifact import METHODS, SensorArtifact, default_artifact
 from ..step_model import StepModel
 from .direct import direct_model
 from .estimator import estimator_model
 from .exact import exact_model
+from .particle import filter_model
 
-__all__ = ["compensator_model", "estimator_model"]
+__all__ = ["compensator_model", "estimator_model", "filter_model"]
 
 
 def compensator_model(
-    artifact: SensorArtifact | None = None, method: Literal["inverse", "estimator"] = "inverse"
+    artifact: SensorArtifact | None = None, method: Literal["inverse", "estimator", "filter"] | None = None
 ) -> StepModel:
     """Build the compensator of the sensor with the same artifact.
 
@@ -23,14 +24,15 @@ def compensator_model(
     ----------
     artifact : SensorArtifact or None
         Identified sensor; None for the one that ships with the package.
-    method : {"inverse", "estimator"}
+    method : {"inverse", "estimator", "filter"} or None
         The inverse, for resistance without noise: ``direct_model`` if the artifact has a direct inverse, else
-        ``exact_model``. Or ``estimator_model``, which tolerates noise, delays the strain and reports its uncertainty.
+        ``exact_model``. ``estimator_model``, which tolerates noise, delays the strain and reports its uncertainty. Or
+        ``filter_model``, which does so for every sensor. None for the one that the artifact names, else the inverse.
 
     Returns
     -------
     StepModel
-        Input ``resistance`` [ohm]; outputs ``strain`` [1] and ``saturated`` [1]; the estimator has more of both.
+        Input ``resistance`` [ohm]; outputs ``strain`` [1] and ``saturated`` [1]; estimator and filter have more of both.
 
     Raises
     ------
@@ -38,9 +40,12 @@ def compensator_model(
         The method is unknown or cannot compensate this sensor.
     """
     artifact = default_artifact() if artifact is None else artifact
+    method = method or artifact.compensator or "inverse"  # type: ignore[assignment]
     if method == "estimator":
         return estimator_model(artifact)
+    if method == "filter":
+        return filter_model(artifact)
     if method != "inverse":
-        msg = f"there is no compensation method {method!r}. Choose inverse or estimator."
+        msg = f"there is no compensation method {method!r}. Choose one of {', '.join(METHODS)}."
         raise ParameterError(msg)
     return exact_model(artifact) if artifact.inverse is None else direct_model(artifact)

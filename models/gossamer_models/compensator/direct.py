@@ -52,8 +52,9 @@ def direct_model(artifact: SensorArtifact) -> StepModel:
 
     def init(_: Values, p: Values) -> tuple[CompensatorState, Results]:
         rest = resting_state(forward, p)
-        R = resistance(rest.output(), p)
-        state = CompensatorState(law.rest(clip(in_range(rest.output()))), LowPass(R, R))
+        y = forward.output(rest)
+        R = resistance(y, p)
+        state = CompensatorState(law.rest(clip(in_range(y))), LowPass(R, R))
         return state, {"strain": rest.s * p.full_scale_strain, "saturated": 0.0}
 
     def step(x: CompensatorState, u: Values, p: Values, h: ca.MX) -> tuple[CompensatorState, Results]:

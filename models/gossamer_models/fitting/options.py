@@ -55,3 +55,11 @@ def number_or_auto(text: str) -> float | str:
     except ValueError:
         msg = "as a number. Write one number such as 0.01, or auto."
         raise ValueError(msg) from None
+
+
+def count_or_auto(text: str) -> int | str:
+    """Read a number of 0 or more or the word ``auto``; raise ``ValueError`` with what to write for anything else."""
+    if text != "auto" and not text.isdecimal():
+        msg = "as a count. Write a whole number such as 40, or auto."
+        raise ValueError(msg)
+    return text if text == "auto" else int(text)

@@ -109,7 +109,7 @@ def judge_files(
     paths: Sequence[Path],
     *,
     columns: Columns | None = None,
-    compensators: Sequence[str] = ("inverse",),
+    compensators: Sequence[str] = (),
     own_scales: bool = False,
     stretch: str = "50%",
     recognised: Callable[[Sequence[Record]], None] = lambda _: None,
@@ -126,7 +126,7 @@ def judge_files(
     columns : Columns or None
         Columns to read, with their units.
     compensators : sequence of str
-        What recovers strain, see ``replay.recover``.
+        What recovers strain, see ``replay.recover``; the one that the artifact names by default, else the inverse.
     own_scales : bool
         Fit gain, offset and what was still relaxing of each record to its first stretch.
     stretch : str
@@ -152,6 +152,7 @@ def judge_files(
     """
     artifact = read_sensor(sensor)
     offset, gain, full_scale = scales_of(artifact, sensor)
+    compensators = compensators or (artifact.compensator or "inverse",)
     read = read_records(paths, columns)
     recognised(read)
     judged = []

@@ -20,11 +20,14 @@ from ..arrays import Vector
 from ..artifacts import read_artifact, write_artifact
 from ..errors import ArtifactError, ParameterError
 from .drives import Drive
+from .residual import Residual
+from .tracking import Tracking
 
 SCHEMA = "gossamer.sensor"
 VERSION = 1
-EXTENDED_VERSION = 2  # with terms that falling strain drives, negative amplitudes, gains or a direct inverse
+EXTENDED_VERSION = 2  # with terms that falling strain drives, negative amplitudes, gains, a direct inverse or a filter
 MIN_SPRING_WEIGHT = 1e-3  # of mu and nu on line 0: the slope that the inverse divides by is never smaller
+METHODS = ("inverse", "estimator", "filter")  # of compensation
 DEFAULT_PATH = Path(__file__).with_name("nylon_silver.json")
 
 Table = tuple[tuple[float, ...], ...]
@@ -131,6 +134,12 @@ class SensorArtifact:
         Terms of the dynamic operators; empty for a rate-independent sensor.
     inverse : DirectInverse or None
         Direct inverse from output to strain, where one was identified (extension); None for the exact inverse.
+    residual : Residual or None
+        Network that corrects the output (extension); such a sensor has no exact inverse.
+    tracking : Tracking or None
+        Numbers of the filter of strain, where they were identified; None for ``DEFAULT_TRACKING``.
+    compensator : {"inverse", "estimator", "filter"} or None
+        Method that the identification chose for the FMU ``compensator``; None for the inverse.
     scales : Scales or None
         Scales of a record in ohm; None for a record without units.
     provenance : dict
@@ -147,10 +156,16 @@ class SensorArtifact:
     nu: Table
     relaxation: tuple[RelaxationTerm, ...] = ()
     inverse: DirectInverse | None = None
+    residual: Residual | None = None
+    tracking: Tracking | None = None
+    compensator: str | None = None
     scales: Scales | None = None
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.compensator not in (None, *METHODS):
+            msg = f"the compensator is {self.compensator!r}; it is one of {', '.join(METHODS)}. Identify the sensor again."
+            raise ParameterError(msg)
         shape = (len(self.mu), len(self.mu))
         for name, table in (("mu", self.mu), ("nu", self.nu)):
             try:
@@ -182,8 +197,8 @@ class SensorArtifact:
 
     @property
     def exactly_invertible(self) -> bool:
-        """Whether the exact inverse exists: no term moves the output against the strain or is a gain."""
-        return not any(term.signed or term.gain for term in self.relaxation)
+        """Whether the exact inverse exists: no term moves the output against the strain or is a gain, and no network."""
+        return self.residual is None and not any(term.signed or term.gain for term in self.relaxation)
 
     @property
     def n_lines(self) -> int:
@@ -198,6 +213,7 @@ class SensorArtifact:
         """Write the artifact as JSON."""
         extended = self.inverse is not None or any(t.drive != "rising" or t.signed or t.gain for t in self.relaxation)
         content: dict[str, Any] = {"mu": self.mu, "nu": self.nu, "relaxation": [asdict(t) for t in self.relaxation]}
+        extended = extended or self.residual is not None or self.tracking is not None or self.compensator is not None
         if not extended:
             for item in content["relaxation"]:
                 del item["drive"], item["signed"], item["gain"]
@@ -209,6 +225,12 @@ class SensorArtifact:
                 "relaxation": [asdict(t) for t in law.relaxation],
                 **{name: getattr(self.inverse, name) for name in ("lowest", "highest", "offset", "scale")},
             }
+        if self.residual is not None:
+            content["residual"] = asdict(self.residual)
+        if self.tracking is not None:
+            content["tracking"] = asdict(self.tracking)
+        if self.compensator is not None:
+            content["compensator"] = self.compensator
         if self.scales is not None:
             content["scales"] = asdict(self.scales)
         write_artifact(path, SCHEMA, EXTENDED_VERSION if extended else VERSION, self.provenance, content)
@@ -229,10 +251,13 @@ class SensorArtifact:
             if beside is not None:
                 numbers = {name: float(beside[name]) for name in ("lowest", "highest", "offset", "scale")}
                 inverse = DirectInverse(law=cls(**_parts(beside)), **numbers)
-            scales = card.get("scales")
+            scales, tracking = card.get("scales"), card.get("tracking")
             return cls(
                 **_parts(card),
                 inverse=inverse,
+                residual=None if card.get("residual") is None else Residual.of(card["residual"]),
+                tracking=None if tracking is None else Tracking.of(tracking),
+                compensator=card.get("compensator"),
                 scales=None if scales is None else Scales(**{name: float(value) for name, value in scales.items()}),
                 provenance={str(key): str(value) for key, value in card["provenance"].items()},
             )

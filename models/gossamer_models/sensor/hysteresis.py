@@ -24,14 +24,14 @@ def move_fronts(front: ca.MX, strain: ca.MX) -> ca.MX:
 
     Parameters
     ----------
-    front : casadi.MX, shape (N,)
-        Fronts :math:`\alpha_i` [1] before the change, not decreasing in i.
-    strain : casadi.MX, scalar
+    front : casadi.MX, shape (N,) or (N, P)
+        Fronts :math:`\alpha_i` [1] before the change, not decreasing in i; of P sensors side by side.
+    strain : casadi.MX, scalar or shape (1, P)
         Normalised strain [1] after it.
 
     Returns
     -------
-    casadi.MX, shape (N,)
+    casadi.MX, shape (N,) or (N, P)
         Fronts after it.
 
     Notes
@@ -44,7 +44,8 @@ def move_fronts(front: ca.MX, strain: ca.MX) -> ca.MX:
     ----------
     .. [1] K. Kuhnen, European Journal of Control 9(4), 407-418, 2003, doi:10.3166/ejc.9.407-418.
     """
-    return ca.fmax(strain, ca.fmin(strain + widths(front.numel()), front))
+    strain, width = down(strain, front), across(widths(front.shape[0]), front)
+    return ca.fmax(strain, ca.fmin(strain + width, front))
 
 
 def resting_fronts(n_lines: int, strain: ca.MX) -> ca.MX:
@@ -57,24 +58,35 @@ def widths(n_lines: int) -> ca.DM:
     return ca.DM(np.arange(n_lines) / n_lines)
 
 
+def across(column: ca.MX | ca.DM, like: ca.MX) -> ca.MX | ca.DM:
+    """Repeat a column, shape (n,), for every sensor of ``like``, shape (n, P); of one sensor it stays as it is."""
+    return column if like.shape[1] == 1 else ca.repmat(column, 1, like.shape[1])
+
+
+def down(row: ca.MX, like: ca.MX) -> ca.MX:
+    """Repeat a row, shape (1, P), for every line of ``like``, shape (n, P); of one sensor it stays the scalar it is."""
+    return row if like.shape[1] == 1 else ca.repmat(row, like.shape[0], 1)
+
+
 def cumulate(front: ca.MX, mu: Table, nu: Table) -> tuple[ca.MX, ca.MX]:
     r"""Add up the weights of all operators below the fronts, line by line.
 
     Parameters
     ----------
-    front : casadi.MX, shape (N,)
+    front : casadi.MX, shape (N,) or (N, P)
         Fronts :math:`\alpha_i` [1].
     mu, nu : ndarray, shape (N, N)
         Weights [1] of up- and down-switching, zero for k < i.
 
     Returns
     -------
-    up, down : casadi.MX, shape (N,)
+    up, down : casadi.MX, of the shape of ``front``
         :math:`M_i = \sum_k \mu_{ik} \min(\max(\alpha_i - k/N, 0), 1/N)` and the same sum with :math:`\nu` [1].
     """
     N = mu.shape[0]
     k = ca.fmin(ca.floor(N * front), N - 1.0)  # the bin of each front
-    return _weight_below(front, k, mu), _weight_below(front, k, nu)
+    up = _weight_below(front, k, mu)
+    return up, up if np.array_equal(mu, nu) else _weight_below(front, k, nu)
 
 
 def _weight_below(front: ca.MX, k: ca.MX, table: Table) -> ca.MX:
@@ -82,6 +94,6 @@ def _weight_below(front: ca.MX, k: ca.MX, table: Table) -> ca.MX:
     N = table.shape[0]
     below = np.zeros_like(table)
     below[:, 1:] = np.cumsum(table, axis=1)[:, :-1] / N
-    place = ca.DM(N * np.arange(N)) + k
+    place = across(ca.DM(N * np.arange(N)), k) + k
     full, density = (ca.MX(ca.DM(values.reshape(-1)))[place] for values in (below, table))
     return full + density * (front - k / N)

@@ -36,12 +36,17 @@ RESISTANCE = output("resistance", "ohm", "Resistance of the sensor", nominal=100
 saturated = partial(output, "saturated", "1", minimum=0.0, maximum=1.0, discrete=True)
 
 
-def with_scales(variables: tuple[Variable, ...], artifact: SensorArtifact) -> tuple[Variable, ...]:
-    """Return variables of sensor or compensator that start at the identified values, where the artifact has them."""
+def with_scales(
+    variables: tuple[Variable, ...], artifact: SensorArtifact, *, quiet: bool = False
+) -> tuple[Variable, ...]:
+    """Return variables of sensor or compensator that start at the identified values, where the artifact has them.
+
+    The noise of a ``quiet`` one starts at zero.
+    """
     if artifact.scales is None:
         return variables
     starts = {**asdict(artifact.scales), "resistance": artifact.scales.rest_resistance}
-    starts["noise"] = LIKELY_NOISE * artifact.scales.full_scale_resistance_change
+    starts["noise"] = 0.0 if quiet else LIKELY_NOISE * artifact.scales.full_scale_resistance_change
     return tuple(v if v.causality == "output" else replace(v, start=starts.get(v.name, v.start)) for v in variables)
 
 
@@ -73,13 +78,13 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
 
     def init(_: Values, p: Values) -> tuple[SensorState, Results]:
         rest = resting_state(law, p)
-        return rest, {"resistance": resistance(rest.output(), p), "saturated": 0.0}
+        return rest, {"resistance": resistance(law.output(rest), p), "saturated": 0.0}
 
     def step(x: SensorState, u: Values, p: Values, h: ca.MX) -> tuple[SensorState, Results]:
         s = u.strain / p.full_scale_strain
         state = law.advance(x, clip(s), h)
         outside = ca.logic_or(s > 1.0, s < 0.0)
-        return state, {"resistance": resistance(state.output(), p), "saturated": outside}
+        return state, {"resistance": resistance(law.output(state), p), "saturated": outside}
 
     beyond = saturated("1 if the strain is outside 0 to full scale and was clipped, else 0")
     return StepModel.written(

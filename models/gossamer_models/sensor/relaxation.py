@@ -24,6 +24,7 @@ from ..arrays import Vector
 from ..modes import phi_1, phi_2
 from .artifact import RelaxationTerm
 from .drives import DIRECTIONS, Drive
+from .hysteresis import across, down
 
 SMALLEST = 1e-300
 
@@ -67,13 +68,17 @@ class ModeBank:
 
 
 def relax(bank: ModeBank, z: ca.MX, start: ca.MX, end: ca.MX, h: ca.MX) -> ca.MX:
-    """Advance the modes [1], shape (n,), by ``h`` [s] in which strain moves linearly from ``start`` to ``end`` [1]."""
+    """Advance the modes [1], shape (n,), by ``h`` [s] in which strain moves linearly from ``start`` to ``end`` [1].
+
+    Of P sensors side by side the modes have shape (n, P), and the strains (1, P).
+    """
     z = decay(bank, z, h)
     for strain, sign in DIRECTIONS.items():
         if any(drive.strain == strain for drive in bank.amplitudes):
             delta = ca.fmax(sign * (end - start), 0.0)
             first, second = excitation(bank, start, h, strain)
-            z = z + delta * (first + delta * second)
+            delta = down(delta, z)
+            z = z + delta * (first + delta * across(second, z))
     return z
 
 
@@ -82,7 +87,7 @@ def decay(bank: ModeBank, z: ca.MX, h: ca.MX) -> ca.MX:
 
     They end in zero: subnormal numbers, which processors are slow with, would stay for hours of a simulated hold.
     """
-    left = ca.exp(-ca.DM(bank.decay_rates) * h) * z
+    left = across(ca.exp(-ca.DM(bank.decay_rates) * h), z) * z
     if bank.signed:
         return ca.if_else(ca.fabs(left) > SMALLEST, left, 0.0)
     return ca.fmax(left - SMALLEST, 0.0)
@@ -95,7 +100,7 @@ def excitation(bank: ModeBank, start: ca.MX, h: ca.MX, strain: str) -> tuple[ca.
     ----------
     bank : ModeBank
         Rates and amplitudes.
-    start : casadi.MX, scalar
+    start : casadi.MX, scalar or shape (1, P)
         Normalised strain [1] at the start of the step.
     h : casadi.MX, scalar
         Step [s].
@@ -104,7 +109,7 @@ def excitation(bank: ModeBank, start: ca.MX, h: ca.MX, strain: str) -> tuple[ca.
 
     Returns
     -------
-    first, second : casadi.MX, shape (n,)
+    first, second : casadi.MX, shape (n,); first (n, P) for P strains
         A move by :math:`\Delta \ge 0` adds :math:`\Delta\,(first + \Delta\,second)` to the modes [1]. Zero if nothing
         is driven this way; not negative on a rise if no amplitude is.
 
@@ -122,5 +127,5 @@ def excitation(bank: ModeBank, start: ca.MX, h: ca.MX, strain: str) -> tuple[ca.
             constant = constant + amplitudes
         elif drive.strain == strain:
             linear = linear + amplitudes
-    first = (constant + linear * start) * phi_1(x)
+    first = (across(constant, start) + ca.mtimes(linear, start)) * across(phi_1(x), start)
     return first, ca.DM.zeros(bank.size) if linear.is_zero() else DIRECTIONS[strain] * linear * phi_2(x)

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from .artifact import SensorArtifact
-from .hysteresis import cumulate, move_fronts, resting_fronts
+from .hysteresis import cumulate, down, move_fronts, resting_fronts
 from .relaxation import ModeBank, decay, relax
+from .residual import lines_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +61,15 @@ class SensorLaw:
         Weights [1] of up- and down-switching.
     bank, gains : ModeBank
         Relaxation modes that are added to the output, and those that are multiplied by the strain.
+    residual : Residual or None
+        Network that corrects the output (extension).
     """
 
     def __init__(self, artifact: SensorArtifact) -> None:
         self.mu, self.nu = artifact.tables()
         self.bank = ModeBank.of(tuple(term for term in artifact.relaxation if not term.gain))
         self.gains = ModeBank.of(tuple(term for term in artifact.relaxation if term.gain))
+        self.residual = artifact.residual
 
     def rest(self, s: ca.MX) -> SensorState:
         """Return the state long after the first monotone loading to strain ``s`` [1]: relaxation is over."""
@@ -77,6 +81,17 @@ class SensorLaw:
     def hold(self, state: SensorState, h: ca.MX) -> SensorState:
         """Return the state after ``h`` [s] at constant strain: only the modes decay."""
         return replace(state, z=decay(self.bank, state.z, h), g=decay(self.gains, state.g, h))
+
+    def output(self, state: SensorState) -> ca.MX:
+        """Return the output [1] of a state, with the correction of the residual network if the sensor has one."""
+        if self.residual is None:
+            return state.output()
+        return state.output() + self.residual.correction(self.features(state))
+
+    def features(self, state: SensorState) -> ca.MX:
+        """Return what a residual network sees [1]: strain, some fronts, and what every mode adds to the output."""
+        fronts = state.front[lines_of(len(self.mu)), :]
+        return ca.vertcat(state.s, fronts, state.z, down(state.s, state.g) * state.g)
 
     def advance(self, state: SensorState, s: ca.MX, h: ca.MX) -> SensorState:
         r"""Return the state after one sample.

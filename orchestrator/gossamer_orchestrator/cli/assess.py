@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gossamer_models.review import Judged
     from rich.table import Table
 
-COMPENSATORS = "inverse (its direct one where it has one), exact, estimator"
+COMPENSATORS = "inverse (its direct one where it has one), exact, estimator, filter"
 
 
 class CommandWithColumns(TyperCommand):
@@ -50,7 +50,10 @@ def assess(
     files: Annotated[list[Path], typer.Argument(help="CSV files with a header line, one record each.")],
     compensator: Annotated[
         list[str] | None,
-        typer.Option(help=f"What recovers strain; may be repeated: {COMPENSATORS}.", metavar="NAME"),
+        typer.Option(
+            help=f"What recovers strain; may be repeated: {COMPENSATORS}. The one that the artifact names by default.",
+            metavar="NAME",
+        ),
     ] = None,
     fit_scales: Annotated[
         bool,
@@ -92,7 +95,7 @@ def assess(
             sensor,
             files,
             columns=Columns(**ctx.obj),
-            compensators=tuple(compensator or ("inverse",)),
+            compensators=tuple(compensator or ()),
             own_scales=fit_scales,
             stretch=stretch,
             recognised=lambda records: print_recognised(console, records),

@@ -18,15 +18,15 @@ def build(
         list[str] | None,
         typer.Argument(
             help="FMUs to build: membrane, sensor, compensator, estimator (a compensator that tolerates noise), "
-            "detector. All of them by default."
+            "filter (one for any sensor), detector. All of them by default."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")] = FMUS,
     artifact: Annotated[
         Path | None,
         typer.Option(
-            help="Identified sensor (for sensor, compensator and estimator) or trained detector: its file, or nominal, wide "
-            "or single_damage, which ship with Gossamer.",
+            help="Identified sensor (for sensor, compensator, estimator and filter) or trained detector: its file, or "
+            "nominal, wide or single_damage, which ship with Gossamer.",
             metavar="FILE",
         ),
     ] = None,
@@ -92,6 +92,8 @@ def build(
         gossamer build membrane --law relaxed
 
         gossamer build estimator --artifact out/mine/sensor.json
+
+        gossamer build filter --native --artifact out/mine/sensor.json
 
         gossamer build detector --artifact wide --out somewhere
     """

@@ -17,6 +17,7 @@ from typer.core import TyperCommand
 
 from ..errors import OrchestratorError
 from .common import keep_inputs, model_errors, wide
+from .identify_report import print_result, progress_of
 from .recognised import print_recognised
 
 
@@ -96,7 +97,11 @@ def identify(
     out: Annotated[Path, typer.Option(help="File to write; pictures go beside it.", metavar="FILE")] = Path(
         "out/identified/sensor.json"
     ),
-    model: Annotated[str, typer.Option(help="One of those above.", metavar="NAME")] = "preisach",
+    model: Annotated[
+        str | None,
+        typer.Option(help="One of those above; auto if no option of a model is given, else preisach.", metavar="NAME"),
+    ] = None,
+    budget: Annotated[float, typer.Option(help="Seconds for the choice of auto.", min=1.0)] = 60.0,
     train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
     full_scale: Annotated[
         float | None, typer.Option(help="Strain [1] at the end of the range; the largest if not given.")
@@ -108,6 +113,12 @@ def identify(
         str | None,
         typer.Option(help="Of each record's squared errors: 1,0.5 for two files; 1 if not given.", metavar="LIST"),
     ] = None,
+    own_scales: Annotated[
+        bool,
+        typer.Option(
+            "--own-scales", help="Each record has its own offset and gain: re-mounted, another temperature, drift."
+        ),
+    ] = False,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
     pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
 ) -> None:
@@ -118,6 +129,9 @@ def identify(
 
     Models:
 
+    - auto: chooses sensor, relaxation, regularisation, direct inverse and compensator by predicting the later parts of the
+    training stretch. Sensor and compensator; gossamer build takes the compensator that was chosen.
+
     - preisach: modified Preisach with modal densities. Sensor and compensator.
 
     - preisach-hats: the same with hat functions, which follow rich records more closely. Sensor and compensator.
@@ -127,6 +141,8 @@ def identify(
     - fractional-model-1, fractional-sub-model-2: with phases, Eqs. (3.15) and (3.25). Offline only, no FMUs.
 
     For example:
+
+        gossamer identify measurements.csv --out sensor.json
 
         gossamer identify measurements.csv --modes 7 --relaxations 7 --train 0:200 --out sensor.json
 
@@ -139,6 +155,7 @@ def identify(
     from gossamer_models.fitting import Columns
     from gossamer_models.fitting.options import numbers
     from gossamer_models.identify import (
+        AUTO,
         SETTINGS,
         identify_files,
         options,
@@ -146,7 +163,6 @@ def identify(
         save_predictions,
         settings_for,
     )
-    from rich.table import Table
 
     keep_inputs(files, [out])
     console = wide(stderr=True)
@@ -159,34 +175,36 @@ def identify(
     columns = {each.name: chosen.pop(each.name) for each in options(Columns) if each.name in chosen}
     names = {str(path): path.name for path in (*files, out)} | {f"--out={out}": f"--out={out.name}"}
     command = shlex.join(["gossamer", *(names.get(argument, argument) for argument in sys.argv[1:])])
-    with model_errors(), console.status("reading the records") as status:
+    model = model or ("preisach" if chosen else AUTO)
+    if model == AUTO and chosen:
+        msg = f"--model auto chooses {', '.join(chosen)} itself. Leave the option out, or name another model."
+        raise OrchestratorError(msg)
+    settings: Any = AUTO
+    if model != AUTO:
+        with model_errors():
+            settings = settings_for(model, **chosen)
+    with model_errors(), progress_of(console, bar=model == AUTO) as (say, advance):
         result = identify_files(
             files,
             columns=Columns(**columns),
             weights=None if weights is None else _read("weights", weights, numbers),
             train=train,
-            settings=settings_for(model, **chosen),
+            settings=settings,
+            budget=budget,
+            own_scales=own_scales,
             full_scale=full_scale,
             rest_resistance=rest_resistance,
             command=command,
             origin=origin,
-            progress=status.update,
+            progress=say,
+            advance=advance,
             recognised=lambda records: print_recognised(console, records),
         )
         result.fit.artifact.write(out)
         drawn = save_predictions(result, out.with_suffix(""))
         drawn += save_pictures(result, out.with_suffix("")) if pictures else []
     known = "given" if rest_resistance is not None else "fitted"
-    caption = f"E1: sum of errors over sum of changes from the {known} {result.fit.rest_resistance:.6g} ohm at rest"
-    starts = result.fit.artifact.provenance.get("starts ended at", "")
-    if "," in starts:
-        caption += f"\nstarts ended at {starts} of the fitted range, regularisation included"
-    headings = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
-    table = Table(*headings, caption=caption)
-    for e in result.errors:
-        recovered = "-" if e.strain_nrmse is None else f"{e.strain_nrmse:.3f}"
-        table.add_row(e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}", recovered)
-    console.print(table)
+    print_result(console, result, f"{known} {result.fit.rest_resistance:.6g} ohm at rest")
     for sentence in result.remarks:
         console.print(sentence, style="yellow")
     for path in (out, *drawn):

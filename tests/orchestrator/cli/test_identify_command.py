@@ -48,6 +48,28 @@ def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
     assert (tmp_path / "compensator.fmu").exists()
 
 
+def test_without_options_of_a_model_it_is_chosen_and_build_takes_the_compensator_that_won(measured, tmp_path):
+    out = tmp_path / "sensor.json"
+    result = CliRunner().invoke(app, ["identify", str(measured), "--budget", "1", "--no-pictures", "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    told = " ".join(result.stderr.split())
+    for words in (
+        "choice of",
+        "direct inverse",
+        "static cubic",
+        "regression on lags",
+        "90 % confidence",
+        "Chosen by predicting",
+    ):
+        assert words in told
+    artifact = SensorArtifact.read(out)
+    assert artifact.compensator in ("inverse", "estimator", "filter")
+    built = CliRunner().invoke(app, ["build", "compensator", "filter", "--artifact", str(out), "--out", str(tmp_path)])
+    assert built.exit_code == 0, built.output
+    names = [v.name for v in fmpy.read_model_description(str(tmp_path / "compensator.fmu")).modelVariables]
+    assert ("strain_deviation" in names) == (artifact.compensator != "inverse")
+
+
 @pytest.mark.parametrize("kind", ["python", "native"])
 def test_a_record_becomes_a_fractional_sensor_that_runs_as_its_model(measured, tmp_path, kind):
     out = tmp_path / "fractional.json"
@@ -137,6 +159,7 @@ def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
 def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
     for arguments, message in (
         ([str(measured), "--model", "neural"], "there is no model 'neural'"),
+        ([str(measured), "--model", "auto", "--modes", "3"], "--model auto chooses modes itself"),
         ([str(measured), "--train", "900:"], "no sample lies in '900:'"),
         ([str(measured), "--tau", "soon"], "cannot read --tau 'soon' as numbers"),
         ([str(measured), "--tau", "3,100"], "need one value of tau per relaxation: 2 != 7"),

@@ -13,7 +13,7 @@ from .regression import Stretch
 from .settings import PreisachSettings
 
 SHORTEST, LONGEST = 0.15, 0.25  # of a sample and of the record: times of the kernels
-LEAST_RELAXATIONS, KNOTS, RIDGE = 7, 6, 1e-3
+LEAST_RELAXATIONS = 7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,16 +54,18 @@ def inverse_settings(turned: Turned, forward: PreisachSettings) -> PreisachSetti
     shortest = min(float(np.median(np.diff(r.time))) for r in turned.records)
     longest = max(float(np.ptp(r.time[rows])) for r, rows in zip(turned.records, turned.train, strict=True))
     tau = np.geomspace(SHORTEST * shortest, LONGEST * longest, max(forward.relaxations, LEAST_RELAXATIONS))
+    how = forward.inverse
     return PreisachSettings(
         density="hats",
-        knots=KNOTS,
+        knots=how.knots,
         relaxations=tau.size,
         tau=tuple(tau.tolist()),
         exponents=(1.0,) * tau.size,
-        extension="reversing" if any(drive.gain for drive in forward.drives) else "falling",
+        extension=how.extension or ("reversing" if any(drive.gain for drive in forward.drives) else "falling"),
         signed=True,
         eta=(1.0, 1.0),
-        ridge=RIDGE,
+        ridge=how.ridge,
+        earlier=forward.earlier if how.earlier is None else how.earlier,
         least_slope=MIN_SPRING_WEIGHT,
         least_weight=0.0,
         starts=1,

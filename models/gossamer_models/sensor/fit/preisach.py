@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from ...arrays import Rows, Vector
+from ...arrays import Matrix, Rows, Vector
 from ...fitting.constrained import GaussNewton, Solution
 from ...fitting.errors import Errors, stretch_errors
 from ...fitting.records import Record, check_rest, strain_range
@@ -22,7 +22,9 @@ from .inverse import inverse_settings, turn
 from .normalise import normalised_output, normalised_sensor
 from .parameters import Block
 from .regression import Stretch, prepare
-from .ridge import choose_ridge
+from .residual import choose_steps, corrections, features_of
+from .residual import train as train_network
+from .ridge import choose_ridge, forward_cuts
 from .settings import PreisachSettings
 from .solve import Watch, solve
 from .weights import weight_function
@@ -48,6 +50,8 @@ class PreisachFit:
         Fitted records.
     predicted : tuple of ndarray
         Resistance [ohm] that the artifact gives for every record, with the relaxation from before it began.
+    alone : tuple of ndarray
+        The same without that relaxation: what an FMU gives, which cannot know it.
     train : tuple of ndarray of bool
         Samples of every record that were fitted.
     solutions : tuple of Solution
@@ -66,6 +70,7 @@ class PreisachFit:
     x: Vector
     records: tuple[Record, ...]
     predicted: tuple[Vector, ...]
+    alone: tuple[Vector, ...]
     train: tuple[Rows, ...]
     solutions: tuple[Solution, ...]
     solver: GaussNewton
@@ -91,6 +96,7 @@ def fit_preisach(
     rest_resistance: float | None = None,
     positive_rest: bool = True,
     watch: Watch | None = None,
+    inverse: bool = True,
 ) -> PreisachFit:
     """Fit one sensor to one or several records.
 
@@ -110,6 +116,8 @@ def fit_preisach(
         Keep the fitted resistance at rest positive where the output is nowhere negative, as that of a resistance.
     watch : callable, optional
         Called with the name of the start, the iteration and the root mean square error [% of range].
+    inverse : bool
+        False leaves the direct inverse out, for trials of the sensor alone.
 
     Returns
     -------
@@ -128,12 +136,15 @@ def fit_preisach(
         settings = choose_ridge(
             records, train, settings, full_scale=full_scale, rest_resistance=rest_resistance, watch=watch
         )
+    if settings.residual == "auto":
+        steps = residual_steps(records, train, settings, full_scale=full_scale, rest_resistance=rest_resistance)
+        settings = replace(settings, residual=steps)
     regression = prepare(records, train, settings, full_scale)
     weights = weight_function(settings, regression, rest_resistance, positive_rest=positive_rest)
     solver, solutions = solve(weights, regression, settings, watch)
     x, unit = solutions[0].x, regression.unit
     artifact, y0, rise = normalised_sensor(settings, weights, x, regression)
-    if settings.direct_inverse or not settings.invertible:
+    if inverse and (settings.direct_inverse or not settings.invertible or settings.residual):
         artifact = replace(artifact, inverse=_direct_inverse(regression.stretches, y0, rise, settings))
     if y0 > 0.0:  # a resistance, not a signal
         scales = Scales(
@@ -141,7 +152,8 @@ def fit_preisach(
         )
         artifact = replace(artifact, scales=scales)
     earlier = weights(x).v
-    return PreisachFit(
+    alone = tuple(unit * (y0 + rise * normalised_output(artifact, s)) for s in regression.stretches)
+    fit = PreisachFit(
         artifact=artifact,
         settings=settings,
         full_scale=full_scale,
@@ -149,13 +161,51 @@ def fit_preisach(
         resistance_change=rise * unit,
         x=x,
         records=records,
-        predicted=tuple(
-            unit * (y0 + rise * normalised_output(artifact, s) + s.V @ earlier) for s in regression.stretches
-        ),
+        predicted=tuple(p + unit * (s.V @ earlier) for p, s in zip(alone, regression.stretches, strict=True)),
+        alone=alone,
         train=train,
         solutions=solutions,
         solver=solver,
         blocks=weights.blocks,
+    )
+    return _with_network(fit, int(settings.residual)) if settings.residual else fit
+
+
+def residual_steps(
+    records: tuple[Record, ...],
+    train: tuple[Rows, ...],
+    settings: PreisachSettings,
+    *,
+    full_scale: float,
+    rest_resistance: float | None = None,
+) -> int:
+    """Return for how many steps a residual network is best trained, 0 for none; only training samples are used."""
+    plain = replace(settings, residual=0)
+    cuts = []
+    for fitted, held in forward_cuts(train):
+        given = {"full_scale": full_scale, "rest_resistance": rest_resistance}
+        fit = fit_preisach(records, fitted, plain, inverse=False, **given)  # type: ignore[arg-type]
+        cuts.append((*_left_over(fit), fitted, held))
+    return choose_steps(cuts, seed=settings.seed)
+
+
+def _left_over(fit: PreisachFit) -> tuple[list[Matrix], list[Vector]]:
+    """Return the features of a sensor over every record, and the output [1] that it does not explain."""
+    features = [features_of(fit.artifact, record, fit.full_scale) for record in fit.records]
+    left = [(r.resistance - p) / fit.resistance_change for r, p in zip(fit.records, fit.predicted, strict=True)]
+    return features, left
+
+
+def _with_network(fit: PreisachFit, steps: int) -> PreisachFit:
+    """Return a fit whose sensor is corrected by a network that was trained on what it leaves over."""
+    features, left = _left_over(fit)
+    network = train_network(features, left, fit.train, steps, seed=fit.settings.seed)
+    changes = [fit.resistance_change * corrections(network, each) for each in features]
+    return replace(
+        fit,
+        artifact=replace(fit.artifact, residual=network),
+        predicted=tuple(p + change for p, change in zip(fit.predicted, changes, strict=True)),
+        alone=tuple(p + change for p, change in zip(fit.alone, changes, strict=True)),
     )
 
 

@@ -55,7 +55,7 @@ def choose_ridge(
     for number, ridge in enumerate(RIDGES):
         trial = replace(settings, starts=1, ridge=ridge)
         squares: list[float] = []
-        for fitted, held in _forward(train):
+        for fitted, held in forward_cuts(train):
             parts = tuple(replace(s, train=rows) for s, rows in zip(regression.stretches, fitted, strict=True))
             if not any(moves(s.strain[s.train]) for s in parts):
                 msg = (
@@ -93,7 +93,7 @@ def between(ridges: Sequence[float], errors: Vector) -> float:
     return float(f"{np.exp(np.average(np.log(ridges), weights=weights)):.3g}")
 
 
-def _forward(train: tuple[Rows, ...]) -> Iterator[tuple[tuple[Rows, ...], tuple[Rows, ...]]]:
+def forward_cuts(train: tuple[Rows, ...]) -> Iterator[tuple[tuple[Rows, ...], tuple[Rows, ...]]]:
     """Cut the training samples of every record in time order; return what to fit and what to predict."""
     for k in range(PARTS // 2, PARTS):
         pairs = [_cut(rows, k) for rows in train]

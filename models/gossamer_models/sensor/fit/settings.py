@@ -7,7 +7,7 @@ from math import inf
 from typing import Any, ClassVar, Literal
 
 from ...errors import ParameterError
-from ...fitting.options import number_or_auto, numbers, option
+from ...fitting.options import count_or_auto, number_or_auto, numbers, option
 from ..drives import EXTENSIONS, Drive
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -15,6 +15,28 @@ PRESETS: dict[str, dict[str, Any]] = {
     "preisach-hats": {"density": "hats", "density_ridge": 3e-3},
 }
 MODELS = tuple(PRESETS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InverseSettings:
+    """How to fit a direct inverse.
+
+    Attributes
+    ----------
+    extension : str or None
+        Key of ``EXTENSIONS``; None for ``reversing`` where the sensor has a gain, else ``falling``.
+    knots : int
+        Knots of the hat functions along each axis.
+    ridge : float
+        Pull towards small densities and relaxation.
+    earlier : bool or None
+        Whether relaxation from before a record is fitted too; None as for the sensor.
+    """
+
+    extension: str | None = None
+    knots: int = 6
+    ridge: float = 1e-3
+    earlier: bool | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +58,8 @@ class PreisachSettings:
     ridge : float, "auto" or None
         Value for both ``density_ridge`` and ``relaxation_ridge``; "auto" chooses it by predicting the later parts of the
         training stretch; None leaves them as they are.
+    residual : int or "auto"
+        Iterations in which a network is trained on what the sensor leaves over; 0 for no network.
     earlier : bool
         Whether relaxation from before a record may still be under way when it begins; the resulting sensor does not
         include it.
@@ -68,6 +92,8 @@ class PreisachSettings:
         data require them.
     most_iterations : int
         Most iterations per start.
+    inverse : InverseSettings
+        How to fit a direct inverse, where there is one.
     """
 
     FAMILY: ClassVar[str] = "Preisach"
@@ -97,6 +123,13 @@ class PreisachSettings:
     )
     earlier: bool = option(False, "The sensor was not at rest when its record began: fit the earlier relaxation too.")
     direct_inverse: bool = option(False, "Fit a direct inverse from resistance to strain too, for the compensator.")
+    residual: int | Literal["auto"] = option(
+        0,
+        "Correct the sensor by a small network: training steps, or auto to choose them, or none, by predicting the later "
+        "parts of the training stretch. None if not given.",
+        read=count_or_auto,
+        metavar="NUMBER",
+    )
     least_slope: float = option(
         0.02, "Least slope, in the output's range per full scale: limits how much the compensator amplifies noise."
     )
@@ -117,6 +150,7 @@ class PreisachSettings:
     kernel_stiffness: float = 1e-3
     relaxation_ridge: float = 1e-3
     most_iterations: int = 60
+    inverse: InverseSettings = InverseSettings()
 
     @classmethod
     def of(cls, model: str, **chosen: Any) -> PreisachSettings:  # noqa: ANN401

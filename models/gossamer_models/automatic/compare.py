@@ -1,0 +1,109 @@
+"""A sensor beside what any model must beat, with intervals of confidence from blocks of the test stretch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Rows, Vector
+from ..fitting.errors import nrmse
+from ..fitting.records import Record
+from .baselines import cubic, regression
+
+BLOCKS = 10  # of the test stretch of a record
+DRAWS = 1000
+CONFIDENCE = 0.9
+HERE = "this sensor"
+RIVALS = ("static cubic", "regression on lags")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """Errors of one model on the test stretch of one record.
+
+    Attributes
+    ----------
+    record, model : str
+        Which record, and which model: ``HERE`` or one of ``RIVALS``.
+    forward, strain : tuple of float, or None
+        NRMSE [% of range] of the output and of the recovered strain: the value and the ends of its interval of 90 %
+        confidence; None where there is none.
+    """
+
+    record: str
+    model: str
+    forward: tuple[float, float, float] | None
+    strain: tuple[float, float, float] | None
+
+
+def standings(
+    records: Sequence[Record],
+    train: Sequence[Rows],
+    predicted: Sequence[Vector],
+    recovered: Sequence[Vector] | None,
+) -> tuple[Standing, ...]:
+    """Return the errors of a sensor and of its rivals on every test stretch.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The records.
+    train : sequence of ndarray of bool
+        Their training samples; the rivals are fitted to the same ones.
+    predicted, recovered : sequence of ndarray
+        Resistance [ohm] and strain [1] that the sensor gives; recovered None if it has no compensator.
+    """
+    R, strain = [r.resistance for r in records], [r.strain for r in records]
+    own = [k for k, rows in enumerate(train) if rows.any()]
+
+    def fitted(u: list[Vector], y: list[Vector]) -> dict[str, dict[int, Vector]]:
+        parts = [records[k] for k in own], [u[k] for k in own], [y[k] for k in own], [train[k] for k in own]
+        answers = cubic(*parts[1:]), regression(*parts)
+        return {name: dict(zip(own, answer, strict=True)) for name, answer in zip(RIVALS, answers, strict=True)}
+
+    forward = {HERE: dict(enumerate(predicted))} | fitted(strain, R)
+    back: dict[str, dict[int, Vector]] = {HERE: dict(enumerate(recovered or ()))} | fitted(R, strain)
+    return tuple(
+        Standing(
+            record=record.name,
+            model=model,
+            forward=_interval(R[k], forward[model].get(k), ~train[k]),
+            strain=_interval(strain[k], back[model].get(k), ~train[k]),
+        )
+        for k, record in enumerate(records)
+        if not train[k].all()
+        for model in (HERE, *RIVALS)
+    )
+
+
+def defeats(table: Sequence[Standing]) -> tuple[str, ...]:
+    """Return a sentence for every record and quantity in which a rival is better than the sensor."""
+    found = []
+    for here in table:
+        if here.model != HERE:
+            continue
+        for quantity, text in (("forward", "predicts the output"), ("strain", "recovers the strain")):
+            own = getattr(here, quantity)
+            for other in table:
+                its = getattr(other, quantity)
+                if other.record == here.record and other.model in RIVALS and own and its and its[0] < own[0]:
+                    found.append(
+                        f"{here.record}: a {other.model} {text} of the test stretch better than this sensor, "
+                        f"{its[0]:.2f} against {own[0]:.2f} % of range. More or richer training data may change that."
+                    )
+    return tuple(found)
+
+
+def _interval(measured: Vector, predicted: Vector | None, rows: Rows) -> tuple[float, float, float] | None:
+    """Return the error and its interval of confidence; blocks are drawn whole, as errors of neighbours are alike."""
+    if predicted is None:
+        return None
+    size = float(np.ptp(measured))
+    blocks = np.array_split((predicted - measured)[rows] ** 2, BLOCKS)
+    squares = np.array([block.sum() for block in blocks]), np.array([block.size for block in blocks])
+    drawn = np.random.default_rng(0).integers(BLOCKS, size=(DRAWS, BLOCKS))
+    errors = 100.0 * np.sqrt(squares[0][drawn].sum(axis=1) / np.maximum(squares[1][drawn].sum(axis=1), 1)) / size
+    low, high = np.quantile(errors, (0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE))
+    return nrmse(measured[rows], predicted[rows], size), float(low), float(high)

@@ -1,0 +1,187 @@
+"""Choice of the compensator by the strain it recovers, and the numbers of the filter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Rows
+from ..errors import DataError
+from ..fitting.records import Record
+from ..replay import Recovered, recover_by_fit
+from ..sensor.fit import PreisachFit, PreisachSettings, fit_preisach
+from ..sensor.tracking import Tracking
+from .sensors import NOTHING, sensor_name
+from .split import FITTED, cut
+from .tracking import calibrated, error_model, held_errors, motion
+from .trials import Bench, error_on
+
+TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
+SURE, CALM = 30.0, 1.0
+NEAR = 1.1  # of methods whose errors are at most so many times the least one, that tried first wins: less is left to chance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Method:
+    """A way to compensate a sensor.
+
+    Attributes
+    ----------
+    sensor : PreisachSettings
+        The sensor.
+    name : {"inverse", "estimator", "filter"}
+        Method of ``compensator_model``.
+    direct : bool
+        Whether the direct inverse is used: by itself or, by the filter, as a second measurement.
+    tail, wander : float
+        Of the filter: ``Tracking.tail``, and the factor of the wander that the records show [1].
+    """
+
+    sensor: PreisachSettings
+    name: str
+    direct: bool
+    tail: float = TAIL
+    wander: float = WANDER
+
+    @property
+    def text(self) -> str:
+        """The method in words."""
+        if self.name == "inverse" and self.direct:
+            return "direct inverse"
+        if self.name != "filter":
+            return f"{'exact inverse' if self.name == 'inverse' else 'estimator'} of {sensor_name(self.sensor)}"
+        direct = "with" if self.direct else "without"
+        how = f"{direct} direct inverse, tail {self.tail:g}, wander {self.wander:g}"
+        return f"filter on {sensor_name(self.sensor)}, {how}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    """A sensor that was fitted to an earlier part of the training stretch.
+
+    Attributes
+    ----------
+    fit : PreisachFit
+        The sensor, with a direct inverse.
+    late : tuple of ndarray of bool
+        Samples to judge by.
+    base : Tracking
+        Numbers of its filter before a method changes them.
+    noise : float
+        White noise of the resistance [ohm].
+    """
+
+    fit: PreisachFit
+    late: tuple[Rows, ...]
+    base: Tracking
+    noise: float
+
+    def numbers(self, method: Method) -> Tracking:
+        """Return the numbers of the filter with a method."""
+        inverse = self.base.inverse if method.direct else None
+        return replace(self.base, inverse=inverse, tail=method.tail, wander=self.base.wander * method.wander)
+
+    def run(self, method: Method) -> tuple[Recovered, ...]:
+        """Return the strain that a method recovers from every record."""
+        ready = equipped(self.fit, method, self.numbers(method))
+        noise = self.noise if method.name == "estimator" else 0.0
+        return tuple(recover_by_fit(ready, record, noise=noise) for record in self.fit.records)
+
+
+def choose_compensator(
+    records: tuple[Record, ...],
+    train: tuple[Rows, ...],
+    sensors: Iterable[PreisachSettings],
+    bench: Bench,
+    *,
+    until: float,
+    full_scale: float,
+    rest_resistance: float | None,
+) -> tuple[Method, Tracking]:
+    """Return the compensator whose strain is best, and numbers for the filter with the same sensor.
+
+    Parameters
+    ----------
+    records, train : tuple of Record, tuple of ndarray of bool
+        Training stretches in full, as the filter works sample by sample.
+    sensors : iterable of PreisachSettings
+        Sensors to compensate, the best first, with the settings of their direct inverse.
+    bench, until, full_scale, rest_resistance
+        See ``choose_sensors``.
+
+    Raises
+    ------
+    DataError
+        No compensator could be run.
+    """
+    sensors = tuple(replace(settings, direct_inverse=True) for settings in sensors)
+
+    @cache
+    def tried(share: float, settings: PreisachSettings) -> Tried:
+        early, late = cut(train, share)
+        fit = fit_preisach(records, early, settings, full_scale=full_scale, rest_resistance=rest_resistance)
+        return Tried(fit=fit, late=late, **_numbers(fit, train, late))
+
+    @cache
+    def run(share: float, method: Method) -> tuple[Recovered, ...]:
+        return tried(share, method.sensor).run(method)
+
+    def judge(method: Method) -> float:
+        """Return the geometric mean over the cuts: whoever is judged is judged by all, also when time is short."""
+        errors = []
+        for share in FITTED:
+            strains = (each.strain for each in run(share, method))
+            errors.append(error_on(strains, (r.strain for r in records), cut(train, share)[1]))
+        return float(np.exp(np.mean(np.log(errors))))
+
+    methods = [Method(sensor=sensor, name="filter", direct=True) for sensor in sensors]
+    methods.append(Method(sensor=sensors[0], name="inverse", direct=True))
+    methods += [Method(sensor=s, name="filter", direct=True, tail=SURE, wander=CALM) for s in sensors]
+    plain = (replace(sensor, residual=0) for sensor in sensors if sensor.invertible)  # a network has no exact inverse
+    methods += [Method(sensor=s, name=name, direct=False) for s in plain for name in ("inverse", "estimator")]
+    found = bench.best("compensator", methods, lambda m: m.text, [judge], until=until, share=(0.7, 0.95))
+    if not found:
+        raise DataError(NOTHING)
+    close = [method for error, method in found if error <= NEAR * found[0][0]]
+    best = min(close, key=methods.index)
+    filters = [m for _, m in found if m.name == "filter" and m.sensor == best.sensor]
+    if not filters:  # none was tried: this one serves whoever builds the FMU filter
+        filters = [Method(sensor=best.sensor, name="filter", direct=best.direct)]
+    numbers = tried(FITTED[-1], best.sensor).numbers(filters[0])
+    candidates = []
+    for share in FITTED:
+        late, runs = tried(share, best.sensor).late, run(share, filters[0])
+        errors = [((e.strain - r.strain) / full_scale)[k] for r, e, k in zip(records, runs, late, strict=True)]
+        stated = [np.asarray(e.deviation)[k] / full_scale for e, k in zip(runs, late, strict=True)]
+        candidates.append(calibrated(numbers, np.concatenate(errors), np.concatenate(stated)))
+    return best, max(candidates, key=lambda each: each.floor)  # the less favourable cut: tests lie further ahead
+
+
+def equipped(fit: PreisachFit, method: Method, tracking: Tracking | None) -> PreisachFit:
+    """Return a fit that has a direct inverse with a compensator; the inverse goes where the method does not use it."""
+    artifact = replace(
+        fit.artifact,
+        inverse=fit.artifact.inverse if method.direct or not fit.artifact.exactly_invertible else None,
+        compensator=method.name,
+        tracking=tracking,
+    )
+    return replace(fit, artifact=artifact)
+
+
+def _numbers(fit: PreisachFit, train: tuple[Rows, ...], late: tuple[Rows, ...]) -> dict[str, Any]:
+    """Return the numbers of a filter, not yet calibrated, and the noise of the resistance [ohm]."""
+    records, full_scale = fit.records, fit.full_scale
+    step = float(np.median(np.concatenate([np.diff(r.time) for r in records])))
+    output = [(r.resistance - p) / fit.resistance_change for r, p in zip(records, fit.alone, strict=True)]
+    strain = [(r.strain - recover_by_fit(fit, r, "inverse").strain) / full_scale for r in records]
+    seen = [(r.time[rows], r.strain[rows] / full_scale) for r, rows in zip(records, train, strict=True)]
+    base = Tracking(
+        output=error_model(held_errors(output, late), step),
+        inverse=error_model(held_errors(strain, late), step),
+        **motion([t for t, _ in seen], [s for _, s in seen], step),
+    )
+    return {"base": base, "noise": base.output.white * fit.resistance_change}

@@ -1,0 +1,307 @@
+r"""The compensator as a particle filter: hypotheses of the strain, each with a sensor of its own, weighed by the resistance.
+
+Symbols: ``s`` strain [1], ``v`` its rate [1/s], ``w`` weights [1] of ``P`` hypotheses, one per column; ``b`` slow error of
+the sensor's output and ``c`` of the direct inverse's strain [1], ``vb``, ``vc`` their variances; ``y`` normalised output
+[1], ``h`` step [s].
+
+The output of some sensors moves against the strain, or by a gain: no inverse, but the sensor's own model tells how likely a
+strain is. One step reads move, predict, weigh, report, select:
+
+1. Move: the rate of strain wanders; now and then it turns to any other, a few hypotheses go where the direct inverse is.
+2. Predict: every hypothesis advances its sensor, ``SensorLaw.advance``.
+3. Weigh: the output, and the direct inverse's strain if there is one, against what was predicted. A slow error of either is
+   estimated per hypothesis by a Kalman filter, so a drift is not taken for strain.
+4. Report: mean and deviation of the strain ``DELAY`` samples ago, and of the present one.
+5. Select: when few hypotheses carry the weight, they replace the others.
+
+Random numbers are replaced by sequences of low discrepancy, whose place is in the state: the same record gives the same
+strain, bit by bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import casadi as ca
+import numpy as np
+
+from ..sensor.artifact import DirectInverse, SensorArtifact, default_artifact
+from ..sensor.model import ADVICE, SCALE_VARIABLES, clip, normalised, resting_state, saturated, with_scales
+from ..sensor.state import SensorLaw, SensorState
+from ..sensor.tracking import DEFAULT_TRACKING, ErrorModel, Tracking
+from ..step_model import StepModel
+from ..variables import Results, Values, input_, output, parameter
+
+PARTICLES = 96
+DELAY = 24  # [samples]
+EXPLORING = 0.15  # share of the hypotheses that turn in every step at least; their weights make up for it
+AIMED = 0.02  # share that goes where the direct inverse is
+WIDEST = 0.46  # of half a turn: the rates after a turn are Cauchy distributed up to 8 times their median
+UNKNOWN = 0.3  # [1] deviation of the slow errors before the first sample: records begin with relaxation under way
+UNLIKELY = 6.0  # standard deviations by which the best hypothesis may miss before the output counts as out of range
+FEW = 0.5  # share of the hypotheses that must carry the weight
+LOGISTIC = np.sqrt(3.0) / np.pi  # of a logistic distribution with deviation 1
+SHORTEST = 1e-9  # [s]
+# additive recurrences, see M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018
+GOLDEN, PLASTIC = 0.6180339887498949, (0.7548776662466927, 0.5698402909980532)
+
+VARIABLES = (
+    *SCALE_VARIABLES,
+    parameter(
+        "noise",
+        "ohm",
+        "Standard deviation of the resistance's white noise, beyond the model's own",
+        0.0,
+        0.0,
+        nominal=0.1,
+    ),
+    input_("resistance", "ohm", "Measured resistance, one sample per step", 100.0, nominal=100.0),
+    output("strain", "1", "Estimated strain, delay seconds ago", minimum=0.0, nominal=0.1),
+    saturated("1 if no hypothesis of the strain explains the resistance, else 0"),
+    output("present_strain", "1", "Estimated strain now: without delay, less accurate", minimum=0.0, nominal=0.1),
+    output("strain_deviation", "1", "Standard deviation of the error of strain", minimum=0.0, nominal=0.001),
+    output("delay", "s", "Delay of strain behind the resistance", minimum=0.0, nominal=1.0),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Hypotheses:
+    """One hypothesis of the strain per column.
+
+    Attributes
+    ----------
+    sensor : SensorState
+        Memory of the sensor; of ``up`` and ``down`` the sums over the lines.
+    v, b, c : casadi.MX, shape (1, P)
+        Rate of strain [1/s], slow errors of output and of the direct inverse [1].
+    past : casadi.MX, shape (P, M + 1)
+        Strain [1] of the latest samples, oldest first, one hypothesis per row: so a shift moves no columns apart.
+    """
+
+    sensor: SensorState
+    v: ca.MX
+    b: ca.MX
+    c: ca.MX
+    past: ca.MX
+
+    def chosen(self, which: ca.MX) -> Hypotheses:
+        """Return the hypotheses with some numbers, shape (1, P), in place of these."""
+        sensor = SensorState(*(getattr(self.sensor, each.name)[:, which] for each in fields(SensorState)))
+        return Hypotheses(sensor, self.v[:, which], self.b[:, which], self.c[:, which], self.past[which, :])
+
+
+@dataclass(frozen=True, slots=True)
+class FilterState:
+    """State of the filter.
+
+    Attributes
+    ----------
+    hypotheses : Hypotheses
+        Hypotheses of the strain.
+    w : casadi.MX, shape (1, P)
+        Their weights [1].
+    vb, vc : casadi.MX, scalar
+        Variances of the slow errors [1].
+    inverse : SensorState
+        Memory of the direct inverse.
+    steps : casadi.MX, shape (M,)
+        The latest steps [s].
+    place : casadi.MX, shape (2,)
+        Where the sequences are [1].
+    """
+
+    hypotheses: Hypotheses
+    w: ca.MX
+    vb: ca.MX
+    vc: ca.MX
+    inverse: SensorState
+    steps: ca.MX
+    place: ca.MX
+
+
+def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTICLES, delay: int = DELAY) -> StepModel:
+    """Build the particle filter of the strain for any sensor.
+
+    Parameters
+    ----------
+    artifact : SensorArtifact or None
+        Identified sensor; None for the one that ships with the package.
+    particles : int
+        Number of hypotheses.
+    delay : int
+        Delay of the strain [samples].
+
+    Returns
+    -------
+    StepModel
+        Input ``resistance`` [ohm]; outputs ``strain`` [1] with its delay and standard deviation, ``present_strain`` [1] and
+        ``saturated`` [1].
+
+    Notes
+    -----
+    A bootstrap filter [1]_ with stratified turns, whose slow errors are integrated out per hypothesis [2]_, and with
+    systematic selection.
+
+    References
+    ----------
+    .. [1] N. J. Gordon, D. J. Salmond, A. F. M. Smith, IEE Proceedings F 140(2), 107-113, 1993,
+       doi:10.1049/ip-f-2.1993.0015.
+    .. [2] T. Schoen, F. Gustafsson, P.-J. Nordlund, IEEE Transactions on Signal Processing 53(7), 2279-2289, 2005,
+       doi:10.1109/TSP.2005.849151.
+    """
+    artifact = default_artifact() if artifact is None else artifact
+    law = SensorLaw(replace(artifact, inverse=None))
+    tracking = artifact.tracking or DEFAULT_TRACKING
+    direct = _Direct(artifact.inverse if tracking.inverse is not None else None)
+
+    def init(_: Values, p: Values) -> tuple[FilterState, Results]:
+        rest = resting_state(law, p)
+        many = replace(rest, up=ca.sum1(rest.up), down=ca.sum1(rest.down))
+        many = SensorState(*(ca.repmat(getattr(many, each.name), 1, particles) for each in fields(SensorState)))
+        none = ca.MX.zeros(1, particles)
+        hypotheses = Hypotheses(many, none, none, none, ca.repmat(rest.s, particles, delay + 1))
+        unknown = ca.MX(UNKNOWN**2)
+        strain = rest.s * p.full_scale_strain
+        zero = dict.fromkeys(("saturated", "strain_deviation", "delay"), ca.MX(0.0))
+        state = FilterState(
+            hypotheses,
+            ca.MX(ca.DM.ones(1, particles)) / particles,
+            unknown,
+            unknown,
+            direct.rest(law.output(rest)),
+            ca.MX.zeros(delay),
+            ca.MX.zeros(2),
+        )
+        return state, {"strain": strain, "present_strain": strain, **zero}
+
+    def step(x: FilterState, u: Values, p: Values, h: ca.MX) -> tuple[FilterState, Results]:
+        y = normalised(u.resistance, p)
+        inverse = direct.advance(x.inverse, y, h)
+        aim = direct.strain(inverse)
+        place = _fraction(x.place + ca.DM(PLASTIC))
+        # move and predict
+        s, v, factor = _move(x.hypotheses, tracking, aim, place, h)
+        sensor = law.advance(x.hypotheses.sensor, s, h)
+        predicted = law.output(sensor)
+        sensor = replace(sensor, up=ca.sum1(sensor.up), down=ca.sum1(sensor.down))
+        # weigh
+        noise = (p.noise / p.full_scale_resistance_change) ** 2
+        b, vb, miss, log_w = _weigh(x.hypotheses.b, x.vb, y - predicted, tracking.output, tracking.tail, noise, h)
+        c, vc = x.hypotheses.c, x.vc
+        if aim is not None and tracking.inverse is not None:
+            c, vc, _, more = _weigh(c, vc, aim - s, tracking.inverse, tracking.tail, ca.MX(0.0), h)
+            log_w = log_w + more
+        w = x.w * factor * ca.exp(log_w - ca.mmax(log_w))
+        w = w / ca.sum2(w)
+        # report
+        past = ca.horzcat(x.hypotheses.past[:, 1:], s.T)
+        steps = ca.vertcat(x.steps[1:], h)
+        then, now = ca.dot(w.T, past[:, 0]), ca.dot(w, s)
+        variance = ca.dot(w.T, (past[:, 0] - then) ** 2)
+        deviation = ca.sqrt(tracking.factor**2 * variance + tracking.floor**2)
+        # select
+        hypotheses = Hypotheses(sensor, v, b, c, past)
+        few = ca.sumsqr(w) * particles > 1.0 / FEW
+        hypotheses = hypotheses.chosen(ca.if_else(few, _survivors(w), ca.DM(np.arange(particles)).T))
+        w = ca.if_else(few, 1.0 / particles, w)
+        return FilterState(hypotheses, w, vb, vc, inverse, steps, place), {
+            "strain": then * p.full_scale_strain,
+            "saturated": miss > UNLIKELY,
+            "present_strain": now * p.full_scale_strain,
+            "strain_deviation": deviation * p.full_scale_strain,
+            "delay": ca.sum1(steps),
+        }
+
+    return StepModel.written(
+        name="compensator",
+        description="Particle filter of strain from the resistance of any sensor",
+        variables=with_scales(VARIABLES, artifact, quiet=True),
+        init=init,
+        step=step,
+        advice=ADVICE,
+        provenance=dict(artifact.provenance),
+    )
+
+
+def _move(old: Hypotheses, tracking: Tracking, aim: ca.MX | None, place: ca.MX, h: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """Return strain [1] and rate [1/s] of every hypothesis after a step, and the factors of their weights [1]."""
+    P = old.v.shape[1]
+    first, second = (
+        _fraction(ca.DM(np.arange(P) * ratio % 1.0).T + place[k]) for k, ratio in enumerate((GOLDEN, PLASTIC[0]))
+    )
+    turns = 1.0 - ca.exp(-tracking.turns * h)
+    tried = ca.fmax(turns, EXPLORING)
+    turn = first < tried
+    moving = (second - tracking.hold) / (1.0 - tracking.hold)
+    other = tracking.rate * ca.tan(WIDEST * np.pi * (2.0 * ca.fmax(moving, 0.0) - 1.0))
+    other = ca.if_else(moving < 0.0, 0.0, other)
+    inside = ca.fmin(ca.fmax(second, 1e-3), 1.0 - 1e-3)
+    same = old.v + tracking.wander * ca.sqrt(h) * LOGISTIC * ca.log(inside / (1.0 - inside))
+    v = ca.if_else(turn, other, same)
+    s = old.sensor.s + v * h
+    if aim is not None:
+        aimed = first < AIMED
+        s, v = ca.if_else(aimed, aim, s), ca.if_else(aimed, 0.0, v)
+    ended = ca.logic_or(s < 0.0, s > 1.0)
+    return clip(s), ca.if_else(ended, 0.0, v), ca.if_else(turn, turns / tried, (1.0 - turns) / (1.0 - tried))
+
+
+def _weigh(
+    mean: ca.MX, variance: ca.MX, error: ca.MX, model: ErrorModel, tail: float, noise: ca.MX, h: ca.MX
+) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
+    """Weigh errors [1], shape (1, P), by their model, and update the slow parts in them.
+
+    Returns
+    -------
+    mean, variance : casadi.MX, shape (1, P) and scalar
+        Slow parts [1] after the sample.
+    miss : casadi.MX, scalar
+        Least error in standard deviations [1].
+    log_w : casadi.MX, shape (1, P)
+        Logarithms of the likelihoods [1].
+    """
+    left = ca.exp(-h / model.time)
+    mean, variance = left * mean, left**2 * variance + (1.0 - left**2) * model.slow**2
+    total = variance + model.white**2 + noise
+    surprise = error - mean
+    squares = surprise**2 / total
+    least = ca.mmin(squares)
+    # a sample that no hypothesis explains is a fault, and tells nothing of the slow part
+    gain = variance / total * ca.fmin((tail + 1.0) / (tail + least), 1.0)
+    log_w = -0.5 * (tail + 1.0) * ca.log1p(squares / tail)
+    return mean + gain * surprise, (1.0 - gain) * variance, ca.sqrt(least), log_w
+
+
+def _survivors(w: ca.MX) -> ca.MX:
+    """Return the columns that systematic selection keeps, shape (1, P), from weights of sum 1."""
+    P = w.shape[1]
+    below = ca.vertcat(0.0, ca.cumsum(w.T))
+    return ca.low(below, ca.DM((np.arange(P) + 0.5) / P), {"lookup_mode": "binary"}).T
+
+
+def _fraction(x: ca.MX) -> ca.MX:
+    return x - ca.floor(x)
+
+
+class _Direct:
+    """The direct inverse of a sensor, or nothing where there is none: its memory is then empty."""
+
+    def __init__(self, inverse: DirectInverse | None) -> None:
+        self.inverse = inverse
+        self.law = None if inverse is None else SensorLaw(inverse.law)
+
+    def rest(self, y: ca.MX) -> SensorState:
+        """Return its memory at rest at an output [1]."""
+        return SensorState(*7 * [ca.MX(0, 1)]) if self.law is None else self.law.rest(self._place(y))
+
+    def advance(self, state: SensorState, y: ca.MX, h: ca.MX) -> SensorState:
+        """Return its memory after a step that ends at an output [1]."""
+        return state if self.law is None else self.law.advance(state, self._place(y), h)
+
+    def strain(self, state: SensorState) -> ca.MX | None:
+        """Return its strain [1]; None where there is none."""
+        return None if self.inverse is None else clip(self.inverse.offset + self.inverse.scale * state.output())
+
+    def _place(self, y: ca.MX) -> ca.MX:
+        assert self.inverse is not None
+        return clip((y - self.inverse.lowest) / (self.inverse.highest - self.inverse.lowest))

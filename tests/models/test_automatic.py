@@ -1,0 +1,168 @@
+"""The choice of a sensor within its training stretch: what it is judged by, its baselines, its numbers of the filter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gossamer_models import DataError
+from gossamer_models.automatic import HERE, choose, defeats, standings
+from gossamer_models.automatic.split import cut, shortened
+from gossamer_models.automatic.tracking import OPTIMISM, calibrated, error_model, motion
+from gossamer_models.automatic.trials import Bench, error_on
+from gossamer_models.identify import settings_for
+from gossamer_models.replay import recover_by_fit
+from gossamer_models.sensor.fit.align import align
+from gossamer_models.sensor.tracking import DEFAULT_TRACKING
+from oracles.records import everything, record, zigzag
+
+
+def half(r):
+    return (np.arange(r.time.size) < r.time.size // 2,)
+
+
+def plays(strain, width=0.1):
+    out = np.empty_like(strain)
+    level = strain[0]
+    for k, s in enumerate(strain):
+        out[k] = level = max(s - width, min(s + width, level))
+    return out
+
+
+def test_a_cut_keeps_the_order_of_time_and_every_training_sample():
+    rows = np.zeros(50, dtype=bool)
+    rows[10:40] = True
+    early, late = cut([rows], 0.6)
+    assert np.flatnonzero(early[0]).tolist() == list(range(10, 28))
+    assert ((early[0] ^ late[0]) == rows).all()
+
+
+def test_records_that_are_too_long_are_thinned_with_their_training_samples():
+    r = record(zigzag(turns=800, per=14), np.arange(800 * 13 + 1.0))
+    (short,), (rows,) = shortened((r,), half(r))
+    assert short.time.size < 4100
+    assert (short.time[rows] <= r.time[half(r)[0]].max()).all()
+    assert (short.time[~rows] > r.time[half(r)[0]].max()).all()
+
+
+def test_the_error_model_of_a_known_process_is_found():
+    """White noise of 0.02 plus a first-order process of 0.05 with a correlation time of 40 samples of 0.1 s."""
+    rng, n, left = np.random.default_rng(0), 40_000, np.exp(-1.0 / 40.0)
+    slow = np.zeros(n)
+    for k in range(1, n):
+        slow[k] = left * slow[k - 1] + 0.05 * np.sqrt(1.0 - left**2) * rng.standard_normal()
+    model = error_model([slow + 0.02 * rng.standard_normal(n)], 0.1)
+    assert (model.white, model.slow, model.time) == (
+        pytest.approx(0.0225, rel=0.05),  # the slow part adds a little to the difference of neighbours
+        pytest.approx(0.05, rel=0.1),
+        pytest.approx(4.0, rel=0.2),
+    )
+
+
+def test_the_motion_of_a_triangle_with_rests_is_found():
+    one = np.concatenate([np.linspace(0, 1, 101), np.ones(100), np.linspace(1, 0, 101), np.zeros(100)])
+    strain = np.tile(one, 4)
+    found = motion([0.1 * np.arange(strain.size)], [strain], 0.1)
+    assert found["rate"] == pytest.approx(0.1, rel=0.01)
+    assert found["hold"] == pytest.approx(0.5, abs=0.05)
+    assert found["turns"] == pytest.approx(4 / 40.2, rel=0.5)
+
+
+def test_a_calibrated_deviation_is_larger_than_the_errors_of_the_trials_by_a_fixed_factor():
+    rng = np.random.default_rng(0)
+    scatter, errors = rng.uniform(0.01, 0.03, 1000), 0.04 * rng.standard_normal(1000)
+    start = replace(DEFAULT_TRACKING, floor=1e-6)
+    numbers = calibrated(start, errors, scatter)
+    stated = np.sqrt(numbers.factor**2 * scatter**2 + numbers.floor**2)
+    assert np.sqrt(np.mean(stated**2)) == pytest.approx(OPTIMISM * np.sqrt(np.mean(errors**2)), rel=1e-3)
+
+
+def test_the_geometric_mean_over_the_cuts_chooses_and_what_cannot_be_fitted_is_left_out():
+    def first(setting):
+        if setting == "broken":
+            msg = "no fit"
+            raise DataError(msg)
+        return {"a": 1.0, "b": 1.1, "c": 9.0}[setting]
+
+    bench = Bench(lambda _share, _text: None)
+    found = bench.best(
+        "stage",
+        ["broken", "a", "b", "c"],
+        str,
+        [first, lambda s: {"a": 4.0, "b": 1.1, "c": 9.0}[s]],
+        until=np.inf,
+        share=(0, 1),
+    )
+    assert found == [(pytest.approx(1.1), "b"), (pytest.approx(2.0), "a"), (pytest.approx(9.0), "c")]
+    assert np.isnan(next(t for t in bench.trials if t.what == "broken").error)
+
+
+def test_a_baseline_that_is_better_is_said_in_words():
+    """A sensor that predicts the mean loses to a cubic on an output that is a cubic of strain."""
+    strain = zigzag()
+    r = record(strain, 2.0 + strain + strain**3)
+    table = standings((r,), half(r), (np.full(strain.size, r.resistance.mean()),), None)
+    assert [each.model for each in table] == [HERE, "static cubic", "regression on lags"]
+    assert table[1].forward[0] < 1e-9
+    low, high = table[0].forward[1:]
+    assert low < table[0].forward[0] < high
+    assert "a static cubic predicts the output of the test stretch better than this sensor" in defeats(table)[0]
+
+
+STRAIN = zigzag(turns=24, per=12)
+PLAY = record(STRAIN, 3.0 + 0.3 * STRAIN + plays(STRAIN))
+
+
+@pytest.fixture(scope="module")
+def hasty():
+    """A choice without time: of every stage what is tried first."""
+    shares = []
+    chosen = choose(
+        (PLAY,), half(PLAY), full_scale=1.0, budget=1e-6, progress=lambda share, _text: shares.append(share)
+    )
+    return chosen, shares
+
+
+def test_nothing_that_comes_after_the_training_stretch_is_seen(hasty):
+    first, (rows,) = hasty[0], half(PLAY)
+    changed = {"resistance": np.where(rows, PLAY.resistance, 3.0), "strain": np.where(rows, STRAIN, 0.5)}
+    other = choose((replace(PLAY, **changed),), (rows,), full_scale=1.0, budget=1e-6)
+    assert [(t.what, t.error) for t in first.trials] == [(t.what, t.error) for t in other.trials]
+    assert first.fit.artifact == other.fit.artifact
+
+
+def test_what_is_chosen_recovers_strain_better_than_a_cubic(hasty):
+    chosen, shares = hasty
+    assert shares == sorted(shares)
+    assert {t.stage for t in chosen.trials} == {"sensor", "direct inverse", "compensator"}
+    assert chosen.fit.artifact.compensator == chosen.method.name
+    assert chosen.fit.artifact.tracking is not None
+    found = recover_by_fit(chosen.fit, PLAY).strain
+    rivals = standings((PLAY,), half(PLAY), (PLAY.resistance,), (found,))
+    assert error_on([found], [STRAIN], [~half(PLAY)[0]]) < rivals[1].strain[0]
+
+
+def test_records_of_one_sensor_are_brought_to_the_scale_of_the_first_and_weighted_by_their_noise():
+    """The second is 7 + 2.5 times the first sensor's, with noise of 3 % of its range."""
+    strains = zigzag(turns=14, per=12), zigzag(seed=8, turns=14, per=12)
+    noise = 0.08 * np.random.default_rng(0).standard_normal(strains[1].size)
+    records = (
+        record(strains[0], 3.0 + 0.3 * strains[0] + plays(strains[0]), name="first"),
+        record(strains[1], 7.0 + 2.5 * (3.0 + 0.3 * strains[1] + plays(strains[1])) + noise, name="second"),
+    )
+    rows = tuple(everything(r)[0] for r in records)
+    settings = settings_for("preisach-hats", knots=5, relaxations=0, starts=1)
+    aligned, scales = align(records, rows, settings, full_scale=1.0)
+    assert (scales[0].offset, scales[0].gain) == (0.0, 1.0)
+    assert scales[1].gain == pytest.approx(2.5, rel=0.03)
+    assert scales[1].offset + 3.5 * scales[1].gain == pytest.approx(7.0 + 2.5 * 3.5, abs=0.03)
+    assert aligned[1].weight < 0.5 * aligned[0].weight
+    falling = replace(records[1], resistance=-records[1].resistance)
+    with pytest.raises(DataError, match=r"second does not follow first.*Leave it out"):
+        align((records[0], falling), rows, settings, full_scale=1.0)
+
+
+def test_a_record_too_short_to_be_cut_is_refused_with_the_remedy():
+    strain = zigzag(turns=5, per=12)
+    r = record(strain, 1.0 + strain)
+    with pytest.raises(DataError, match="Name a longer one"):
+        choose((r,), everything(r), full_scale=1.0)
