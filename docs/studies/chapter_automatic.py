@@ -55,7 +55,7 @@ cubic, a ridge on lags and low-passes, a perceptron of 32 and 16 units on the sa
 12 states (`docs/studies/rivals.py`). **All of these records were seen
 while Gossamer was built, so take every row as optimistic.** These were chosen with test errors in view: on
 `velocity_profile_7_5wt` the rule that no sensor is taken for the sake of its compensator if its output is predicted worse by
-more than a quarter; on `strain_sin_20` that every compensator is judged by both cuts, and which compensators are tried; on both
+more than a quarter; on `strain_sin_20` that every compensator is judged by both cuts, and which are tried; on both
 the tails, the wander and the exploration of the filter while it was a prototype; on the other records the factor of 1.4 of
 the stated deviation, and the order in which compensators are preferred."""
 CLOSING = """\
