@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from gossamer_models.automatic import choose
 from gossamer_models.automatic.baselines import cubic
-from gossamer_models.fitting import Record, nrmse
-from gossamer_models.replay import recover_by_fit
+from gossamer_models.fitting import Record, e1, nrmse
+from gossamer_models.replay import predict_resistance, recover_by_fit
+from gossamer_models.sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from numpy.typing import NDArray
 
 from .measured import measured_records
+from .preisach import THESIS
 from .rivals import rivals
+from .specimen import specimen_record
 
 # record, part that is fitted [1], NRMSE targets [% of range] of output and recovered strain on the rest
 PLANS: tuple[tuple[str, float, float | None, float | None], ...] = (
@@ -54,6 +60,50 @@ class DefaultRow:
     seconds: float
     forward_target: float | None = None
     strain_target: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpecimenRow:
+    """E1 [%] of one way to identify the SYNTHETIC specimen from 0..200 s of its Dataset-1; time [s].
+
+    Attributes
+    ----------
+    name : str
+        The way.
+    first, second : float
+        On Dataset-1 and, at twice the strain and rate, on Dataset-2.
+    target : float or None
+        The thesis' error on its Dataset-2.
+    seconds : float
+        Time of the fit.
+    """
+
+    name: str
+    first: float
+    second: float
+    target: float | None
+    seconds: float
+
+
+def run_on_specimen() -> list[SpecimenRow]:
+    """Identify the specimen with the thesis' model, with the residual network on it, and by the automatic choice."""
+    first, second = specimen_record(1), specimen_record(2)
+    given: dict[str, Any] = {"full_scale": float(second.strain.max()), "rest_resistance": 0.0}
+    ways: dict[str, tuple[Callable[[], PreisachFit], float | None]] = {}
+    for M in (5, 7):
+        for residual in (0, "auto"):
+            settings = PreisachSettings.of("preisach", modes=M, relaxations=M, residual=residual)
+            name = f"M = P = {M}{', residual network' if residual else ''}"
+            ways[name] = partial(fit_preisach, (first,), (first.time < 200.0,), settings, **given), THESIS[M][1]
+    ways["auto"] = (lambda: choose((first,), (first.time < 200.0,), **given).fit), None
+    rows = []
+    for name, (identify, target) in ways.items():
+        begin = time.monotonic()
+        fit = identify()
+        seconds = time.monotonic() - begin
+        errors = [e1(r.resistance, predict_resistance(fit, r), rest=0.0) for r in (first, second)]
+        rows.append(SpecimenRow(name=name, first=errors[0], second=errors[1], target=target, seconds=seconds))
+    return rows
 
 
 def run_automatic(data: Path) -> list[DefaultRow]:

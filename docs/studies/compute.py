@@ -15,7 +15,7 @@ from typing import Any
 
 from gossamer_models.fractional import FractionalFit
 
-from .automatic import DefaultRow, run_automatic
+from .automatic import DefaultRow, SpecimenRow, run_automatic, run_on_specimen
 from .fractional import Limits, TableRow, limits, run_fractional
 from .measured import Comparison, MeasuredFit, Transfer, run_measured, run_transfers
 from .metrics import Metric
@@ -71,6 +71,7 @@ class Results:
     transfers: Sequence[Transfer] = field(default=())
     reviewed: Sequence[Comparison] = field(default=())
     automatic: Sequence[DefaultRow] = field(default=())
+    on_specimen: Sequence[SpecimenRow] = field(default=())
 
 
 def compute(data: Path | None, report: Callable[[str, int, int], None] | None = None) -> Results:
@@ -88,6 +89,7 @@ def compute(data: Path | None, report: Callable[[str, int, int], None] | None = 
         "chosen ridge": partial(run_specimen, ridge="auto"),
         "speed": run_speed,
         "recovery": run_recovery,
+        "automatic choice on the specimen": run_on_specimen,
     }
     if data is not None:
         alone |= {"measured": partial(run_measured, data), "transfers": partial(run_transfers, data)}
@@ -131,4 +133,5 @@ def compute(data: Path | None, report: Callable[[str, int, int], None] | None = 
         transfers=results.get("transfers", ()),
         reviewed=results.get("reviewed", ()),
         automatic=results.get("automatic", ()),
+        on_specimen=results["automatic choice on the specimen"],
     )
