@@ -66,7 +66,7 @@ The regressions are trained here once, with one seed and without a search for th
 1.83 % (output / strain) on `strain_sin_20` and 2.36 / 2.52 % on `velocity_profile_7_5wt` with the best of the same
 three kinds."""
 SPECIMEN = """\
-The same ways on the SYNTHETIC specimen, fitted to 0..200 s of Dataset-1. Dataset-2 has twice the strain and rate: it asks for
-extrapolation, which no validation within the fitted stretch can judge. The automatic choice is far worse there than the
-thesis' model: **who needs strain beyond the fitted range should name `--model preisach`, or measure that range.** The network
-vanishes outside the range in which it was trained, so it neither helps nor harms."""
+The same ways on the SYNTHETIC specimen, fitted to 0..200 s of Dataset-1. Dataset-2 has twice the strain and rate: it asks
+for extrapolation, which no validation within the fitted stretch can judge. The automatic choice is far worse there than
+the thesis' model: **who needs strain beyond the fitted range should name `--model preisach`, or measure that range.** The
+network vanishes outside the range in which it was trained, so it neither helps nor harms."""

@@ -34,6 +34,7 @@ from .sensor.plots import SENSOR_PICTURES
 
 log = logging.getLogger(__name__)
 AUTO: Literal["auto"] = "auto"  # chooses the model by predicting the later parts of the training stretch
+BEYOND = 1.05  # times the largest strain of training
 
 Fit = PreisachFit | FractionalFit
 Settings = PreisachSettings | FractionalSettings
@@ -200,6 +201,15 @@ def identify_files(
             f"Chosen by predicting the later parts of the training stretch: {won.text}.",
             *preisach_doubts(fit),
         )
+        trained = max(
+            float(record.strain[part].max()) for record, part in zip(records, rows, strict=True) if part.any()
+        )
+        if fit.full_scale > BEYOND * trained:
+            beyond = (
+                f"Strain from {trained:g} to the full scale {fit.full_scale:g} is in no training stretch, and the choice "
+                "cannot judge it. Name --model preisach, which extrapolates better, or train on that range."
+            )
+            doubted = (*doubted, beyond)
         stated = _stated(fit)
     elif isinstance(settings, FractionalSettings):
         fit = fit_fractional(records, rows, settings, progress=progress, **given)

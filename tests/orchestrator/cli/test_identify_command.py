@@ -60,6 +60,7 @@ def test_without_options_of_a_model_it_is_chosen_and_build_takes_the_compensator
         "regression on lags",
         "90 % confidence",
         "Chosen by predicting",
+        "is in no training stretch",
     ):
         assert words in told
     artifact = SensorArtifact.read(out)
