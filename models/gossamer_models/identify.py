@@ -63,6 +63,8 @@ class Identified:
         What was tried, if the model was chosen automatically.
     standings : tuple of Standing
         Errors on the test stretches beside those of a static cubic and of a regression on lags.
+    scales : tuple of OwnScale
+        Scale of every record, if they have scales of their own; the fit is in the units of the first one.
     """
 
     fit: Fit
@@ -71,6 +73,15 @@ class Identified:
     recovered: tuple[Vector, ...] = ()
     trials: tuple[Trial, ...] = ()
     standings: tuple[Standing, ...] = ()
+    scales: tuple[OwnScale, ...] = ()
+
+    def in_its_file(self, k: int) -> tuple[Record, Vector]:
+        """Return record k and the resistance predicted for it, shape (m,), in the units of its file."""
+        record, predicted = self.fit.records[k], self.fit.predicted[k]
+        if not self.scales:
+            return record, predicted
+        offset, gain = self.scales[k].offset, self.scales[k].gain
+        return replace(record, resistance=offset + gain * record.resistance), offset + gain * predicted
 
     def recovered_of(self, k: int) -> dict[str, Vector]:
         """Return the strain recovered from record k by name of the compensator; nothing for a model without one."""
@@ -188,6 +199,9 @@ def identify_files(
             log.warning("%s: %s", record.name, record.repairs[-1])
     rows = tuple(training_rows(record, train) for record in records)
     scales: tuple[OwnScale, ...] = ()
+    if own_scales and len(records) == 1:
+        msg = "one record has no scale of its own beside others. Name more records, or leave --own-scales out."
+        raise ParameterError(msg)
     if own_scales:
         progress("aligning the records")
         records, scales = align(records, rows, full_scale=strain_range(records, full_scale))
@@ -210,6 +224,9 @@ def identify_files(
                 "cannot judge it. Name --model preisach, which extrapolates better, or train on that range."
             )
             doubted = (*doubted, beyond)
+        if won.untried:
+            late = f"{won.untried} of {won.untried + len(trials)} settings were not tried in {budget:g} s (--budget)."
+            doubted = (*doubted, late)
         stated = _stated(fit)
     elif isinstance(settings, FractionalSettings):
         fit = fit_fractional(records, rows, settings, progress=progress, **given)
@@ -255,7 +272,9 @@ def identify_files(
     artifact: Any = replace(fit.artifact, provenance=provenance)
     fit = replace(fit, artifact=artifact)
     remarks = (*repairs, *doubted)
-    return Identified(fit=fit, errors=errors, remarks=remarks, recovered=strains, trials=trials, standings=table)
+    return Identified(
+        fit=fit, errors=errors, remarks=remarks, recovered=strains, trials=trials, standings=table, scales=scales
+    )
 
 
 def _stated(fit: PreisachFit) -> dict[str, str]:
@@ -279,8 +298,8 @@ def save_pictures(result: Identified, folder: Path) -> list[Path]:
     """Write all pictures that an identified model has as PNG files; return their paths."""
     fit = result.fit
     pictures: dict[str, Callable[[], Any]] = {}
-    for k, record in enumerate(fit.records):
-        pictures |= record_pictures(record, fit.predicted[k], result.recovered_of(k), fit.train[k])
+    for k in range(len(fit.records)):
+        pictures |= record_pictures(*result.in_its_file(k), result.recovered_of(k), fit.train[k])
     if isinstance(fit, PreisachFit):
         pictures |= {name: partial(plot, fit.artifact) for name, plot in SENSOR_PICTURES.items()}
     return save_figures(pictures, folder)
@@ -292,7 +311,7 @@ def save_predictions(result: Identified, folder: Path) -> list[Path]:
     for k, record in enumerate(fit.records):
         columns = {f"{name} strain": strain for name, strain in result.recovered_of(k).items()}
         path = folder / f"{Path(record.name).stem}_predicted.csv"
-        paths.append(write_predictions(path, record, fit.predicted[k], columns, fit.train[k]))
+        paths.append(write_predictions(path, *result.in_its_file(k), columns, fit.train[k]))
     return paths
 
 

@@ -61,9 +61,7 @@ def recover_strain(fit: PreisachFit, record: Record) -> Vector:
     return recover_by_fit(fit, record).strain
 
 
-def recover_by_fit(
-    fit: PreisachFit, record: Record, method: str | None = None, *, noise: float | None = None
-) -> Recovered:
+def recover_by_fit(fit: PreisachFit, record: Record, method: str | None = None, *, fill: bool = True) -> Recovered:
     """Return the strain that a compensator recovers from the resistance of a record, starting at rest.
 
     Parameters
@@ -72,17 +70,14 @@ def recover_by_fit(
         The sensor, and a record of it.
     method : str or None
         As for ``recover``.
-    noise : float or None
-        Standard deviation of the resistance's white noise [ohm]; None as for ``recover``.
-
-    Returns
-    -------
-    Recovered
-        The last samples, for which the record ends before the strain is delivered, have the present strain.
+    fill : bool
+        Whether the last samples, for which the record ends before the strain is delivered, have the present strain; else
+        they are not a number.
     """
     output = (record.resistance - fit.rest_resistance) / fit.resistance_change
-    given = None if noise is None else noise / fit.resistance_change
-    found = recover(fit.artifact, fit.full_scale, record, output, method, noise=given)
+    found = recover(fit.artifact, fit.full_scale, record, output, method)
+    if not fill:
+        return found
     late = np.isnan(found.strain)
     deviation = found.deviation
     if deviation is not None and not late.all():
@@ -125,8 +120,6 @@ def recover(
     record: Record,
     output: Vector,
     method: str | None = None,
-    *,
-    noise: float | None = None,
 ) -> Recovered:
     """Return the strain that a compensator recovers from a normalised output, starting at rest at the first strain.
 
@@ -138,9 +131,6 @@ def recover(
         Normalised output [1] at the samples of the record.
     method : str or None
         As for ``compensator_model``, or ``exact`` for the exact inverse of a sensor that has a direct one too.
-    noise : float or None
-        Standard deviation of the output's white noise [1]; None for that of the output for an estimator, and none for a
-        filter, whose model has its own.
 
     Raises
     ------
@@ -149,8 +139,8 @@ def recover(
     """
     chosen, kind = (replace(artifact, inverse=None), "inverse") if method == EXACT else (artifact, method)
     model = compensator_model(chosen, kind)  # type: ignore[arg-type]
-    if noise is None:
-        noise = noise_of(output) if (kind or artifact.compensator) == "estimator" else 0.0
+    # the model of a filter has its own noise
+    noise = noise_of(output) if (kind or artifact.compensator) == "estimator" else 0.0
     more = [name for name in ("present_strain", "strain_deviation", "delay") if name in model.names]
     results = _run(model, full_scale, record, "resistance", output + SHIFT, ["strain", *more], noise=noise)
     strain, deviation = results["strain"], results.get("strain_deviation")

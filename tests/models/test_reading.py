@@ -107,7 +107,7 @@ def test_records_of_one_sensor_in_two_units_are_refused(tmp_path):
         read_records([first, second])
     assert len(read_records([first, write(tmp_path / "third.csv")])) == 2
     (tmp_path / "other").mkdir()
-    with pytest.raises(DataError, match=r"2 records are called first\.csv"):
+    with pytest.raises(DataError, match=r"2 records are called first \(first\.csv, first\.csv\)"):
         read_records([first, write(tmp_path / "other" / "first.csv")])
 
 

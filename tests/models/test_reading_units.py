@@ -205,3 +205,9 @@ def test_a_file_without_a_table_is_refused_by_what_it_is(tmp_path, content, mess
     (tmp_path / "r.csv").write_bytes(content)
     with pytest.raises(DataError, match=message):
         read_record(tmp_path / "r.csv")
+
+
+@pytest.mark.parametrize("header", ["time_s,strain [1],R_ohm,T", "t [s],strain [1],R_ohm,T [°C]"])
+def test_a_temperature_called_t_is_not_taken_for_the_time(tmp_path, header):
+    rows = "".join(f"{t:.10g},{s:.10g},{r:.10g},{20.0 + 0.01 * t}\n" for t, s, r in zip(T, STRAIN, OHM, strict=True))
+    same(read(tmp_path, f"{header}\n{rows}"))

@@ -100,6 +100,16 @@ def test_an_affine_change_of_the_resistance_changes_the_scales_alone(measured):
     assert turned.offset == pytest.approx(7.0 + 3.0 * scales.offset, rel=1e-6)
 
 
+def test_a_stretch_in_the_middle_of_a_record_gives_finite_scales_before_it_too(measured):
+    output, n = sensor_output(default_artifact(), FULL, measured), measured.time.size
+    rows = (np.arange(n) >= n // 3) & (np.arange(n) < 2 * n // 3)
+    scales = fit_scales(output, drifted(measured), rows)
+    predicted = scales.offset + scales.gain * output
+    error = np.abs(predicted - drifted(measured).resistance) / np.ptp(measured.resistance)
+    assert error[rows].max() < 0.01
+    assert error.max() < 1.0
+
+
 def test_noise_is_measured_on_a_signal_that_moves():
     t = np.linspace(0.0, 20.0, 4000)
     noise = np.random.default_rng(5).normal(size=t.size)

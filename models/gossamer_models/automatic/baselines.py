@@ -17,14 +17,16 @@ from .split import cut
 LAGS = 20  # [samples]
 LOW_PASSES = 8
 RIDGES = (1e-6, 1e-4, 1e-2)
-BASELINES = ("cubic", "regression on lags")
 
 
 def cubic(inputs: Sequence[Vector], outputs: Sequence[Vector], train: Sequence[Rows]) -> tuple[Vector, ...]:
-    """Return what a cubic fitted to the training samples gives, of the shape of ``outputs``."""
+    """Return what a cubic fitted to the training samples gives, of the shape of ``outputs``; beyond them it is held."""
     u, y = (np.concatenate([v[rows] for v, rows in zip(values, train, strict=True)]) for values in (inputs, outputs))
+    low, high = float(u.min()), float(u.max())
+    if not high > low:
+        return tuple(np.full(v.size, float(np.mean(y))) for v in inputs)
     fitted = np.polynomial.Polynomial.fit(u, y, 3)
-    return tuple(np.asarray(fitted(v)) for v in inputs)
+    return tuple(np.asarray(fitted(np.clip(v, low, high))) for v in inputs)
 
 
 def regression(

@@ -1,4 +1,6 @@
-"""The model of a sensor and its compensator, chosen within the training stretch; the test stretch plays no part.
+"""The model of a sensor and its compensator, chosen within the training stretch.
+
+The test stretch plays no part, but for the full scale: it is the largest strain of the whole record if it is not given.
 
 Everything is fitted to the earlier part of the training stretch and judged on the later one, at two cuts: the sensor by its
 output, then the direct inverse and the compensator by the strain they recover. The winners are fitted to the whole
@@ -40,11 +42,14 @@ class Chosen:
         How it compensates.
     trials : tuple of Trial
         Everything that was tried.
+    untried : int
+        Settings for which there was no time.
     """
 
     fit: PreisachFit
     method: Method
     trials: tuple[Trial, ...]
+    untried: int = 0
 
     @property
     def text(self) -> str:
@@ -55,7 +60,7 @@ class Chosen:
             error = next((trial.error for trial in here if trial.what == own), float("nan"))
             least = min(trial.error for trial in here)
             words.append(
-                f"{stage} {own}, {error:.2f} % of range where the least of {len(here)} finalists is {least:.2f}"
+                f"{stage} {own}, {error:.2f} % of range (the least of all finalists, {len(here)}, is {least:.2f})"
             )
         return "; ".join(words)
 
@@ -104,7 +109,7 @@ def choose(
     method, tracking = choose_compensator(whole, rows, sensors, bench, until=ends[2], **given)
     progress(0.95, "fitting the winner to the whole training stretch")
     fit = fit_preisach(records, train, method.sensor, **given)
-    return Chosen(fit=equipped(fit, method, tracking), method=method, trials=tuple(bench.trials))
+    return Chosen(fit=equipped(fit, method, tracking), method=method, trials=tuple(bench.trials), untried=bench.untried)
 
 
 def _until_the_end_of_training(records: list[Record], train: list[Rows]) -> tuple[tuple[Record, ...], tuple[Rows, ...]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from ..sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from ..sensor.tracking import Tracking
 from .sensors import NOTHING, sensor_name
 from .split import FITTED, cut
-from .tracking import calibrated, error_model, held_errors, motion
+from .tracking import TOO_SHORT, calibrated, error_model, held_errors, motion
 from .trials import Bench, error_on
 
 TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
@@ -71,14 +70,11 @@ class Tried:
         Samples to judge by.
     base : Tracking
         Numbers of its filter before a method changes them.
-    noise : float
-        White noise of the resistance [ohm].
     """
 
     fit: PreisachFit
     late: tuple[Rows, ...]
     base: Tracking
-    noise: float
 
     def numbers(self, method: Method) -> Tracking:
         """Return the numbers of the filter with a method."""
@@ -88,8 +84,7 @@ class Tried:
     def run(self, method: Method) -> tuple[Recovered, ...]:
         """Return the strain that a method recovers from every record."""
         ready = equipped(self.fit, method, self.numbers(method))
-        noise = self.noise if method.name == "estimator" else 0.0
-        return tuple(recover_by_fit(ready, record, noise=noise) for record in self.fit.records)
+        return tuple(recover_by_fit(ready, record, fill=False) for record in self.fit.records)
 
 
 def choose_compensator(
@@ -124,7 +119,7 @@ def choose_compensator(
     def tried(share: float, settings: PreisachSettings) -> Tried:
         early, late = cut(train, share)
         fit = fit_preisach(records, early, settings, full_scale=full_scale, rest_resistance=rest_resistance)
-        return Tried(fit=fit, late=late, **_numbers(fit, train, late))
+        return Tried(fit=fit, late=late, base=_numbers(fit, train, late))
 
     @cache
     def run(share: float, method: Method) -> tuple[Recovered, ...]:
@@ -148,16 +143,19 @@ def choose_compensator(
         raise DataError(NOTHING)
     close = [method for error, method in found if error <= NEAR * found[0][0]]
     best = min(close, key=methods.index)
-    filters = [m for _, m in found if m.name == "filter" and m.sensor == best.sensor]
-    if not filters:  # none was tried: this one serves whoever builds the FMU filter
-        filters = [Method(sensor=best.sensor, name="filter", direct=best.direct)]
-    numbers = tried(FITTED[-1], best.sensor).numbers(filters[0])
+    # if another method has won, this filter serves whoever builds the FMU filter
+    kept = best if best.name == "filter" else Method(sensor=best.sensor, name="filter", direct=best.direct)
+    numbers = tried(FITTED[-1], best.sensor).numbers(kept)
     candidates = []
     for share in FITTED:
-        late, runs = tried(share, best.sensor).late, run(share, filters[0])
-        errors = [((e.strain - r.strain) / full_scale)[k] for r, e, k in zip(records, runs, late, strict=True)]
-        stated = [np.asarray(e.deviation)[k] / full_scale for e, k in zip(runs, late, strict=True)]
-        candidates.append(calibrated(numbers, np.concatenate(errors), np.concatenate(stated)))
+        late, runs = tried(share, best.sensor).late, run(share, kept)
+        errors = np.concatenate([(e.strain - r.strain)[k] for r, e, k in zip(records, runs, late, strict=True)])
+        stated = np.concatenate([np.asarray(e.deviation)[k] for e, k in zip(runs, late, strict=True)])
+        there = np.isfinite(errors)  # the last ones are not delivered before the trial ends
+        if there.any():
+            candidates.append(calibrated(numbers, errors[there] / full_scale, stated[there] / full_scale))
+    if not candidates:
+        raise DataError(TOO_SHORT)
     return best, max(candidates, key=lambda each: each.floor)  # the less favourable cut: tests lie further ahead
 
 
@@ -172,16 +170,15 @@ def equipped(fit: PreisachFit, method: Method, tracking: Tracking | None) -> Pre
     return replace(fit, artifact=artifact)
 
 
-def _numbers(fit: PreisachFit, train: tuple[Rows, ...], late: tuple[Rows, ...]) -> dict[str, Any]:
-    """Return the numbers of a filter, not yet calibrated, and the noise of the resistance [ohm]."""
+def _numbers(fit: PreisachFit, train: tuple[Rows, ...], late: tuple[Rows, ...]) -> Tracking:
+    """Return the numbers of a filter, not yet calibrated."""
     records, full_scale = fit.records, fit.full_scale
     step = float(np.median(np.concatenate([np.diff(r.time) for r in records])))
     output = [(r.resistance - p) / fit.resistance_change for r, p in zip(records, fit.alone, strict=True)]
     strain = [(r.strain - recover_by_fit(fit, r, "inverse").strain) / full_scale for r in records]
     seen = [(r.time[rows], r.strain[rows] / full_scale) for r, rows in zip(records, train, strict=True)]
-    base = Tracking(
+    return Tracking(
         output=error_model(held_errors(output, late), step),
         inverse=error_model(held_errors(strain, late), step),
         **motion([t for t, _ in seen], [s for _, s in seen], step),
     )
-    return {"base": base, "noise": base.output.white * fit.resistance_change}

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..arrays import Rows, Vector
+from ..errors import DataError
 from ..sensor.tracking import ErrorModel, Tracking
 
 LEAST_ERROR = 3e-3  # [1]: below the spacing of the hypotheses an error would choose among them by chance
@@ -15,6 +16,7 @@ APART = 3  # samples over which a rate is taken
 RESTING = 0.05  # of the root mean square rate
 TURNING = 0.5  # of it: a larger change of rate is a turn
 FEWEST, MOST_TURNS = 0.005, 0.05  # [per sample]
+TOO_SHORT = "the training stretch leaves too few samples to judge a compensator by. Name a longer one (--train)."
 OPTIMISM = 1.4  # by which errors grow from the trials, of which the best wins, to records that lie further ahead
 SHARED = 0.5  # of the squares of the errors that the constant part of the stated deviation explains
 
@@ -22,12 +24,19 @@ SHARED = 0.5  # of the squares of the errors that the constant part of the state
 def error_model(errors: Sequence[Vector], step: float) -> ErrorModel:
     """Return the error model of successive errors [1] of some stretches, samples ``step`` [s] apart.
 
+    Raises
+    ------
+    DataError
+        There are too few samples.
+
     Notes
     -----
     The difference of neighbours gives the white part, what remains of the mean square the slow part, and the lag at which
     the autocorrelation has fallen to 1/e its time.
     """
     errors = [e for e in errors if e.size > 2 * APART]
+    if not errors:
+        raise DataError(TOO_SHORT)
     count = sum(e.size for e in errors)
 
     def correlation(lag: int) -> float:

@@ -52,10 +52,13 @@ class Bench:
         Called with the share of the work that is done [1] and a sentence.
     trials : list of Trial
         What was tried so far.
+    untried : int
+        Settings for which there was no time.
     """
 
     progress: Callable[[float, str], None]
     trials: list[Trial] = field(default_factory=list)
+    untried: int = 0
 
     def best(
         self,
@@ -93,14 +96,15 @@ class Bench:
             spent[number] += time.monotonic() - begin
 
         for number, setting in enumerate(waiting):
-            if number and time.monotonic() > until:
+            if time.monotonic() > until and any(np.isfinite(log[0]) for log in logs.values()):
+                self.untried += len(waiting) - number
                 break
             self.progress(share[0] + (share[1] - share[0]) * number / len(waiting), f"{stage}: {name(setting)}")
             ask(number, judges[0])
         ranked = sorted((n for n, log in logs.items() if np.isfinite(log[0])), key=lambda n: logs[n][0])
         for judge in judges[1:]:
             for place, number in enumerate(ranked[:SEEDED]):
-                if place and time.monotonic() > until:
+                if place and time.monotonic() > until and any(len(log) == len(judges) for log in logs.values()):
                     break
                 ask(number, judge)
         full = [n for n in ranked if len(logs[n]) == len(judges) and np.isfinite(logs[n]).all()]
@@ -116,6 +120,12 @@ class Bench:
 
 
 def error_on(predicted: Iterable[Vector], measured: Iterable[Vector], rows: Iterable[Rows]) -> float:
-    """Return the root mean square error [% of range] of some samples; every record counts by its own range."""
-    squares = [((p - m)[held] / np.ptp(m)) ** 2 for p, m, held in zip(predicted, measured, rows, strict=True)]
-    return 100.0 * float(np.sqrt(np.mean(np.concatenate(squares))))
+    """Return the root mean square error [% of range] of some samples, but for those that are not a number.
+
+    Every record counts by its own range, one at rest by the largest of the others.
+    """
+    three = list(zip(predicted, measured, rows, strict=True))
+    largest = max(float(np.ptp(m)) for _, m, _ in three)
+    squares = [((p - m)[held] / (np.ptp(m) or largest)) ** 2 for p, m, held in three]
+    told = np.concatenate(squares)
+    return 100.0 * float(np.sqrt(np.mean(told[np.isfinite(told)]))) if np.isfinite(told).any() else np.inf

@@ -191,14 +191,14 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     artifact = default_artifact() if artifact is None else artifact
     if not artifact.exactly_invertible:
         msg = (
-            "the output of this sensor may move against the strain or has a gain, which the estimator cannot follow. Build "
-            "the compensator with the method inverse, or identify the sensor with --extension falling or none."
+            "the output of this sensor may move against the strain, has a gain or a residual network, which the estimator "
+            "cannot follow. Build the compensator with the method filter or inverse."
         )
         raise ParameterError(msg)
     if artifact.inverse is not None:
         msg = (
-            "this sensor has a direct inverse, which the estimator does not use. Build the compensator with the "
-            "method inverse, or identify the sensor without --direct-inverse."
+            "this sensor has a direct inverse, which the estimator does not use. Build the compensator with the method "
+            "filter or inverse."
         )
         raise ParameterError(msg)
     if not half_widths or half_widths[0] < 3 or any(a >= b for a, b in pairwise(half_widths)):

@@ -127,8 +127,8 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
     """
     if not artifact.exactly_invertible:
         msg = (
-            "the output of this sensor may move against the strain or has a gain, so it has no exact inverse. Identify it "
-            "again with --direct-inverse."
+            "the output of this sensor may move against the strain, has a gain or a residual network, so it has no exact "
+            "inverse. Build the compensator with the method filter, or identify the sensor again with --direct-inverse."
         )
         raise ParameterError(msg)
     law = SensorLaw(artifact)

@@ -16,7 +16,7 @@ from .table import MISSING, is_number
 from .units import STRAIN, factor
 
 WORDS = {
-    "time": ("t", "time", "timestamp", "datetime", "zeit"),
+    "time": ("time", "timestamp", "datetime", "zeit", "t"),  # T is a temperature as well
     "strain": ("strain", "eps", "epsilon", "ε", "dehnung"),
     "resistance": ("resistance", "r", "widerstand"),
 }
@@ -201,6 +201,7 @@ def _recognised(parsed: list[tuple[str, str | None, str | None]], what: str) -> 
         or stem.split("_")[0] in BEGINNINGS[what]
         or (unit is not None and factor(unit, what) is not None and not _ratio(unit))
     ]
+    like = [k for k in like if parsed[k][2] is None] or like  # a unit in brackets that is another quantity's
     exact = ([k for k in like if parsed[k][0] == word] for word in WORDS[what])
     return next((group for group in exact if group), like), like
 

@@ -132,10 +132,11 @@ def read_records(
         msg = f"need one positive weight per record (--weights), not {list(weights)} for {len(paths)}"
         raise DataError(msg)
     records = tuple(read_record(path, columns, weight=weight) for path, weight in zip(paths, weights, strict=True))
-    names = [record.name for record in records]
+    names = [Path(record.name).stem for record in records]
     for name in names:
         if names.count(name) > 1:
-            msg = f"{names.count(name)} records are called {name}: errors and pictures go by that name. Rename all but one."
+            alike = ", ".join(record.name for record in records if Path(record.name).stem == name)
+            msg = f"{names.count(name)} records are called {name} ({alike}): pictures go by that name. Rename all but one."
             raise DataError(msg)
     sizes = [float(np.abs(record.resistance).max()) for record in records]
     small, large = int(np.argmin(sizes)), int(np.argmax(sizes))

@@ -16,16 +16,16 @@ import numpy as np
 
 from ..arrays import Rows, Vector
 from ..artifacts import artifact_schema
+from ..automatic.baselines import cubic
 from ..errors import ArtifactError
 from ..fitting.columns import Columns
 from ..fitting.errors import nrmse
 from ..fitting.plots import record_pictures, save_figures
 from ..fitting.reading import read_records
-from ..fitting.records import Record, thin, training_rows
+from ..fitting.records import Record, training_rows
 from ..fitting.tables import write_predictions
 from ..replay import Recovered, recover, sensor_output
 from ..sensor import Scales, SensorArtifact
-from .cubic import static_cubic
 from .scales import OwnScales, fit_scales
 
 
@@ -90,7 +90,7 @@ class Judged:
         return float(np.sqrt(np.mean(stated[rows] ** 2) / true)) if true > 0.0 else None
 
     def sentences(self) -> tuple[str, ...]:
-        """Say whether the sensor knows the record, and where the static cubic does better on the judged stretch."""
+        """Say how the record was repaired, whether the sensor knows it, and where the static cubic does better."""
         rows = self.stretches().get("judged", self.first)
         name, said = self.record.name, list[str]()
         if (cubic := self.forward(rows, self.cubic)) < (own := self.forward(rows)):
@@ -101,7 +101,8 @@ class Judged:
         if said and self.scales is None:
             said.append(f"{name}: its sensor may be mounted or drifted otherwise; find its own scales (--fit-scales).")
         known = f"{name} is a record that the sensor was fitted to: its errors say little of others."
-        return (*([known] if self.known else []), *said)
+        repairs = [f"{name}: {text}." for text in self.record.repairs]
+        return (*repairs, *([known] if self.known else []), *said)
 
 
 def judge_files(
@@ -156,7 +157,7 @@ def judge_files(
     read = read_records(paths, columns)
     recognised(read)
     judged = []
-    for path, record in zip(paths, thin(read), strict=True):
+    for path, record in zip(paths, read, strict=True):
         progress(f"judging {record.name}")
         first = training_rows(record, stretch)
         output = sensor_output(artifact, full_scale, record)
@@ -170,8 +171,8 @@ def judge_files(
                 predicted=offsets + gains * output,
                 recovered={name: recover(artifact, full_scale, record, normalised, name) for name in compensators},
                 scales=scales,
-                cubic=static_cubic(record.strain, record.resistance, first),
-                cubic_strain=static_cubic(record.resistance, record.strain, first),
+                cubic=cubic((record.strain,), (record.resistance,), (first,))[0],
+                cubic_strain=cubic((record.resistance,), (record.strain,), (first,))[0],
                 known=_digest(path) in artifact.provenance.get("sha256", ""),
             )
         )

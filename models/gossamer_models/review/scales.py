@@ -75,7 +75,7 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> OwnScales:
     if rows.sum() < LEAST_SAMPLES or not np.ptp(output[rows]) > 0.0:
         msg = f"{where}: no scales can be fitted to {int(rows.sum())} samples. Name a stretch with loading (--stretch)."
         raise DataError(msg)
-    t, span = record.time - record.time[rows][0], float(np.ptp(record.time[rows]))
+    t, span = record.time - record.time[0], float(np.ptp(record.time[rows]))
     before = np.exp(-t[:, None] / (span * np.geomspace(SHORTEST_DECAY, 1.0, OFFSET_DECAYS)))
     growing = np.exp(-t[:, None] / (span * np.geomspace(SHORTEST_GAIN_DECAY, 1.0, GAIN_DECAYS)))
     A = np.column_stack([output, np.ones(t.size), before, output[:, None] * growing])

@@ -206,7 +206,7 @@ def identify(
     known = "given" if rest_resistance is not None else "fitted"
     print_result(console, result, f"{known} {result.fit.rest_resistance:.6g} ohm at rest")
     for sentence in result.remarks:
-        console.print(sentence, style="yellow")
+        console.print(sentence, style="yellow", markup=False)
     for path in (out, *drawn):
         typer.echo(path)
 

@@ -54,7 +54,7 @@ def print_result(console: Console, result: Any, rest: str) -> None:  # noqa: ANN
 
 def _trials(trials: Any) -> Table:  # noqa: ANN401
     caption = "NRMSE [% of range] on the later part of the training stretch; at two cuts for the finalists"
-    table = Table("choice of", "tried", "error", "finalist", "time [s]", caption=caption)
+    table = Table("choice of", "tried", "error", "finalist", r"time \[s]", caption=caption)
     for stage in dict.fromkeys(trial.stage for trial in trials):
         here = [trial for trial in trials if trial.stage == stage]
         known = sorted((t for t in here if math.isfinite(t.error)), key=lambda t: (not t.final, t.error))
