@@ -62,7 +62,7 @@ class Errors:
     nrmse : float
         Root mean square error over the range of the record [%].
     strain_nrmse : float or None
-        The same of the strain that the exact or direct inverse recovers; None for a model without compensator.
+        The same of the strain that the compensator recovers; None for a model without one.
     """
 
     record: str
