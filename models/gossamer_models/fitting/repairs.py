@@ -15,6 +15,7 @@ from .records import LARGEST_STRAIN
 
 MOST_MISSING = 0.05
 GAP_STRAIN = 0.05
+DAY, MIDNIGHT = 86400.0, 3600.0  # [s]; how far apart two times of day on both sides of midnight may be
 LARGEST_JUMP = 30.0  # of the output between two samples: a meter that changed its unit
 LEAST_STRAIN = -0.01  # of the range: a drifted zero of the meter
 
@@ -56,12 +57,13 @@ def order_times(samples: Samples, *, sort: bool) -> None:
     """Average repeated times; sort times that go backwards, or refuse them."""
     time = samples.columns[0]
     back = np.flatnonzero(np.diff(time) < 0.0)
-    if back.size and not sort:
+    drop = time[back[0]] - time[back[0] + 1] if back.size else 0.0
+    midnight = DAY - MIDNIGHT < drop <= DAY  # sorting would tear the record
+    if back.size and (midnight or not sort):
         line = int(samples.lines[back[0] + 1])
         first, second = time[back[0]], time[back[0] + 1]
-        msg = (
-            f"{samples.path}, line {line}: time goes backwards, {first:g} s to {second:g} s. Sort the record (--sort)."
-        )
+        remedy = "It passes midnight: write dates before the times" if midnight else "Sort the record (--sort)"
+        msg = f"{samples.path}, line {line}: time goes backwards, {first:g} s to {second:g} s. {remedy}."
         raise DataError(msg)
     if back.size:
         samples.repairs.append(
