@@ -263,5 +263,5 @@ def test_a_sensor_that_has_no_exact_inverse_is_refused_with_what_to_do():
     with pytest.raises(ParameterError, match="Build the compensator with the method filter or inverse"):
         compensator_model(signed, "estimator")
     line = DirectInverse(law=spring(), lowest=0.0, highest=1.0, offset=0.0, scale=1.0)
-    with pytest.raises(ParameterError, match="without --direct-inverse"):
+    with pytest.raises(ParameterError, match="which the estimator does not use"):
         compensator_model(replace(spring(), inverse=line), "estimator")
