@@ -64,7 +64,7 @@ def run(
     threads: Annotated[
         int,
         typer.Option(
-            help="How many FMUs may step at once; it pays where steps take some 0.1 ms and more.", min=1, max=64
+            help="How many FMUs may step at once; it pays where steps take some 0.2 ms and more.", min=1, max=64
         ),
     ] = 1,
     resume: Annotated[

@@ -78,7 +78,7 @@ def run_scenario(
         Refuse FMUs whose model description is against the rules of FMI, and end the run at the first value that is not
         finite, group that does not converge or smallest step that misses its tolerance; by default these are warnings.
     threads : int
-        How many components may step at once; it pays where their steps take some 0.1 ms and more. The results are the same.
+        How many components may step at once; it pays where their steps take some 0.2 ms and more. The results are the same.
     resume : bool
         Continue the unfinished run in ``out`` from its last saved state.
     csv : bool or None
