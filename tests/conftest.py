@@ -90,32 +90,29 @@ def built(once, tmp_path_factory):
     return get
 
 
+def built_in_c(once, kind, **options):
+    """Folder of the test FMUs of ``tests/fmus/reference``; ``kind`` is the table of their names there."""
+    pytest.importorskip("ziglang", reason="the test FMUs need the compiler ziglang")
+    from reference import build
+
+    def fill(folder):
+        for fmi, names in getattr(build, kind).items():
+            for name in names:
+                build.build(name, fmi, folder, **options)
+
+    return once(kind, fill)
+
+
 @pytest.fixture(scope="session")
 def reference_fmus(once):
     """Folder of the test FMUs of the behaviour of the FMI project's: ``Stair2.fmu``, ``Stair3.fmu`` and so on."""
-    pytest.importorskip("ziglang", reason="the test FMUs need the compiler ziglang")
-    from reference.build import NAMES, build
-
-    def fill(folder):
-        for fmi, names in NAMES.items():
-            for name in names:
-                build(name, fmi, folder)
-
-    return once("reference", fill)
+    return built_in_c(once, "NAMES")
 
 
 @pytest.fixture(scope="session")
 def exchange_fmus(once):
     """Folder of the same FMUs for model exchange only, those that have such an interface."""
-    pytest.importorskip("ziglang", reason="the test FMUs need the compiler ziglang")
-    from reference.build import EXCHANGED, build
-
-    def fill(folder):
-        for fmi, names in EXCHANGED.items():
-            for name in names:
-                build(name, fmi, folder, exchange=True)
-
-    return once("exchange", fill)
+    return built_in_c(once, "EXCHANGED", exchange=True)
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,7 @@ Models, FMUs and orchestrator use it, which may not import each other.
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import secrets
 import time
@@ -15,6 +16,12 @@ from glob import escape
 from pathlib import Path
 
 STALE = 3600.0  # [s] without a change: its writer was killed
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file in hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import Field, dataclass, fields, replace
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from gossamer_files import digest
 
 from .arrays import Vector
 from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
@@ -20,7 +20,7 @@ from .fitting.errors import Errors, nrmse
 from .fitting.plots import record_pictures, save_figures
 from .fitting.reading import read_records
 from .fitting.records import Record, strain_range, thin, training_rows
-from .fitting.tables import write_predictions
+from .fitting.tables import table_path, write_predictions
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
@@ -255,7 +255,7 @@ def identify_files(
     provenance = {
         "data": ", ".join(record.name for record in records),
         "origin": origin,
-        "sha256": ", ".join(_digest(path) for path in paths),
+        "sha256": ", ".join(digest(path) for path in paths),
         "command": command,
         "train": train,
         **stated,
@@ -289,11 +289,6 @@ def _stated(fit: PreisachFit) -> dict[str, str]:
     }
 
 
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def save_pictures(result: Identified, folder: Path) -> list[Path]:
     """Write all pictures that an identified model has as PNG files; return their paths."""
     fit = result.fit
@@ -310,7 +305,7 @@ def save_predictions(result: Identified, folder: Path) -> list[Path]:
     fit, paths = result.fit, []
     for k, record in enumerate(fit.records):
         columns = {f"{name} strain": strain for name, strain in result.recovered_of(k).items()}
-        path = folder / f"{Path(record.name).stem}_predicted.csv"
+        path = table_path(folder, record.name)
         paths.append(write_predictions(path, *result.in_its_file(k), columns, fit.train[k]))
     return paths
 

@@ -13,6 +13,11 @@ from ..arrays import Rows, Vector
 from .records import Record
 
 
+def table_path(folder: Path, name: str) -> Path:
+    """Return where the predictions of a record of a name go."""
+    return folder / f"{Path(name).stem}_predicted.csv"
+
+
 def write_predictions(
     path: Path, record: Record, predicted: Vector, recovered: Mapping[str, Vector], fitted: Rows
 ) -> Path:

@@ -1,6 +1,6 @@
 """A stored sensor judged on other records: the work of the command ``gossamer assess``."""
 
-from .judge import Judged, judge_files, save_judged, table_path
+from .judge import Judged, judge_files, save_judged
 from .scales import OwnScales, fit_scales
 
-__all__ = ["Judged", "OwnScales", "fit_scales", "judge_files", "save_judged", "table_path"]
+__all__ = ["Judged", "OwnScales", "fit_scales", "judge_files", "save_judged"]

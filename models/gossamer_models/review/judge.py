@@ -7,12 +7,12 @@ to the same first stretch of every record, so it knows more than a sensor withou
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from gossamer_files import digest
 
 from ..arrays import Rows, Vector
 from ..artifacts import artifact_schema
@@ -23,7 +23,7 @@ from ..fitting.errors import nrmse
 from ..fitting.plots import record_pictures, save_figures
 from ..fitting.reading import read_records
 from ..fitting.records import Record, training_rows
-from ..fitting.tables import write_predictions
+from ..fitting.tables import table_path, write_predictions
 from ..replay import Recovered, recover, sensor_output
 from ..sensor import Scales, SensorArtifact
 from .scales import OwnScales, fit_scales
@@ -173,15 +173,10 @@ def judge_files(
                 scales=scales,
                 cubic=cubic((record.strain,), (record.resistance,), (first,))[0],
                 cubic_strain=cubic((record.resistance,), (record.strain,), (first,))[0],
-                known=_digest(path) in artifact.provenance.get("sha256", ""),
+                known=digest(path) in artifact.provenance.get("sha256", ""),
             )
         )
     return tuple(judged)
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_sensor(path: Path) -> SensorArtifact:
@@ -219,11 +214,6 @@ def save_judged(judged: Sequence[Judged], folder: Path, *, pictures: bool = True
         if pictures:
             drawn |= record_pictures(each.record, each.predicted, strains, each.fitted)
     return [*paths, *save_figures(drawn, folder)] if drawn else paths
-
-
-def table_path(folder: Path, name: str) -> Path:
-    """Return where the predictions of a record go."""
-    return folder / f"{Path(name).stem}_predicted.csv"
 
 
 def _cells(each: Judged) -> Mapping[str, Vector]:

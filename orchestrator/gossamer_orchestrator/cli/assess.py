@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperCommand
 
 from .common import keep_inputs, model_errors, wide
-from .identify import as_options, parameter
+from .identify import CommandWithFields, as_options, parameter
 from .recognised import print_recognised
 
 if TYPE_CHECKING:
@@ -20,21 +19,6 @@ if TYPE_CHECKING:
 COMPENSATORS = "inverse (its direct one where it has one), exact, estimator, filter"
 
 
-class CommandWithColumns(TyperCommand):
-    """A command that has, besides its own options, those of columns of records; their values are in ``ctx.obj`` by name."""
-
-    def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401
-        """Return all options."""
-        *own, help_option = super().get_params(ctx)
-        return [*own, *column_options(), help_option]
-
-    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
-        """Call the command."""
-        given = {each.name: ctx.params.pop(each.name) for each in column_options()}
-        ctx.obj = {name: value for name, value in given.items() if value is not None}
-        return super().invoke(ctx)
-
-
 @cache
 def column_options() -> list[Any]:
     """Return the options of columns, as typer makes them."""
@@ -42,6 +26,12 @@ def column_options() -> list[Any]:
     from gossamer_models.identify import options
 
     return as_options({each.name: parameter(Columns, each, {}, "Columns of the records") for each in options(Columns)})
+
+
+class CommandWithColumns(CommandWithFields):
+    """A command that has, besides its own options, those of columns of records."""
+
+    fields = staticmethod(column_options)
 
 
 def assess(
@@ -86,7 +76,8 @@ def assess(
         gossamer assess sensor.json other.csv --compensator inverse --compensator estimator --out out/mine
     """
     from gossamer_models.fitting import Columns
-    from gossamer_models.review import judge_files, save_judged, table_path
+    from gossamer_models.fitting.tables import table_path
+    from gossamer_models.review import judge_files, save_judged
 
     keep_inputs([sensor, *files], [out, *(table_path(out, each.name) for each in files)])
     console = wide(stderr=True)

@@ -21,20 +21,6 @@ from .identify_report import print_result, progress_of
 from .recognised import print_recognised
 
 
-class CommandWithFields(TyperCommand):
-    """A command that has, besides its own options, those of ``field_options``; their values are in ``ctx.obj`` by name."""
-
-    def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401
-        """Return all options."""
-        *own, help_option = super().get_params(ctx)
-        return [*own, *field_options(), help_option]
-
-    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
-        """Call the command."""
-        ctx.obj = {each.name: ctx.params.pop(each.name) for each in field_options()}
-        return super().invoke(ctx)
-
-
 @cache
 def field_options() -> list[Any]:
     """Return the options of columns and of models, as typer makes them."""
@@ -50,6 +36,22 @@ def field_options() -> list[Any]:
             defaults = {each.FAMILY: getattr(each, field.name) for each in having}
             declared[field.name] = parameter(owner, field, defaults, panel if len(having) < 2 else None)
     return as_options(declared)
+
+
+class CommandWithFields(TyperCommand):
+    """A command that has, besides its own options, those that ``fields`` gives; their values are in ``ctx.obj`` by name."""
+
+    fields = staticmethod(field_options)
+
+    def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401
+        """Return all options."""
+        *own, help_option = super().get_params(ctx)
+        return [*own, *self.fields(), help_option]
+
+    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
+        """Call the command."""
+        ctx.obj = {each.name: ctx.params.pop(each.name) for each in self.fields()}
+        return super().invoke(ctx)
 
 
 def as_options(declared: dict[str, inspect.Parameter]) -> list[Any]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
-from gossamer_files import replacing
+from gossamer_files import digest, replacing
 
 from ..errors import ResultsError, ScenarioError, writing
 from ..scenario.plan import Plan
@@ -33,8 +33,7 @@ def digests(plan: Plan) -> dict[str, str]:
     paths = {f"FMU {file.name!r}": file.path for file in plan.files}
     paths |= {f"file {given.file!r}": scenario.folder / given.file for given in scenario.inputs}
     for name, path in paths.items():
-        with path.open("rb") as file:
-            found[name] = hashlib.file_digest(file, "sha256").hexdigest()
+        found[name] = digest(path)
     return found
 
 

@@ -191,22 +191,24 @@ def test_what_cannot_be_controlled_is_refused(fmus, tmp_path):
 
 
 class Counted:
-    """Stands for the step of an instance, and counts how many are in it at once."""
+    """Stands for the step of an instance, and counts how many are in it at once; each waits for as many as are expected."""
 
-    def __init__(self):
+    def __init__(self, expected):
         self.now = self.most = 0
-        self.lock = threading.Lock()
+        self.expected, self.changed = expected, threading.Condition()
 
     def of(self, step):
         def counted(*arguments):
-            with self.lock:
+            with self.changed:
                 self.now += 1
                 self.most = max(self.most, self.now)
-            time.sleep(0.01)
+                self.changed.notify_all()
+                self.changed.wait_for(lambda: self.most >= self.expected, timeout=10.0)
+            time.sleep(0.01)  # time for one more than expected
             try:
                 return step(*arguments)
             finally:
-                with self.lock:
+                with self.changed:
                     self.now -= 1
 
         return counted
@@ -217,7 +219,7 @@ def test_as_many_components_step_at_once_as_there_are_threads(reference_fmus, th
     components = "".join(f"c{i} = {{ fmu = 'Dahlquist2' }}\n" for i in range(4))
     scenario = parse_scenario(f"step = 0.1\nstop = 0.2\nmaster = 'jacobi'\n[components]\n{components}")
     with Simulation(make_plan(scenario, reference_fmus), threads=threads) as simulation:
-        counted = Counted()
+        counted = Counted(threads)
         for member in simulation.members:
             member.instance.step = counted.of(member.instance.step)
         simulation.run()
