@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from gossamer_models.campaign import Campaign, CampaignError, Chain, Damage, Distribution, Mesh, Noise, Vary, draw_cases
+from gossamer_models.campaign import Campaign, Chain, Damage, Distribution, Mesh, Noise, Vary, draw_cases
+from gossamer_models.mistakes import DescriptionError
 from gossamer_models.campaign.cases import unit_points
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -159,7 +160,7 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_a_campaign_without_sense_is_refused(case):
     make, message = REFUSED[case]
-    with pytest.raises(CampaignError, match=message):
+    with pytest.raises(DescriptionError, match=message):
         make()
 
 

@@ -3,7 +3,6 @@
 from .cases import Cases, draw_cases
 from .description import Campaign, Chain, Damage, Mesh, Noise
 from .measured import measured_resistance, measured_strain
-from .mistakes import CampaignError, Mistake
 from .ranges import Distribution, Vary
 from .run import CampaignStoppedError, Summary, run_campaign
 from .store import read_campaign
@@ -11,12 +10,10 @@ from .store import read_campaign
 __all__ = [
     # what to run
     "Campaign",
-    "CampaignError",
     "Chain",
     "Damage",
     "Distribution",
     "Mesh",
-    "Mistake",
     "Noise",
     "Vary",
     # run it

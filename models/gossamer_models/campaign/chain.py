@@ -22,7 +22,7 @@ from ..step_model import StepModel
 from .cases import Cases
 from .description import NOISE, Campaign, Chain
 from .measured import unit_noise
-from .mistakes import CampaignError, Mistake
+from ..mistakes import DescriptionError, Mistake
 
 FULL_SCALE = "full_scale_resistance_change"
 
@@ -52,7 +52,7 @@ def chain_models(chain: Chain) -> tuple[StepModel, StepModel]:
 
     Raises
     ------
-    CampaignError
+    DescriptionError
         There is no such parameter.
     GossamerError
         The artifact cannot be read, or the compensator cannot follow its sensor.
@@ -67,7 +67,7 @@ def chain_models(chain: Chain) -> tuple[StepModel, StepModel]:
                 text = f"the {model.name} has no parameter {name!r}."
                 mistakes.append(Mistake(("chain", table, name), text, name, known))
     if mistakes:
-        raise CampaignError(*mistakes)
+        raise DescriptionError(*mistakes)
     return sensor, compensator
 
 

@@ -47,7 +47,7 @@ def build_kernels(campaign: Campaign) -> Kernels:
 
     Raises
     ------
-    CampaignError
+    DescriptionError
         The chain names a parameter that its models do not have.
     GossamerError
         A model or its artifact cannot be used.

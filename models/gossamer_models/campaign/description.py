@@ -14,7 +14,7 @@ from ..membrane.mesh import MAX_ORDER, N_ZONES, ZONES_PER_SIDE
 from ..membrane.model import INPUTS
 from ..membrane.params import PARAMETERS
 from ..variables import Variable
-from .mistakes import Mistake, disordered, raise_any
+from ..mistakes import Mistake, disordered, raise_any
 from .ranges import Distribution, Pair, Vary
 
 MOST_STEPS = 1_000_000
@@ -157,7 +157,7 @@ class Campaign:
 
     Raises
     ------
-    CampaignError
+    DescriptionError
         Values that do not go together.
     """
 

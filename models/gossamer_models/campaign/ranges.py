@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from .mistakes import CampaignError, Mistake, disordered, raise_any
+from ..mistakes import DescriptionError, Mistake, disordered, raise_any
 
 Pair = tuple[float, float]
 
@@ -27,12 +27,12 @@ class Vary:
 
     def __post_init__(self) -> None:
         if (self.range is None) == (self.factor is None):
-            raise CampaignError(Mistake((), "Write either range = [low, high] or factor = [low, high]."))
+            raise DescriptionError(Mistake((), "Write either range = [low, high] or factor = [low, high]."))
         for name, pair in (("range", self.range), ("factor", self.factor)):
             raise_any([*disordered(name, pair or (0.0, 0.0), -math.inf, math.inf)])
         if self.factor is not None and self.factor[0] <= 0.0:
             text = f"'factor' begins at {self.factor[0]:g}; factors are positive. Write a range in its place."
-            raise CampaignError(Mistake(("factor",), text))
+            raise DescriptionError(Mistake(("factor",), text))
 
     def limits(self, base: float) -> Pair:
         """Return the lowest and highest value, given the constant one."""
@@ -59,9 +59,9 @@ class Distribution:
 
     def __post_init__(self) -> None:
         if (self.uniform is None) == (self.normal is None):
-            raise CampaignError(Mistake((), "Write either uniform = [low, high] or normal = standard deviation."))
+            raise DescriptionError(Mistake((), "Write either uniform = [low, high] or normal = standard deviation."))
         raise_any([*disordered("uniform", self.uniform or (0.0, 0.0), -math.inf, math.inf)])
         if self.normal is not None and self.normal < 0.0:
-            raise CampaignError(
+            raise DescriptionError(
                 Mistake(("normal",), f"'normal' is {self.normal:g}. Write a standard deviation, 0 or more.")
             )

@@ -95,7 +95,7 @@ class MembraneEquations:
         else:
             positions = ca.vertsplit(x, len(self.element.nodes))
             f, wave, strain = ca.cse([*element_force(positions, self.element, E, nu, load)])
-        return scale * _sum_at(self._row.reshape(-1), ca.vec(f), self.n_q), ca.mmax(wave), ca.mmax(strain)
+        return scale * sum_at(self._row.reshape(-1), ca.vec(f), self.n_q), ca.mmax(wave), ca.mmax(strain)
 
     @cached_property
     def force(self) -> ca.Function:
@@ -173,10 +173,10 @@ class MembraneEquations:
         key, place = np.unique(np.where(held, size**2, column * size + row), return_inverse=True)
         key = key[key < size**2]
         pattern = ca.Sparsity.triplet(size, size, (key % size).tolist(), (key // size).tolist())
-        return ca.MX(pattern, _sum_at(place, ca.vec(blocks), key.size))
+        return ca.MX(pattern, sum_at(place, ca.vec(blocks), key.size))
 
 
-def _sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
+def sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
     """Sum values at their places, shape (size,), and leave out those at place ``size``: the transpose of indexing."""
     x = ca.MX.sym("x", size + 1)
     return ca.jtimes(x[places.tolist()], x, values, True)[:size]

@@ -36,16 +36,16 @@ class Element:
     Attributes
     ----------
     order : int
-        Polynomial order of the shape functions along a side.
+        Polynomial order of the shape functions along a side; 0 for the triangle of constant strain.
     nodes : ndarray, shape (m, 2)
         Parent coordinates of the nodes [1], s fastest.
     N, D_s, D_t : tuple of casadi.DM
         Factors of the matrices, points x nodes, of the shape functions and their parent derivatives.
     w : ndarray, shape (points,)
-        Weights of the quadrature in the parent square [1].
-    J : float or casadi.DM
-        Determinant of the reference map [length^2], one number or one for every point.
-    J_inverse : ndarray of objects: float or casadi.DM, shape (2, 2)
+        Weights of the quadrature in the parent element [1].
+    J : float, casadi.DM, SX or MX
+        Determinant of the reference map [length^2], one number, one for every point, or a column of these per element.
+    J_inverse : ndarray of objects like J, shape (2, 2)
         Derivative of the parent coordinates by the reference coordinates [1/length], likewise.
     law : callable
         Stress of the material, one of ``law.LAWS``.
@@ -57,9 +57,54 @@ class Element:
     D_s: Operator
     D_t: Operator
     w: Vector
-    J: float | ca.DM
+    J: Any
     J_inverse: Matrix
     law: Law
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extras:
+    """What only a membrane from a mesh file knows; each may be missing.
+
+    Attributes
+    ----------
+    eigenstrain : ndarray of entries, shape (2, 2), optional
+        Twice the strain [1] that the stress is of beside the geometric one: of a prestress, or minus that of heat.
+    light : sequence of entries, length 3, optional
+        Direction in which light travels [1].
+    absorbed, mirrored : entries, optional
+        Pressure of light over thickness [Pa/length]: of the share that is absorbed, and of the share that is mirrored.
+    """
+
+    eigenstrain: Matrix | None = None
+    light: Sequence[Entry] | None = None
+    absorbed: Entry | None = None
+    mirrored: Entry | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """What the points of an element give.
+
+    Attributes
+    ----------
+    P : ndarray of entries, shape (3, 2)
+        Stress by parent derivatives of the shape functions, weighted.
+    load : list of entries, length 3
+        Load by shape functions, weighted.
+    wave : entry
+        rho c^2 over D [1] of a plane wave along the larger principal stretch.
+    strain : entry
+        Twice the larger principal Green-Lagrange strain [1].
+    compressed : entry
+        Reference area of the point where the smaller principal stress of Hooke's law is below zero, else 0 [length^2].
+    """
+
+    P: Matrix
+    load: list[Entry]
+    wave: Entry
+    strain: Entry
+    compressed: Entry
 
 
 def make_element(order: int, X: Vector | None = None, law: Law = st_venant_kirchhoff) -> Element:
@@ -70,7 +115,7 @@ def make_element(order: int, X: Vector | None = None, law: Law = st_venant_kirch
     order : int
         1: four nodes and the 2 x 2 Gauss rule, the membrane element of finite element programs. 2 and more: Lagrange shape
         functions through Gauss-Lobatto-Legendre nodes, which are the quadrature points too [1]_, so that the mass matrix
-        is diagonal without lumping.
+        is diagonal without lumping. 0: the triangle of three nodes and constant strain.
     X : ndarray, shape ((order + 1)^2, 2), optional
         Reference positions of the nodes, s fastest [length]; by default the parent square itself.
     law : callable
@@ -85,6 +130,8 @@ def make_element(order: int, X: Vector | None = None, law: Law = st_venant_kirch
     .. [1] D. Komatitsch, J. Tromp, Geophysical Journal International 139(3), 806-822, 1999,
        doi:10.1046/j.1365-246x.1999.00967.x.
     """
+    if order == 0:
+        return _triangle(law)
     nodes, weights = lobatto_points(order + 1)
     points, weights = gauss_points(2) if order == 1 else (nodes, weights)
     value, slope = value_matrix(nodes, points), derivative_matrix(nodes, points)
@@ -99,6 +146,15 @@ def element_mass(element: Element) -> Vector:
     N = np.asarray(_dense(element.N, len(element.nodes)))
     dA = element.w * np.asarray(element.J).ravel()
     return np.kron(N.T @ (dA[:, None] * N), np.eye(3))
+
+
+def _triangle(law: Law) -> Element:
+    """Make the triangle with the corners (0, 0), (1, 0), (0, 1) and one point in its middle."""
+    third = ca.DM.ones(1, 3) / 3.0
+    slopes = [ca.DM([[-1.0, 1.0, 0.0]]), ca.DM([[-1.0, 0.0, 1.0]])]
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    unit = matrix([[1.0, 0.0], [0.0, 1.0]])
+    return Element(0, corners, (third,), (slopes[0],), (slopes[1],), np.array([0.5]), 1.0, unit, law)
 
 
 def element_force(
@@ -143,8 +199,8 @@ def element_force(
     """
     n = x[0].shape[1]
     w, D = ca.repmat(ca.DM(element.w), 1, n), ca.repmat(modulus / (1.0 - poisson_ratio**2), len(element.w), 1)
-    P, load, wave, strain = _points(_tangents(x, element), element, w, D, poisson_ratio, pressure_over_thickness)
-    return _balance(P, load, element), D * wave, strain
+    at = element_points(tangents(x, element), element, w, D, poisson_ratio, pressure_over_thickness)
+    return balance(at.P, at.load, element), D * at.wave, at.strain
 
 
 def element_force_function(element: Element) -> ca.Function:
@@ -155,16 +211,16 @@ def element_force_function(element: Element) -> ca.Function:
     """
     m, points = len(element.nodes), len(element.w)
     x = ca.SX.sym("x", 3 * m)
-    tangents = ca.Function("tangents", [x], [ca.horzcat(*_tangents(ca.vertsplit(x, m), element).flat).T])
+    at_points = ca.Function("tangents", [x], [ca.horzcat(*tangents(ca.vertsplit(x, m), element).flat).T])
     law = _law_function(element)
     P, load = ca.SX.sym("P", 6, points), ca.SX.sym("load", 3, points)
     rows = matrix([[P[2 * i + a, :].T for a in range(2)] for i in range(3)])
-    balance = ca.Function("balance", [P, load], [_balance(rows, [load[i, :].T for i in range(3)], element)])
+    on_nodes = ca.Function("balance", [P, load], [balance(rows, [load[i, :].T for i in range(3)], element)])
     positions, E, nu, pressure = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("E"), ca.MX.sym("nu"), ca.MX.sym("load")]
     all_points = law.map(points, [False, False, True, True, True])
     D = E / (1.0 - nu**2)
-    P, load, wave, strain = all_points(tangents(positions), ca.DM(element.w).T, D, nu, pressure)
-    return ca.Function("element_force", symbols, [balance(P, load), D * ca.mmax(wave), ca.mmax(strain)])
+    P, load, wave, strain = all_points(at_points(positions), ca.DM(element.w).T, D, nu, pressure)
+    return ca.Function("element_force", symbols, [on_nodes(P, load), D * ca.mmax(wave), ca.mmax(strain)])
 
 
 def element_tangent_function(element: Element, axes: int) -> ca.Function:
@@ -179,7 +235,7 @@ def element_tangent_function(element: Element, axes: int) -> ca.Function:
     by_tangents = ca.Function("law_derivative", inputs, [ca.densify(ca.jacobian(ca.vertcat(P, load), inputs[0]))])
     N, *slopes = (_dense(operator, m) for operator in (element.N, element.D_s, element.D_t))
     x, E, nu, pressure = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("E"), ca.MX.sym("nu"), ca.MX.sym("load")]
-    T = _tangents(ca.vertsplit(x, m), element)
+    T = tangents(ca.vertsplit(x, m), element)
     derivatives = by_tangents.map(points, [False, False, True, True, True])
     D = E / (1.0 - nu**2)
     A = ca.reshape(derivatives(ca.horzcat(*T.flat).T, ca.DM(element.w).T, D, nu, pressure), 9, -1)  # 6 columns a point
@@ -199,24 +255,61 @@ def element_tangent_function(element: Element, axes: int) -> ca.Function:
     return ca.Function("element_tangent", symbols, [ca.densify(K)])
 
 
-def _tangents(x: Sequence[Entry], element: Element) -> Matrix:
+def tangents(x: Sequence[Entry], element: Element) -> Matrix:
     """Return the tangents x,s and x,t at the points, shape (3, 2)."""
     return matrix([[_apply(operator, column) for operator in (element.D_s, element.D_t)] for column in x])
 
 
-def _points(
-    tangents: Matrix, element: Element, w: Entry, D: Entry, nu: Entry, pressure: Entry
-) -> tuple[Matrix, list[Entry], Entry, Entry]:
-    """Return what each point adds: stress, load, and as ``element_force`` does its wave modulus over D and strain."""
+def element_points(
+    tangents: Matrix, element: Element, w: Entry, D: Entry, nu: Entry, pressure: Entry, extras: Extras = Extras()
+) -> Points:
+    r"""Write what the points of elements give: their share of the forces, and what limits step and validity.
+
+    Parameters
+    ----------
+    tangents : ndarray of entries, shape (3, 2)
+        :math:`x_{,s}` and :math:`x_{,t}` at the points.
+    element : Element
+        Shape functions, quadrature, reference map and law.
+    w, D, nu, pressure : entries
+        Weights [1], E/(1 - nu^2) [Pa], Poisson's ratio [1] and pressure over thickness [Pa/length], each a number or one
+        of every point.
+    extras : Extras
+        Eigenstrain and light.
+
+    Notes
+    -----
+    Light that travels along u exerts, per current area and with the normal N of its length, :math:`|u \cdot N|` of the
+    absorbed pressure along u and twice that of the mirrored one along the normal, Section 2.6 of [1]_.
+
+    References
+    ----------
+    .. [1] C. R. McInnes, Solar Sailing, Springer, 1999, doi:10.1007/978-1-4471-3992-8.
+    """
     F = tangents @ element.J_inverse
     e = F.T @ F - np.eye(2)
-    P = F @ element.law(e, w * element.J * D, nu) @ element.J_inverse.T
+    stressed = e if extras.eigenstrain is None else e + extras.eigenstrain
+    P = F @ element.law(stressed, w * element.J * D, nu) @ element.J_inverse.T
     normal = np.cross(tangents[:, 0], tangents[:, 1])
-    strain, wave = _largest(e, nu)
-    return P, [w * pressure * component for component in normal], wave, strain
+    load = [w * pressure * component for component in normal]
+    if extras.light is not None:
+        across = sum(u * component for u, component in zip(extras.light, normal, strict=True))
+        area = ca.fabs(across) * w
+        along = 2.0 * extras.mirrored * across / sum(component**2 for component in normal)
+        pairs = zip(extras.light, normal, strict=True)
+        load = [f + area * (extras.absorbed * u + along * c) for f, (u, c) in zip(load, pairs, strict=True)]
+    trace, spread = principal(e)
+    strain = (trace + spread) / 2.0
+    if extras.eigenstrain is None:
+        wave = 1.0 + (3.0 + nu) / 4.0 * trace + (3.0 - nu) / 4.0 * spread
+    else:
+        trace, spread = principal(stressed)
+        wave = 1.0 + strain + (1.0 + nu) / 4.0 * trace + (1.0 - nu) / 4.0 * spread
+    compressed = w * element.J * ((1.0 + nu) * trace < (1.0 - nu) * spread)
+    return Points(P, load, wave, strain, compressed)
 
 
-def _balance(P: Matrix, load: Sequence[Entry], element: Element) -> Entry:
+def balance(P: Matrix, load: Sequence[Entry], element: Element) -> Entry:
     """Gather load minus stress on the nodes, shape (3 m, n)."""
     return ca.vertcat(
         *(
@@ -233,9 +326,9 @@ def _law_function(element: Element) -> ca.Function:
     T, w, D, nu, pressure = symbols = [
         ca.SX.sym(name, size) for name, size in zip("TwDnp", (6, 1, 1, 1, 1), strict=True)
     ]
-    tangents = matrix([[T[2 * i + a] for a in range(2)] for i in range(3)])
-    P, load, wave, strain = _points(tangents, element, w, D, nu, pressure)
-    return ca.Function("law", symbols, ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), wave, strain]))
+    rows = matrix([[T[2 * i + a] for a in range(2)] for i in range(3)])
+    at = element_points(rows, element, w, D, nu, pressure)
+    return ca.Function("law", symbols, ca.cse([ca.vertcat(*at.P.flat), ca.vertcat(*at.load), at.wave, at.strain]))
 
 
 def _operator(along_s: Vector, along_t: Vector) -> Operator:
@@ -263,16 +356,3 @@ def _apply(operator: Operator, x: Any) -> Any:  # noqa: ANN401
 
 def _apply_transposed(operator: Operator, x: Any) -> Any:  # noqa: ANN401
     return reduce(lambda value, factor: ca.mtimes(factor.T, value), reversed(operator), x)
-
-
-def _largest(e: Matrix, nu: Entry) -> tuple[Entry, Entry]:
-    r"""Return twice the larger principal strain and :math:`\rho_0 c_0^2/D` [1] of the longitudinal wave along it.
-
-    Notes
-    -----
-    The wave is that of St Venant-Kirchhoff's law; in tension the other laws have slower ones. Along the principal stretch
-    :math:`\lambda` it is :math:`\lambda^2 + S/D`, :math:`c_0` in reference lengths; a transverse wave has :math:`S` alone.
-    The principal values of e are half of trace plus and minus spread.
-    """
-    trace, spread = principal(e)
-    return (trace + spread) / 2.0, 1.0 + (3.0 + nu) / 4.0 * trace + (3.0 - nu) / 4.0 * spread

@@ -81,7 +81,36 @@ def relaxed(e: Matrix, D: Entry, nu: Entry) -> Matrix:
     return found
 
 
-LAWS: dict[str, Law] = {"st_venant_kirchhoff": st_venant_kirchhoff, "hencky": hencky, "relaxed": relaxed}
+def neo_hookean(e: Matrix, D: Entry, nu: Entry) -> Matrix:
+    r"""Return the stress of a compressible neo-Hookean material, rubber at a Poisson's ratio near 1/2.
+
+    Notes
+    -----
+    Of the energy :math:`\tfrac\mu2\,(\mathrm{tr}\,C_3 - 3 + (J^{-2\beta} - 1)/\beta)`, :math:`\beta = \nu/(1-2\nu)`,
+    Eq. (67) of [1]_ with f = 1. Free of stress across, the thickness stretches by
+    :math:`\lambda_3^2 = (\det C)^{-\nu/(1-\nu)}`, and with :math:`\mu = D\,(1-\nu)/2`
+
+    .. math:: S = \mu\,(1 - \lambda_3^2\,C^{-1}), \qquad C = 1 + e.
+
+    References
+    ----------
+    .. [1] P. J. Blatz, W. L. Ko, Transactions of the Society of Rheology 6(1), 223-251, 1962, doi:10.1122/1.548937.
+    """
+    determinant = e[0, 0] * e[1, 1] - e[0, 1] ** 2
+    growth = e[0, 0] + e[1, 1] + determinant  # of the squared area, det C - 1
+    thinning = ca.expm1(-nu / (1.0 - nu) * ca.log1p(growth))  # lambda_3^2 - 1
+    mu = D * (1.0 - nu) / 2.0 / (1.0 + growth)
+    along = [mu * (e[a, a] + determinant - thinning * (1.0 + e[1 - a, 1 - a])) for a in range(2)]
+    across = mu * (1.0 + thinning) * e[0, 1]
+    return matrix([[along[0], across], [across, along[1]]])
+
+
+LAWS: dict[str, Law] = {
+    "st_venant_kirchhoff": st_venant_kirchhoff,
+    "hencky": hencky,
+    "neo_hookean": neo_hookean,
+    "relaxed": relaxed,
+}
 
 
 def matrix(rows: list[list[Any]]) -> Matrix:

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
 
-from gossamer_models.campaign import Campaign, CampaignError, Chain, Damage, Distribution, Mesh, Noise, Vary
+from gossamer_models.campaign import Campaign, Chain, Damage, Distribution, Mesh, Noise, Vary
+from gossamer_models.mistakes import DescriptionError
 from pydantic import ValidationError
 
 from ..names import suggest
@@ -60,7 +61,7 @@ def load_campaign(path: Path) -> tuple[Campaign, Source]:
         for item in error.errors():
             place = item["loc"][1:]
             cause = item.get("ctx", {}).get("error")
-            if isinstance(cause, CampaignError):
+            if isinstance(cause, DescriptionError):
                 _note(cause, problems, place)
             elif item["type"] == "too_long" or (item["type"] == "missing" and isinstance(place[-1], int)):
                 pair = place if item["type"] == "too_long" else place[:-1]
@@ -80,13 +81,13 @@ def locating(source: Source) -> Iterator[None]:
     """Give the mistakes of a campaign that show inside the ``with`` block the lines of its file."""
     try:
         yield
-    except CampaignError as error:
+    except DescriptionError as error:
         problems = Problems(source)
         _note(error, problems)
         problems.raise_if_any()
 
 
-def _note(error: CampaignError, problems: Problems, place: Location = ()) -> None:
+def _note(error: DescriptionError, problems: Problems, place: Location = ()) -> None:
     for mistake in error.mistakes:
         advice = f" {suggest(mistake.name, mistake.known)}" if mistake.known else ""
         problems.add((*place, *mistake.place), mistake.text + advice)

@@ -1,4 +1,4 @@
-"""Mistakes of a campaign: where they are, so that a file's reader can name the line."""
+"""Mistakes in what a person described: where they are, so that the reader of a file can name the line."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from ..errors import ParameterError
+from .errors import ParameterError
 
 
 class Mistake(NamedTuple):
-    """One thing that is wrong with a campaign.
+    """One thing that is wrong with a description.
 
     Attributes
     ----------
@@ -30,8 +30,8 @@ class Mistake(NamedTuple):
     known: tuple[str, ...] = ()
 
 
-class CampaignError(ParameterError):
-    """A campaign whose values do not go together.
+class DescriptionError(ParameterError):
+    """A description whose values do not go together.
 
     Attributes
     ----------
@@ -54,6 +54,6 @@ def disordered(name: str, pair: tuple[float, float], low: float, high: float) ->
 
 
 def raise_any(mistakes: list[Mistake]) -> None:
-    """Raise ``CampaignError`` with all mistakes, if there are any."""
+    """Raise ``DescriptionError`` with all mistakes, if there are any."""
     if mistakes:
-        raise CampaignError(*mistakes)
+        raise DescriptionError(*mistakes)

@@ -1,0 +1,339 @@
+r"""A setup on a mesh: everything about the membrane that does not change in time, as arrays.
+
+Symbols: ``N`` nodes, ``n`` elements of a kind, ``G`` combinations of region, zone and loads that occur. Elements of one
+combination share modulus, pressure and eigenstrain, so these are computed once for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Vector
+from ..membrane.element import Element
+from ..mistakes import DescriptionError, Mistake, raise_any
+from .gauges import Gauge, gauge
+from .geometry import Geometry, geometry, stiffest
+from .mesh import Integers, SurfaceMesh
+from .setup import Load, Setup
+
+MOST_ELEMENTS = 100_000
+_FLAT = 1e-9  # J of an element below this share of its mean: no area
+_FAR = 1e-3  # how far a sensor may be from the surface, shares of its size
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Elements of one kind.
+
+    Attributes
+    ----------
+    element : Element
+        With a column per element.
+    nodes : ndarray of int, shape (n, m)
+        Nodes of each.
+    combination : ndarray of int, shape (n,)
+        Which of the G combinations each belongs to.
+    stiffest : ndarray, shape (n,)
+        As ``geometry.stiffest``.
+    areas : ndarray, shape (n,)
+        Reference areas [m2].
+    """
+
+    element: Element
+    nodes: Integers
+    combination: Integers
+    stiffest: Vector
+    areas: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """A membrane ready to be written as equations.
+
+    Attributes
+    ----------
+    setup : Setup
+        What was asked for.
+    mesh : SurfaceMesh
+        The mesh.
+    elements : tuple of Elements
+        By kind.
+    region, zone : ndarray of int, shape (G,)
+        Of each combination; zone -1 where damage does not act.
+    loaded : ndarray of bool, shape (loads, G)
+        Which combinations each load of the setup acts on; of forces none.
+    enclosing : ndarray of bool, shape (G,)
+        Which combinations enclose the gas.
+    free : ndarray of bool, shape (3 N,)
+        Which displacements are not held, node by node.
+    mass : ndarray, shape (N,)
+        Lumped masses [kg].
+    normals : ndarray, shape (N, 3)
+        Unit normals of the reference surface.
+    ways : ndarray, shape (supports, 3 N)
+        Where each support moves its nodes [m].
+    edge_force : ndarray, shape (3 N,)
+        Force of the tension along edges [N].
+    unit_forces : dict
+        Nodal forces per unit of an input [1] or [m2] by the name of a dead load, shape (3 N,).
+    gauges : tuple of Gauge
+        By sensor.
+    """
+
+    setup: Setup
+    mesh: SurfaceMesh
+    elements: tuple[Elements, ...]
+    region: Integers
+    zone: Integers
+    loaded: NDArray[np.bool_]
+    enclosing: NDArray[np.bool_]
+    free: NDArray[np.bool_]
+    mass: Vector
+    normals: Vector
+    ways: Vector
+    edge_force: Vector
+    unit_forces: dict[str, Vector]
+    gauges: tuple[Gauge, ...]
+
+    @property
+    def areas(self) -> Vector:
+        """Reference areas of all elements [m2], in the order of the faces of the file."""
+        return np.concatenate([block.areas for block in self.elements])
+
+
+def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
+    """Put a setup on a mesh.
+
+    Parameters
+    ----------
+    setup : Setup
+        Material, supports, loads, sensors.
+    mesh : SurfaceMesh
+        Mesh of the setup's order.
+
+    Returns
+    -------
+    Structure
+
+    Raises
+    ------
+    DescriptionError
+        Groups that the mesh lacks, faces without a material or in two, zones that overlap, elements without area or turned
+        inside out, sensors away from the surface, or supports that leave the membrane free to move as a rigid body.
+    """
+    if mesh.n_faces > MOST_ELEMENTS:
+        text = f"{mesh.name} holds {mesh.n_faces} elements, more than {MOST_ELEMENTS}. Mesh it more coarsely."
+        raise DescriptionError(Mistake(("mesh",), text))
+    raise_any([*_lacking(setup, mesh)])
+    region = _assigned(mesh, [(r.group, ("regions", i)) for i, r in enumerate(setup.regions)], "material")
+    zone = _assigned(mesh, [(z.group, ("zones", i)) for i, z in enumerate(setup.zones)], "zone")
+    if np.any(region < 0):
+        text = (
+            f"{np.sum(region < 0)} of {mesh.n_faces} faces have no material, the first is face {np.argmin(region) + 1}. "
+            "Add a region without 'group', which takes the rest."
+        )
+        raise DescriptionError(Mistake(("regions",), text))
+    acting = [_members(mesh, load.groups) & (load.kind in ("pressure", "light")) for load in setup.loads]
+    encloses = _members(mesh, setup.gas.groups) if setup.gas else np.zeros(mesh.n_faces, dtype=bool)
+    rows = np.column_stack([region, zone, *acting, encloses])
+    kinds, combination = np.unique(rows, axis=0, return_inverse=True)
+    measured = [_measured(setup, mesh, k, region) for k in range(len(mesh.blocks))]
+    mass, normals = np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
+    areal = np.array([r.density * r.thickness for r in setup.regions])
+    for block, found in zip(mesh.blocks, measured, strict=True):
+        np.add.at(mass, block.elements, found.node_areas * areal[region[block.faces]][:, None])
+        np.add.at(normals, block.elements, found.node_normals)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    free = _free(setup, mesh)
+    raise_any([*_loose(setup, mesh, free)])
+    return Structure(
+        setup=setup,
+        mesh=mesh,
+        elements=tuple(
+            Elements(
+                found.placed(),
+                block.elements,
+                combination[block.faces],
+                stiffest(found, np.array([r.poisson_ratio for r in setup.regions])[region[block.faces]]),
+                found.areas,
+            )
+            for block, found in zip(mesh.blocks, measured, strict=True)
+        ),
+        region=kinds[:, 0],
+        zone=kinds[:, 1],
+        loaded=kinds[:, 2:-1].T.astype(bool),
+        enclosing=kinds[:, -1].astype(bool),
+        free=free,
+        mass=mass,
+        normals=normals,
+        ways=_ways(setup, mesh),
+        edge_force=_edge_force(setup, mesh, measured),
+        unit_forces={
+            load.name: _unit_force(load, mesh, measured)
+            for load in setup.loads
+            if load.kind in ("force", "dead_pressure")
+        },
+        gauges=tuple(_gauges(setup, mesh)),
+    )
+
+
+def _lacking(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
+    """Find the groups that the mesh lacks."""
+    faces, sides, points = list(mesh.faces), list(mesh.sides), list(mesh.points)
+    wanted = [(("regions", i, "group"), r.group, faces, "faces") for i, r in enumerate(setup.regions) if r.group]
+    wanted += [(("zones", i, "group"), z.group, faces, "faces") for i, z in enumerate(setup.zones)]
+    wanted += [(("supports", i, "group"), s.group, points, "nodes") for i, s in enumerate(setup.supports)]
+    wanted += [(("edges", i, "group"), e.group, sides, "edges") for i, e in enumerate(setup.edges)]
+    for i, load in enumerate(setup.loads):
+        known, what = (points, "nodes") if load.kind == "force" else (faces, "faces")
+        wanted += [(("loads", i, "groups"), group, known, what) for group in load.groups]
+    for group in setup.gas.groups if setup.gas else ():
+        wanted.append((("gas", "groups"), group, faces, "faces"))
+    for place, group, known, what in wanted:
+        if group not in known:
+            there = f"It has {', '.join(known)}." if known else "It has none: name physical groups in gmsh."
+            yield Mistake(place, f"{mesh.name} has no group {group!r} of {what}. {there}", group, tuple(known))
+
+
+def _assigned(mesh: SurfaceMesh, groups: list[tuple[str, tuple[str | int, ...]]], what: str) -> Integers:
+    """Return which of some groups each face belongs to, -1 for none; an empty name takes the rest."""
+    found, mistakes = np.full(mesh.n_faces, -1), []
+    for i, (group, place) in enumerate(groups):
+        if group:
+            members = mesh.faces[group]
+            if np.any(twice := found[members] >= 0):
+                text = f"face {members[twice][0] + 1} of {group!r} has another {what} already. Let no two overlap."
+                mistakes.append(Mistake((*place, "group"), text))
+            found[members] = i
+    for i, (group, _) in enumerate(groups):
+        if not group:
+            found[found < 0] = i
+    raise_any(mistakes)
+    return found
+
+
+def _members(mesh: SurfaceMesh, groups: tuple[str, ...]) -> NDArray[np.bool_]:
+    """Return which faces belong to some of the groups; all if there are no groups."""
+    found = np.full(mesh.n_faces, not groups)
+    for group in groups:
+        if group in mesh.faces:
+            found[mesh.faces[group]] = True
+    return found
+
+
+def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> Geometry:
+    block = mesh.blocks[which]
+    axes = np.array([r.direction for r in setup.regions])[region[block.faces]]
+    found = geometry(mesh.nodes[block.elements], block.order, setup.law, axes)
+    bad = np.any(found.J <= _FLAT * found.J.mean(), axis=1) | ~np.all(np.isfinite(found.J), axis=1)
+    # inside out: the normal turns over within the element
+    bad |= np.any(np.einsum("npi,ni->np", found.normal, found.normal.mean(axis=1)) <= 0.0, axis=1)
+    if np.any(bad):
+        first = block.faces[np.argmax(bad)]
+        middle = ", ".join(f"{x:.4g}" for x in mesh.nodes[block.elements[np.argmax(bad)]].mean(axis=0))
+        text = (
+            f"{np.sum(bad)} elements of {mesh.name} have no area or are turned inside out; the first is face {first + 1} "
+            f"near ({middle}) m. Mesh that place again."
+        )
+        raise DescriptionError(Mistake(("mesh",), text))
+    return found
+
+
+def _free(setup: Setup, mesh: SurfaceMesh) -> NDArray[np.bool_]:
+    free = np.ones((len(mesh.nodes), 3), dtype=bool)
+    for support in setup.supports:
+        for axis in support.fixed:
+            free[mesh.points[support.group], "xyz".index(axis)] = False
+    return free.ravel()
+
+
+def _loose(setup: Setup, mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
+    """Find rigid motions that no support hinders."""
+    X = mesh.nodes - mesh.nodes.mean(axis=0)
+    motions = [np.broadcast_to(axis, X.shape) for axis in np.eye(3)]
+    motions += [np.cross(axis, X) / mesh.size for axis in np.eye(3)]
+    names = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
+    A = np.column_stack([motion.ravel() for motion in motions])[~free]
+    _, strengths, modes = np.linalg.svd(A if len(A) else np.zeros((1, 6)))
+    strengths = np.append(strengths, np.zeros(6 - len(strengths)))
+    if np.any(loose := strengths < 1e-9 * np.sqrt(len(mesh.nodes))):
+        name = names[int(np.argmax(np.abs(modes[loose][0])))]
+        text = (
+            f"the supports leave the membrane free to move {name} as a rigid body. Hold more nodes or directions: "
+            f"[[supports]] with 'group', one of {', '.join(mesh.points) or 'the groups of the mesh'}."
+        )
+        yield Mistake(("supports",), text)
+
+
+def _ways(setup: Setup, mesh: SurfaceMesh) -> Vector:
+    """Return where each support moves its nodes, in the directions that it holds."""
+    found = np.zeros((len(setup.supports), len(mesh.nodes), 3))
+    for way, support in zip(found, setup.supports, strict=True):
+        nodes, centre = mesh.points[support.group], np.array(support.centre)
+        axes = ["xyz".index(axis) for axis in support.fixed]
+        moved = (np.array(support.stretch) - 1.0) * (mesh.nodes[nodes] - centre) + np.array(support.displacement)
+        way[np.ix_(nodes, axes)] = moved[:, axes]
+    return found.reshape(len(setup.supports), -1)
+
+
+def _edge_force(setup: Setup, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:
+    """Return the nodal forces of tension along edges, by the Lobatto rule of their order."""
+    from ..membrane.quadrature import derivative_matrix, lobatto_points
+
+    force = np.zeros((len(mesh.nodes), 3))
+    normals, inward = np.zeros((len(mesh.nodes), 3)), _inward(mesh)
+    for block, found in zip(mesh.blocks, measured, strict=True):
+        np.add.at(normals, block.elements, found.node_normals)
+    for edge in setup.edges:
+        for side in mesh.sides[edge.group]:
+            nodes, weights = lobatto_points(len(side))
+            along = derivative_matrix(nodes, nodes) @ mesh.nodes[side]
+            n = normals[side] / np.linalg.norm(normals[side], axis=1, keepdims=True)
+            outward = np.cross(along, n)  # its length is that of the side
+            middle = mesh.nodes[side].mean(axis=0) - inward[frozenset((int(side[0]), int(side[-1])))]
+            outward *= np.sign(np.sum(outward * middle, axis=1, keepdims=True))
+            np.add.at(force, side, edge.tension * weights[:, None] * outward)
+    return force.ravel()
+
+
+def _inward(mesh: SurfaceMesh) -> dict[frozenset[int], Vector]:
+    """Return the middle of an element beside each side, by the corners of the side."""
+    found = {}
+    for block in mesh.blocks:
+        p = block.order
+        corners = [0, 1, 2] if p == 0 else [0, p, (p + 1) ** 2 - 1, p * (p + 1)]
+        for nodes in block.elements:
+            middle = mesh.nodes[nodes].mean(axis=0)
+            ring = nodes[corners].tolist()
+            for a, b in zip(ring, [*ring[1:], ring[0]], strict=True):
+                found[frozenset((a, b))] = middle
+    return found
+
+
+def _unit_force(load: Load, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:
+    """Return the nodal forces of a dead load per unit of its input."""
+    force = np.zeros((len(mesh.nodes), 3))
+    if load.kind == "force":
+        nodes = np.unique(np.concatenate([mesh.points[group] for group in load.groups]))
+        force[nodes] = np.array(load.direction) / np.linalg.norm(load.direction)
+        return force.ravel()
+    acts = _members(mesh, load.groups)
+    for block, found in zip(mesh.blocks, measured, strict=True):
+        np.add.at(force, block.elements, found.node_normals * acts[block.faces][:, None, None])
+    return force.ravel()
+
+
+def _gauges(setup: Setup, mesh: SurfaceMesh) -> Iterator[Gauge]:
+    mistakes = []
+    for i, sensor in enumerate(setup.sensors):
+        found = gauge(mesh, np.array(sensor.point), np.array(sensor.direction), sensor.gauge_length)
+        if found.away > _FAR * mesh.size:
+            what = "its gauge reaches beyond an edge" if sensor.gauge_length else "it is away from the surface"
+            text = f"sensor {i + 1} at {list(sensor.point)} m: {what} by {found.away:.3g} m. Move it onto the membrane."
+            mistakes.append(Mistake(("sensors", i, "point"), text))
+        yield found
+    raise_any(mistakes)
