@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gossamer_models import ParameterError, StepModel
 
@@ -30,6 +31,9 @@ from .compiler import choose_platforms, compile_library
 from .description import FmiVersion, build_description, model_description
 from .page import documents
 from .python_fmu import python_members
+
+if TYPE_CHECKING:
+    from gossamer_models.mesh_membrane import Structure
 
 
 def build_fmu(
@@ -85,6 +89,7 @@ def build_all(
     elements_per_side: int | None = None,
     order: int | None = None,
     law: str | None = None,
+    structure: Structure | None = None,
     native: bool = False,
     fmi: FmiVersion = 2,
     platforms: Iterable[str] = (),
@@ -107,7 +112,9 @@ def build_all(
     elements_per_side, order : int, optional
         Mesh of the membrane, which must be the only name; see ``membrane_model``.
     law : str, optional
-        Law of the membrane's material: st_venant_kirchhoff, hencky or relaxed.
+        Law of the membrane's material: st_venant_kirchhoff, hencky, neo_hookean or relaxed.
+    structure : Structure, optional
+        Membrane on a mesh in place of the square one.
     native, fmi, platforms, progress
         See ``build_fmu``.
 
@@ -131,6 +138,7 @@ def build_all(
         "elements_per_side": elements_per_side,
         "order": order,
         "law": law,
+        "structure": structure,
     }
     models = {name: make_model(name, compiled=native, **options) for name in names}  # all or nothing
     named = [(name, model, None) for name, model in models.items()]

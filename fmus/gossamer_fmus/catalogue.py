@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gossamer_models import ParameterError, StepModel
 from gossamer_models.artifacts import artifact_schema
@@ -15,6 +15,9 @@ from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import PosteriorArtifact, detector_model, posterior_model, read_detector
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
+
+if TYPE_CHECKING:
+    from gossamer_models.mesh_membrane import Structure
 
 MODELS: dict[str, Callable[..., StepModel]] = {
     "membrane": membrane_model,
@@ -32,6 +35,7 @@ _OPTIONS = {
     "elements_per_side": ("membrane",),
     "order": ("membrane",),
     "law": ("membrane",),
+    "structure": ("membrane",),
 }  # and the FMUs that have them
 _REFUSALS = {
     "scales": "FMU {!r} has no scales of a sensor. Name those that have: sensor, compensator, estimator or filter.",
@@ -40,6 +44,7 @@ _REFUSALS = {
     "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
     "order": "FMU {!r} has no mesh. Name the membrane alone to choose the order of its elements.",
     "law": "FMU {!r} has no law of a material. Name the membrane alone to choose it.",
+    "structure": "FMU {!r} is not built from a mesh. Name the membrane alone with --setup.",
 }
 _SCALES = "resistance at rest [ohm], its rise to full scale [ohm] and full scale [1], for instance 1000,150,0.2."
 
@@ -69,8 +74,8 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     compiled : bool
         Whether to use the form of the model for compilation, if it has one.
     **options
-        ``artifact``, ``scales``, ``elements_per_side``, ``order`` and ``law`` as in ``build_all``; None stands for the
-        default.
+        ``artifact``, ``scales``, ``elements_per_side``, ``order``, ``law`` and ``structure`` as in ``build_all``; None
+        stands for the default.
 
     Returns
     -------
@@ -89,6 +94,8 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
         if name not in _OPTIONS[option]:
             raise ParameterError(_REFUSALS[option].format(name))
     artifact, scales = given.pop("artifact", None), given.pop("scales", None)
+    if name == "membrane" and "structure" in given:
+        return _mesh_membrane(**given)
     if name == "membrane":
         return membrane_model(**given, compiled=compiled)
     if artifact is None:
@@ -114,6 +121,15 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
         "compensator, identify the same records with --model preisach; or build the sensor alone."
     )
     raise ParameterError(msg)
+
+
+def _mesh_membrane(structure: Structure, **rest: Any) -> StepModel:  # noqa: ANN401
+    if rest:
+        msg = f"--{min(rest).replace('_', '-')} has no meaning with --setup, which says it itself. Leave it out."
+        raise ParameterError(msg)
+    from gossamer_models.mesh_membrane import mesh_membrane_model
+
+    return mesh_membrane_model(structure)
 
 
 def _scales(numbers: tuple[float, ...]) -> Scales:

@@ -195,8 +195,8 @@ def _lacking(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
         wanted.append((("gas", "groups"), group, faces, "faces"))
     for place, group, known, what in wanted:
         if group not in known:
-            there = f"It has {', '.join(known)}." if known else "It has none: name physical groups in gmsh."
-            yield Mistake(place, f"{mesh.name} has no group {group!r} of {what}. {there}", group, tuple(known))
+            advice = "" if known else " It has none at all: name physical groups in gmsh."
+            yield Mistake(place, f"{mesh.name} has no group {group!r} of {what}.{advice}", group, tuple(known))
 
 
 def _assigned(mesh: SurfaceMesh, groups: list[tuple[str, tuple[str | int, ...]]], what: str) -> Integers:

@@ -53,11 +53,28 @@ def build(
     law: Annotated[
         str | None,
         typer.Option(
-            help="Law of the membrane's material: st_venant_kirchhoff, which carries compression, by default; hencky; or "
-            "relaxed, which wrinkles instead.",
+            help="Law of the membrane's material: st_venant_kirchhoff, which carries compression, by default; hencky; "
+            "neo_hookean; or relaxed, which wrinkles instead.",
             metavar="NAME",
         ),
     ] = None,
+    setup: Annotated[
+        Path | None,
+        typer.Option(
+            help="Membrane on a mesh: TOML file with its material, supports, zones, loads and sensors (docs/setup.md).",
+            metavar="FILE",
+        ),
+    ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --setup: mesh file (.msh of gmsh, or any other that meshio reads) in place of the setup's own.",
+            metavar="FILE",
+        ),
+    ] = None,
+    expose: Annotated[
+        bool, typer.Option("--expose", help="With --setup: make the displacement of every node a variable.")
+    ] = False,
     native: Annotated[
         bool, typer.Option("--native", help="Compile C code, so that the FMU runs without Python.")
     ] = False,
@@ -91,6 +108,8 @@ def build(
 
         gossamer build membrane --law relaxed
 
+        gossamer build membrane --setup sail.toml --mesh sail.msh --native
+
         gossamer build estimator --artifact out/mine/sensor.json
 
         gossamer build filter --native --artifact out/mine/sensor.json
@@ -104,12 +123,26 @@ def build(
         "elements_per_side": elements_per_side,
         "order": order,
         "law": law,
+        "structure": _structure(setup, mesh, expose=expose),
     }
-    keep_inputs([artifact], [out / f"{name}.fmu" for name in names or ()])
+    keep_inputs([artifact, setup, mesh], [out / f"{name}.fmu" for name in names or ()])
     paths = build_fmus(out, names, **choices, **options).values()
     for path in paths:
         typer.echo(path)
     print_kinds(f"FMI {fmi}.0", paths)
+
+
+def _structure(setup: Path | None, mesh: Path | None, *, expose: bool) -> Any:  # noqa: ANN401
+    """Read the setup of a membrane and its mesh, if there is one."""
+    if setup is None:
+        if mesh is not None or expose:
+            msg = "--mesh and --expose need a setup of material and supports. Name its file with --setup."
+            raise FmuError(msg)
+        return None
+    from .setup_file import load_structure
+
+    with model_errors():
+        return load_structure(setup, mesh, expose=expose)
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:

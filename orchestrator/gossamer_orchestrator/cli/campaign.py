@@ -41,7 +41,8 @@ def campaign(
     from gossamer_models.campaign import run_campaign
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    from .campaign_file import load_campaign, locating
+    from .campaign_file import load_campaign
+    from .described_file import locating
 
     file = find_scenario(campaign, "campaign")
     path = Path("out/campaigns") / f"{file.stem}.zarr" if out is None else out

@@ -124,7 +124,8 @@ def _data(source: str, console: Console) -> tuple[xr.Dataset, str, float | None]
     from gossamer_models.campaign import read_campaign, run_campaign
     from rich.progress import Progress
 
-    from .campaign_file import load_campaign, locating
+    from .campaign_file import load_campaign
+    from .described_file import locating
 
     if Path(source).is_dir():
         return read_campaign(Path(source)), Path(source).stem, None
