@@ -16,7 +16,8 @@ from gossamer_models.batch.code import safe_for_lanes
 from gossamer_models.element_loop import ElementLoop, Tables
 
 FILE = "tables.bin"
-_FUNCTION = r"static int {name}\(const casadi_real\*\* arg, casadi_real\*\* res, casadi_int\* iw, casadi_real\* w, int mem\) \{{"
+_FUNCTION = r"static int {name}\(const casadi_real\*\* arg, [^)]*\) \{{"
+_ZEROS = re.compile(r"(static const casadi_real casadi_zeros\[\d+\]) =\s*\{[0., \n]*\};")
 _EXPOSED = r"CASADI_SYMBOL_EXPORT int {name}\([^)]*\)\s*\{{\s*return (casadi_f\d+)\("
 
 
@@ -45,7 +46,7 @@ def table_sizes(tables: Tables) -> dict[str, int]:
 
 
 def with_loops(code: str, loops: tuple[ElementLoop, ...]) -> str:
-    """Let the functions that stand in for loops run them.
+    """Let the functions that stand in for loops run them, and leave out long lists of zeros.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def with_loops(code: str, loops: tuple[ElementLoop, ...]) -> str:
             raise RuntimeError(msg)
         end = code.index("\n}\n", begin.end())
         code = f"{code[: begin.end()]}\n return run_loop({number}, arg, res);{code[end:]}"
-    return code
+    return _ZEROS.sub(r"\1;", code)  # zero anyway
 
 
 def _loops(tables: Tables) -> str:

@@ -72,14 +72,14 @@ class Extras:
         Twice the strain [1] that the stress is of beside the geometric one: of a prestress, or minus that of heat.
     light : sequence of entries, length 3, optional
         Direction in which light travels [1].
-    absorbed, mirrored : entries, optional
+    absorbed, mirrored : entries
         Pressure of light over thickness [Pa/length]: of the share that is absorbed, and of the share that is mirrored.
     """
 
     eigenstrain: Matrix | None = None
     light: Sequence[Entry] | None = None
-    absorbed: Entry | None = None
-    mirrored: Entry | None = None
+    absorbed: Entry = 0.0
+    mirrored: Entry = 0.0
 
 
 @dataclass(frozen=True, slots=True)

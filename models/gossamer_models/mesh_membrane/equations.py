@@ -74,10 +74,6 @@ class MeshForces:
     compiled : bool
         True: write sums over elements as loops for compiled code. False: as expressions for CasADi's virtual machine.
 
-    Attributes
-    ----------
-    loops : tuple of ElementLoop
-        The loops of compiled code.
     """
 
     def __init__(self, structure: Structure, *, compiled: bool = False) -> None:
@@ -90,6 +86,7 @@ class MeshForces:
 
     @property
     def loops(self) -> tuple[ElementLoop, ...]:
+        """All loops, in the order in which their tables are stored."""
         return (*self._force_loops, *self._volume_loops)
 
     def forces(self, x: ca.MX, d: ca.MX) -> Forces:
@@ -102,13 +99,14 @@ class MeshForces:
         sqrt(k), and transverse ones, whose speed is :math:`\sqrt{S/\rho}`, are not.
         """
         if self._compiled:
-            parts = [Forces(*loop.stand_in.call([x, ca.vec(d)])) for loop in self._force_loops]
+            calls = [loop.stand_in.call([x, ca.vec(d)]) for loop in self._force_loops]
+            parts = [Forces(f, rate, strain, compressed) for f, rate, strain, compressed in calls]
         else:
             parts = [self._block(block, x, d) for block in self._structure.elements]
         found = parts[0]
         for part in parts[1:]:
-            larger = (ca.fmax(a, b) for a, b in ((found.rate, part.rate), (found.strain, part.strain)))
-            found = Forces(found.f + part.f, *larger, found.compressed + part.compressed)
+            rate, strain = ca.fmax(found.rate, part.rate), ca.fmax(found.strain, part.strain)
+            found = Forces(found.f + part.f, rate, strain, found.compressed + part.compressed)
         return replace(found, compressed=found.compressed / float(self._structure.areas.sum()))
 
     def volume(self, x: ca.MX) -> ca.MX:

@@ -19,6 +19,7 @@ from ..membrane.stability import STEPS_PER_CYCLE
 from ..step_model import StepModel
 from ..variables import Results, Values
 from .equations import Forces, MeshForces, rows
+from .gauges import Gauge
 from .interface import mesh_variables
 from .relaxation import relax
 from .structure import Structure
@@ -74,7 +75,6 @@ def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> Step
     column = ca.MX.sym("t", sum(array.size for array in arrays.values())) if compiled else None
     t = _named(arrays, column)
     equations = MeshForces(structure, compiled=compiled)
-    lines = [_stacked(structure, i) for i in range(len(structure.gauges))]
 
     def positions(q: ca.MX, u: Values) -> ca.MX:
         x = t["nodes"] + q
@@ -96,9 +96,10 @@ def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> Step
         a, k = f * t["inverse_mass"], setup.inplane_mass
         if k == 1.0:
             return a
-        n = ca.reshape(t["normals"], 3, -1)
-        along = ca.sum1(n * ca.reshape(a, 3, -1))
-        return t["free"] * (a / k + (1.0 - 1.0 / k) * ca.vec(n * ca.vertcat(along, along, along)))
+        across = ca.MX.zeros(3 * n_nodes)
+        for axis in range(3):
+            across[axis::3] = _products(a, t["normals"])
+        return t["free"] * (a / k + (1.0 - 1.0 / k) * t["normals"] * across)
 
     def gas_pressure(x: ca.MX, u: Values, start: ca.MX) -> ca.MX:
         if setup.gas is None:
@@ -149,16 +150,16 @@ def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> Step
 
     def results(motion: Motion, u: Values, p: Values, found: Forces, gas: ca.MX) -> Results:
         x = positions(motion.q, u)
-        away = ca.reshape(x - t["nodes"], 3, -1)
+        away = x - t["nodes"]
         cycle = 1.0 / ca.fmax(p.pressure_frequency, 1e-300) / STEPS_PER_CYCLE
         values: dict[str, ca.MX] = {}
-        if lines:
-            values["strain"] = ca.vertcat(*(_gauge_strain(x, *line) for line in lines))
-        values["displacement"] = ca.sqrt(ca.mmax(ca.sum1(away**2)))
+        if structure.gauges:
+            values["strain"] = ca.vertcat(*(_gauge_strain(x, gauge) for gauge in structure.gauges))
+        values["displacement"] = ca.sqrt(ca.mmax(_products(away, away)))
         if setup.gas is not None:
             values |= {"gas_pressure": gas, "volume": all_volume(equations.volume(x), motion.volume)}
         if setup.expose:
-            values["node"] = ca.vec(away)
+            values["node"] = away
         values |= {
             "largest_strain": ca.sqrt(1.0 + found.strain) - 1.0,
             "displacement_ratio": values["displacement"] / structure.mesh.size,
@@ -175,8 +176,8 @@ def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> Step
         init=init,
         step=step,
         step_limit="max_step",
-        advice="Check supports, prestress, loads and damage: the membrane may be stretched beyond any use, or no equilibrium "
-        "was found to start from.",
+        advice="Check supports, prestress, loads and damage: the membrane may be stretched beyond any use, or no "
+        "equilibrium was found to start from.",
         table_column=column,
         tables=Tables(numbers, equations.loops) if compiled else None,
     )
@@ -244,17 +245,17 @@ def _force_scale(structure: Structure) -> ca.MX:
     return ca.MX(max(r.youngs_modulus * r.thickness for r in structure.setup.regions) * size)
 
 
-def _stacked(structure: Structure, which: int) -> tuple[ca.DM, Vector]:
-    found = structure.gauges[which]
-    lines = found.lines.tocsc()
-    pattern = ca.Sparsity(*lines.shape, lines.indptr.tolist(), lines.indices.tolist())
-    return ca.DM(pattern, lines.data), found.weights
-
-
-def _gauge_strain(x: ca.MX, lines: ca.DM, weights: Vector) -> ca.MX:
+def _gauge_strain(x: ca.MX, gauge: Gauge) -> ca.MX:
     r"""Write the mean of :math:`|\partial x/\partial L| - 1` over the samples of a gauge."""
-    became = ca.mtimes(ca.reshape(x, 3, -1), lines.T)
-    return ca.mtimes(ca.sqrt(ca.sum1(became**2)), ca.DM(weights)) - 1.0
+    nodes = np.unique(gauge.lines.indices)
+    places = (3 * nodes[:, None] + np.arange(3)).ravel()
+    became = ca.mtimes(ca.reshape(x[places.tolist()], 3, -1), ca.DM(gauge.lines[:, nodes].toarray().T))
+    return ca.mtimes(ca.sqrt(ca.sum1(became**2)), ca.DM(gauge.weights)) - 1.0
+
+
+def _products(x: ca.MX, y: ca.MX) -> ca.MX:
+    """Return the scalar products of vectors that lie node by node, shape (N,)."""
+    return sum(x[axis::3] * y[axis::3] for axis in range(3))
 
 
 def _description(structure: Structure) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +86,7 @@ def read_mesh(path: Path, scale: float = 1.0) -> MeshFile:
     return _surface(path.name, mesh, scale)
 
 
-def _surface(name: str, mesh, scale: float) -> MeshFile:  # noqa: ANN001
+def _surface(name: str, mesh: Any, scale: float) -> MeshFile:  # noqa: ANN401
     kinds = {cells.type for cells in mesh.cells}
     others = sorted(kinds - {*QUADRILATERALS, "triangle", *_IGNORED})
     if others:
@@ -128,6 +129,6 @@ def _surface(name: str, mesh, scale: float) -> MeshFile:  # noqa: ANN001
     return MeshFile(name, nodes, quadrilaterals, triangles, faces, edges, points)
 
 
-def _integers(values, columns: int) -> Integers:  # noqa: ANN001
+def _integers(values: Any, columns: int) -> Integers:  # noqa: ANN401
     found = np.zeros((0, columns)) if values is None else np.asarray(values)
     return found.astype(np.int64)

@@ -53,10 +53,10 @@ def relax(
     .. [1] P. Underwood, Dynamic relaxation, in: T. Belytschko, T. J. R. Hughes (eds.), Computational Methods for Transient
        Analysis, North-Holland, 1983, 245-265.
     """
-    n = q.numel()
-    z, force = ca.MX.sym("z", 3 * n + 2), ca.MX.sym("scale")  # q, v, f, h of the step before, whether it has ended
+    n, force = q.numel(), ca.MX.sym("scale")
     symbols, values = [symbol for symbol, _ in given] + [force], [value for _, value in given] + [scale]
-    at, v, f_before, h_before, _ = ca.vertsplit(z, [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2])
+    at, v, f_before = z = [ca.MX.sym(name, n) for name in ("q", "v", "f")]
+    h_before, ended = rest = [ca.MX.sym("h"), ca.MX.sym("ended")]
     f, rate = balance(at)
     h = 2.0 * _STEP / ca.sqrt(rate)
     energy = ca.dot(v, v / inverse_mass)
@@ -64,15 +64,15 @@ def relax(
     drag = h * ca.sqrt(ca.fmin(ca.fmax(omega2, 0.0), rate))
     moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * (f * inverse_mass)
     over = ca.norm_inf(f) <= TOLERANCE * force
-    after = ca.vertcat(at + ca.if_else(over, 0.0, h) * moved, moved, f, h, over)
-    step = ca.Function("relaxation_0", [z, *symbols], [after])
-    kept = ca.Function("relaxation_over", [z, *symbols], [z])
+    inputs = [*z, *rest, *symbols]
+    step = ca.Function("relaxation_0", inputs, [at + ca.if_else(over, 0.0, h) * moved, moved, f, h, over])
+    kept = ca.Function("relaxation_over", inputs, [*z, *rest])
     for level in range(LEVELS):
-        end = z
+        end = [*z, *rest]
         for _ in range(10):
-            end = step(end, *symbols)
-        ten = ca.Function(f"relaxation_ten_{level}", [z, *symbols], [end])
+            end = step.call([*end, *symbols])
+        ten = ca.Function(f"relaxation_ten_{level}", inputs, end)
         unless = ca.Function.if_else(f"relaxation_unless_{level}", kept, ten)
-        step = ca.Function(f"relaxation_{level + 1}", [z, *symbols], [unless(z[-1], z, *symbols)])
-    end = step(ca.vertcat(q, ca.MX.zeros(2 * n + 2)), *values)
-    return ca.if_else(end[-1] == 1.0, end[:n], float("nan"))
+        step = ca.Function(f"relaxation_{level + 1}", inputs, unless.call([ended, *inputs]))
+    q, _, _, _, ended = step.call([q, ca.MX.zeros(n), ca.MX.zeros(n), 0.0, 0.0, *values])
+    return ca.if_else(ended == 1.0, q, float("nan"))

@@ -149,7 +149,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         np.add.at(normals, block.elements, found.node_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     free = _free(setup, mesh)
-    raise_any([*_loose(setup, mesh, free)])
+    raise_any([*_loose(mesh, free)])
     return Structure(
         setup=setup,
         mesh=mesh,
@@ -184,6 +184,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
 def _lacking(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
     """Find the groups that the mesh lacks."""
     faces, sides, points = list(mesh.faces), list(mesh.sides), list(mesh.points)
+    wanted: list[tuple[tuple[str | int, ...], str, list[str], str]]
     wanted = [(("regions", i, "group"), r.group, faces, "faces") for i, r in enumerate(setup.regions) if r.group]
     wanted += [(("zones", i, "group"), z.group, faces, "faces") for i, z in enumerate(setup.zones)]
     wanted += [(("supports", i, "group"), s.group, points, "nodes") for i, s in enumerate(setup.supports)]
@@ -229,7 +230,7 @@ def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> 
     block = mesh.blocks[which]
     axes = np.array([r.direction for r in setup.regions])[region[block.faces]]
     found = geometry(mesh.nodes[block.elements], block.order, setup.law, axes)
-    bad = np.any(found.J <= _FLAT * found.J.mean(), axis=1) | ~np.all(np.isfinite(found.J), axis=1)
+    bad = np.any(_FLAT * found.J.mean() >= found.J, axis=1) | ~np.all(np.isfinite(found.J), axis=1)
     # inside out: the normal turns over within the element
     bad |= np.any(np.einsum("npi,ni->np", found.normal, found.normal.mean(axis=1)) <= 0.0, axis=1)
     if np.any(bad):
@@ -251,7 +252,7 @@ def _free(setup: Setup, mesh: SurfaceMesh) -> NDArray[np.bool_]:
     return free.ravel()
 
 
-def _loose(setup: Setup, mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
+def _loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
     """Find rigid motions that no support hinders."""
     X = mesh.nodes - mesh.nodes.mean(axis=0)
     motions = [np.broadcast_to(axis, X.shape) for axis in np.eye(3)]
@@ -276,7 +277,7 @@ def _ways(setup: Setup, mesh: SurfaceMesh) -> Vector:
         nodes, centre = mesh.points[support.group], np.array(support.centre)
         axes = ["xyz".index(axis) for axis in support.fixed]
         moved = (np.array(support.stretch) - 1.0) * (mesh.nodes[nodes] - centre) + np.array(support.displacement)
-        way[np.ix_(nodes, axes)] = moved[:, axes]
+        way[nodes[:, None], axes] = moved[:, axes]
     return found.reshape(len(setup.supports), -1)
 
 
