@@ -142,7 +142,7 @@ def surface_mesh(file: MeshFile, order: int = 1) -> SurfaceMesh:
 
 
 def _tensor_elements(corners: Integers, p: int, first: int) -> tuple[Integers, dict[tuple[int, int], tuple[int, ...]]]:
-    """Number nodes of quadrilaterals: after the corners, from ``first`` on, those inside sides, then inside elements.
+    """Give numbers to the nodes: after the corners, from ``first`` on, those inside sides, then those inside elements.
 
     Returns
     -------
