@@ -13,6 +13,7 @@ from gossamer_models import ParameterError, StepModel
 from gossamer_models.artifacts import artifact_schema
 from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import PosteriorArtifact, detector_model, posterior_model, read_detector
+from gossamer_models.hub import hub_model
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
 
@@ -23,15 +24,18 @@ MODELS: dict[str, Callable[..., StepModel]] = {
     "estimator": partial(compensator_model, method="estimator"),  # a compensator that tolerates noise
     "filter": partial(compensator_model, method="filter"),  # a compensator of any sensor
     "detector": posterior_model,
+    "framed_membrane": partial(membrane_model, frame=True),  # a membrane that a spacecraft carries and feels
+    "hub": hub_model,
 }
 NAMES = tuple(MODELS)
+MEMBRANES = ("membrane", "framed_membrane")
 
 _OPTIONS = {
-    "artifact": NAMES[1:],
+    "artifact": NAMES[1:6],
     "scales": NAMES[1:4],
-    "elements_per_side": ("membrane",),
-    "order": ("membrane",),
-    "law": ("membrane",),
+    "elements_per_side": MEMBRANES,
+    "order": MEMBRANES,
+    "law": MEMBRANES,
 }  # and the FMUs that have them
 _REFUSALS = {
     "scales": "FMU {!r} has no scales of a sensor. Name those that have: sensor, compensator, estimator or filter.",
@@ -89,8 +93,8 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
         if name not in _OPTIONS[option]:
             raise ParameterError(_REFUSALS[option].format(name))
     artifact, scales = given.pop("artifact", None), given.pop("scales", None)
-    if name == "membrane":
-        return membrane_model(**given, compiled=compiled)
+    if name in MEMBRANES:
+        return MODELS[name](**given, compiled=compiled)
     if artifact is None:
         return (
             MODELS[name](**given)

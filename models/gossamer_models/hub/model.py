@@ -1,0 +1,142 @@
+r"""The hub as a pure step: a rigid body that carries a membrane or another appendage.
+
+Symbols: those of ``rigid_body``; ``W`` force [N] and torque about the body's origin [N m] that the appendage exerts, shape (6,),
+as the mean over its step; ``O`` and ``V`` place [m] and velocity [m/s] of the origin, ``a`` its acceleration [m/s2]; ``h`` step
+[s]; ``u`` inputs and ``p`` parameters by name. There is no gravity: positions are those in a frame that falls freely.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from ..step_model import StepModel
+from ..variables import Results, Values
+from .rigid_body import Body, Impulse, Motion, advance, between, impulse, inverse, rotation, turned
+from .table import VARIABLES
+
+
+@dataclass(frozen=True, slots=True)
+class HubState:
+    """State of the hub.
+
+    Attributes
+    ----------
+    motion : Motion
+        That of the rigid body.
+    taken : Impulse
+        What the last step took up for the appendage [N s, N m s], about the place of the origin half way.
+    q : casadi.MX, shape (4,)
+        Attitude half way through the last step [1].
+    W : casadi.MX, shape (6,)
+        Force [N] and torque [N m] of the appendage that the last step received.
+    h : casadi.MX, scalar
+        Length of the last step [s]; 0 before the first.
+    """
+
+    motion: Motion
+    taken: Impulse
+    q: ca.MX
+    W: ca.MX
+    h: ca.MX
+
+
+def hub_model() -> StepModel:
+    r"""Build the step model of a rigid hub with wheels, thrusters and an appendage.
+
+    Returns
+    -------
+    StepModel
+        Model ``hub``.
+
+    Notes
+    -----
+    Where the appendage steps after the hub, its force :math:`W_k` over step k arrives one step late. A step assumes that the
+    force goes on as it was, and makes up for what the last step assumed wrongly:
+
+    .. math:: h\,\bar W_{k+1} = h\,W_k + h_k\,(W_k - W_{k-1})
+
+    With equal steps that is the linear extrapolation of the mean force. The difference is taken between impulses in inertial
+    axes, each about the place where it acted, so whatever the steps and however the hub turns, it receives all
+    momentum and angular momentum that the appendage gives, but for the last difference. With ``extrapolation`` = 0 the force
+    is that of the present step: for an appendage that steps before the hub, and within a group that is iterated. Then only the
+    attitude half way is made up for, which is not known before the step.
+
+    Motion over a step, for the appendage: :math:`a = R_{1/2}^T (V^+ - V)/h` with the velocity V of the origin and the
+    attitude half way, and :math:`\dot w = (w^+ - w)/h`.
+    """
+
+    def step(x: HubState, u: Values, p: Values, h: ca.MX) -> tuple[HubState, Results]:
+        body, motion, arrived = _body(u, p), x.motion, ca.vertcat(u.force, u.torque)
+        thrust = ca.vertcat(u.thruster_force, u.thruster_torque)
+        w, (O, V) = body.angular_velocity(motion), body.origin(motion)
+
+        gave = impulse(x.q, x.taken.O, p.extrapolation * arrived + (1.0 - p.extrapolation) * x.W, x.h)
+        goes_on = impulse(turned(motion.q, h / 2.0 * w), O + h / 2.0 * V, arrived, h)
+        owed = gave.j - x.taken.j
+        given = Impulse(goes_on.j + owed, goes_on.k + gave.k - x.taken.k + ca.cross(x.taken.O - goes_on.O, owed), goes_on.O)
+        motion = advance(motion, body, thrust, u.wheel_torque, given, h)
+
+        w_next, (O_next, V_next) = body.angular_velocity(motion), body.origin(motion)
+        q, O = between(x.motion.q, motion.q), (O + O_next) / 2.0
+        a = ca.mtimes(rotation(q).T, V_next - V) / h
+        state = HubState(motion, Impulse(goes_on.j, goes_on.about(O), O), q, arrived, h)
+        return state, results(motion, body, a, (w_next - w) / h)
+
+    def init(u: Values, p: Values) -> tuple[HubState, Results]:
+        body, W = _body(u, p), ca.vertcat(u.force, u.torque)
+        q, w, l = p.initial_attitude / ca.norm_2(p.initial_attitude), p.initial_angular_velocity, p.initial_wheel_momentum
+        R, spin = rotation(q), ca.mtimes(body.J, w) + l
+        V = p.initial_velocity + ca.mtimes(R, ca.cross(w, body.c))
+        motion = Motion(p.initial_position + ca.mtimes(R, body.c), body.M * V, ca.mtimes(R, spin), q, l)
+
+        F, T = u.thruster_force + u.force, u.thruster_torque + u.torque
+        w_dot = ca.mtimes(inverse(body.J), T - ca.cross(body.c, F) - u.wheel_torque - ca.cross(w, spin))
+        a = F / body.M - ca.cross(w_dot, body.c) - ca.cross(w, ca.cross(w, body.c))
+        nothing = Impulse(ca.MX.zeros(3), ca.MX.zeros(3), p.initial_position)
+        return HubState(motion, nothing, q, W, ca.MX(0.0)), results(motion, body, a, w_dot)
+
+    def results(motion: Motion, body: Body, a: ca.MX, w_dot: ca.MX) -> Results:
+        w, (place, velocity) = body.angular_velocity(motion), body.origin(motion)
+        return {
+            "acceleration": a,
+            "angular_acceleration": w_dot,
+            "angular_velocity": w,
+            "attitude": motion.q,
+            "position": place,
+            "velocity": velocity,
+            "wheel_momentum": motion.l,
+            "momentum": motion.P,
+            "angular_momentum": motion.L + ca.cross(motion.X, motion.P),
+            "kinetic_energy": ca.dot(motion.P, motion.P) / (2.0 * body.M) + ca.dot(w, ca.mtimes(body.J, w)) / 2.0,
+        }
+
+    return StepModel.written(
+        name="hub",
+        description="Rigid hub of a spacecraft with wheels, thrusters and an appendage",
+        variables=VARIABLES,
+        init=init,
+        step=step,
+        advice="Check mass and inertia, which must be positive, the attitude, forces and torques: a hub much lighter than its "
+        "appendage needs a group that is iterated.",
+    )
+
+
+def _body(u: Values, p: Values) -> Body:
+    """Add the appendage's part that is fixed to the hub."""
+    M = p.mass + u.attached_mass
+    c = (p.mass * p.centre_of_mass + u.attached_first_moment) / M
+    about_origin = _matrix(p.inertia) + p.mass * _point(p.centre_of_mass) + _matrix(u.attached_inertia)
+    return Body(M, c, about_origin - M * _point(c))
+
+
+def _matrix(six: ca.MX) -> ca.MX:
+    """Return a symmetric matrix from xx, yy, zz, xy, xz, yz."""
+    xx, yy, zz, xy, xz, yz = ca.vertsplit(six)
+    return ca.blockcat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _point(c: ca.MX) -> ca.MX:
+    """Return the inertia of a unit mass at a place [m]."""
+    return ca.dot(c, c) * ca.MX.eye(3) - ca.mtimes(c, c.T)
