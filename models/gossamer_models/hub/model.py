@@ -23,11 +23,15 @@ class HubState:
 
     Attributes
     ----------
-    motion : Motion
-        That of the rigid body.
+    O, V : casadi.MX, shape (3,)
+        Place [m] and velocity [m/s] of the origin, in inertial axes.
+    q : casadi.MX, shape (4,)
+        Attitude [1].
+    w, l : casadi.MX, shape (3,)
+        Angular velocity [rad/s], and angular momentum of the wheels [kg m2/s], in body axes.
     taken : Impulse
         What the last step took up for the appendage [N s, N m s], about the place of the origin half way.
-    q : casadi.MX, shape (4,)
+    q_half : casadi.MX, shape (4,)
         Attitude half way through the last step [1].
     W : casadi.MX, shape (6,)
         Force [N] and torque [N m] of the appendage that the last step received.
@@ -35,9 +39,13 @@ class HubState:
         Length of the last step [s]; 0 before the first.
     """
 
-    motion: Motion
-    taken: Impulse
+    O: ca.MX
+    V: ca.MX
     q: ca.MX
+    w: ca.MX
+    l: ca.MX
+    taken: Impulse
+    q_half: ca.MX
     W: ca.MX
     h: ca.MX
 
@@ -63,53 +71,54 @@ def hub_model() -> StepModel:
     is that of the present step: for an appendage that steps before the hub, and within a group that is iterated. Then only the
     attitude half way is made up for, which is not known before the step.
 
-    Motion over a step, for the appendage: :math:`a = R_{1/2}^T (V^+ - V)/h` with the velocity V of the origin and the
-    attitude half way, and :math:`\dot w = (w^+ - w)/h`.
+    What is attached joins the hub's motion when it first arrives, which may be after the initialization. Motion over a step, for
+    the appendage: :math:`\dot w = (w^+ - w)/h`, and :math:`a = \bar R^T (V^+ - V)/h` with the velocity V of the origin and the
+    mean of the axes over the step, which lie :math:`\dot w h^2/12` before those half way.
     """
 
     def step(x: HubState, u: Values, p: Values, h: ca.MX) -> tuple[HubState, Results]:
-        body, motion, arrived = _body(u, p), x.motion, ca.vertcat(u.force, u.torque)
+        body, arrived = _body(u, p), ca.vertcat(u.force, u.torque)
         thrust = ca.vertcat(u.thruster_force, u.thruster_torque)
-        w, (O, V) = body.angular_velocity(motion), body.origin(motion)
+        O, V, q, w = x.O, x.V, x.q, x.w
 
-        gave = impulse(x.q, x.taken.O, p.extrapolation * arrived + (1.0 - p.extrapolation) * x.W, x.h)
-        goes_on = impulse(turned(motion.q, h / 2.0 * w), O + h / 2.0 * V, arrived, h)
-        owed = gave.j - x.taken.j
-        given = Impulse(goes_on.j + owed, goes_on.k + gave.k - x.taken.k + ca.cross(x.taken.O - goes_on.O, owed), goes_on.O)
-        motion = advance(motion, body, thrust, u.wheel_torque, given, h)
+        gave = impulse(x.q_half, x.taken.O, p.extrapolation * arrived + (1.0 - p.extrapolation) * x.W, x.h)
+        goes_on = impulse(turned(q, h / 2.0 * w), O + h / 2.0 * V, arrived, h)
+        owed = Impulse(gave.j - x.taken.j, gave.k - x.taken.k, x.taken.O)
+        given = Impulse(goes_on.j + owed.j, goes_on.k + owed.about(goes_on.O), goes_on.O)
+        motion = advance(body.motion(O, V, q, w, x.l), body, thrust, u.wheel_torque, given, h)
 
-        w_next, (O_next, V_next) = body.angular_velocity(motion), body.origin(motion)
-        q, O = between(x.motion.q, motion.q), (O + O_next) / 2.0
-        a = ca.mtimes(rotation(q).T, V_next - V) / h
-        state = HubState(motion, Impulse(goes_on.j, goes_on.about(O), O), q, arrived, h)
-        return state, results(motion, body, a, (w_next - w) / h)
+        (O, V), q, w = body.origin(motion), motion.q, body.angular_velocity(motion)
+        O_half, q_half = (x.O + O) / 2.0, between(x.q, q)
+        taken = Impulse(goes_on.j, goes_on.about(O_half), O_half)
+        w_dot = (w - x.w) / h
+        mean_axes = rotation(turned(q_half, -(h**2) / 12.0 * w_dot))
+        state = HubState(O, V, q, w, motion.l, taken, q_half, arrived, h)
+        return state, results(state, motion, body, ca.mtimes(mean_axes.T, V - x.V) / h, w_dot)
 
     def init(u: Values, p: Values) -> tuple[HubState, Results]:
         body, W = _body(u, p), ca.vertcat(u.force, u.torque)
-        q, w, l = p.initial_attitude / ca.norm_2(p.initial_attitude), p.initial_angular_velocity, p.initial_wheel_momentum
-        R, spin = rotation(q), ca.mtimes(body.J, w) + l
-        V = p.initial_velocity + ca.mtimes(R, ca.cross(w, body.c))
-        motion = Motion(p.initial_position + ca.mtimes(R, body.c), body.M * V, ca.mtimes(R, spin), q, l)
-
+        O, V, w, l = p.initial_position, p.initial_velocity, p.initial_angular_velocity, p.initial_wheel_momentum
+        q = p.initial_attitude / ca.norm_2(p.initial_attitude)
         F, T = u.thruster_force + u.force, u.thruster_torque + u.torque
+        spin = ca.mtimes(body.J, w) + l
         w_dot = ca.mtimes(inverse(body.J), T - ca.cross(body.c, F) - u.wheel_torque - ca.cross(w, spin))
         a = F / body.M - ca.cross(w_dot, body.c) - ca.cross(w, ca.cross(w, body.c))
-        nothing = Impulse(ca.MX.zeros(3), ca.MX.zeros(3), p.initial_position)
-        return HubState(motion, nothing, q, W, ca.MX(0.0)), results(motion, body, a, w_dot)
+        nothing = Impulse(ca.MX.zeros(3), ca.MX.zeros(3), O)
+        state = HubState(O, V, q, w, l, nothing, q, W, ca.MX(0.0))
+        return state, results(state, body.motion(O, V, q, w, l), body, a, w_dot)
 
-    def results(motion: Motion, body: Body, a: ca.MX, w_dot: ca.MX) -> Results:
-        w, (place, velocity) = body.angular_velocity(motion), body.origin(motion)
+    def results(x: HubState, motion: Motion, body: Body, a: ca.MX, w_dot: ca.MX) -> Results:
         return {
             "acceleration": a,
             "angular_acceleration": w_dot,
-            "angular_velocity": w,
-            "attitude": motion.q,
-            "position": place,
-            "velocity": velocity,
-            "wheel_momentum": motion.l,
+            "angular_velocity": x.w,
+            "attitude": x.q,
+            "position": x.O,
+            "velocity": x.V,
+            "wheel_momentum": x.l,
             "momentum": motion.P,
             "angular_momentum": motion.L + ca.cross(motion.X, motion.P),
-            "kinetic_energy": ca.dot(motion.P, motion.P) / (2.0 * body.M) + ca.dot(w, ca.mtimes(body.J, w)) / 2.0,
+            "kinetic_energy": ca.dot(motion.P, motion.P) / (2.0 * body.M) + ca.dot(x.w, ca.mtimes(body.J, x.w)) / 2.0,
         }
 
     return StepModel.written(

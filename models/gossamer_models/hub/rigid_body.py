@@ -54,6 +54,12 @@ class Body:
     c: ca.MX
     J: ca.MX
 
+    def motion(self, O: ca.MX, V: ca.MX, q: ca.MX, w: ca.MX, l: ca.MX) -> Motion:
+        """Return the motion with a place [m] and velocity [m/s] of the body's origin, attitude, rate and wheels."""
+        R = rotation(q)
+        P = self.M * (V + ca.mtimes(R, ca.cross(w, self.c)))
+        return Motion(O + ca.mtimes(R, self.c), P, ca.mtimes(R, ca.mtimes(self.J, w) + l), q, l)
+
     def angular_velocity(self, motion: Motion) -> ca.MX:
         """Return the angular velocity [rad/s] in body axes."""
         return ca.mtimes(inverse(self.J), ca.mtimes(rotation(motion.q).T, motion.L) - motion.l)
