@@ -13,7 +13,7 @@ import casadi as ca
 
 from ..step_model import StepModel
 from ..variables import Results, Values
-from .rigid_body import Body, Impulse, Motion, advance, between, impulse, inverse, rotation, turned
+from .rigid_body import Body, Motion, advance, between, impulse, inverse, rotation, turned
 from .table import VARIABLES
 
 
@@ -29,8 +29,8 @@ class HubState:
         Attitude [1].
     w, l : casadi.MX, shape (3,)
         Angular velocity [rad/s], and angular momentum of the wheels [kg m2/s], in body axes.
-    taken : Impulse
-        What the last step took up for the appendage [N s, N m s], about the place of the origin half way.
+    taken : casadi.MX, shape (6,)
+        Impulse [N s] and angular impulse about the origin [N m s] that the last step assumed, in inertial axes.
     q_half : casadi.MX, shape (4,)
         Attitude half way through the last step [1].
     W : casadi.MX, shape (6,)
@@ -44,7 +44,7 @@ class HubState:
     q: ca.MX
     w: ca.MX
     l: ca.MX
-    taken: Impulse
+    taken: ca.MX
     q_half: ca.MX
     W: ca.MX
     h: ca.MX
@@ -66,7 +66,7 @@ def hub_model() -> StepModel:
     .. math:: h\,\bar W_{k+1} = h\,W_k + h_k\,(W_k - W_{k-1})
 
     With equal steps that is the linear extrapolation of the mean force. The difference is taken between impulses in inertial
-    axes, each about the place where it acted, so whatever the steps and however the hub turns, it receives all
+    axes, so whatever the steps and however the hub turns, it receives all
     momentum and angular momentum that the appendage gives, but for the last difference. With ``extrapolation`` = 0 the force
     is that of the present step: for an appendage that steps before the hub, and within a group that is iterated. Then only the
     attitude half way is made up for, which is not known before the step.
@@ -81,18 +81,15 @@ def hub_model() -> StepModel:
         thrust = ca.vertcat(u.thruster_force, u.thruster_torque)
         O, V, q, w = x.O, x.V, x.q, x.w
 
-        gave = impulse(x.q_half, x.taken.O, p.extrapolation * arrived + (1.0 - p.extrapolation) * x.W, x.h)
-        goes_on = impulse(turned(q, h / 2.0 * w), O + h / 2.0 * V, arrived, h)
-        owed = Impulse(gave.j - x.taken.j, gave.k - x.taken.k, x.taken.O)
-        given = Impulse(goes_on.j + owed.j, goes_on.k + owed.about(goes_on.O), goes_on.O)
+        gave = impulse(x.q_half, p.extrapolation * arrived + (1.0 - p.extrapolation) * x.W, x.h)
+        goes_on = impulse(turned(q, h / 2.0 * w), arrived, h)
+        given = goes_on + gave - x.taken
         motion = advance(body.motion(O, V, q, w, x.l), body, thrust, u.wheel_torque, given, h)
 
         (O, V), q, w = body.origin(motion), motion.q, body.angular_velocity(motion)
-        O_half, q_half = (x.O + O) / 2.0, between(x.q, q)
-        taken = Impulse(goes_on.j, goes_on.about(O_half), O_half)
-        w_dot = (w - x.w) / h
+        w_dot, q_half = (w - x.w) / h, between(x.q, q)
         mean_axes = rotation(turned(q_half, -(h**2) / 12.0 * w_dot))
-        state = HubState(O, V, q, w, motion.l, taken, q_half, arrived, h)
+        state = HubState(O, V, q, w, motion.l, goes_on, q_half, arrived, h)
         return state, results(state, motion, body, ca.mtimes(mean_axes.T, V - x.V) / h, w_dot)
 
     def init(u: Values, p: Values) -> tuple[HubState, Results]:
@@ -103,8 +100,7 @@ def hub_model() -> StepModel:
         spin = ca.mtimes(body.J, w) + l
         w_dot = ca.mtimes(inverse(body.J), T - ca.cross(body.c, F) - u.wheel_torque - ca.cross(w, spin))
         a = F / body.M - ca.cross(w_dot, body.c) - ca.cross(w, ca.cross(w, body.c))
-        nothing = Impulse(ca.MX.zeros(3), ca.MX.zeros(3), O)
-        state = HubState(O, V, q, w, l, nothing, q, W, ca.MX(0.0))
+        state = HubState(O, V, q, w, l, ca.MX.zeros(6), q, W, ca.MX(0.0))
         return state, results(state, body.motion(O, V, q, w, l), body, a, w_dot)
 
     def results(x: HubState, motion: Motion, body: Body, a: ca.MX, w_dot: ca.MX) -> Results:

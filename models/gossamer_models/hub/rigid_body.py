@@ -5,7 +5,7 @@ of the centre of mass [m], ``P`` momentum [kg m/s], ``L`` angular momentum about
 [kg m2/s], in inertial axes; in body axes ``l`` angular momentum of the wheels relative to the body [kg m2/s], ``w`` angular velocity
 [rad/s], ``c`` centre of mass [m], ``J`` inertia about it [kg m2], wheels included, ``tau`` torque on the wheels [N m]; ``M`` mass
 [kg]; ``F`` force [N] and ``T`` torque about the body's origin [N m] in body axes, ``j`` impulse [N s] and ``k`` angular impulse
-about a point ``O`` [N m s] in inertial axes; ``h`` step [s].
+about the origin [N m s] in inertial axes; ``h`` step [s].
 """
 
 from __future__ import annotations
@@ -95,34 +95,13 @@ def between(q: ca.MX, q_next: ca.MX) -> ca.MX:
     return (q + q_next) / ca.norm_2(q + q_next)
 
 
-@dataclass(frozen=True, slots=True)
-class Impulse:
-    """An impulse in inertial axes.
-
-    Attributes
-    ----------
-    j, k : casadi.MX, shape (3,)
-        Impulse [N s], and angular impulse [N m s] about the point.
-    O : casadi.MX, shape (3,)
-        The point [m].
-    """
-
-    j: ca.MX
-    k: ca.MX
-    O: ca.MX
-
-    def about(self, point: ca.MX) -> ca.MX:
-        """Return the angular impulse [N m s] about another point."""
-        return self.k + ca.cross(self.O - point, self.j)
-
-
-def impulse(q: ca.MX, O: ca.MX, W: ca.MX, h: ca.MX) -> Impulse:
-    """Return that of force [N] and torque [N m] in body axes, shape (6,), over a step, with one attitude and origin for all of it."""
+def impulse(q: ca.MX, W: ca.MX, h: ca.MX) -> ca.MX:
+    """Return force [N] and torque [N m] in body axes, shape (6,), times a step, in the inertial axes of one attitude."""
     R = rotation(q)
-    return Impulse(h * ca.mtimes(R, W[:3]), h * ca.mtimes(R, W[3:]), O)
+    return h * ca.mtimes(ca.diagcat(R, R), W)
 
 
-def advance(motion: Motion, body: Body, W: ca.MX, tau: ca.MX, given: Impulse, h: ca.MX) -> Motion:
+def advance(motion: Motion, body: Body, W: ca.MX, tau: ca.MX, J: ca.MX, h: ca.MX) -> Motion:
     r"""Advance by a step.
 
     Parameters
@@ -135,8 +114,9 @@ def advance(motion: Motion, body: Body, W: ca.MX, tau: ca.MX, given: Impulse, h:
         Force [N] and torque about the body's origin [N m], constant in body axes.
     tau : casadi.MX, shape (3,)
         Torque on the wheels [N m], constant.
-    given : Impulse
-        What the body takes up over the step beside that, at a constant rate in inertial axes.
+    J : casadi.MX, shape (6,)
+        Impulse j [N s], and angular impulse k about the body's origin [N m s], that the body takes up over the step beside
+        that, at a constant rate in inertial axes.
     h : casadi.MX, scalar
         Step [s].
 
@@ -144,20 +124,19 @@ def advance(motion: Motion, body: Body, W: ca.MX, tau: ca.MX, given: Impulse, h:
     -----
     The classical Runge-Kutta method of fourth order for
 
-    .. math:: \dot X = P/M, \quad \dot P = R F + j/h, \quad \dot L = R\,(T - c \times F) + k_X/h, \quad \dot l = \tau, \quad
-        \dot q = \tfrac12\,q \circ w, \quad w = J^{-1} (R^T L - l)
+    .. math:: \dot X = P/M, \quad \dot P = R F + j/h, \quad \dot L = R\,(T - c \times F) + (k - R c \times j)/h, \quad \dot l = \tau
 
-    with :math:`k_X` about the centre of mass as it moves. Momentum and angular momentum are states in inertial axes, so
-    they take up an impulse to round-off, and torques of the wheels leave them alone. The quaternion is normalised after the
-    step.
+    and :math:`\dot q = \tfrac12\,q \circ w` with :math:`w = J^{-1} (R^T L - l)`. Momentum and angular momentum are states in
+    inertial axes, so they take up an impulse to round-off, and torques of the wheels leave them alone. The quaternion is
+    normalised after the step.
     """
 
     def rate(y: ca.MX) -> ca.MX:
         now = _motion(y)
         q, R, w = now.q, rotation(now.q), body.angular_velocity(now)
         turning = ca.vertcat(-ca.dot(q[1:], w), q[0] * w + ca.cross(q[1:], w)) / 2.0
-        push = ca.mtimes(R, W[:3]) + given.j / h
-        torque = ca.mtimes(R, W[3:] - ca.cross(body.c, W[:3])) + given.about(now.X) / h
+        push = ca.mtimes(R, W[:3]) + J[:3] / h
+        torque = ca.mtimes(R, W[3:]) + J[3:] / h - ca.cross(ca.mtimes(R, body.c), push)
         return ca.vertcat(now.P / body.M, push, torque, turning, tau)
 
     y = ca.vertcat(motion.X, motion.P, motion.L, motion.q, motion.l)
