@@ -71,10 +71,11 @@ def turn(angle: ca.MX) -> ca.MX:
 
     Notes
     -----
-    Cayley's transform: orthogonal to round-off, with an angle that is right to third order.
+    Cayley's transform, orthogonal to round-off, of the tangent of half the angle, to fifth order in that.
     """
-    K = ca.skew(angle / 2.0)
-    return ca.MX.eye(3) + 2.0 / (1.0 + ca.dot(angle, angle) / 4.0) * (ca.mtimes(K, K) - K)
+    half = angle / 2.0 * (1.0 + ca.dot(angle, angle) / 12.0)
+    K = ca.skew(half)
+    return ca.MX.eye(3) + 2.0 / (1.0 + ca.dot(half, half)) * (ca.mtimes(K, K) - K)
 
 
 @dataclass(frozen=True, slots=True)

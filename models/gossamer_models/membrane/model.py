@@ -176,8 +176,9 @@ def membrane_model(
         step=step,
         step_limit="max_step",
         restarted=RESTARTED if frame else 0,
-        advice="Check the prestress (edge_displacement against side_length), damage, pressure and base acceleration: the "
-        "membrane may be stretched beyond any use, or the damaged prestress equilibrium was not found.",
+        advice="Check the prestress (edge_displacement against side_length), damage, pressure and "
+        + ("the motion of the frame, and that mount_x does not lie along mount_normal" if frame else "base acceleration")
+        + ": the membrane may be stretched beyond any use, or the damaged prestress equilibrium was not found.",
     )
 
 
