@@ -86,6 +86,7 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
         "N_INPUTS": inputs.stop - inputs.start,
         "N_RESULTS": results.stop - results.start,
         "N_STATES": model.n_states,
+        "N_RESTARTED": model.restarted,
         "SIZE_ARG": max(f.sz_arg() for f in functions),
         "SIZE_RES": max(f.sz_res() for f in functions),
         "SIZE_IW": max(1, *(f.sz_iw() for f in functions)),

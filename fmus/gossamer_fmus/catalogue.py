@@ -13,6 +13,7 @@ from gossamer_models import ParameterError, StepModel
 from gossamer_models.artifacts import artifact_schema
 from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import PosteriorArtifact, detector_model, posterior_model, read_detector
+from gossamer_models.hub import hub_model
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
 
@@ -26,16 +27,19 @@ MODELS: dict[str, Callable[..., StepModel]] = {
     "estimator": partial(compensator_model, method="estimator"),  # a compensator that tolerates noise
     "filter": partial(compensator_model, method="filter"),  # a compensator of any sensor
     "detector": posterior_model,
+    "framed_membrane": partial(membrane_model, frame=True),  # a membrane that a spacecraft carries and feels
+    "hub": hub_model,
 }
 NAMES = tuple(MODELS)
+MEMBRANES = ("membrane", "framed_membrane")
 
 _OPTIONS = {
-    "artifact": NAMES[1:],
+    "artifact": NAMES[1:6],
     "scales": NAMES[1:4],
-    "elements_per_side": ("membrane",),
-    "order": ("membrane",),
-    "law": ("membrane",),
-    "structure": ("membrane",),
+    "elements_per_side": MEMBRANES,
+    "order": MEMBRANES,
+    "law": MEMBRANES,
+    "structure": MEMBRANES,
 }  # and the FMUs that have them
 _REFUSALS = {
     "scales": "FMU {!r} has no scales of a sensor. Name those that have: sensor, compensator, estimator or filter.",
@@ -94,10 +98,10 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
         if name not in _OPTIONS[option]:
             raise ParameterError(_REFUSALS[option].format(name))
     artifact, scales = given.pop("artifact", None), given.pop("scales", None)
-    if name == "membrane" and "structure" in given:
-        return _mesh_membrane(**given, compiled=compiled)
-    if name == "membrane":
-        return membrane_model(**given, compiled=compiled)
+    if name in MEMBRANES and "structure" in given:
+        return _mesh_membrane(**given, frame=name == "framed_membrane", compiled=compiled)
+    if name in MEMBRANES:
+        return MODELS[name](**given, compiled=compiled)
     if artifact is None:
         return (
             MODELS[name](**given)
@@ -123,13 +127,13 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     raise ParameterError(msg)
 
 
-def _mesh_membrane(structure: Structure, *, compiled: bool, **rest: Any) -> StepModel:  # noqa: ANN401
+def _mesh_membrane(structure: Structure, *, frame: bool, compiled: bool, **rest: Any) -> StepModel:  # noqa: ANN401
     if rest:
         msg = f"--{min(rest).replace('_', '-')} has no meaning with --setup, which says it itself. Leave it out."
         raise ParameterError(msg)
     from gossamer_models.mesh_membrane import mesh_membrane_model
 
-    return mesh_membrane_model(structure, compiled=compiled)
+    return mesh_membrane_model(structure, frame=frame, compiled=compiled)
 
 
 def _scales(numbers: tuple[float, ...]) -> Scales:

@@ -48,6 +48,9 @@ class StepModel:
         ``init(u, p) -> (x, y)`` and ``step(x, u, p, h) -> (x_next, y)``; dense column vectors.
     step_limit : str or None
         Name of the variable that holds the largest internal step [s]; longer communication steps are divided.
+    restarted : int
+        How many of the last states are set to zero when a communication step begins, which may be divided: what is counted
+        from there, as for a mean over the step.
     advice : str
         What to check when a result is not finite; ends the error message.
     provenance : dict
@@ -62,6 +65,7 @@ class StepModel:
     init: ca.Function
     step: ca.Function
     step_limit: str | None = None
+    restarted: int = 0
     advice: str = "Check the parameters and the inputs."
     provenance: dict[str, str] = field(default_factory=dict)
     tables: Tables | None = None
@@ -166,6 +170,7 @@ class StepModel:
             "name": self.name,
             "description": self.description,
             "step_limit": self.step_limit,
+            "restarted": self.restarted,
             "advice": self.advice,
             "provenance": self.provenance,
             "sha256": {name: _digest(function.serialize()) for name, function in self._functions.items()},
@@ -222,6 +227,7 @@ class StepModel:
                 init=init,
                 step=step,
                 step_limit=card["step_limit"],
+                restarted=card["restarted"],
                 advice=card["advice"],
                 provenance=card["provenance"],
             )

@@ -192,6 +192,7 @@ class Stepper:
             self._checked = True
         limit = math.inf if self._limit is None else float(self._values[self._limit])
         self._x_work[:] = self._x
+        self._x_work[self._x.size - self.model.restarted :] = 0.0
         remaining = self._divide(h, limit)
         part = h / remaining
         while True:

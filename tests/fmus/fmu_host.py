@@ -14,6 +14,14 @@ FMUS = NAMES
 INPUTS = {
     "membrane": {"pressure": 500.0, "base_acceleration": 3.0, "damage[7]": 0.2},
     "sensor": {"strain": 0.11},
+    "framed_membrane": {
+        "pressure": 500.0,
+        "frame_acceleration[3]": 3.0,
+        "angular_velocity[1]": 0.2,
+        "angular_acceleration[2]": 5.0,
+        "damage[7]": 0.2,
+    },
+    "hub": {"force[3]": 20.0, "torque[1]": 3.0, "thruster_force[1]": 5.0, "wheel_torque[2]": 2.0, "attached_mass": 0.1},
     "detector": {"strain[1]": 0.1, "strain[2]": 0.2, "strain[3]": 0.05, "strain[4]": 0.3},
 }
 

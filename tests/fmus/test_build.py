@@ -100,9 +100,12 @@ def test_the_table_in_the_readme_is_up_to_date(models, name, rewrite_goldens):
     assert path.read_text(encoding="utf-8") == wanted, "run 'make goldens'"
 
 
-@pytest.mark.parametrize("name", ["estimator", "filter"])
-def test_the_tables_of_the_other_methods_are_up_to_date(models, name, rewrite_goldens):
-    path = fmu_folder("compensator") / "README.md"
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [("estimator", "compensator"), ("filter", "compensator"), ("framed_membrane", "membrane")],
+)
+def test_the_tables_of_the_other_variants_are_up_to_date(models, name, folder, rewrite_goldens):
+    path = fmu_folder(folder) / "README.md"
     begin, end = f"<!-- variables of the {name} -->\n", f"\n<!-- end of variables of the {name} -->"
     text = path.read_text(encoding="utf-8")
     before, rest = text.split(begin)

@@ -95,7 +95,12 @@ def test_initial_results_can_be_read_in_initialization_mode_and_follow_the_param
     """As FMI asks; a host may read a result there, change what it depends on, and read it again."""
     fmu, model = instance(name), Stepper(models[name])
     outputs = fmu.names("output")
-    parameter = {"membrane": "edge_displacement", "detector": "sampling_step"}.get(name, "rest_resistance")
+    parameter = {
+        "membrane": "edge_displacement",
+        "framed_membrane": "edge_displacement",
+        "hub": "mass",
+        "detector": "sampling_step",
+    }.get(name, "rest_resistance")
     fmu.slave.setupExperiment(startTime=0.0)
     fmu.slave.enterInitializationMode()
     model.initialize()

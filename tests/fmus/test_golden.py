@@ -33,6 +33,26 @@ def inputs_of(name, golden):
             "base_acceleration": 5.0 * np.cos(0.1 * k),
             "damage[1]": 0.4 * (k > 100),
         }
+    if name == "framed_membrane":
+        return {
+            "pressure": 2e3 * np.sin(0.02 * k),
+            "frame_acceleration[1]": 2.0 * np.sin(0.05 * k),
+            "frame_acceleration[3]": 5.0 * np.cos(0.1 * k),
+            "angular_velocity[1]": 0.3 * np.sin(10.0 * H * k),
+            "angular_acceleration[1]": 3.0 * np.cos(10.0 * H * k),
+            "angular_velocity[3]": 0.5 + 0.0 * k,
+            "damage[1]": 0.4 * (k > 100),
+        }
+    if name == "hub":
+        membrane = golden("framed_membrane", "ref")
+        pulls = {f"{of}[{i}]": membrane[f"{of}[{i}]"][:-1] for of in ("force", "torque") for i in (1, 2, 3)}
+        return pulls | {
+            "thruster_force[3]": 10.0 * (k > 150),
+            "wheel_torque[2]": 0.5 * np.sign(100.5 - k),
+            "attached_mass": np.full(STEPS, membrane["held_mass"][0]),
+            "attached_first_moment[1]": np.full(STEPS, membrane["held_first_moment[1]"][0]),
+            **{f"attached_inertia[{i}]": np.full(STEPS, membrane[f"held_inertia[{i}]"][0]) for i in (1, 2, 3)},
+        }
     if name == "sensor":
         return {"strain": strain_history()}
     if name in ("compensator", "filter"):
@@ -51,11 +71,21 @@ PARAMETERS = {
     "estimator": {"rest_strain": 0.02, "noise": 0.05},
     "filter": {"rest_strain": 0.02},
     "detector": {"window_length": 96 * H, "repeat": 1.0},
+    "framed_membrane": {"mount_position[1]": 0.5, "mount_normal[1]": 0.3, "enclosed_pressure": 1.0},
+    "hub": {
+        "mass": 6.0,
+        "inertia[1]": 0.5,
+        "inertia[2]": 0.5,
+        "inertia[3]": 0.8,
+        "centre_of_mass[3]": -0.1,
+        "initial_angular_velocity[3]": 0.2,
+    },
 }
+FOLDERS = {"estimator": "compensator", "filter": "compensator", "framed_membrane": "membrane"}
 
 
 def place(name, kind):
-    return fmu_folder("compensator" if name in ("estimator", "filter") else name) / f"{name}_{kind}.csv"
+    return fmu_folder(FOLDERS.get(name, name)) / f"{name}_{kind}.csv"
 
 
 def read(name, kind):
@@ -77,7 +107,7 @@ def test_the_fmu_gives_its_golden_outputs(instance, name, rewrite_goldens):
         place(name, "ref").with_suffix(".opt").write_text(options, encoding="utf-8")
     given = read(name, "in")
     fmu = instance(name)
-    fmu.initialize(**PARAMETERS[name])
+    fmu.initialize(**PARAMETERS[name], **{key: float(given[0][key]) for key in given.dtype.names[1:]})
     outputs = fmu.names("output")
     rows = [fmu.get(*outputs)]
     for row in given:

@@ -229,6 +229,8 @@ static bool integrate(Stepper *s, double h, double limit, bool with_derivative) 
   double remaining = 1.0, part;
   if (!divide(s, h, limit, &remaining)) return false;
   part = h / remaining;
+  memset(s->x + N_STATES - N_RESTARTED, 0, N_RESTARTED * sizeof(double)); /* what counts from the beginning of the step */
+  memset(s->dx + N_STATES - N_RESTARTED, 0, N_RESTARTED * sizeof(double));
   for (;;) {
     s->arg[0] = s->x;
     s->arg[1] = values + FIRST_INPUT;

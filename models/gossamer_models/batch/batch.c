@@ -97,6 +97,7 @@ static int integrate(Block *b, int now, double h) {
   mask lost = ~(all_finite(b->x[now], b->y[now]) & is_finite(remaining));
   lanes part = where(lost, h, h / remaining);
   mask active = ~lost;
+  for (int i = N_STATES - N_RESTARTED; i < N_STATES; i++) b->x[now][i] = (lanes)(0.0); /* counts from here */
   while (__builtin_reduce_or(active)) {
     int next = 1 - now;
     b->arg[0] = b->x[now];

@@ -85,6 +85,7 @@ def _sizes(model: StepModel, results: Sequence[str], functions: Sequence[ca.Func
         "N_PARAMETERS": n_p,
         "N_INPUTS": n_u,
         "N_STATES": model.n_states,
+        "N_RESTARTED": model.restarted,
         "N_RESULTS": len(results),
         "N_CHECKED": n_y,
         "N_P": max(1, n_p),  # no array is empty

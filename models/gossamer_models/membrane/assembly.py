@@ -65,6 +65,7 @@ class MembraneEquations:
         # element by element: x of its nodes, y, z
         self._place = (3 * mesh.elements[:, None, :] + np.arange(3)[:, None]).reshape(len(mesh.elements), -1)
         self._row = interior_of[self._place]  # place in q of each element force, n_q where the edge holds it
+        self.edge = np.setdiff1d(np.arange(len(mesh.nodes)), mesh.interior)
 
     def positions(self, q: ca.MX, p: SimpleNamespace) -> ca.MX:
         """Return the positions of all nodes from the centre in units of the size of an element [1], shape (3 nodes,)."""
@@ -74,14 +75,14 @@ class MembraneEquations:
         return x
 
     def force_expression(
-        self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: SimpleNamespace
+        self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: SimpleNamespace, *, everywhere: bool = False
     ) -> tuple[ca.MX, ca.MX, ca.MX]:
         """Write the forces [N] on the interior nodes, shape (n_q,), and what ``element_force`` finds over all points.
 
         Returns
         -------
         f : casadi.MX, shape (n_q,)
-            Forces [N].
+            Forces [N]; if ``everywhere``, those on all nodes of the mesh, the edge included, shape (3 nodes,).
         wave : casadi.MX, scalar
             Largest rho c^2 [Pa].
         strain : casadi.MX, scalar
@@ -95,7 +96,8 @@ class MembraneEquations:
         else:
             positions = ca.vertsplit(x, len(self.element.nodes))
             f, wave, strain = ca.cse([*element_force(positions, self.element, E, nu, load)])
-        return scale * sum_at(self._row.reshape(-1), ca.vec(f), self.n_q), ca.mmax(wave), ca.mmax(strain)
+        row, size = (self._place, 3 * len(self.mesh.nodes)) if everywhere else (self._row, self.n_q)
+        return scale * sum_at(row.reshape(-1), ca.vec(f), size), ca.mmax(wave), ca.mmax(strain)
 
     @cached_property
     def force(self) -> ca.Function:
@@ -122,10 +124,19 @@ class MembraneEquations:
     @cached_property
     def node_area(self) -> Vector:
         """Share of each interior node in the area of the square [1], shape (n_q / 3,): the weights of Gauss-Lobatto."""
+        return self._node_areas[self.mesh.interior]
+
+    @cached_property
+    def edge_area(self) -> Vector:
+        """Share of each node of ``edge`` in the area of the square [1]."""
+        return self._node_areas[self.edge]
+
+    @cached_property
+    def _node_areas(self) -> Vector:
         _, w = lobatto_points(self.mesh.order + 1)
         area = np.zeros(len(self.mesh.nodes))
         np.add.at(area, self.mesh.elements.reshape(-1), np.tile(np.kron(w, w), len(self.mesh.elements)))
-        return area[self.mesh.interior] / self._units_per_side**2
+        return area / self._units_per_side**2
 
     def node_mass(self, p: SimpleNamespace | MembraneParams) -> Any:  # noqa: ANN401
         """Return the masses [kg] of the interior nodes, once for each of x, y, z, shape (n_q,)."""

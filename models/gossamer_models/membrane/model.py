@@ -16,8 +16,10 @@ from ..errors import ParameterError
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, local, output
 from .assembly import MembraneEquations
+from .frame import FRAME_INPUTS, FRAME_LOCALS, FRAME_OUTPUTS, FRAME_PARAMETERS, RESTARTED, FrameState
 from .law import LAWS
 from .mesh import N_ZONES, ZONES_PER_SIDE
+from .mounted import Force, MountedMembrane
 from .params import PARAMETERS
 from .prestress import prestress
 from .stability import max_step_expression
@@ -33,18 +35,27 @@ class MembraneState:
     Attributes
     ----------
     q, v : casadi.MX, shape (n,)
-        Displacements [m] of the interior nodes from the stretched plane, node by node, and their velocities [m/s].
+        Displacements [m] of the interior nodes from the stretched plane, node by node, and their velocities [m/s]: relative
+        to the base, but on a frame that flies, less the velocity of the frame's origin.
     phase : casadi.MX, scalar
         Phase of the built-in pressure [cycles].
+    frame : FrameState or casadi.MX of no element
+        What is known of the frame, if it flies.
     """
 
     q: ca.MX
     v: ca.MX
     phase: ca.MX
+    frame: FrameState | ca.MX
 
 
 def membrane_model(
-    elements_per_side: int = 4, order: int = 4, law: str = "st_venant_kirchhoff", *, compiled: bool = False
+    elements_per_side: int = 4,
+    order: int = 4,
+    law: str = "st_venant_kirchhoff",
+    *,
+    frame: bool = False,
+    compiled: bool = False,
 ) -> StepModel:
     r"""Build the step model of a prestressed square membrane under pressure, with damage in 16 zones.
 
@@ -57,6 +68,9 @@ def membrane_model(
     law : {"st_venant_kirchhoff", "hencky", "relaxed"}
         Law of the material. St Venant-Kirchhoff's carries compression, the relaxed one wrinkles instead; Hencky's is linear
         in the logarithmic strain.
+    frame : bool
+        True: the frame flies. It moves and turns in space, and the membrane returns force and torque on it. False: it moves
+        along the membrane's normal only.
     compiled : bool
         True if the step is to become C code rather than to run in CasADi's virtual machine; the numbers are the same.
 
@@ -84,6 +98,7 @@ def membrane_model(
     those of the central difference method of [1]_, whose limit :math:`h < 2/\omega_{max}` it shares, damped or not.
     Without damping it is symplectic [2]_. The phase of the built-in pressure is kept within one cycle, so that its
     round-off does not grow with time. ``max_step`` belongs to the middle of the last step, where the forces are evaluated.
+    On a frame that flies the step is that of ``frame.FrameStep``.
 
     References
     ----------
@@ -104,19 +119,33 @@ def membrane_model(
         drag = p.mass_damping * h / 2.0
         keep, gain = (1.0 - drag) / (1.0 + drag), h / (1.0 + drag)  # two divisions, where one per node would be slow
 
+        phase = phase_end - ca.floor(phase_end)
+        if frame:
+            ride = MountedMembrane(equations, p).advance(x.q, x.v, x.frame, force(u, p, pressure), u, h)
+            state = MembraneState(ride.q, ride.s, phase, ride.frame)
+            return state, results(ride.q, ride.wave, ride.strain, p) | ride.results
+
         q = x.q + h / 2.0 * x.v  # half a step
         f, wave, strain = equations.force_expression(q, u.damage, pressure, p)
         v = keep * x.v + gain * (f * equations.inverse_mass(p) - u.base_acceleration * normal)
         q = q + h / 2.0 * v  # the other half
 
-        return MembraneState(q, v, phase_end - ca.floor(phase_end)), results(q, wave, strain, p)
+        return MembraneState(q, v, phase, x.frame), results(q, wave, strain, p)
 
     def init(u: Values, p: Values) -> tuple[MembraneState, Results]:
         q, wave, strain = prestress(equations, u.damage, p)
         phase = p.pressure_phase / (2.0 * np.pi)
-        return MembraneState(q, ca.MX.zeros(n), phase - ca.floor(phase)), results(q, wave, strain, p)
+        phase = phase - ca.floor(phase)
+        if frame:
+            pressure = u.pressure + p.pressure_amplitude * ca.sin(p.pressure_phase)
+            ride = MountedMembrane(equations, p).start(q, force(u, p, pressure), u)
+            return MembraneState(q, ride.s, phase, ride.frame), results(q, wave, strain, p) | ride.results
+        return MembraneState(q, ca.MX.zeros(n), phase, ca.MX.zeros(0)), results(q, wave, strain, p)
 
-    def results(q: ca.MX, wave: ca.MX, strain: ca.MX, p: Values) -> Results:
+    def force(u: Values, p: Values, pressure: ca.MX) -> Force:
+        return lambda q: equations.force_expression(q, u.damage, pressure, p, everywhere=True)
+
+    def results(q: ca.MX, wave: ca.MX, strain: ca.MX, p: Values) -> dict[str, ca.MX]:
         mesh, deflections = equations.mesh, q[2::3]
         w = ca.mtimes(mesh.interpolation(GRID)[:, mesh.interior.tolist()], deflections)
         return {
@@ -132,18 +161,31 @@ def membrane_model(
         name="membrane",
         description="Prestressed square membrane with damage zones, "
         f"{elements_per_side} x {elements_per_side} elements of order {order}"
-        + ("" if law == "st_venant_kirchhoff" else f", law {law}"),
-        variables=(*PARAMETERS, *INPUTS, *OUTPUTS, *LOCALS),
+        + ("" if law == "st_venant_kirchhoff" else f", law {law}")
+        + (", on a frame that flies" if frame else ""),
+        variables=(
+            *PARAMETERS,
+            *(FRAME_PARAMETERS if frame else ()),
+            *((*PRESSURE, *FRAME_INPUTS, *DAMAGE) if frame else INPUTS),
+            *OUTPUTS,
+            *(FRAME_OUTPUTS if frame else ()),
+            *LOCALS,
+            *(FRAME_LOCALS if frame else ()),
+        ),
         init=init,
         step=step,
         step_limit="max_step",
-        advice="Check the prestress (edge_displacement against side_length), damage, pressure and base acceleration: the "
-        "membrane may be stretched beyond any use, or the damaged prestress equilibrium was not found.",
+        restarted=RESTARTED if frame else 0,
+        advice="Check the prestress (edge_displacement against side_length), damage, pressure and "
+        + ("the motion of the frame, and that mount_x does not lie along mount_normal" if frame else "base acceleration")
+        + ": the membrane may be stretched beyond any use, or the damaged prestress equilibrium was not found.",
     )
 
 
-INPUTS = (
+PRESSURE = (
     input_("pressure", "Pa", "Uniform follower pressure added to the built-in one", 0.0, -1e6, 1e6, nominal=1e4),
+)
+BASE = (
     input_(
         "base_acceleration",
         "m/s2",
@@ -153,19 +195,20 @@ INPUTS = (
         1e5,
         nominal=10.0,
     ),
-    *(
-        input_(
-            f"damage[{k + 1}]",
-            "1",
-            f"Lost fraction of Young's modulus in zone {k + 1} "
-            f"(column {k % ZONES_PER_SIDE + 1} along x, row {k // ZONES_PER_SIDE + 1} along y)",
-            0.0,
-            0.0,
-            0.95,
-        )
-        for k in range(N_ZONES)
-    ),
 )
+DAMAGE = tuple(
+    input_(
+        f"damage[{k + 1}]",
+        "1",
+        f"Lost fraction of Young's modulus in zone {k + 1} "
+        f"(column {k % ZONES_PER_SIDE + 1} along x, row {k // ZONES_PER_SIDE + 1} along y)",
+        0.0,
+        0.0,
+        0.95,
+    )
+    for k in range(N_ZONES)
+)
+INPUTS = (*PRESSURE, *BASE, *DAMAGE)
 OUTPUTS = (
     *(
         output(

@@ -56,7 +56,7 @@ def prestress(equations: MembraneEquations, damage: ca.MX, p: SimpleNamespace) -
 
     q = ca.MX.zeros(equations.n_q)
     for _ in range(NEWTON_STEPS):
-        q = newton(q, damage, in_order(PARAMETERS, vars(p)))
+        q = newton(q, damage, in_order(PARAMETERS, {row.name: getattr(p, row.name) for row in PARAMETERS}))
     f, wave, strain = equations.force_expression(q, damage, 0.0, p)
     scale = p.youngs_modulus * p.thickness * p.side_length / equations.mesh.elements_per_side * stretch(p) ** 3
     return ca.if_else(ca.norm_inf(f) <= TOLERANCE * scale, q, float("nan")), wave, strain

@@ -94,13 +94,15 @@ def order_components(
     group nothing delays.
     """
     groups = [group.components for group in scenario.groups if set(group.components) <= set(files)]
-    pairs = {(connection.sender, connection.receiver) for connection in connections}
+    pairs = {(connection.sender, connection.receiver) for connection in connections if not connection.delayed}
     feeds = {name: [other for other in files if (name, other) in pairs] for name in files}
     start_order = sort_grouped(files, feeds, groups)
     if scenario.order is not None:
         _check_stated_order(scenario.order, scenario, feeds, problems)
     order = scenario.order or start_order
     place = {name: i for i, name in enumerate(order)}
+    _check_delays(connections, fed, place, groups, scenario, problems)
+    connections = [c for c in connections if not c.delayed]
     late = [c for c in connections if place.get(c.sender, -1) >= place.get(c.receiver, len(order))]
     delayed = [c for c in late if not any({c.sender, c.receiver} <= set(group) for group in groups)]
     iterated = {c.target for c in late} - {c.target for c in delayed}
@@ -116,6 +118,28 @@ def order_components(
                 connection.target,
             )
     return start_order, order
+
+
+def _check_delays(
+    connections: Iterable[Connection],
+    fed: Mapping[str, int],
+    place: Mapping[str, int],
+    groups: Iterable[list[str]],
+    scenario: Scenario,
+    problems: Problems,
+) -> None:
+    """Report connections that are meant to delay and do not."""
+    for c in connections:
+        if not c.delayed or scenario.master == "jacobi":
+            continue
+        if any({c.sender, c.receiver} <= set(group) for group in groups):
+            why = "both ends are in a group, where nothing delays"
+        elif place.get(c.sender, len(place)) < place.get(c.receiver, -1):
+            why = f"{c.sender!r} steps before {c.receiver!r}"
+        else:
+            continue
+        text = f"the connection {c.origin} -> {c.target} does not delay: {why}. Remove 'delayed', or change the order."
+        problems.add(("connections", fed[c.target], "delayed"), text)
 
 
 def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) -> list[tuple[str, str]]:

@@ -136,6 +136,9 @@ class Connection(Table):
         Added after gain and bias.
     dropout : Dropout or None
         Applied last.
+    delayed : bool
+        The receiver steps before the sender and gets its value of the last step: what closes a circle of components that
+        feed each other.
     """
 
     origin: Endpoint = Field(alias="from")
@@ -144,6 +147,7 @@ class Connection(Table):
     bias: float | None = None
     noise: Noise | None = None
     dropout: Dropout | None = None
+    delayed: bool = False
 
     @property
     def is_plain(self) -> bool:

@@ -1,0 +1,350 @@
+r"""A membrane on a rigid frame that flies: what the frame's motion does to its nodes, and what it does to the frame.
+
+Symbols, for N nodes with a column each, in axes that turn with the frame: ``r`` positions from the frame's origin [m],
+``s = v + w x r`` velocities less that of the origin [m/s], ``v`` velocities relative to the frame, shape (3, N); ``m`` masses
+[kg], shape (1, N); ``f`` forces [N]; ``a`` acceleration of the origin less gravity [m/s2], ``w`` angular velocity [rad/s] and
+``w_dot`` angular acceleration [rad/s2] of the frame, shape (3,); ``c`` mass damping [1/s], against the frame; ``h`` step [s]::
+
+    s' + w x s = f/m - a - c v        r' = s - w x r
+
+which is v' = f/m - a - w' x r - w x (w x r) - 2 w x v - c v. Gravity pulls at frame and membrane alike. Held nodes belong to
+the frame: their mass is reported, to be added to the mass of what carries the frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from ..variables import Results, Values, Variable, input_, local, output, parameter
+
+_LETTERS = ("xx", "yy", "zz", "xy", "xz", "yz")
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """Where the membrane sits in the body that carries it.
+
+    Attributes
+    ----------
+    place : casadi.MX, shape (3,)
+        Position [m] of the membrane's own origin from the frame's, in body axes.
+    axes : casadi.MX, shape (3, 3)
+        The membrane's x, y and z axis as columns [1], in body axes.
+    """
+
+    place: ca.MX
+    axes: ca.MX
+
+    def positions(self, x: ca.MX) -> ca.MX:
+        """Return positions [m] from the frame's origin, in the membrane's axes, of those from its own origin, shape (3, N)."""
+        return x + ca.repmat(ca.mtimes(self.axes.T, self.place), 1, x.shape[1])
+
+
+@dataclass(frozen=True, slots=True)
+class Nodes:
+    """Some nodes, in the membrane's axes.
+
+    Attributes
+    ----------
+    r : casadi.MX, shape (3, N)
+        Positions [m] from the frame's origin.
+    m : casadi.MX, shape (1, N)
+        Masses [kg].
+    """
+
+    r: ca.MX
+    m: ca.MX
+
+
+def mounting(p: Values) -> Mounting:
+    """Write place and axes of the membrane from the parameters; not a number where normal and x direction are parallel."""
+    z = p.mount_normal / ca.norm_2(p.mount_normal)
+    x = p.mount_x - ca.dot(p.mount_x, z) * z
+    x = x / ca.norm_2(x)
+    return Mounting(p.mount_position, ca.horzcat(x, ca.cross(z, x), z))
+
+
+def turn(angle: ca.MX) -> ca.MX:
+    r"""Write the matrix, shape (3, 3), that takes vectors to axes that have turned by a small angle [rad], shape (3,).
+
+    Notes
+    -----
+    Cayley's transform, orthogonal to round-off, of the tangent of half the angle, to fifth order in that.
+    """
+    half = angle / 2.0 * (1.0 + ca.dot(angle, angle) / 12.0)
+    K = ca.skew(half)
+    return ca.MX.eye(3) + 2.0 / (1.0 + ca.dot(half, half)) * (ca.mtimes(K, K) - K)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameState:
+    """What the membrane remembers of its frame, in the membrane's axes. The last two start from zero at every communication point.
+
+    Attributes
+    ----------
+    w : casadi.MX, shape (3,)
+        Angular velocity [rad/s] at the end of the last step.
+    w_given : casadi.MX, shape (3,)
+        The one that was given for the last communication point.
+    impulse : casadi.MX, shape (6,)
+        Impulse [N s] and angular impulse about the frame's origin [N m s] that the frame took since the communication point.
+    elapsed : casadi.MX, scalar
+        Time [s] since then.
+    """
+
+    w: ca.MX
+    w_given: ca.MX
+    impulse: ca.MX
+    elapsed: ca.MX
+
+
+RESTARTED = 7  # states at the end of FrameState that are zero when a communication step begins
+
+
+@dataclass(frozen=True, slots=True)
+class FrameStep:
+    r"""One step of the frame, as the membrane sees it.
+
+    Attributes
+    ----------
+    a, w, w_dot : casadi.MX, shape (3,)
+        Acceleration of the origin less gravity [m/s2], angular velocity in the middle of the step [rad/s], and angular
+        acceleration [rad/s2].
+    half : casadi.MX, shape (3, 3)
+        Takes vectors to axes that have turned by half a step.
+    end : FrameState
+        The state after the step, without what the frame takes in it.
+    h : casadi.MX, scalar
+        Step [s].
+
+    Notes
+    -----
+    The step is that of position Verlet in axes that do not turn, seen from those that do [1]_: drift by half a step, turn by half a step,
+    kick, turn, drift:
+
+    .. math::
+
+        r_{1/2} &= E\,(r + \tfrac h2 s), \\
+        s_{1/2}^+ &= \frac{(1 - \tfrac{ch}2)\,E s + h\,(f(r_{1/2})/m - a + c\,w \times r_{1/2})}{1 + \tfrac{ch}2}, \\
+        r^+ &= E\,(r_{1/2} + \tfrac h2 s_{1/2}^+), \qquad s^+ = E\,s_{1/2}^+
+
+    So no force depends on the velocity but the drag, the step stays explicit, of second order and reversible, and its limit
+    is the elastic one at any rate of turn. Momentum and angular momentum change by what the frame gives, to round-off.
+
+    References
+    ----------
+    .. [1] E. Hairer, C. Lubich, G. Wanner, Acta Numerica 12, 399-450, 2003, doi:10.1017/S0962492902000144.
+    """
+
+    a: ca.MX
+    w: ca.MX
+    w_dot: ca.MX
+    half: ca.MX
+    end: FrameState
+    h: ca.MX
+
+    @classmethod
+    def of(cls, state: FrameState, u: Values, mount: Mounting, h: ca.MX) -> FrameStep:
+        """Turn the motion of the frame from body axes to the membrane's, and to the middle of the step.
+
+        Notes
+        -----
+        Of a communication step that is divided, each part has the angular velocity of its own middle: what was given for the
+        beginning of the whole, and from there on the angular acceleration.
+        """
+        vectors = ca.horzcat(u.frame_acceleration, u.angular_velocity, u.angular_acceleration)
+        a, w_given, w_dot = ca.horzsplit(ca.mtimes(mount.axes.T, vectors))
+        w = ca.if_else(state.elapsed > 0.0, state.w, state.w_given)
+        middle = w + h / 2.0 * w_dot
+        end = FrameState(w + h * w_dot, w_given, state.impulse, state.elapsed + h)
+        return cls(a, middle, w_dot, turn(h / 2.0 * middle), end, h)
+
+    def to_middle(self, r: ca.MX, s: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Return positions [m] and velocities [m/s], before the kick, in the middle of the step."""
+        return ca.mtimes(self.half, r + self.h / 2.0 * s), ca.mtimes(self.half, s)
+
+    def kick(self, r: ca.MX, s: ca.MX, pull: ca.MX, damping: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Return the velocities [m/s] after the kick, and the mean velocity relative to the frame, which the drag goes with.
+
+        Parameters
+        ----------
+        r, s : casadi.MX, shape (3, N)
+            What ``to_middle`` returns.
+        pull : casadi.MX, shape (3, N)
+            Forces over masses [m/s2] there.
+        damping : casadi.MX, scalar
+            Mass damping c [1/s].
+        """
+        carried, drag = ca.mtimes(ca.skew(self.w), r), damping * self.h / 2.0
+        push = self.h * (pull - ca.repmat(self.a, 1, r.shape[1]))
+        s_next = ((1.0 - drag) * s + push + 2.0 * drag * carried) / (1.0 + drag)
+        return s_next, (s + s_next) / 2.0 - carried
+
+    def to_end(self, r: ca.MX, s: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Return positions [m] and velocities [m/s] at the end of the step, from those in its middle after the kick."""
+        return ca.mtimes(self.half, r + self.h / 2.0 * s), ca.mtimes(self.half, s)
+
+    def pass_on(self, reaction: ca.MX) -> tuple[FrameState, ca.MX]:
+        """Count what the frame takes in the middle of the step, force [N] and torque [N m], shape (6,).
+
+        Returns
+        -------
+        FrameState
+            After the step.
+        casadi.MX, shape (6,)
+            Mean force and torque since the communication point, in the axes half way between those that the frame had then
+            and has now.
+        """
+        E, state = ca.diagcat(self.half, self.half), self.end
+        impulse = ca.mtimes(E, ca.mtimes(E, state.impulse) + self.h * reaction)
+        back = turn(-state.elapsed / 2.0 * (state.w - state.elapsed / 2.0 * self.w_dot))
+        mean = ca.mtimes(ca.diagcat(back, back), impulse) / state.elapsed
+        return FrameState(state.w, state.w_given, impulse, state.elapsed), mean
+
+
+def moment(r: ca.MX, f: ca.MX) -> ca.MX:
+    r"""Write :math:`\sum r \times f`, shape (3,)."""
+    G = ca.mtimes(r, f.T)
+    return ca.vertcat(G[1, 2] - G[2, 1], G[2, 0] - G[0, 2], G[0, 1] - G[1, 0])
+
+
+def wrench(r: ca.MX, f: ca.MX) -> ca.MX:
+    """Write the sum of forces [N] and their torque about the frame's origin [N m], shape (6,)."""
+    return ca.vertcat(ca.sum2(f), moment(r, f))
+
+
+def mass_properties(nodes: Nodes) -> tuple[ca.MX, ca.MX, ca.MX]:
+    r"""Write mass [kg], first moment [kg m], shape (3,), and inertia about the frame's origin [kg m2], shape (3, 3)."""
+    S = ca.mtimes(nodes.r, nodes.m.T)
+    G = ca.mtimes(nodes.r * ca.repmat(nodes.m, 3, 1), nodes.r.T)
+    return ca.sum2(nodes.m), S, ca.trace(G) * ca.MX.eye(3) - G
+
+
+def frame_results(mount: Mounting, free: Nodes, s: ca.MX, held: Nodes, reaction: ca.MX) -> Results:
+    """Write the results of ``FRAME_OUTPUTS`` and ``FRAME_LOCALS``, in body axes.
+
+    Parameters
+    ----------
+    mount : Mounting
+        Turns to body axes.
+    free, held : Nodes
+        Nodes that move relative to the frame, and those that do not.
+    s : casadi.MX, shape (3, N)
+        Velocities [m/s] of the free nodes less that of the frame's origin.
+    reaction : casadi.MX, shape (6,)
+        Force [N] and torque [N m] that the membrane exerts on the frame, as means over the step, in the membrane's axes.
+    """
+    A = mount.axes
+    results: dict[str, ca.MX] = {"force": ca.mtimes(A, reaction[:3]), "torque": ca.mtimes(A, reaction[3:])}
+    for name, nodes in (("moving", free), ("held", held)):
+        mass, S, J = mass_properties(nodes)
+        results |= {f"{name}_mass": mass, f"{name}_first_moment": ca.mtimes(A, S)}
+        results[f"{name}_inertia"] = _six(ca.mtimes(ca.mtimes(A, J), A.T))
+    momentum = wrench(free.r, s * ca.repmat(free.m, 3, 1))
+    results["momentum"], results["angular_momentum"] = ca.mtimes(A, momentum[:3]), ca.mtimes(A, momentum[3:])
+    return results
+
+
+def _six(J: ca.MX) -> ca.MX:
+    """Return the six numbers of a symmetric matrix in the order of ``_LETTERS``."""
+    return ca.vertcat(*(J["xyz".index(i), "xyz".index(j)] for i, j in _LETTERS))
+
+
+def _vector(kind: type[Variable], name: str, unit: str, text: str, **rest: float | bool) -> tuple[Variable, ...]:
+    """Make the rows of a vector in body axes."""
+    return tuple(kind(f"{name}[{k}]", unit, f"{text}, along {axis}", **rest) for k, axis in enumerate("xyz", 1))
+
+
+def _inertia(kind: type[Variable], name: str, text: str) -> tuple[Variable, ...]:
+    """Make the rows of an inertia in body axes."""
+    return tuple(kind(f"{name}[{k}]", "kg m2", f"{text}, {letters}") for k, letters in enumerate(_LETTERS, 1))
+
+
+def _direction(name: str, text: str, axis: int) -> tuple[Variable, ...]:
+    """Make the rows of a direction that is one of the body axes by default."""
+    return tuple(
+        parameter(f"{name}[{k}]", "1", f"{text}, along {letter}", float(k == axis), -1e3, 1e3)
+        for k, letter in enumerate("xyz", 1)
+    )
+
+
+FRAME_PARAMETERS = (
+    *_vector(
+        parameter,
+        "mount_position",
+        "m",
+        "Place of the membrane's centre from the frame's origin, in body axes",
+        start=0.0,
+        minimum=-1e4,
+        maximum=1e4,
+    ),
+    *_direction("mount_normal", "Normal of the membrane, its z axis, of any length, in body axes", 3),
+    *_direction("mount_x", "Direction of the membrane's x axis, freed of what lies along the normal, in body axes", 1),
+    parameter(
+        "enclosed_pressure",
+        "1",
+        "Part of the pressure that pushes the frame the other way: 1 for gas between both, 0 for pressure from outside",
+        0.0,
+        0.0,
+        1.0,
+    ),
+)
+FRAME_INPUTS = (
+    *_vector(
+        input_,
+        "frame_acceleration",
+        "m/s2",
+        "Acceleration of the frame's origin less gravity, mean over the step, in body axes",
+        start=0.0,
+        minimum=-1e5,
+        maximum=1e5,
+        nominal=10.0,
+    ),
+    *_vector(
+        input_,
+        "angular_velocity",
+        "rad/s",
+        "Angular velocity of the frame at the end of the step, in body axes",
+        start=0.0,
+        minimum=-1e3,
+        maximum=1e3,
+        nominal=0.1,
+    ),
+    *_vector(
+        input_,
+        "angular_acceleration",
+        "rad/s2",
+        "Angular acceleration of the frame, mean over the step, in body axes",
+        start=0.0,
+        minimum=-1e6,
+        maximum=1e6,
+        nominal=1.0,
+    ),
+)
+FRAME_OUTPUTS = (
+    *_vector(output, "force", "N", "Force on the frame, mean over the step, in body axes", nominal=1.0),
+    *_vector(
+        output,
+        "torque",
+        "N m",
+        "Torque on the frame about its origin, mean over the step, in body axes",
+        nominal=1.0,
+    ),
+    output("held_mass", "kg", "Mass of the held edge, to be added to what carries the frame"),
+    *_vector(output, "held_first_moment", "kg m", "Mass times place of the held edge, in body axes"),
+    *_inertia(output, "held_inertia", "Inertia of the held edge about the frame's origin, in body axes"),
+)
+FRAME_LOCALS = (
+    local("moving_mass", "kg", "Mass that moves relative to the frame"),
+    *_vector(local, "moving_first_moment", "kg m", "Mass times place of what moves, in body axes"),
+    *_inertia(local, "moving_inertia", "Inertia of what moves about the frame's origin, in body axes"),
+    *_vector(local, "momentum", "kg m/s", "Momentum of what moves, of its velocity less that of the frame's origin, in body axes"),
+    *_vector(
+        local,
+        "angular_momentum",
+        "kg m2/s",
+        "Angular momentum about the frame's origin, of the same velocity, in body axes",
+    ),
+)

@@ -1,0 +1,161 @@
+"""A membrane on a frame as a module of Basilisk: the spacecraft shakes it and feels it.
+
+Needs Basilisk, ``pip install gossamer[basilisk]``. Symbols, in body axes: ``a`` acceleration of the body's origin by all forces but
+gravity [m/s2], ``w`` angular velocity [rad/s], ``w_dot`` angular acceleration [rad/s2]; ``W`` force [N] and torque [N m] of the
+membrane; ``h`` step [s].
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from Basilisk.architecture import messaging, sysModel
+from Basilisk.simulation import extForceTorque
+from Basilisk.utilities import macros
+
+from ..errors import FmuError, SimulationError
+from ..fmi.file import FmuFile
+from ..fmi.instances import start_instance
+from .debt import Array, Debt, from_mrp, turn
+
+_MOTION = [f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)]
+_REACTION = [f"{name}[{k}]" for name in ("force", "torque") for k in (1, 2, 3)]
+_HELD = [
+    "held_mass",
+    *(f"held_first_moment[{k}]" for k in range(1, 4)),
+    *(f"held_inertia[{k}]" for k in range(1, 7)),
+]
+_LONGEST = 1e9  # [s], end of the run that the FMU is given: Basilisk decides when it ends
+
+
+class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  # Basilisk has no types
+    """Any FMU with the interface of ``framed_membrane`` on a spacecraft.
+
+    Parameters
+    ----------
+    path : Path
+        The FMU, also a container of it and others.
+    vehicle : Basilisk.simulation.spacecraft.Spacecraft
+        What carries it. The mass of the membrane's edge is added to its hub, so set the hub's mass before.
+    parameters : mapping of str to float
+        Parameters and inputs of the FMU that differ from their start values.
+    component : str
+        Name of the membrane within a container; its variables are then ``component.force[1]`` and so on.
+
+    Raises
+    ------
+    FmuError
+        The FMU cannot be started, or is no membrane on a frame.
+
+    Notes
+    -----
+    ``add_to`` puts three modules into a task, in the order that the coupling needs: force, spacecraft, membrane. The
+    membrane's force arrives one step late and is extrapolated, see ``Debt``.
+    """
+
+    def __init__(
+        self, path: Path, vehicle: Any, parameters: Mapping[str, float] | None = None, component: str = ""  # noqa: ANN401
+    ) -> None:
+        super().__init__()
+        self.ModelTag = component or "membrane"
+        self._vehicle, self._prefix = vehicle, f"{component}." if component else ""
+        self._file = FmuFile(Path(path), validate=False)
+        missing = [name for name in (*_MOTION, *_REACTION, *_HELD) if self._prefix + name not in self._file.variables]
+        if missing:
+            msg = (
+                f"{path} is no membrane on a frame: it has no variable {self._prefix + missing[0]!r}. Build framed_membrane; of "
+                "a container, name the membrane with component= and record its force, torque and held_ variables."
+            )
+            raise FmuError(msg)
+        self._instance = start_instance(self._file, self.ModelTag)
+        self._motion, self._reaction = self._port(_MOTION), self._port(_REACTION)
+        self._instance.set_start(dict(parameters or {}))
+        self._instance.enter_initialization(_LONGEST)
+        self._motion.values[3:6] = np.ravel(vehicle.hub.omega_BN_BInit)
+        self._instance.write(self._motion)
+        self._instance.exit_initialization()
+        self._add_edge()
+        self.force = extForceTorque.ExtForceTorque()
+        self.states = messaging.SCStatesMsgReader()
+        vehicle.addDynamicEffector(self.force)
+        self.states.subscribeTo(vehicle.scStateOutMsg)
+
+    def add_to(self, simulation: Any, task: str) -> None:  # noqa: ANN401
+        """Add force, spacecraft and membrane to a task; the rate of the task is the communication step."""
+        for module in (self.force, self._vehicle, self):
+            simulation.AddModelToTask(task, module)
+
+    def Reset(self, nanoseconds: int) -> None:
+        """Apply the force of the membrane at rest; Basilisk calls it once, before the run."""
+        self._time = nanoseconds
+        self._instance.read(self._reaction)
+        self._debt = Debt(self._reaction.values)
+        self._apply(self._reaction.values)
+
+    def UpdateState(self, nanoseconds: int) -> None:
+        """Step the FMU to the present time with the motion of the spacecraft, and set the force of the next step."""
+        h = (nanoseconds - self._time) * macros.NANO2SEC
+        if h == 0.0:
+            return
+        state = self.states()
+        a, w, w_dot = (np.array(x) for x in (state.nonConservativeAccelpntB_B, state.omega_BN_B, state.omegaDot_BN_B))
+        back = h / 2.0 * w - h**2 / 6.0 * w_dot  # to the mean axes over the step: Basilisk gives a in those at its end
+        self._motion.values[:] = np.concatenate([turn(back) @ a, w, w_dot])
+        self._instance.write(self._motion)
+        begin = self._time * macros.NANO2SEC
+        if not self._instance.step(ctypes.c_double(begin), ctypes.c_double(h)):
+            msg = f"{self.ModelTag} refused the step from t = {begin:g} s. Use a shorter step of the task."
+            raise SimulationError(msg, component=self.ModelTag, time=begin)
+        self._time = nanoseconds
+        self._instance.read(self._reaction)
+        R = from_mrp(np.array(state.sigma_BN))
+        self._apply(self._debt.applied(R, w, w_dot, self._reaction.values, h))
+
+    @property
+    def owed(self) -> Array:
+        """Impulse [N s] and angular impulse [N m s] that the spacecraft has not received yet, in inertial axes, shape (6,)."""
+        return self._debt.owed
+
+    def read(self, *names: str) -> Array:
+        """Read variables of the FMU by their full names."""
+        port = self._instance.port(list(names))
+        self._instance.read(port)
+        return port.values
+
+    def write(self, values: Mapping[str, float]) -> None:
+        """Set inputs of the FMU by their full names, from the next step on."""
+        port = self._instance.port(list(values), np.array(list(values.values()), dtype=np.float64))
+        self._instance.write(port)
+
+    def close(self) -> None:
+        """Free the FMU and remove its unpacked files."""
+        self._instance.close()
+        self._file.close()
+
+    def _port(self, names: list[str]) -> Any:  # noqa: ANN401
+        return self._instance.port([self._prefix + name for name in names])
+
+    def _apply(self, W: Array) -> None:
+        self.force.extForce_B, self.force.extTorquePntB_B = W[:3].tolist(), W[3:].tolist()
+
+    def _add_edge(self) -> None:
+        """Add the mass of the membrane's edge to the hub."""
+        port, hub = self._port(_HELD), self._vehicle.hub
+        self._instance.read(port)
+        held, S, (xx, yy, zz, xy, xz, yz) = port.values[0], port.values[1:4], port.values[4:]
+        J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        own, c = hub.mHub, np.ravel(hub.r_BcB_B)
+        mass = own + held
+        centre = (own * c + S) / mass
+        about_origin = np.array(hub.IHubPntBc_B) + own * _point(c) + J
+        hub.mHub, hub.r_BcB_B = mass, centre.reshape(3, 1).tolist()
+        hub.IHubPntBc_B = (about_origin - mass * _point(centre)).tolist()
+
+
+def _point(c: Array) -> Array:
+    """Return the inertia of a unit mass at a place [m]."""
+    return np.asarray(c @ c * np.eye(3) - np.outer(c, c))
