@@ -39,7 +39,9 @@ VARIABLES = (
         _INERTIA,
     ),
     *_given("initial_position", "m", "Position of the hub's origin when the run begins, in inertial axes", _ZERO, 1e12),
-    *_given("initial_velocity", "m/s", "Velocity of the hub's origin when the run begins, in inertial axes", _ZERO, 1e6),
+    *_given(
+        "initial_velocity", "m/s", "Velocity of the hub's origin when the run begins, in inertial axes", _ZERO, 1e6
+    ),
     *_given(
         "initial_attitude",
         "1",
@@ -50,7 +52,11 @@ VARIABLES = (
     ),
     *_given("initial_angular_velocity", "rad/s", "Angular velocity when the run begins, in body axes", _ZERO, 1e3),
     *_given(
-        "initial_wheel_momentum", "kg m2/s", "Angular momentum of the wheels when the run begins, in body axes", _ZERO, 1e9
+        "initial_wheel_momentum",
+        "kg m2/s",
+        "Angular momentum of the wheels when the run begins, in body axes",
+        _ZERO,
+        1e9,
     ),
     parameter(
         "extrapolation",
@@ -62,20 +68,32 @@ VARIABLES = (
     ),
     *_array(input_, "force", "N", "Force of the appendage, mean over its step, in body axes", **_FREE),
     *_array(
-        input_, "torque", "N m", "Torque of the appendage about the hub's origin, mean over its step, in body axes", **_FREE
+        input_,
+        "torque",
+        "N m",
+        "Torque of the appendage about the hub's origin, mean over its step, in body axes",
+        **_FREE,
     ),
     *_array(input_, "thruster_force", "N", "Force of the thrusters, in body axes", **_FREE),
     *_array(input_, "thruster_torque", "N m", "Torque of the thrusters about the hub's origin, in body axes", **_FREE),
     *_array(
-        input_, "wheel_torque", "N m", "Torque of the motors on the wheels, the opposite of that on the hub, in body axes", **_FREE
+        input_,
+        "wheel_torque",
+        "N m",
+        "Torque of the motors on the wheels, the opposite of that on the hub, in body axes",
+        **_FREE,
     ),
     input_("attached_mass", "kg", "Mass of the appendage's part that is fixed to the hub; constant", 0.0, 0.0, 1e9),
-    *_array(input_, "attached_first_moment", "kg m", "Its mass times place from the hub's origin, in body axes", **_FREE),
     *_array(
-        input_, "attached_inertia", "kg m2", "Its inertia about the hub's origin, in body axes", _INERTIA, **_FREE
+        input_, "attached_first_moment", "kg m", "Its mass times place from the hub's origin, in body axes", **_FREE
     ),
+    *_array(input_, "attached_inertia", "kg m2", "Its inertia about the hub's origin, in body axes", _INERTIA, **_FREE),
     *_array(
-        output, "acceleration", "m/s2", "Acceleration of the hub's origin, mean over the step, in the body axes half way", nominal=1.0
+        output,
+        "acceleration",
+        "m/s2",
+        "Acceleration of the hub's origin, mean over the step, in the body axes half way",
+        nominal=1.0,
     ),
     *_array(
         output,

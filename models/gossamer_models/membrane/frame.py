@@ -340,7 +340,12 @@ FRAME_LOCALS = (
     local("moving_mass", "kg", "Mass that moves relative to the frame"),
     *_vector(local, "moving_first_moment", "kg m", "Mass times place of what moves, in body axes"),
     *_inertia(local, "moving_inertia", "Inertia of what moves about the frame's origin, in body axes"),
-    *_vector(local, "momentum", "kg m/s", "Momentum of what moves, of its velocity less that of the frame's origin, in body axes"),
+    *_vector(
+        local,
+        "momentum",
+        "kg m/s",
+        "Momentum of what moves, of its velocity less that of the frame's origin, in body axes",
+    ),
     *_vector(
         local,
         "angular_momentum",

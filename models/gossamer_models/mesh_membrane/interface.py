@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ..membrane.frame import FRAME_INPUTS, FRAME_LOCALS, FRAME_OUTPUTS, FRAME_PARAMETERS
 from ..membrane.params import PARAMETERS as SQUARE
 from ..variables import Variable, input_, local, output, parameter
 from .setup import Setup
@@ -13,9 +14,15 @@ BUILT_IN = ("mass_damping", "pressure_amplitude", "pressure_frequency", "pressur
 COMPRESSED = 0.1  # share of the area [1] beyond which a law that carries compression is not valid
 
 
-def mesh_variables(structure: Structure) -> tuple[Variable, ...]:
-    """Make the table: parameters, inputs, outputs and locals."""
-    return (*_parameters(structure.setup), *_inputs(structure.setup), *_results(structure))
+def mesh_variables(structure: Structure, *, frame: bool = False) -> tuple[Variable, ...]:
+    """Make the table: parameters, inputs, outputs and locals; with the motion of a frame that flies, if asked for."""
+    parameters, inputs, results = _parameters(structure.setup), _inputs(structure.setup), _results(structure)
+    if not frame:
+        return (*parameters, *inputs, *results)
+    inputs = [v for v in inputs if not v.name.startswith("base_acceleration[")]
+    outputs = [v for v in results if v.causality == "output"]
+    places = (*parameters, *FRAME_PARAMETERS, *inputs, *FRAME_INPUTS, *outputs, *FRAME_OUTPUTS)
+    return (*places, *results[len(outputs) :], *FRAME_LOCALS)
 
 
 def _parameters(setup: Setup) -> list[Variable]:

@@ -7,7 +7,8 @@ pressure [cycles], ``f`` forces [N], ``m`` masses [kg], ``c`` mass damping [1/s]
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import casadi as ca
@@ -15,13 +16,16 @@ import numpy as np
 
 from ..arrays import Vector
 from ..element_loop import Tables
+from ..membrane.frame import RESTARTED, FrameState
 from ..membrane.stability import STEPS_PER_CYCLE
+from ..mistakes import Mistake, raise_any
 from ..step_model import StepModel
-from ..variables import Results, Values
+from ..variables import Values
 from .equations import Forces, MeshForces, rows
 from .gauges import Gauge
 from .interface import mesh_variables
 from .relaxation import relax
+from .riding import Rider
 from .structure import Structure
 
 STEP_FRACTION = 0.6  # of the stable step
@@ -39,21 +43,27 @@ class Motion:
         Phase of the built-in pressure [cycles].
     volume : casadi.MX, shape (1,) or (0,)
         Volume of the gas at the start [m3].
+    frame : FrameState or casadi.MX, shape (0,)
+        What is known of a frame that flies; velocities are those less that of its origin then.
     """
 
     q: ca.MX
     v: ca.MX
     phase: ca.MX
     volume: ca.MX
+    frame: FrameState | ca.MX
 
 
-def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> StepModel:
+def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: bool = False) -> StepModel:
     r"""Build the step model of a membrane on a mesh.
 
     Parameters
     ----------
     structure : Structure
         As from ``make_structure``.
+    frame : bool
+        True: the supports ride on a frame that moves and turns in space, and the membrane returns force and torque on it.
+        False: the frame is only accelerated.
     compiled : bool
         True: arrays are tables and sums over elements are loops, for C. False: all in the expression, for CasADi's virtual
         machine. The numbers are the same but for round-off.
@@ -63,14 +73,21 @@ def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> Step
     StepModel
         Model ``membrane``; ``max_step`` limits its internal step.
 
+    Raises
+    ------
+    DescriptionError
+        A membrane on a frame with nodes that are held in some directions only, or with scaled inertia.
+
     Notes
     -----
-    The position Verlet step of ``membrane_model``. It starts at rest, in equilibrium with all inputs and without the
+    The position Verlet step of ``membrane_model``, or on a frame that of ``frame.FrameStep``. It starts at rest, in equilibrium with all inputs and without the
     built-in pressure. Inertia along the surface may be scaled by a factor k: with n the normals of the reference surface,
 
     .. math:: a = f/(k m) + (1 - 1/k)\,n\,(n \cdot f)/m.
     """
     setup, n_nodes = structure.setup, len(structure.mesh.nodes)
+    if frame:
+        raise_any([*_cannot_ride(structure)])
     arrays = _arrays(structure)
     column = ca.MX.sym("t", sum(array.size for array in arrays.values())) if compiled else None
     t = _named(arrays, column)
@@ -84,13 +101,14 @@ def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> Step
         return x
 
     def all_forces(x: ca.MX, u: Values, p: Values, built_in: ca.MX, gas: ca.MX) -> Forces:
-        found = equations.forces(x, _shared(structure, u, p, built_in, gas))
-        f = found.f
+        return equations.forces(x, _shared(structure, u, p, built_in, gas))
+
+    def with_dead_loads(f: ca.MX, u: Values) -> ca.MX:
         if "edge_force" in t:
             f += t["edge_force"]
         for name in structure.unit_forces:
             f += getattr(u, name) * t[f"unit_{name}"]
-        return replace(found, f=t["free"] * f)
+        return f
 
     def acceleration(f: ca.MX) -> ca.MX:
         a, k = f * t["inverse_mass"], setup.inplane_mass
@@ -112,23 +130,34 @@ def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> Step
         given = setup.gas.volume if setup.gas else None
         return bounded if given is None else bounded - start + given
 
-    def step(x: Motion, u: Values, p: Values, h: ca.MX) -> tuple[Motion, Results]:
+    def step(x: Motion, u: Values, p: Values, h: ca.MX) -> tuple[Motion, dict[str, ca.MX]]:
         phase_half, phase_end = (x.phase + p.pressure_frequency * part for part in (h / 2.0, h))
         built_in = p.pressure_amplitude * ca.sin(2.0 * np.pi * phase_half)
         drag = p.mass_damping * h / 2.0
         keep, gain = (1.0 - drag) / (1.0 + drag), h / (1.0 + drag)
 
+        def pulled(at: ca.MX) -> tuple[Forces, ca.MX, ca.MX]:
+            gas = gas_pressure(at, u, x.volume)
+            found = all_forces(at, u, p, built_in, gas)
+            return found, with_dead_loads(found.f, u), gas
+
+        phase = phase_end - ca.floor(phase_end)
+        if frame:
+            ride = rider(u, p).advance(x.q, x.v, x.frame, pulled, u, h)
+            motion = Motion(ride.q, ride.s, phase, x.volume, ride.frame)
+            return motion, results(motion, u, p, ride.found, ride.gas) | ride.results
         q = x.q + h / 2.0 * x.v  # half a step
-        at = positions(q, u)
-        gas = gas_pressure(at, u, x.volume)
-        found = all_forces(at, u, p, built_in, gas)
-        a = acceleration(found.f) - t["free"] * ca.vec(ca.repmat(u.base_acceleration, 1, n_nodes))
+        found, f, gas = pulled(positions(q, u))
+        a = acceleration(t["free"] * f) - t["free"] * ca.vec(ca.repmat(u.base_acceleration, 1, n_nodes))
         v = keep * x.v + gain * a
         q = q + h / 2.0 * v  # the other half
-        motion = Motion(q, v, phase_end - ca.floor(phase_end), x.volume)
+        motion = Motion(q, v, phase, x.volume, x.frame)
         return motion, results(motion, u, p, found, gas)
 
-    def init(u: Values, p: Values) -> tuple[Motion, Results]:
+    def rider(u: Values, p: Values) -> Rider:
+        return Rider(p, ca.reshape(positions(ca.MX.zeros(3 * n_nodes), u), 3, -1), t["free"], t["inverse_mass"])
+
+    def init(u: Values, p: Values) -> tuple[Motion, dict[str, ca.MX]]:
         given = [(ca.MX.sym(name, value.numel()), value) for name, value in [*vars(u).items(), *vars(p).items()]]
         by_symbol = SimpleNamespace(**{symbol.name(): symbol for symbol, _ in given})
         if column is not None:
@@ -137,7 +166,7 @@ def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> Step
 
         def balance(q: ca.MX) -> tuple[ca.MX, ca.MX]:
             found = all_forces(positions(q, by_symbol), by_symbol, by_symbol, ca.MX(0.0), start)
-            return found.f, found.rate
+            return t["free"] * with_dead_loads(found.f, by_symbol), found.rate
 
         n = 3 * n_nodes
         q = relax(balance, ca.MX.zeros(n), t["inverse_mass"], _force_scale(structure), given)
@@ -145,10 +174,15 @@ def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> Step
         found = all_forces(at, u, p, ca.MX(0.0), start)
         phase = p.pressure_phase / (2.0 * np.pi)
         filled = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
-        motion = Motion(q, ca.MX.zeros(n), phase - ca.floor(phase), filled)
+        phase -= ca.floor(phase)
+        if frame:
+            ride = rider(u, p).start(q, found, with_dead_loads(found.f, u), start, u)
+            motion = Motion(q, ride.s, phase, filled, ride.frame)
+            return motion, results(motion, u, p, found, start) | ride.results
+        motion = Motion(q, ca.MX.zeros(n), phase, filled, ca.MX.zeros(0))
         return motion, results(motion, u, p, found, start)
 
-    def results(motion: Motion, u: Values, p: Values, found: Forces, gas: ca.MX) -> Results:
+    def results(motion: Motion, u: Values, p: Values, found: Forces, gas: ca.MX) -> dict[str, ca.MX]:
         x = positions(motion.q, u)
         away = x - t["nodes"]
         cycle = 1.0 / ca.fmax(p.pressure_frequency, 1e-300) / STEPS_PER_CYCLE
@@ -171,16 +205,29 @@ def mesh_membrane_model(structure: Structure, *, compiled: bool = False) -> Step
     numbers = np.concatenate(list(arrays.values()))
     return StepModel.written(
         name="membrane",
-        description=_description(structure),
-        variables=mesh_variables(structure),
+        description=_description(structure) + ", on a frame that flies" * frame,
+        variables=mesh_variables(structure, frame=frame),
         init=init,
         step=step,
         step_limit="max_step",
+        restarted=RESTARTED if frame else 0,
         advice="Check supports, prestress, loads and damage: the membrane may be stretched beyond any use, or no "
         "equilibrium was found to start from.",
         table_column=column,
         tables=Tables(numbers, equations.loops) if compiled else None,
     )
+
+
+def _cannot_ride(structure: Structure) -> Iterator[Mistake]:
+    held = ~structure.free.reshape(-1, 3)
+    if np.any(held.any(axis=1) != held.all(axis=1)):
+        text = (
+            'on a frame that flies a node is held in all directions or in none. Write fixed = "xyz" for each support.'
+        )
+        yield Mistake(("supports",), text)
+    if structure.setup.inplane_mass > 1.0:
+        text = "on a frame that flies inertia must be that of the mass. Leave out 'inplane_mass'."
+        yield Mistake(("inplane_mass",), text)
 
 
 def _arrays(structure: Structure) -> dict[str, Vector]:
