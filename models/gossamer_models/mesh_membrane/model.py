@@ -181,6 +181,7 @@ def _state(structure: Structure, u: Values, p: Values, built_in: ca.MX, gas: ca.
             first = False
         elif load.kind == "light":
             light = getattr(u, f"{load.name}_direction")
+            light = light / ca.fmax(ca.norm_2(light), 1e-300)
             absorbed, mirrored = (1.0 - load.reflectivity) * value, load.reflectivity * value
     pressure += ca.DM(structure.enclosing.astype(float)) * gas
     eigenstrain = None
@@ -259,8 +260,8 @@ def _inputs(setup: Setup) -> list[Variable]:
         where = f" on {', '.join(load.groups)}" if load.groups else ""
         rows.append(input_(load.name, unit, text + where, load.start, -1e6, 1e6, nominal=nominal))
         if load.kind == "light":
-            for axis, start in zip("xyz", load.direction, strict=True):
-                text = f"Direction in which the light travels, along {axis}"
+            for axis, start in zip("xyz", load.direction / np.linalg.norm(load.direction), strict=True):
+                text = f"Direction in which the light travels, along {axis}; its length does not matter"
                 rows.append(input_(f"{load.name}_direction[{'xyz'.index(axis) + 1}]", "1", text, start, -1.0, 1.0))
     for i, axis in enumerate("xyz"):
         text = f"Acceleration of the rigid frame along {axis}, which displacements are relative to"
