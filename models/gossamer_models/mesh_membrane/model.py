@@ -117,13 +117,14 @@ def mesh_membrane_model(structure: Structure) -> StepModel:
         by_symbol = SimpleNamespace(**{symbol.name(): symbol for symbol, _ in given})
         start = ca.MX(0.0) if setup.gas is None else ca.MX(setup.gas.pressure)
 
-        def balance(q: ca.MX) -> tuple[ca.MX, ca.MX]:
+        def balance(q: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
             found = all_forces(positions(q, by_symbol), by_symbol, by_symbol, ca.MX(0.0), start)
-            return found.f, found.rate
+            stretched = (1.0 + ca.fmax(found.strain, 0.0)) ** 1.5  # as the forces grow, and their rounding
+            return found.f, found.rate, _force_scale(structure) * stretched
 
         n = structure.free.size
         mass = np.repeat(structure.mass, 3)
-        q = relax(balance, ca.MX.zeros(n), mass, _force_scale(structure), given)
+        q = relax(balance, ca.MX.zeros(n), mass, given)
         at = positions(q, u)
         found = all_forces(at, u, p, ca.MX(0.0), start)
         phase = p.pressure_phase / (2.0 * np.pi)

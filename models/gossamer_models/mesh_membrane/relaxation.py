@@ -18,20 +18,19 @@ _STEP = 0.9  # of the stable step
 
 
 def relax(
-    balance: Callable[[ca.MX], tuple[ca.MX, ca.MX]], q: ca.MX, mass: Vector, scale: ca.MX, given: list[tuple[ca.MX, ca.MX]]
+    balance: Callable[[ca.MX], tuple[ca.MX, ca.MX, ca.MX]], q: ca.MX, mass: Vector, given: list[tuple[ca.MX, ca.MX]]
 ) -> ca.MX:
     r"""Write the equilibrium that damped motion reaches from ``q``.
 
     Parameters
     ----------
     balance : callable
-        ``balance(q) -> (f, rate)``: forces [N], zero where held, and the bound of the squared highest frequency [1/s2].
+        ``balance(q) -> (f, rate, scale)``: forces [N], zero where held, the bound of the squared highest frequency [1/s2], and
+        the force [N] that ``TOLERANCE`` is a share of.
     q : casadi.MX, shape (n,)
         Where to start; stays where it is held.
     mass : ndarray, shape (n,)
         Masses [kg].
-    scale : casadi.MX, scalar
-        Force [N] that ``TOLERANCE`` is a share of.
     given : list of (casadi.MX, casadi.MX)
         Symbols that ``balance`` depends on beside its argument, with their values.
 
@@ -52,16 +51,16 @@ def relax(
        Analysis, North-Holland, 1983, 245-265.
     """
     n = q.numel()
-    z, force = ca.MX.sym("z", 3 * n + 2), ca.MX.sym("scale")  # q, v, f, h of the step before, whether it has ended
-    symbols, values = [symbol for symbol, _ in given] + [force], [value for _, value in given] + [scale]
+    z = ca.MX.sym("z", 3 * n + 2)  # q, v, f, h of the step before, whether it has ended
+    symbols, values = [symbol for symbol, _ in given], [value for _, value in given]
     at, v, f_before, h_before, _ = ca.vertsplit(z, [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2])
-    f, rate = balance(at)
+    f, rate, scale = balance(at)
     h = 2.0 * _STEP / ca.sqrt(rate)
     energy = ca.dot(v, ca.DM(mass) * v)
     omega2 = -ca.dot(v, f - f_before) / ca.fmax(h_before * energy, 1e-300)
     drag = h * ca.sqrt(ca.fmin(ca.fmax(omega2, 0.0), rate))
     moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * f / ca.DM(mass)
-    over = ca.norm_inf(f) <= TOLERANCE * force
+    over = ca.norm_inf(f) <= TOLERANCE * scale
     after = ca.vertcat(at + ca.if_else(over, 0.0, h) * moved, moved, f, h, over)
     step = ca.Function("relaxation_0", [z, *symbols], [after])
     kept = ca.Function("relaxation_over", [z, *symbols], [z])
