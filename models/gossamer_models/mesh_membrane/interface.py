@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ..membrane.frame import FRAME_INPUTS, FRAME_LOCALS, FRAME_OUTPUTS, FRAME_PARAMETERS
 from ..membrane.params import PARAMETERS as SQUARE
 from ..variables import Variable, input_, local, output, parameter
@@ -55,8 +57,8 @@ def _inputs(setup: Setup) -> list[Variable]:
         where = f" on {', '.join(load.groups)}" if load.groups else ""
         rows.append(input_(load.name, unit, text + where, load.start, -1e6, 1e6, nominal=nominal))
         if load.kind == "light":
-            for axis, start in zip("xyz", load.direction, strict=True):
-                text = f"Direction in which the light travels, along {axis}"
+            for axis, start in zip("xyz", load.direction / np.linalg.norm(load.direction), strict=True):
+                text = f"Direction in which the light travels, along {axis}; its length does not matter"
                 rows.append(input_(f"{load.name}_direction[{'xyz'.index(axis) + 1}]", "1", text, start, -1.0, 1.0))
     for i, axis in enumerate("xyz"):
         text = f"Acceleration of the rigid frame along {axis}, which displacements are relative to"

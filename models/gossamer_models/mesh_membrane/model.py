@@ -164,12 +164,13 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
             given.append((column, column))
         start = ca.MX(0.0 if setup.gas is None else setup.gas.pressure)
 
-        def balance(q: ca.MX) -> tuple[ca.MX, ca.MX]:
+        def balance(q: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
             found = all_forces(positions(q, by_symbol), by_symbol, by_symbol, ca.MX(0.0), start)
-            return t["free"] * with_dead_loads(found.f, by_symbol), found.rate
+            stretched = (1.0 + ca.fmax(found.strain, 0.0)) ** 1.5  # as the forces grow, and their rounding
+            return t["free"] * with_dead_loads(found.f, by_symbol), found.rate, _force_scale(structure) * stretched
 
         n = 3 * n_nodes
-        q = relax(balance, ca.MX.zeros(n), t["inverse_mass"], _force_scale(structure), given)
+        q = relax(balance, ca.MX.zeros(n), t["inverse_mass"], given)
         at = positions(q, u)
         found = all_forces(at, u, p, ca.MX(0.0), start)
         phase = p.pressure_phase / (2.0 * np.pi)
@@ -272,7 +273,8 @@ def _shared(structure: Structure, u: Values, p: Values, built_in: ca.MX, gas: ca
         elif load.kind == "light":
             value = on * getattr(u, load.name)
             values |= {"absorbed": (1.0 - load.reflectivity) * value, "mirrored": load.reflectivity * value}
-            direction = ca.vertsplit(getattr(u, f"{load.name}_direction"))
+            along = getattr(u, f"{load.name}_direction")
+            direction = ca.vertsplit(along / ca.fmax(ca.norm_2(along), 1e-300))
             values |= {
                 f"light_{axis}": ca.repmat(part, len(region), 1) for axis, part in zip("xyz", direction, strict=True)
             }
