@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from . import literature
 from .automatic import DefaultRow
 from .compute import Results
 from .metrics import Metric, number, table
@@ -23,7 +24,8 @@ def section(results: Results, pictures: Path) -> list[str]:  # noqa: ARG001
     lines += [*table(head, body), "", CLOSING, "", SPECIMEN, ""]
     ways = ("way", "Dataset-1, E1 [%]", "Dataset-2, E1 [%]", "thesis, Dataset-2 [%]", "fit [s]")
     errors = [(r.name, *map(number, (r.first, r.second, r.target, r.seconds))) for r in results.on_specimen]
-    return [*lines, *table(ways, errors)]
+    lines += [*table(ways, errors), "", literature.INTRODUCTION, ""]
+    return [*lines, *table(("work", "measured", "comparable with the tables above"), literature.WORKS)]
 
 
 def metrics(results: Results) -> list[Metric]:

@@ -218,8 +218,10 @@ def invert(law: SensorLaw, state: SensorState, target: ca.MX, h: ca.MX) -> tuple
     def rise(s: ca.MX) -> ca.MX:
         return F + ca.dot(slope, ca.fmax(s - fronts, 0.0)) + relaxation(s)
 
-    s = fronts[_last(n, lambda i: rise(fronts[i]) <= target)]
-    c = ca.dot(slope, fronts <= s) + first + 2.0 * second * (s - s0)
+    joined = _last(n, lambda i: rise(fronts[i]) <= target)
+    s = fronts[joined]
+    # counted by their number: fronts that are equal may differ by rounding
+    c = ca.dot(slope, ca.DM(np.arange(n)) <= joined) + first + 2.0 * second * (s - s0)
     remaining = ca.fmax(target - rise(s), 0.0)
     s = ca.fmin(s + 2.0 * remaining / (c + ca.sqrt(c * c + 4.0 * second * remaining)), 1.0)
     return ca.if_else(up, s, 1.0 - s), unreachable
