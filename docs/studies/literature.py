@@ -17,8 +17,8 @@ WORKS: tuple[tuple[str, str, str], ...] = (
     (
         "S. A. Baker et al., Sensors 22(14), 5239, 2022, doi:10.3390/s22145239: a quasi-static law plus decaying spikes, "
         "inverted",
-        "strain of high-deflection composite gauges under cyclic load, each calibrated at two known strains; mean absolute error 1.4 % "
-        "strain",
+        "strain of high-deflection composite gauges under cyclic load, each calibrated at two known strains; mean absolute "
+        "error 1.4 % strain",
         "No: points of strain rather than % of range, mean absolute rather than root mean square, cycles only. It needs far "
         "less calibration than any model here.",
     ),
