@@ -138,7 +138,8 @@ class StepModel:
         return cls(
             variables=variables,
             init=ca.Function("init", [u, p, *t], [pack(x0), in_order(results, y0)]),
-            step=ca.Function("step", [x, u, p, h, *t], [pack(x_next), in_order(results, y)]),
+            # what a model and its parts compute alike, such as the decay of the modes, is computed once
+            step=ca.Function("step", [x, u, p, h, *t], ca.cse([pack(x_next), in_order(results, y)])),
             **rest,
         )
 

@@ -63,7 +63,9 @@ def excited(instance):
     for k in range(60):
         s = np.sin(0.2 * k)
         inputs = {"pressure": 50.0 * s, "sun": 1.0, "temperature[1]": 20.0 * s, "stroke": 1.0 + 0.2 * s}
-        for name, value in (inputs | {"gas_amount": 1.0 - 0.01 * s, "damage[2]": 0.3, "base_acceleration[3]": s}).items():
+        for name, value in (
+            inputs | {"gas_amount": 1.0 - 0.01 * s, "damage[2]": 0.3, "base_acceleration[3]": s}
+        ).items():
             instance.set(name, value)
         assert instance.step(2e-4) in (None, OK)
         rows.append(instance.get(*OUTPUTS))

@@ -119,9 +119,13 @@ def test_the_frame_takes_what_the_membrane_gives_in_any_step_that_is_divided(mod
         mass, middle = stepper.get("moving_mass"), (half @ after[2] + half.T @ before[2]) / 2.0
         force, torque = get(stepper, "force"), get(stepper, "torque")
         change = half @ after[0] - half.T @ before[0] + mass * h * a
-        np.testing.assert_allclose(change, -h * force, rtol=0.0, atol=h * (1e-9 * np.linalg.norm(force) + 4e-7 * np.linalg.norm(a)) + 1e-13)
+        np.testing.assert_allclose(
+            change, -h * force, rtol=0.0, atol=h * (1e-9 * np.linalg.norm(force) + 4e-7 * np.linalg.norm(a)) + 1e-13
+        )
         spin = half @ after[1] - half.T @ before[1] + h * np.cross(middle, a)
-        np.testing.assert_allclose(spin, -h * torque, rtol=0.0, atol=(2e-3 if a.any() else 1e-9) * h * np.linalg.norm(torque) + 1e-13)
+        np.testing.assert_allclose(
+            spin, -h * torque, rtol=0.0, atol=(2e-3 if a.any() else 1e-9) * h * np.linalg.norm(torque) + 1e-13
+        )
         largest = max(largest, np.linalg.norm(force))
     assert largest > 0.1
 

@@ -103,7 +103,9 @@ def identify(
         str | None,
         typer.Option(help="One of those above; auto if no option of a model is given, else preisach.", metavar="NAME"),
     ] = None,
-    budget: Annotated[float, typer.Option(help="Seconds for the choice of auto.", min=1.0)] = 60.0,
+    budget: Annotated[
+        float | None, typer.Option(help="Seconds for the choice of auto; 60 if not given.", min=1.0)
+    ] = None,
     train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
     full_scale: Annotated[
         float | None, typer.Option(help="Strain [1] at the end of the range; the largest if not given.")
@@ -154,6 +156,7 @@ def identify(
     """
     import shlex
 
+    from gossamer_models.automatic import BUDGET
     from gossamer_models.fitting import Columns
     from gossamer_models.fitting.options import numbers
     from gossamer_models.identify import (
@@ -181,6 +184,9 @@ def identify(
     if model == AUTO and chosen:
         msg = f"--model auto chooses {', '.join(chosen)} itself. Leave the option out, or name another model."
         raise OrchestratorError(msg)
+    if model != AUTO and budget is not None:
+        msg = f"--budget is the time for the choice of --model auto, and {model} chooses nothing. Leave one of the two out."
+        raise OrchestratorError(msg)
     settings: Any = AUTO
     if model != AUTO:
         with model_errors():
@@ -192,7 +198,7 @@ def identify(
             weights=None if weights is None else _read("weights", weights, numbers),
             train=train,
             settings=settings,
-            budget=budget,
+            budget=BUDGET if budget is None else budget,
             own_scales=own_scales,
             full_scale=full_scale,
             rest_resistance=rest_resistance,

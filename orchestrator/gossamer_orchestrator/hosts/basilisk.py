@@ -22,7 +22,9 @@ from ..fmi.file import FmuFile
 from ..fmi.instances import start_instance
 from .debt import Array, Debt, from_mrp, turn
 
-_MOTION = [f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)]
+_MOTION = [
+    f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)
+]
 _REACTION = [f"{name}[{k}]" for name in ("force", "torque") for k in (1, 2, 3)]
 _HELD = [
     "held_mass",
@@ -58,7 +60,11 @@ class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  #
     """
 
     def __init__(
-        self, path: Path, vehicle: Any, parameters: Mapping[str, float] | None = None, component: str = ""  # noqa: ANN401
+        self,
+        path: Path,
+        vehicle: Any,
+        parameters: Mapping[str, float] | None = None,
+        component: str = "",  # noqa: ANN401
     ) -> None:
         super().__init__()
         self.ModelTag = component or "membrane"
