@@ -94,10 +94,10 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
     equations = MeshForces(structure, compiled=compiled)
 
     def positions(q: ca.MX, u: Values) -> ca.MX:
-        x = t["nodes"] + q
+        x = t["start"] + q
         for i, support in enumerate(setup.supports):
-            if f"way_{i}" in t:
-                x += (getattr(u, support.motion) if support.motion else 1.0) * t[f"way_{i}"]
+            if support.motion:
+                x += getattr(u, support.motion) * t[f"way_{i}"]
         return x
 
     def all_forces(x: ca.MX, u: Values, p: Values, built_in: ca.MX, gas: ca.MX) -> Forces:
@@ -111,9 +111,10 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
         return f
 
     def acceleration(f: ca.MX) -> ca.MX:
-        a, k = f * t["inverse_mass"], setup.inplane_mass
+        a, k = t["mobility"] * f, setup.inplane_mass
         if k == 1.0:
             return a
+        a = f / t["mass"]
         across = ca.MX.zeros(3 * n_nodes)
         for axis in range(3):
             across[axis::3] = _products(a, t["normals"])
@@ -148,14 +149,14 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
             return motion, results(motion, u, p, ride.found, ride.gas) | ride.results
         q = x.q + h / 2.0 * x.v  # half a step
         found, f, gas = pulled(positions(q, u))
-        a = acceleration(t["free"] * f) - t["free"] * ca.vec(ca.repmat(u.base_acceleration, 1, n_nodes))
+        a = acceleration(f) - t["free"] * ca.vec(ca.repmat(u.base_acceleration, 1, n_nodes))
         v = keep * x.v + gain * a
         q = q + h / 2.0 * v  # the other half
         motion = Motion(q, v, phase, x.volume, x.frame)
         return motion, results(motion, u, p, found, gas)
 
     def rider(u: Values, p: Values) -> Rider:
-        return Rider(p, ca.reshape(positions(ca.MX.zeros(3 * n_nodes), u), 3, -1), t["free"], t["inverse_mass"])
+        return Rider(p, ca.reshape(positions(ca.MX.zeros(3 * n_nodes), u), 3, -1), t["free"], t["mass"])
 
     def init(u: Values, p: Values) -> tuple[Motion, dict[str, ca.MX]]:
         given = [(ca.MX.sym(name, value.numel()), value) for name, value in [*vars(u).items(), *vars(p).items()]]
@@ -170,7 +171,7 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
             return t["free"] * with_dead_loads(found.f, by_symbol), found.rate, _force_scale(structure) * stretched
 
         n = 3 * n_nodes
-        q = relax(balance, ca.MX.zeros(n), t["inverse_mass"], given)
+        q = relax(balance, ca.MX.zeros(n), t["mass"], given)
         at = positions(q, u)
         found = all_forces(at, u, p, ca.MX(0.0), start)
         phase = p.pressure_phase / (2.0 * np.pi)
@@ -235,12 +236,14 @@ def _arrays(structure: Structure) -> dict[str, Vector]:
     """Return the arrays of the expressions by name, all but those of the elements."""
     found = {
         "nodes": structure.mesh.nodes.ravel(),
+        "start": structure.mesh.nodes.ravel() + sum(structure.ways[[not s.motion for s in structure.setup.supports]]),
         "free": structure.free.astype(float),
-        "inverse_mass": 1.0 / np.repeat(structure.mass, 3),
+        "mass": np.repeat(structure.mass, 3),
+        "mobility": structure.free / np.repeat(structure.mass, 3),  # one over the mass, zero where held
     }
     if structure.setup.inplane_mass > 1.0:
         found["normals"] = structure.normals.ravel()
-    found |= {f"way_{i}": way for i, way in enumerate(structure.ways) if way.any()}
+    found |= {f"way_{i}": structure.ways[i] for i, support in enumerate(structure.setup.supports) if support.motion}
     if structure.edge_force.any():
         found["edge_force"] = structure.edge_force
     return found | {f"unit_{name}": force for name, force in structure.unit_forces.items()}

@@ -18,7 +18,7 @@ _STEP = 0.9  # of the stable step
 def relax(
     balance: Callable[[ca.MX], tuple[ca.MX, ca.MX, ca.MX]],
     q: ca.MX,
-    inverse_mass: ca.MX,
+    mass: ca.MX,
     given: list[tuple[ca.MX, ca.MX]],
 ) -> ca.MX:
     r"""Write the equilibrium that damped motion reaches from ``q``.
@@ -30,8 +30,8 @@ def relax(
         and the force [N] that ``TOLERANCE`` is a share of.
     q : casadi.MX, shape (n,)
         Where to start; stays where it is held.
-    inverse_mass : casadi.MX, shape (n,)
-        One over the masses [1/kg].
+    mass : casadi.MX, shape (n,)
+        Masses [kg].
     given : list of (casadi.MX, casadi.MX)
         Symbols that ``balance`` depends on beside its argument, with their values.
 
@@ -56,10 +56,10 @@ def relax(
     h_before, ended = rest = [ca.MX.sym("h"), ca.MX.sym("ended")]
     f, rate, scale = balance(at)
     h = 2.0 * _STEP / ca.sqrt(rate)
-    energy = ca.dot(v, v / inverse_mass)
+    energy = ca.dot(v, mass * v)
     omega2 = -ca.dot(v, f - f_before) / ca.fmax(h_before * energy, 1e-300)
     drag = h * ca.sqrt(ca.fmin(ca.fmax(omega2, 0.0), rate))
-    moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * (f * inverse_mass)
+    moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * f / mass
     over = ca.norm_inf(f) <= TOLERANCE * scale
     inputs = [*z, *rest, *symbols]
     step = ca.Function("relaxation_0", inputs, [at + ca.if_else(over, 0.0, h) * moved, moved, f, h, over])

@@ -56,18 +56,18 @@ class Rider:
         Positions [m] without displacements, from the origin of the mesh.
     free : casadi.MX, shape (3 N,)
         1 where a node may move, 0 where it is held.
-    inverse_mass : casadi.MX, shape (3 N,)
-        One over the masses [1/kg].
+    mass : casadi.MX, shape (3 N,)
+        Mass of its node [kg], for each displacement.
     """
 
-    def __init__(self, p: Values, rest: ca.MX, free: ca.MX, inverse_mass: ca.MX) -> None:
+    def __init__(self, p: Values, rest: ca.MX, free: ca.MX, mass: ca.MX) -> None:
         self._p, self._mount = p, mounting(p)
         self._origin = rest[:, 0] - self._mount.positions(rest[:, 0])  # of the mesh, less that of the frame
         self._rest = self._mount.positions(rest)
-        self._free, self._pull = ca.reshape(free, 3, -1), ca.reshape(free * inverse_mass, 3, -1)
+        self._free, self._pull = ca.reshape(free, 3, -1), ca.reshape(free / mass, 3, -1)
         self._held = 1.0 - self._free
-        mass = 1.0 / inverse_mass[0::3].T
-        self._m, self._m_held = mass * free[0::3].T, mass * (1.0 - free[0::3].T)
+        m, moves = mass[0::3].T, free[0::3].T
+        self._m, self._m_held = m * moves, m * (1.0 - moves)
 
     def start(self, q: ca.MX, found: Forces, f: ca.MX, gas: ca.MX, u: Values) -> Ride:
         """Begin at rest relative to the frame."""
