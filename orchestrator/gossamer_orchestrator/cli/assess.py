@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.console import Console
 
 from .common import keep_inputs, model_errors, wide
-from .identify import CommandWithFields, as_options, parameter
+from .identify import CommandWithFields, parameter
 from .recognised import print_recognised
 
 if TYPE_CHECKING:
+    from gossamer_models.fitting import Record
     from gossamer_models.review import Judged
     from rich.table import Table
 
@@ -20,18 +24,18 @@ COMPENSATORS = "inverse (its direct one where it has one), exact, estimator, fil
 
 
 @cache
-def column_options() -> list[Any]:
-    """Return the options of columns, as typer makes them."""
+def column_parameters() -> dict[str, inspect.Parameter]:
+    """Return the options of columns, as parameters of a function."""
     from gossamer_models.fitting import Columns
     from gossamer_models.identify import options
 
-    return as_options({each.name: parameter(Columns, each, {}, "Columns of the records") for each in options(Columns)})
+    return {each.name: parameter(Columns, each, {}, "Columns of the records") for each in options(Columns)}
 
 
 class CommandWithColumns(CommandWithFields):
     """A command that has, besides its own options, those of columns of records."""
 
-    fields = staticmethod(column_options)
+    declared = staticmethod(column_parameters)
 
 
 def assess(
@@ -75,6 +79,40 @@ def assess(
 
         gossamer assess sensor.json other.csv --compensator inverse --compensator estimator --out out/mine
     """
+    judged, paths = judge_given(
+        sensor,
+        files,
+        ctx.obj,
+        print_recognised,
+        compensator=compensator,
+        fit_scales=fit_scales,
+        stretch=stretch,
+        out=out,
+        pictures=pictures,
+    )
+    console = wide(stderr=True)
+    for table in tables(judged, stretch):
+        console.print(table)
+    for each in judged:
+        for sentence in each.sentences():
+            console.print(sentence, style="yellow", markup=False)
+    for path in paths:
+        typer.echo(path)
+
+
+def judge_given(
+    sensor: Path,
+    files: list[Path],
+    columns: dict[str, Any],
+    show: Callable[[Console, Sequence[Record]], None],
+    *,
+    compensator: list[str] | None,
+    fit_scales: bool,
+    stretch: str,
+    out: Path,
+    pictures: bool,
+) -> tuple[tuple[Judged, ...], list[Path]]:
+    """Judge a sensor on records with the options of the command; return what was found and the files written."""
     from gossamer_models.fitting import Columns
     from gossamer_models.fitting.tables import table_path
     from gossamer_models.review import judge_files, save_judged
@@ -85,24 +123,17 @@ def assess(
         judged = judge_files(
             sensor,
             files,
-            columns=Columns(**ctx.obj),
+            columns=Columns(**columns),
             compensators=tuple(compensator or ()),
             own_scales=fit_scales,
             stretch=stretch,
-            recognised=lambda records: print_recognised(console, records),
+            recognised=lambda records: show(console, records),
             progress=status.update,
         )
-        paths = save_judged(judged, out, pictures=pictures)
-    for table in _tables(judged, stretch):
-        console.print(table)
-    for each in judged:
-        for sentence in each.sentences():
-            console.print(sentence, style="yellow", markup=False)
-    for path in paths:
-        typer.echo(path)
+        return judged, save_judged(judged, out, pictures=pictures)
 
 
-def _tables(judged: tuple[Judged, ...], stretch: str) -> list[Table]:
+def tables(judged: tuple[Judged, ...], stretch: str) -> list[Table]:
     """Return the errors, and the scales where they were fitted, as tables."""
     from rich.markup import escape
     from rich.table import Table

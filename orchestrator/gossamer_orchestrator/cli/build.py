@@ -97,19 +97,27 @@ def build(
 
         gossamer build detector --artifact wide --out somewhere
     """
-    options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
-    choices = {
-        "artifact": artifact,
-        "scales": _numbers(scales),
-        "elements_per_side": elements_per_side,
-        "order": order,
-        "law": law,
-    }
-    keep_inputs([artifact], [out / f"{name}.fmu" for name in names or ()])
-    paths = build_fmus(out, names, **choices, **options).values()
+    options = {"native": native, "fmi": fmi, "platform": platform}
+    choices = {"elements_per_side": elements_per_side, "order": order, "law": law}
+    paths = build_given(names, out=out, artifact=artifact, scales=scales, **choices, **options).values()
     for path in paths:
         typer.echo(path)
     print_kinds(f"FMI {fmi}.0", paths)
+
+
+def build_given(
+    names: list[str] | None,
+    *,
+    out: Path,
+    artifact: Path | None,
+    scales: str | None,
+    platform: list[str] | None,
+    **options: Any,  # noqa: ANN401
+) -> dict[str, Path]:
+    """Build FMUs with the options of the command; return their paths by name."""
+    keep_inputs([artifact], [out / f"{name}.fmu" for name in names or ()])
+    given = {"artifact": artifact, "scales": _numbers(scales), "platforms": tuple(platform or ())}
+    return build_fmus(out, names, **given, **options)
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:

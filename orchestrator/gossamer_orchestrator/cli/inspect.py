@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
 from .common import wide
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ..verify import Finding
 
 MOST_ROWS = 2000
 
@@ -70,24 +76,30 @@ def verify(
     from dataclasses import asdict
 
     from rich.markup import escape
-    from rich.table import Table
-    from rich.text import Text
 
     from ..verify import FAILED, verify
 
     console = wide()
-    colours = {"passed": "green", "failed": "bold red", "remark": "yellow"}
     reports = {}
     for path in fmus:
         with Console(stderr=True).status(f"verifying {escape(str(path))}"):
             reports[str(path)] = findings = verify(path, limit=limit)
-        table = Table("check", "verdict", "why", title=escape(str(path)), expand=False)
-        for finding in findings:
-            verdict = Text(finding.verdict, colours.get(finding.verdict, ""))
-            table.add_row(finding.check, verdict, escape(finding.why))
         if not as_json:
-            console.print(table)
+            console.print(findings_table(path, findings))
     if as_json:
         typer.echo(json.dumps({path: [asdict(f) for f in findings] for path, findings in reports.items()}, indent=1))
     if any(finding.verdict == FAILED for findings in reports.values() for finding in findings):
         raise typer.Exit(1)
+
+
+def findings_table(path: Path, findings: Sequence[Finding]) -> Table:
+    """Return a table of what the checks of an FMU found."""
+    from rich.markup import escape
+    from rich.table import Table
+    from rich.text import Text
+
+    colours = {"passed": "green", "failed": "bold red", "remark": "yellow"}
+    table = Table("check", "verdict", "why", title=escape(str(path)), expand=False)
+    for finding in findings:
+        table.add_row(finding.check, Text(finding.verdict, colours.get(finding.verdict, "")), escape(finding.why))
+    return table

@@ -34,17 +34,21 @@ def view(results: Results) -> None:
 
         gossamer view out/damage_begins
     """
+    path = newest_page(results)
+    typer.echo(path)
+    if not webbrowser.open(path.resolve().as_uri()):
+        typer.echo(f"No browser could be started. Open {path} in one.", err=True)
+
+
+def newest_page(results: Path) -> Path:
+    """Return the page of a run; write it first if it is not there, or older than the results."""
     from ..results.files import CSV, NETCDF, UNFINISHED_NETCDF
     from ..results.report import PAGE
 
     folder = _folder(results)
     path, recorded = folder / PAGE, [folder / name for name in (NETCDF, UNFINISHED_NETCDF, CSV)]
     latest = max((each.stat().st_mtime for each in recorded if each.is_file()), default=0.0)
-    if not path.is_file() or path.stat().st_mtime < latest:
-        make_page(results)
-    typer.echo(path)
-    if not webbrowser.open(path.resolve().as_uri()):
-        typer.echo(f"No browser could be started. Open {path} in one.", err=True)
+    return path if path.is_file() and path.stat().st_mtime >= latest else make_page(results)
 
 
 def make_page(results: Path) -> Path:

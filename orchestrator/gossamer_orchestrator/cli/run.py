@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -94,18 +95,10 @@ def run(
 
         gossamer run my_scenario.toml --resume
     """
-    from ..scenario.changes import read_changes
-
-    if watched and resume:
-        msg = "--watch must see a run from its start. Resume it without --watch, then use 'gossamer watch' on its results."
-        raise OrchestratorError(msg)
-    path = find_scenario(scenario)
-    name = f"{path.stem}_ssp" if path.suffix == ".ssp" else path.stem  # not over those of the scenario it was made of
-    folder = Path("out") / name if out is None else out
     options = {
         "step": step,
         "stop": stop,
-        "values": read_changes(values or []),
+        "values": values,
         "master": master,
         "limit": limit,
         "strict": strict,
@@ -113,7 +106,7 @@ def run(
         "resume": resume,
         "csv": csv,
     }
-    _run(path, fmus, folder, pictures=pictures, watched=watched, **options)
+    _run(scenario, out, fmus, pictures=pictures, watched=watched, **options)
 
 
 def demo(
@@ -130,13 +123,42 @@ def demo(
         gossamer demo
     """
     build_fmus(out / "fmus")
-    _run(find_scenario(DEMO), out / "fmus", out / DEMO, pictures=True, watched=True)
+    _run(DEMO, out / DEMO, out / "fmus", pictures=True, watched=True)
+
+
+def simulate(
+    scenario: str,
+    out: Path | None,
+    fmus: Path,
+    *,
+    values: list[str] | None = None,
+    watched: bool = False,
+    resume: bool = False,
+    **options: Any,  # noqa: ANN401
+) -> tuple[xr.Dataset, Path]:
+    """Run a scenario with the options of the command; return its results and their folder."""
+    from ..run.progress import ProgressBar
+    from ..run.runner import run_scenario
+    from ..scenario.changes import read_changes
+
+    if watched and resume:
+        msg = "--watch must see a run from its start. Resume it without --watch, then use 'gossamer watch' on its results."
+        raise OrchestratorError(msg)
+    path = find_scenario(scenario)
+    name = f"{path.stem}_ssp" if path.suffix == ".ssp" else path.stem  # not over those of the scenario it was made of
+    folder = Path("out") / name if out is None else out
+    options |= {
+        "values": read_changes(values or []),
+        "resume": resume,
+        "observers": [LiveWatch(folder / WATCHED)] if watched else [],
+    }
+    return run_scenario(path, fmus, folder, progress=ProgressBar(path.stem), **options), folder
 
 
 def _run(
-    scenario: Path,
+    scenario: str,
+    out: Path | None,
     fmus: Path,
-    out: Path,
     *,
     pictures: bool,
     watched: bool,
@@ -144,12 +166,10 @@ def _run(
 ) -> None:
     """Run one scenario, write everything, and print what was judged and which page to open."""
     from ..results.files import CSV, NETCDF
-    from ..run.progress import ProgressBar
-    from ..run.runner import run_scenario
+    from ..results.report import PAGE
 
-    observers = [LiveWatch(out / WATCHED)] if watched else []
     try:
-        data = run_scenario(scenario, fmus, out, observers=observers, progress=ProgressBar(scenario.stem), **options)
+        data, out = simulate(scenario, out, fmus, watched=watched, **options)
     except KeyboardInterrupt as error:
         for text in ("Interrupted.", *getattr(error, "__notes__", ())):
             typer.echo(text, err=True)
@@ -157,29 +177,28 @@ def _run(
     for name in (NETCDF, CSV, *[WATCHED] * watched):
         if (out / name).is_file():
             typer.echo(out / name)
-    page = _draw(data, out) if pictures else None
+    drawn = draw(data, out, lambda text: typer.echo(text, err=True)) if pictures else []
+    for path in drawn:
+        typer.echo(path)
     _print_judgements(data)
-    if page is not None:
-        typer.echo(f"Open {page}, or type 'gossamer view {out}'.", err=True)
+    if out / PAGE in drawn:
+        typer.echo(f"Open {out / PAGE}, or type 'gossamer view {out}'.", err=True)
 
 
-def _draw(data: xr.Dataset, out: Path) -> Path | None:
-    """Draw pictures and write the page of a run, and print their paths; a page that cannot be written ends no run."""
+def draw(data: xr.Dataset, out: Path, say: Callable[[str], None]) -> list[Path]:
+    """Draw pictures and write the page of a run; return their paths. A page that cannot be written ends no run."""
     from ..results.plots import save_pictures
     from ..results.report import write_report
 
     stride = -(-data.sizes["time"] // LARGEST_PICTURE)
     if stride > 1:
-        typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
-    for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
-        typer.echo(path)
+        say(f"Pictures are drawn of every {stride}th recorded point.")
+    paths = save_pictures(data.isel(time=slice(None, None, stride)), out)
     try:
-        page = write_report(data, out)
+        paths.append(write_report(data, out))
     except ResultsError as error:
-        typer.echo(str(error), err=True)
-        return None
-    typer.echo(page)
-    return page
+        say(str(error))
+    return paths
 
 
 def _print_judgements(data: xr.Dataset) -> None:

@@ -50,9 +50,41 @@ def sweep(
 
         gossamer sweep damage_begins --set "sensor?.rest_strain=0.01:0.03:5" --set seed=1:20 --out out/noise
     """
+    from ..run.sweep import TABLE, is_finished
+
+    try:
+        cases, ended, folder, store = run_cases(scenario, ranges, out, fmus, step=step, stop=stop, workers=workers)
+    except KeyboardInterrupt as error:
+        typer.echo(*error.args, err=True)
+        raise typer.Exit(130) from None
+    wide(stderr=True).print(case_table(cases, ended))
+    typer.echo(folder / TABLE)
+    if store is not None:
+        typer.echo(store)
+    if not all(map(is_finished, ended)):
+        raise typer.Exit(1)
+
+
+def run_cases(
+    scenario: str,
+    ranges: list[str],
+    out: Path | None,
+    fmus: Path,
+    *,
+    step: float | None,
+    stop: float | None,
+    workers: int | None,
+) -> tuple[list[Case], list[str], Path, Path | None]:
+    """Run a sweep with the options of the command; return cases, how each ended, the folder, and what holds all results.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        It was interrupted; the message says how to go on.
+    """
     from rich.progress import MofNCompleteColumn, Progress
 
-    from ..run.sweep import TABLE, combine, is_finished, make_cases, read_ranges, run_sweep
+    from ..run.sweep import TABLE, combine, make_cases, read_ranges, run_sweep
 
     path = find_scenario(scenario)
     folder = Path("out") / f"{path.stem}_sweep" if out is None else out
@@ -63,7 +95,10 @@ def sweep(
     command = ["run", str(path.absolute()), "--fmus", str(fmus.absolute()), "--no-pictures", "--no-csv", *options]
     console = Console(stderr=True)
     bar = Progress(
-        *Progress.get_default_columns(), MofNCompleteColumn(), console=console, disable=not console.is_terminal
+        *Progress.get_default_columns(),
+        MofNCompleteColumn(),
+        console=console,
+        disable=not (console.is_terminal or console.is_jupyter),
     )
     shown = bar.add_task(path.stem, total=len(cases))
     try:
@@ -72,18 +107,12 @@ def sweep(
                 cases, command, folder, workers=workers, progress=lambda done, _: bar.update(shown, completed=done)
             )
     except KeyboardInterrupt:
-        typer.echo(f"Interrupted; finished cases are kept in {folder}. Run the same command again to go on.", err=True)
-        raise typer.Exit(130) from None
-    store = combine(cases, folder)
-    wide(stderr=True).print(_table(cases, ended))
-    typer.echo(folder / TABLE)
-    if store is not None:
-        typer.echo(store)
-    if not all(map(is_finished, ended)):
-        raise typer.Exit(1)
+        msg = f"Interrupted; finished cases are kept in {folder}. Run the same command again to go on."
+        raise KeyboardInterrupt(msg) from None
+    return cases, ended, folder, combine(cases, folder)
 
 
-def _table(cases: Sequence[Case], ended: Sequence[str]) -> Table:
+def case_table(cases: Sequence[Case], ended: Sequence[str]) -> Table:
     """Return a table of the first cases and of those that failed."""
     from rich.markup import escape
     from rich.table import Table

@@ -52,7 +52,7 @@ def twin(
         Path | None, typer.Option(help="JSON file to write; twin.json beside the record by default.", metavar="FILE")
     ] = None,
 ) -> None:
-    """Fit a simulation to a record and print the damage of each zone.
+    """Fit a simulation to a record: the damage of each zone, with its standard deviation.
 
     The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or resistance[1] to
     resistance[4]; empty cells are gaps. Results of a run bring the parameters of the membrane and of the sensors along.
@@ -63,6 +63,42 @@ def twin(
 
         gossamer twin measured.csv --fit offset,amplitude,frequency,damping --params pressure_amplitude=9500
     """
+    console = Console(stderr=True)
+    answer, path = fit_twin(
+        record,
+        fit=fit,
+        kind=kind,
+        noise=noise,
+        stop=stop,
+        params=params,
+        sensor=sensor,
+        elements=elements,
+        order=order,
+        sparse=sparse,
+        out=out,
+    )
+    console.print(zone_table(answer))
+    console.print(summary(answer), highlight=False)
+    for doubt in answer.doubts:
+        console.print(f"{doubt[0].upper()}{doubt[1:]}.", style="bold yellow", highlight=False)
+    typer.echo(path)
+
+
+def fit_twin(
+    record: Path,
+    *,
+    fit: str | None,
+    kind: str | None,
+    noise: float | None,
+    stop: float | None,
+    params: list[str] | None,
+    sensor: Path | None,
+    elements: int,
+    order: int,
+    sparse: bool,
+    out: Path | None,
+) -> tuple[Answer, Path]:
+    """Fit a simulation to a record with the options of the command; return the answer and the file it was written to."""
     from gossamer_models.twin import Twin
 
     from .twin_record import find_record, sensor_of
@@ -87,11 +123,7 @@ def twin(
             ).fit(found.record)
         with replacing(path) as unfinished:
             unfinished.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
-    console.print(zone_table(answer))
-    console.print(_summary(answer), highlight=False)
-    for doubt in answer.doubts:
-        console.print(f"{doubt[0].upper()}{doubt[1:]}.", style="bold yellow", highlight=False)
-    typer.echo(path)
+    return answer, path
 
 
 def zone_table(answer: Answer) -> Table:
@@ -107,7 +139,8 @@ def zone_table(answer: Answer) -> Table:
     return table
 
 
-def _summary(answer: Answer) -> str:
+def summary(answer: Answer) -> str:
+    """Say whether an answer is valid, and what else was fitted."""
     verdict = "valid" if answer.valid else "NOT valid"
     lines = [f"{verdict}: chi2 per sample {answer.chi2_per_sample:.3f}, bound {answer.chi2_bound:.3f}"]
     for name, (value, deviation) in answer.nuisances.items():

@@ -1,4 +1,4 @@
-"""Show the progress of a run: simulated time, rate and remaining time. Quiet without a terminal."""
+"""Show the progress of a run: simulated time, rate and remaining time. Quiet without a terminal or a notebook."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ProgressBar:
             TimeRemainingColumn(),
             console=self._console,
             auto_refresh=False,
-            disable=not self._console.is_terminal,
+            disable=not (self._console.is_terminal or self._console.is_jupyter),
         )
         self._task = self._progress.add_task(label, now=0.0, rate=0.0)
         self._begun = self._first = 0.0
