@@ -97,9 +97,18 @@ def build(
 
         gossamer build detector --artifact wide --out somewhere
     """
-    options = {"native": native, "fmi": fmi, "platform": platform}
-    choices = {"elements_per_side": elements_per_side, "order": order, "law": law}
-    paths = build_given(names, out=out, artifact=artifact, scales=scales, **choices, **options).values()
+    paths = build_given(
+        names,
+        out=out,
+        artifact=artifact,
+        scales=scales,
+        platform=platform,
+        elements_per_side=elements_per_side,
+        order=order,
+        law=law,
+        native=native,
+        fmi=fmi,
+    ).values()
     for path in paths:
         typer.echo(path)
     print_kinds(f"FMI {fmi}.0", paths)

@@ -55,7 +55,7 @@ def sweep(
     try:
         cases, ended, folder, store = run_cases(scenario, ranges, out, fmus, step=step, stop=stop, workers=workers)
     except KeyboardInterrupt as error:
-        typer.echo(*error.args, err=True)
+        typer.echo(str(error), err=True)
         raise typer.Exit(130) from None
     wide(stderr=True).print(case_table(cases, ended))
     typer.echo(folder / TABLE)
