@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,10 +43,15 @@ def as_html(sentences: Sequence[str], print_tables: Callable[[Console], None], p
     return f"<div>{''.join(parts)}</div>"
 
 
-def first_of(folder: Path, names: Sequence[str]) -> bytes | None:
-    """Return the first of some pictures that is in a folder."""
-    path = next((folder / name for name in names if (folder / name).is_file()), None)
+def first_of(paths: Iterable[Path]) -> bytes | None:
+    """Return the first of some files that is there."""
+    path = next((path for path in paths if path.is_file()), None)
     return None if path is None else path.read_bytes()
+
+
+def first_loop(files: Iterable[Path]) -> bytes | None:
+    """Return the first picture of a loop, resistance over strain, among the files of a fit."""
+    return first_of(path for path in files if path.name.endswith("_loop.png"))
 
 
 def draw_png(draw: Callable[[Any], object], size: tuple[float, float]) -> bytes:

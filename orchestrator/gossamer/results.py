@@ -6,14 +6,14 @@ A result is a path too, of its folder or its main file: ``gossamer.twin(gossamer
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from .display import as_html, draw_png, first_of
+from .display import as_html, draw_png, first_loop, first_of
 
 if TYPE_CHECKING:
     from gossamer_models.identify import Identified
@@ -70,7 +70,8 @@ class Run:
 
     def _repr_html_(self) -> str:
         sentences = [self.verdict.sentence, *self.verdict.more, f"Files are in {self.folder}."]
-        return as_html(sentences, self._print, first_of(self.folder, RUN_PICTURES), self.verdict.sentence)
+        pictures = [self.folder / name for name in RUN_PICTURES]
+        return as_html(sentences, self._print, first_of(pictures), self.verdict.sentence)
 
     def _print(self, console: Console) -> None:
         from gossamer_orchestrator.results.tables import history_table, zone_table
@@ -108,7 +109,7 @@ class Verification:
 
     @property
     def _verdict(self) -> str:
-        return "No check failed." if self.passed else f"{len(self.failed)} checks failed."
+        return f"{len(self.failed) or 'No'} check{'s' * (len(self.failed) > 1)} failed."
 
     def __repr__(self) -> str:
         return f"Verification({', '.join(self.findings)}: {' '.join([self._verdict, *self.failed])})"
@@ -181,12 +182,15 @@ class Identification:
         recovered strain [1] where the model has a compensator, and ``fitted``.
     rest : str
         The resistance from which changes count, in words.
+    files : list of Path
+        The artifact, predictions and pictures.
     """
 
     path: Path
     result: Identified
     records: dict[str, xr.Dataset]
-    rest: str = ""
+    rest: str
+    files: list[Path]
 
     @property
     def _verdict(self) -> str:
@@ -200,10 +204,8 @@ class Identification:
         return f"Identification({str(self.path)!r}: {self._verdict})"
 
     def _repr_html_(self) -> str:
-        names = [f"{record}_{what}.png" for what in ("loop", "history") for record in self.records]
-        picture = first_of(self.path.with_suffix(""), names)
         sentences = [self._verdict, *self.result.remarks, f"The artifact is {self.path}."]
-        return as_html(sentences, self._print, picture, "Resistance over strain, measured and modelled")
+        return as_html(sentences, self._print, first_loop(self.files), "Resistance over strain, measured and modelled")
 
     def _print(self, console: Console) -> None:
         from gossamer_orchestrator.cli.identify_report import print_result
@@ -231,7 +233,7 @@ class Assessment:
     judged: tuple[Judged, ...]
     records: dict[str, xr.Dataset]
     stretch: str
-    files: list[Path] = field(default_factory=list)
+    files: list[Path]
 
     @property
     def _verdict(self) -> str:
@@ -246,8 +248,7 @@ class Assessment:
 
     def _repr_html_(self) -> str:
         sentences = [self._verdict, *(text for each in self.judged for text in each.sentences())]
-        picture = next((path.read_bytes() for path in self.files if path.name.endswith("_loop.png")), None)
-        return as_html(sentences, self._print, picture, "Resistance over strain, measured and modelled")
+        return as_html(sentences, self._print, first_loop(self.files), "Resistance over strain, measured and modelled")
 
     def _print(self, console: Console) -> None:
         from gossamer_orchestrator.cli.assess import tables

@@ -104,13 +104,16 @@ def identify(files: list[Path], **given: Any) -> Identification:  # noqa: ANN401
     from gossamer_orchestrator.cli.identify import field_parameters, identify_given, rest_of
 
     fields = {name: given.pop(name) for name in field_parameters()}
-    result, (path, *_) = identify_given(files, fields, "gossamer.identify(..)", _quietly, **given)
+    result, paths = identify_given(files, fields, "gossamer.identify(..)", _quietly, **given)
     records = {}
     for k, rows in enumerate(result.fit.train):
         record, predicted = result.in_its_file(k)
-        recovered = {name: ("time", strain, {"units": "1"}) for name, strain in result.recovered_of(k).items()}
-        records[record.name] = _histories(record, predicted).assign(recovered, fitted=("time", rows))
-    return Identification(path=path, result=result, records=records, rest=rest_of(result, given["rest_resistance"]))
+        recovered: dict[str, Any] = {
+            name: ("time", strain, {"units": "1"}) for name, strain in result.recovered_of(k).items()
+        }
+        records[record.name] = _histories(record, predicted).assign(recovered | {"fitted": ("time", rows)})
+    rest = rest_of(result, given["rest_resistance"])
+    return Identification(path=paths[0], result=result, records=records, rest=rest, files=paths)
 
 
 def assess(sensor: Path, files: list[Path], **given: Any) -> Assessment:  # noqa: ANN401
