@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .common import keep_inputs, model_errors, wide
-from .identify import CommandWithFields, as_options, parameter
+from .command import Result, as_options, show, stderr
+from .common import keep_inputs, model_errors
+from .identify import CommandWithFields, parameter
 from .recognised import print_recognised
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def assess(
         "out/assessed"
     ),
     pictures: Annotated[bool, typer.Option(help="Draw pictures.")] = True,
-) -> None:
+) -> Result:
     """Judge an identified sensor on other records, without fitting it.
 
     Says first what it read: columns, units, ranges, sampling, gaps. Prints errors of resistance and of recovered strain as a
@@ -79,9 +80,11 @@ def assess(
     from gossamer_models.fitting.tables import table_path
     from gossamer_models.review import judge_files, save_judged
 
+    from ..run.progress import ProgressBar
+
     keep_inputs([sensor, *files], [out, *(table_path(out, each.name) for each in files)])
-    console = wide(stderr=True)
-    with model_errors(), console.status("reading the records") as status:
+    console = stderr()
+    with model_errors(), ProgressBar("assess", console) as bar:
         judged = judge_files(
             sensor,
             files,
@@ -90,7 +93,7 @@ def assess(
             own_scales=fit_scales,
             stretch=stretch,
             recognised=lambda records: print_recognised(console, records),
-            progress=status.update,
+            progress=lambda text: bar.update(text=text),
         )
         paths = save_judged(judged, out, pictures=pictures)
     for table in _tables(judged, stretch):
@@ -99,7 +102,28 @@ def assess(
         for sentence in each.sentences():
             console.print(sentence, style="yellow", markup=False)
     for path in paths:
-        typer.echo(path)
+        show(path)
+    remarks = [sentence for each in judged for sentence in each.sentences()]
+    return Result({"files": paths, "errors": [row for each in judged for row in _errors(each)], "remarks": remarks})
+
+
+def _errors(judged: Judged) -> list[dict[str, Any]]:
+    """Return the errors of one record as JSON; NRMSE over the range of the record [%]."""
+    return [
+        {
+            "record": judged.record.name,
+            "stretch": name,
+            "samples": int(rows.sum()),
+            "resistance_nrmse_percent": judged.forward(rows),
+            "resistance_nrmse_of_cubic_percent": judged.forward(rows, judged.cubic),
+            "strain_nrmse_percent": {
+                kind: judged.strain(rows, found.strain) for kind, found in judged.recovered.items()
+            },
+            "strain_nrmse_of_cubic_percent": judged.strain(rows, judged.cubic_strain),
+            "stated_over_true_deviation": {kind: judged.deviation_ratio(rows, kind) for kind in judged.recovered},
+        }
+        for name, rows in judged.stretches().items()
+    ]
 
 
 def _tables(judged: tuple[Judged, ...], stretch: str) -> list[Table]:

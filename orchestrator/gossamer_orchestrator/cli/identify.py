@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
-from typer.core import TyperCommand
 
 from ..errors import OrchestratorError
-from .common import keep_inputs, model_errors, wide
-from .identify_report import print_result, progress_of
+from .command import Command, Result, as_options, show, stderr
+from .common import keep_inputs, model_errors
 from .recognised import print_recognised
 
 
@@ -38,7 +37,7 @@ def field_options() -> list[Any]:
     return as_options(declared)
 
 
-class CommandWithFields(TyperCommand):
+class CommandWithFields(Command):
     """A command that has, besides its own options, those that ``fields`` gives; their values are in ``ctx.obj`` by name."""
 
     fields = staticmethod(field_options)
@@ -52,18 +51,6 @@ class CommandWithFields(TyperCommand):
         """Call the command."""
         ctx.obj = {each.name: ctx.params.pop(each.name) for each in self.fields()}
         return super().invoke(ctx)
-
-
-def as_options(declared: dict[str, inspect.Parameter]) -> list[Any]:
-    """Return the options that typer makes of the parameters of a function."""
-    command = typer.Typer(add_completion=False)
-
-    @command.command()
-    def only_options() -> None:
-        """Stand for the signature below."""
-
-    only_options.__signature__ = inspect.Signature(list(declared.values()))  # type: ignore[attr-defined]
-    return list(typer.main.get_command(command).params)
 
 
 def parameter(owner: type, field: Any, defaults: dict[str, Any], panel: str | None) -> inspect.Parameter:  # noqa: ANN401
@@ -123,7 +110,7 @@ def identify(
     ] = False,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
     pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
-) -> None:
+) -> Result:
     """Identify a sensor from measured strain and resistance.
 
     Says first what it read: columns, units, ranges, sampling, gaps. Prints the paths of the artifact, of predicted and
@@ -166,8 +153,10 @@ def identify(
         settings_for,
     )
 
+    from .identify_report import print_result, progress_of, result_as_json
+
     keep_inputs(files, [out])
-    console = wide(stderr=True)
+    console = stderr()
     readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
     chosen = {
         name: _read(name, value, readers.get(name))
@@ -210,7 +199,8 @@ def identify(
     for sentence in result.remarks:
         console.print(sentence, style="yellow", markup=False)
     for path in (out, *drawn):
-        typer.echo(path)
+        show(path)
+    return Result({"artifact": out, "files": drawn, **result_as_json(result)})
 
 
 def _read(name: str, value: Any, reader: Any) -> Any:  # noqa: ANN401

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,8 +11,9 @@ import typer
 from ..errors import OrchestratorError, ResultsError
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
-from .common import FMUS, FmuFolder, wide
-from .watch import LiveWatch
+from .command import INVALID, Result, note, show, stderr
+from .common import FMUS, FmuFolder
+from .watch import LARGE, LiveWatch
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -73,7 +75,7 @@ def run(
     csv: Annotated[
         bool | None, typer.Option(help="Write results.csv; by default if it has at most 10 million values.")
     ] = None,
-) -> None:
+) -> Result:
     """Run a scenario.
 
     Writes results.nc, results.csv, pictures and report.html, the page of the run, and prints their paths. The FMUs run in a
@@ -113,12 +115,12 @@ def run(
         "resume": resume,
         "csv": csv,
     }
-    _run(path, fmus, folder, pictures=pictures, watched=watched, **options)
+    return _run(path, fmus, folder, pictures=pictures, watched=watched, **options)
 
 
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for FMUs, results and pictures.", metavar="FOLDER")] = Path("out"),
-) -> None:
+) -> Result:
     """Build the FMUs, and find damage that begins during a run.
 
     Two zones of a membrane lose stiffness half way through the run. Four sensors with noisy resistance, four estimators and
@@ -130,7 +132,7 @@ def demo(
         gossamer demo
     """
     build_fmus(out / "fmus")
-    _run(find_scenario(DEMO), out / "fmus", out / DEMO, pictures=True, watched=True)
+    return _run(find_scenario(DEMO), out / "fmus", out / DEMO, pictures=True, watched=True)
 
 
 def _run(
@@ -141,60 +143,88 @@ def _run(
     pictures: bool,
     watched: bool,
     **options: Any,  # noqa: ANN401
-) -> None:
-    """Run one scenario, write everything, and print what was judged and which page to open."""
+) -> Result:
+    """Run one scenario, write everything, and return what was judged; say which page to open."""
     from ..results.files import CSV, NETCDF
+    from ..results.report import PAGE
     from ..run.progress import ProgressBar
     from ..run.runner import run_scenario
 
     observers = [LiveWatch(out / WATCHED)] if watched else []
     try:
-        data = run_scenario(scenario, fmus, out, observers=observers, progress=ProgressBar(scenario.stem), **options)
+        bar = ProgressBar(scenario.stem, stderr())
+        data = run_scenario(scenario, fmus, out, observers=observers, progress=bar, **options)
     except KeyboardInterrupt as error:
         for text in ("Interrupted.", *getattr(error, "__notes__", ())):
             typer.echo(text, err=True)
         raise typer.Exit(130) from None
-    for name in (NETCDF, CSV, *[WATCHED] * watched):
-        if (out / name).is_file():
-            typer.echo(out / name)
-    page = _draw(data, out) if pictures else None
-    _print_judgements(data)
-    if page is not None:
-        typer.echo(f"Open {page}, or type 'gossamer view {out}'.", err=True)
+    files = [out / name for name in (NETCDF, CSV, *[WATCHED] * watched) if (out / name).is_file()]
+    for path in files:
+        show(path)
+    drawn = _draw(data, out) if pictures else []
+    found = _judged(data)
+    if watched and (out / WATCHED).is_file():
+        found["watch"] = json.loads((out / WATCHED).read_text(encoding="utf-8"))
+        found["valid"] = found["valid"] is not False and found["watch"]["misfit"][-1] <= LARGE
+    if PAGE in [path.name for path in drawn]:
+        note(f"Open {out / PAGE}, or type 'gossamer view {out}'.")
+    about = {
+        "scenario": scenario,
+        "ended": data.attrs["ended"],
+        "stop_s": float(data["time"][-1]),
+        "wall_time_s": float(data.attrs["wall_time"]),
+        "files": [*files, *drawn],
+    }
+    return Result(about | found, INVALID if found["valid"] is False else 0)
 
 
-def _draw(data: xr.Dataset, out: Path) -> Path | None:
-    """Draw pictures and write the page of a run, and print their paths; a page that cannot be written ends no run."""
+def _draw(data: xr.Dataset, out: Path) -> list[Path]:
+    """Draw pictures and write the page of a run, and show their paths; a page that cannot be written ends no run."""
     from ..results.plots import save_pictures
     from ..results.report import write_report
 
     stride = -(-data.sizes["time"] // LARGEST_PICTURE)
     if stride > 1:
-        typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
-    for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
-        typer.echo(path)
+        note(f"Pictures are drawn of every {stride}th recorded point.")
+    drawn = list(save_pictures(data.isel(time=slice(None, None, stride)), out))
     try:
-        page = write_report(data, out)
+        drawn.append(write_report(data, out))
     except ResultsError as error:
         typer.echo(str(error), err=True)
-        return None
-    typer.echo(page)
-    return page
+    for path in drawn:
+        show(path)
+    return drawn
 
 
-def _print_judgements(data: xr.Dataset) -> None:
-    """Print the judgements as tables on stderr, if there is a detector."""
+def _judged(data: xr.Dataset) -> dict[str, Any]:
+    """Return the judgements of the detector, and print them as tables on stderr; nothing where there is none."""
     from ..results.judgements import doubts, windows
     from ..results.tables import history_table, zone_table
 
-    console = wide(stderr=True)
+    console = stderr()
     try:
         ended = windows(data)
     except ResultsError:
-        return
+        return {"valid": None, "judgements": [], "doubts": []}
     if len(ended) > 1:
         console.print(history_table(ended))
     for judgement in [window for window in ended if window.valid][-1:]:
         console.print(zone_table(judgement))
-    for sentence in doubts(data, ended):
+    sentences = doubts(data, ended)
+    for sentence in sentences:
         console.print(sentence, style="bold yellow", highlight=False)
+    return {
+        "valid": ended[-1].valid if ended else None,
+        "judgements": [
+            {
+                "time_s": window.time,
+                "valid": window.valid,
+                "damage": window.estimated,
+                "deviation": window.deviation,
+                "true_damage": window.true,
+                **({window.likeness: window.likeness_value} if window.likeness else {}),
+            }
+            for window in ended
+        ],
+        "doubts": sentences,
+    }

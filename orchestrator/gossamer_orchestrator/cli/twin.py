@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from gossamer_files import replacing
-from rich.console import Console
 
+from .command import INVALID, Result, show, stderr
 from .common import keep_inputs, model_errors
 from .twin_options import (
     ElementsOption,
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 NUISANCES = "offset"
+UNITS = {"damage": "1", "deviation": "1", "probability": "1", "covariance": "1", "phase": "rad", "pressure": "Pa"}
 
 
 def twin(
@@ -51,7 +52,7 @@ def twin(
     out: Annotated[
         Path | None, typer.Option(help="JSON file to write; twin.json beside the record by default.", metavar="FILE")
     ] = None,
-) -> None:
+) -> Result:
     """Fit a simulation to a record and print the damage of each zone.
 
     The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or resistance[1] to
@@ -67,7 +68,7 @@ def twin(
 
     from .twin_record import find_record, sensor_of
 
-    console = Console(stderr=True)
+    console = stderr()
     path = beside(record, "twin.json") if out is None else out
     keep_inputs([file_of(record), sensor], [path])
     with model_errors():
@@ -86,12 +87,13 @@ def twin(
                 sparse=sparse,
             ).fit(found.record)
         with replacing(path) as unfinished:
-            unfinished.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
+            unfinished.write_text(json.dumps(content := answer.as_json(), indent=1) + "\n", encoding="utf-8")
     console.print(zone_table(answer))
     console.print(_summary(answer), highlight=False)
     for doubt in answer.doubts:
         console.print(f"{doubt[0].upper()}{doubt[1:]}.", style="bold yellow", highlight=False)
-    typer.echo(path)
+    show(path)
+    return Result({"file": path, **content, "units": UNITS}, 0 if answer.valid else INVALID)
 
 
 def zone_table(answer: Answer) -> Table:
