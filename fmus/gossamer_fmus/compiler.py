@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gossamer_models import ParameterError
-from gossamer_models.compiler import compile_shared, require_compiler
+from gossamer_models.compiler import compile_shared, kept_library, require_compiler
 
 from .catalogue import package_folder
 from .description import FmiVersion
@@ -128,8 +128,17 @@ def universal(libraries: list[bytes]) -> bytes:
 
 
 def _compile(files: dict[str, bytes], source: str, library: str, target: str) -> bytes:
-    mathematics = [] if "windows" in target else ["-lm"]
-    return compile_shared(files, source, library, ["-target", target, "-I", str(fmi_headers()), *mathematics], target)
+    options = ["-target", target, *([] if "windows" in target else ["-lm"])]
+    headers = [path.read_bytes() for path in sorted(fmi_headers().glob("*.h"))]
+    named = [part for name, content in sorted(files.items()) for part in (name, content)]
+
+    def compile_it() -> bytes:
+        return compile_shared(files, source, library, [*options, "-I", str(fmi_headers())], target)
+
+    what = f"{library} for {target}"
+    return kept_library(
+        [source, library, *options, *headers, *named], Path(library).suffix, compile_it, what
+    ).read_bytes()
 
 
 def _this_platform() -> str:
