@@ -19,6 +19,7 @@ from .command import Command, Group
 from .exchange import container, export
 from .identify import CommandWithFields, identify
 from .inspect import info, verify
+from .new import new
 from .report import report, view
 from .run import demo, run
 from .sweep import sweep
@@ -55,6 +56,7 @@ def _configure(
     pass
 
 
+app.command(cls=Command)(new)
 app.command(cls=Command)(build)
 app.command(cls=Command)(run)
 app.command("export-ssp", cls=Command)(export)

@@ -200,7 +200,7 @@ def identify(
         console.print(sentence, style="yellow", markup=False)
     for path in (out, *drawn):
         show(path)
-    return Result({"artifact": out, "files": drawn, **result_as_json(result)})
+    return Result({"artifact": out, "files": drawn, **result_as_json(result, model)})
 
 
 def _read(name: str, value: Any, reader: Any) -> Any:  # noqa: ANN401

@@ -34,11 +34,11 @@ def progress_of(console: Console, *, bar: bool) -> Iterator[tuple[Callable[[str]
         yield say, advance
 
 
-def result_as_json(result: Any) -> dict[str, Any]:  # noqa: ANN401
+def result_as_json(result: Any, model: str) -> dict[str, Any]:  # noqa: ANN401
     """Return an ``Identified`` as JSON; NRMSE over the range of the record [%], E1 of the change from rest [%]."""
     names = ("value", "low", "high")
     return {
-        "model": result.fit.artifact.provenance.get("model"),
+        "model": model,
         "rest_resistance_ohm": result.fit.rest_resistance,
         "errors": [
             {
