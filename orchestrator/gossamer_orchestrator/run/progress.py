@@ -6,7 +6,8 @@ import threading
 from datetime import timedelta
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 EVERY = 10.0  # [s] from line to line where there is no terminal
 
@@ -30,12 +31,11 @@ class ProgressBar:
             TaskProgressColumn(),
             TextColumn("{task.fields[text]}", markup=False),
             TimeElapsedColumn(),
-            TextColumn("elapsed, remaining"),
-            TimeRemainingColumn(),
+            _Remaining(),
             console=self._console,
             disable=not self._console.is_terminal,
         )
-        self._task = self._progress.add_task(label, total=None, text="")
+        self._task = self._progress.add_task(label, total=None, text="", first=0.0)
         self._begun = False
         self._first: float | None = None  # time of a run when its bar began [s]
         self._ended = threading.Event()
@@ -61,7 +61,7 @@ class ProgressBar:
         self._begin()
         task = self._progress.tasks[0]
         if task.total is None and total is not None:  # what an earlier program did tells nothing of the speed
-            task.completed = done or 0
+            task.fields["first"] = task.completed = done or 0.0
         text = task.fields["text"] if text is None else text
         self._progress.update(self._task, completed=done, total=total, text=text)
 
@@ -103,9 +103,25 @@ class ProgressBar:
             task = self._progress.tasks[0]
             share = "" if task.total is None else f"{task.percentage:.0f} %"
             parts = (share, str(task.fields["text"]).rstrip(","), f"{_clock(task.elapsed)} elapsed")
-            left = "" if task.time_remaining is None else f"{_clock(task.time_remaining)} remaining"
-            text = ", ".join(part for part in (*parts, left) if part)
+            text = ", ".join(part for part in (*parts, _remaining(task)) if part)
             self._console.print(f"{task.description}: {text}", markup=False, highlight=False, soft_wrap=True)
+
+
+class _Remaining(ProgressColumn):
+    """The time that remains."""
+
+    def render(self, task: Task) -> Text:
+        """Return it as a text."""
+        left = _remaining(task)
+        return Text(f"elapsed, {left}" if left else "elapsed")
+
+
+def _remaining(task: Task) -> str:
+    """Say how long the task still takes at the mean speed so far: what ends in lumps has no present speed."""
+    done = task.completed - task.fields["first"]
+    if task.total is None or done <= 0.0 or task.elapsed is None:
+        return ""
+    return f"{_clock(task.elapsed * (task.total - task.completed) / done)} remaining"
 
 
 def _clock(seconds: float | None) -> str:

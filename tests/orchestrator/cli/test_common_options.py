@@ -163,6 +163,20 @@ def test_progress_is_a_line_now_and_then_where_there_is_no_terminal(monkeypatch)
     assert file.getvalue().splitlines() == lines  # none after the end
 
 
+def test_what_remains_is_at_the_mean_speed_and_without_what_was_done_before(monkeypatch):
+    """Two of eight were there; two more took 0.3 s together, so the last four take 0.6 s."""
+    clock = iter([0.0, 0.0, *[100.0] * 20])
+    monkeypatch.setattr("gossamer_orchestrator.run.progress.EVERY", 0.05)
+    file = io.StringIO()
+    with ProgressBar("sweep", Console(file=file)) as bar:
+        bar._progress.get_time = lambda: next(clock, 100.0)
+        bar._progress.tasks[0].start_time = 0.0
+        bar.update(2, 8)
+        bar.update(4)
+        time.sleep(0.2)
+    assert file.getvalue().splitlines()[-1] == "sweep: 50 %, 0:01:40 elapsed, 0:03:20 remaining"
+
+
 def test_a_bar_on_a_terminal_shows_the_elapsed_time():
     file = io.StringIO()
     with ProgressBar("training", Console(file=file, force_terminal=True, width=120)) as bar:

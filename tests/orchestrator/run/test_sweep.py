@@ -105,10 +105,24 @@ def test_the_panels_show_the_cases_and_share_their_axes():
     figure = Figure()
     plot_cases(data, ["one.u"], figure)
     drawn = [ax for ax in figure.axes if ax.lines]
-    assert [ax.get_title() for ax in drawn] == ["1: u = 0.5", "2: u = 1", "5: u = 2"]
+    assert [ax.get_title() for ax in drawn] == ["1: u=0.5", "2: u=1", "5: u=2"]
     assert [ax.lines[0].get_ydata().tolist() for ax in drawn] == values.tolist()
     assert len({ax.get_ylim() for ax in drawn}) == 1
     assert figure.get_suptitle() == "one.y [m]"
+
+
+def test_of_an_array_with_many_elements_the_last_values_are_bars():
+    """The second case ended before the last time: its last values are those before."""
+    values = np.arange(2 * 3 * 16.0).reshape(2, 3, 16)
+    values[1, 2] = np.nan
+    coordinates = {"case": [1, 2], "time": [0.0, 0.1, 0.2], "zone": range(1, 17)}
+    figure = Figure()
+    valid = xr.DataArray([[0, 0, 1], [0, 0, np.nan]], {k: coordinates[k] for k in ("case", "time")}, ("case", "time"))
+    plot_cases(xr.DataArray(values, coordinates, ("case", "time", "zone"), name="d.damage"), [], figure, valid)
+    drawn = [[bar.get_height() for bar in ax.patches] for ax in figure.axes if ax.patches]
+    assert drawn == [values[0, 2].tolist(), values[1, 1].tolist()]
+    assert [[text.get_text() for text in ax.texts] for ax in figure.axes if ax.patches] == [[], ["not valid"]]
+    assert figure.get_suptitle() == "last d.damage [1]"
 
 
 def test_of_many_cases_some_are_drawn_and_the_title_says_so():
