@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+logger = logging.getLogger(__name__)
 NOMINAL = "detector_nominal"
 UNITS = {"all zones": "% damage", "damaged zones": "% damage"}  # the others are shares
 DRIFT = 2  # steps that cover how the phase of the load drifts from window to window
@@ -102,6 +104,9 @@ def train(
         training = Training(network=network, samples=samples, windows=windows)
         if epochs is not None:
             training = replace(training, epochs=epochs)
+        logger.info(
+            "%s: %d cases, windows of %d samples, %d epochs", name, data.sizes["case"], samples, training.epochs
+        )
         end = "" if kind is Kind.NEURO_FUZZY else f"_{kind}"
         path = out or Path("out/detector") / f"{name}{end}.json"
         with ProgressBar("training", stderr()) as bar:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from gossamer_models.twin import Answer
     from rich.table import Table
 
+logger = logging.getLogger(__name__)
 NUISANCES = "offset"
 UNITS = {"damage": "1", "deviation": "1", "probability": "1", "covariance": "1", "phase": "rad", "pressure": "Pa"}
 
@@ -74,6 +76,7 @@ def twin(
     with model_errors():
         with console.status("reading"):
             found = find_record(record, kind, noise, stop, params or [])
+        logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
         default = () if found.record.kind == "resistance" else (NUISANCES,)
         nuisances = default if fit is None else tuple(name.strip() for name in fit.split(",") if name.strip() != "none")
         with console.status("compiling, then fitting"):
@@ -86,6 +89,7 @@ def twin(
                 nuisances=nuisances,
                 sparse=sparse,
             ).fit(found.record)
+        logger.info("%d simulations for %d values", answer.simulations, answer.samples)
         with replacing(path) as unfinished:
             unfinished.write_text(json.dumps(content := answer.as_json(), indent=1) + "\n", encoding="utf-8")
     console.print(zone_table(answer))
