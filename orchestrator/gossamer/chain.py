@@ -163,6 +163,9 @@ def sweep(
     step: float | None = None,
     stop: float | None = None,
     workers: int | None = None,
+    scheduler: str | None = None,
+    plot: str | None = None,
+    pictures: bool = True,
 ) -> Sweep:
     """Run a scenario with many values.
 
@@ -185,6 +188,13 @@ def sweep(
         Last time [s] in place of the file's.
     workers : int or None
         Runs at once; as many as cores by default.
+    scheduler : str or None
+        Run on the Dask cluster of this scheduler, tcp://host:8786.
+    plot : str or None
+        Variable to draw, one panel per case, such as membrane.deflection; damage if there is a detector, else
+        the first that was recorded.
+    pictures : bool, default True
+        Draw the picture.
 
     Returns
     -------

@@ -18,7 +18,7 @@ from gossamer_orchestrator import OrchestratorError
 from gossamer_orchestrator.cli import app
 from typer.models import ArgumentInfo, OptionInfo
 
-FOR_A_TERMINAL = ("json", "quiet", "log_file")  # options that say how a command prints
+FOR_A_TERMINAL = ("json", "quiet", "verbose", "log_file")  # options that say how a command prints
 NAMED = "NAME="  # what the placeholder of an option begins with that gives values by name
 
 

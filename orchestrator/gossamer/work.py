@@ -84,7 +84,8 @@ def sweep(scenario: str, ranges: list[str], out: Path | None, fmus: Path, **opti
     """Run a scenario with many values."""
     from gossamer_orchestrator.cli.sweep import run_cases
 
-    cases, ended, folder, store = run_cases(scenario, ranges, out, fmus, **options)
+    cases, ended, folder, files = run_cases(scenario, ranges, out, fmus, **options)
+    store = next((path for path in files if path.suffix == ".zarr"), None)
     data = None if store is None else with_places(xr.open_zarr(store, consolidated=False))
     return Sweep(folder=folder, cases=cases, ended=ended, data=data)
 
@@ -104,7 +105,7 @@ def identify(files: list[Path], **given: Any) -> Identification:  # noqa: ANN401
     from gossamer_orchestrator.cli.identify import field_parameters, identify_given, rest_of
 
     fields = {name: given.pop(name) for name in field_parameters()}
-    result, paths = identify_given(files, fields, "gossamer.identify(..)", _quietly, **given)
+    result, _, paths = identify_given(files, fields, "gossamer.identify(..)", _quietly, **given)
     records = {}
     for k, rows in enumerate(result.fit.train):
         record, predicted = result.in_its_file(k)

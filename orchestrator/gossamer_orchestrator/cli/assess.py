@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from .common import keep_inputs, model_errors, wide
+from .command import Result, show, stderr
+from .common import keep_inputs, model_errors
 from .identify import CommandWithFields, parameter
 from .recognised import print_recognised
 
@@ -64,7 +65,7 @@ def assess(
         "out/assessed"
     ),
     pictures: Annotated[bool, typer.Option(help="Draw pictures.")] = True,
-) -> None:
+) -> Result:
     """Judge an identified sensor on other records, without fitting it.
 
     Says first what it read: columns, units, ranges, sampling, gaps. Prints errors of resistance and of recovered strain as a
@@ -90,21 +91,23 @@ def assess(
         out=out,
         pictures=pictures,
     )
-    console = wide(stderr=True)
+    console = stderr()
     for table in tables(judged, stretch):
         console.print(table)
     for each in judged:
         for sentence in each.sentences():
             console.print(sentence, style="yellow", markup=False)
     for path in paths:
-        typer.echo(path)
+        show(path)
+    remarks = [sentence for each in judged for sentence in each.sentences()]
+    return Result({"files": paths, "errors": [row for each in judged for row in _errors(each)], "remarks": remarks})
 
 
 def judge_given(
     sensor: Path,
     files: list[Path],
     columns: dict[str, Any],
-    show: Callable[[Console, Sequence[Record]], None],
+    show_records: Callable[[Console, Sequence[Record]], None],
     *,
     compensator: list[str] | None,
     fit_scales: bool,
@@ -117,9 +120,11 @@ def judge_given(
     from gossamer_models.fitting.tables import table_path
     from gossamer_models.review import judge_files, save_judged
 
+    from ..run.progress import ProgressBar
+
     keep_inputs([sensor, *files], [out, *(table_path(out, each.name) for each in files)])
-    console = wide(stderr=True)
-    with model_errors(), console.status("reading the records") as status:
+    console = stderr()
+    with model_errors(), ProgressBar("assess", console) as bar:
         judged = judge_files(
             sensor,
             files,
@@ -127,10 +132,29 @@ def judge_given(
             compensators=tuple(compensator or ()),
             own_scales=fit_scales,
             stretch=stretch,
-            recognised=lambda records: show(console, records),
-            progress=status.update,
+            recognised=lambda records: show_records(console, records),
+            progress=lambda text: bar.update(text=text),
         )
         return judged, save_judged(judged, out, pictures=pictures)
+
+
+def _errors(judged: Judged) -> list[dict[str, Any]]:
+    """Return the errors of one record as JSON; NRMSE over the range of the record [%]."""
+    return [
+        {
+            "record": judged.record.name,
+            "stretch": name,
+            "samples": int(rows.sum()),
+            "resistance_nrmse_percent": judged.forward(rows),
+            "resistance_nrmse_of_cubic_percent": judged.forward(rows, judged.cubic),
+            "strain_nrmse_percent": {
+                kind: judged.strain(rows, found.strain) for kind, found in judged.recovered.items()
+            },
+            "strain_nrmse_of_cubic_percent": judged.strain(rows, judged.cubic_strain),
+            "stated_over_true_deviation": {kind: judged.deviation_ratio(rows, kind) for kind in judged.recovered},
+        }
+        for name, rows in judged.stretches().items()
+    ]
 
 
 def tables(judged: tuple[Judged, ...], stretch: str) -> list[Table]:

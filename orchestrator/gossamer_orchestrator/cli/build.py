@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from ..errors import FmuError
 from ..names import suggest
+from .command import Result, note, show, stderr
 from .common import FMUS, keep_inputs, model_errors, print_kinds
 
 
@@ -72,7 +72,7 @@ def build(
     fmi: Annotated[
         int, typer.Option(help="With --native: version of the standard, 2 or 3.", min=2, max=3, metavar="N")
     ] = 2,
-) -> None:
+) -> Result:
     """Build the FMUs.
 
     Prints the path of every FMU. Native FMUs need the compiler that make installs, or pip install ziglang==0.17.0.
@@ -108,10 +108,11 @@ def build(
         law=law,
         native=native,
         fmi=fmi,
-    ).values()
-    for path in paths:
-        typer.echo(path)
-    print_kinds(f"FMI {fmi}.0", paths)
+    )
+    for path in paths.values():
+        show(path)
+    print_kinds(f"FMI {fmi}.0", paths.values())
+    return Result({"fmi": fmi, "native": native, "fmus": paths})
 
 
 def build_given(
@@ -145,13 +146,13 @@ def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> 
         if name not in NAMES:
             msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
             raise FmuError(msg)
-    console = Console(stderr=True)
+    console = stderr()
     with model_errors(), console.status("building FMUs") as status:
 
         def progress(text: str) -> None:
             if console.is_terminal:
                 status.update(f"compiling {text}; a first time for a platform takes minutes")
             else:
-                typer.echo(f"compiling {text}", err=True)
+                note(f"compiling {text}")
 
         return build_all(folder, names or NAMES, progress=progress, **options)

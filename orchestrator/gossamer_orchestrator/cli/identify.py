@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 from rich.console import Console
-from typer.core import TyperCommand
 
 from ..errors import OrchestratorError
-from .common import keep_inputs, model_errors, wide
-from .identify_report import print_result, progress_of
+from .command import Command, Result, as_options, show, stderr
+from .common import keep_inputs, model_errors
 from .recognised import print_recognised
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ def field_parameters() -> dict[str, inspect.Parameter]:
     return declared
 
 
-class CommandWithFields(TyperCommand):
+class CommandWithFields(Command):
     """A command that has the options that ``declared`` gives besides its own; their values are in ``ctx.obj`` by name."""
 
     declared = staticmethod(field_parameters)
@@ -52,7 +51,7 @@ class CommandWithFields(TyperCommand):
     def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401
         """Return all options."""
         *own, help_option = super().get_params(ctx)
-        return [*own, *as_options(self.declared), help_option]
+        return [*own, *_made(self.declared), help_option]
 
     def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
         """Call the command."""
@@ -61,16 +60,8 @@ class CommandWithFields(TyperCommand):
 
 
 @cache
-def as_options(declared: Callable[[], dict[str, inspect.Parameter]]) -> list[Any]:
-    """Return the options that typer makes of the parameters of a function."""
-    command = typer.Typer(add_completion=False)
-
-    @command.command()
-    def only_options() -> None:
-        """Stand for the signature below."""
-
-    only_options.__signature__ = inspect.Signature(list(declared().values()))  # type: ignore[attr-defined]
-    return list(typer.main.get_command(command).params)
+def _made(declared: Callable[[], dict[str, inspect.Parameter]]) -> list[Any]:
+    return as_options(declared())
 
 
 def parameter(owner: type, field: Any, defaults: dict[str, Any], panel: str | None) -> inspect.Parameter:  # noqa: ANN401
@@ -130,7 +121,7 @@ def identify(
     ] = False,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
     pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
-) -> None:
+) -> Result:
     """Identify a sensor from measured strain and resistance.
 
     Says first what it read: columns, units, ranges, sampling, gaps. Prints the paths of the artifact, of predicted and
@@ -162,7 +153,7 @@ def identify(
     import shlex
 
     names = {str(path): path.name for path in (*files, out)} | {f"--out={out}": f"--out={out.name}"}
-    result, paths = identify_given(
+    result, chosen, paths = identify_given(
         files,
         ctx.obj,
         shlex.join(["gossamer", *(names.get(argument, argument) for argument in sys.argv[1:])]),
@@ -178,27 +169,30 @@ def identify(
         origin=origin,
         pictures=pictures,
     )
-    console = wide(stderr=True)
+    from .identify_report import print_result, result_as_json
+
+    console = stderr()
     print_result(console, result, rest_of(result, rest_resistance))
     for sentence in result.remarks:
         console.print(sentence, style="yellow", markup=False)
     for path in paths:
-        typer.echo(path)
+        show(path)
+    return Result({"artifact": out, "files": paths[1:], **result_as_json(result, chosen)})
 
 
 def identify_given(
     files: list[Path],
     fields: dict[str, Any],
     command: str,
-    show: Callable[[Console, Sequence[Record]], None],
+    show_records: Callable[[Console, Sequence[Record]], None],
     *,
     out: Path,
     model: str | None,
     weights: str | None,
     pictures: bool,
     **more: Any,  # noqa: ANN401
-) -> tuple[Identified, list[Path]]:
-    """Identify a sensor with the options of the command; return the result and the files written, the artifact first.
+) -> tuple[Identified, str, list[Path]]:
+    """Identify a sensor with the options of the command; return the result, its model, and the files, the artifact first.
 
     Parameters
     ----------
@@ -208,7 +202,7 @@ def identify_given(
         Options of columns and of models, by name; those that are None or False are not given.
     command : str
         For the provenance of the artifact.
-    show : callable
+    show_records : callable
         Shows what was recognised in the records, before anything is fitted.
     out, model, weights, pictures, **more
         The command's own.
@@ -225,8 +219,10 @@ def identify_given(
         settings_for,
     )
 
+    from .identify_report import progress_of
+
     keep_inputs(files, [out])
-    console = wide(stderr=True)
+    console = stderr()
     readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
     chosen = {
         name: _read(name, value, readers.get(name))
@@ -251,13 +247,13 @@ def identify_given(
             command=command,
             progress=say,
             advance=advance,
-            recognised=lambda records: show(console, records),
+            recognised=lambda records: show_records(console, records),
             **more,
         )
         result.fit.artifact.write(out)
         drawn = save_predictions(result, out.with_suffix(""))
         drawn += save_pictures(result, out.with_suffix("")) if pictures else []
-    return result, [out, *drawn]
+    return result, model, [out, *drawn]
 
 
 def rest_of(result: Identified, given: float | None) -> str:

@@ -8,13 +8,15 @@ from typing import Annotated
 
 import typer
 
+from .command import Result, note, show
+
 Results = Annotated[
     Path,
     typer.Argument(help="Folder of a run, or its results.nc or results.csv.", metavar="RESULTS", show_default=False),
 ]
 
 
-def report(results: Results) -> None:
+def report(results: Results) -> Result:
     """Write report.html, the page of a run, from its results.
 
     One file that opens from disk in any browser, without a network or a server: the verdict, the membrane in 3-D, damage,
@@ -24,10 +26,11 @@ def report(results: Results) -> None:
 
         gossamer report out/damage_begins
     """
-    typer.echo(make_page(results))
+    show(page := make_page(results))
+    return Result({"page": page})
 
 
-def view(results: Results) -> None:
+def view(results: Results) -> Result:
     """Open the page of a run in the browser; write it first if it is not there, or older than the results.
 
     For example:
@@ -35,9 +38,10 @@ def view(results: Results) -> None:
         gossamer view out/damage_begins
     """
     path = newest_page(results)
-    typer.echo(path)
+    show(path)
     if not webbrowser.open(path.resolve().as_uri()):
-        typer.echo(f"No browser could be started. Open {path} in one.", err=True)
+        note(f"No browser could be started. Open {path} in one.")
+    return Result({"page": path})
 
 
 def newest_page(results: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,8 +12,9 @@ import typer
 from ..errors import OrchestratorError, ResultsError
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
-from .common import FMUS, FmuFolder, wide
-from .watch import LiveWatch
+from .command import INVALID, Result, note, show, stderr
+from .common import FMUS, FmuFolder
+from .watch import LARGE, LiveWatch
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -74,7 +76,7 @@ def run(
     csv: Annotated[
         bool | None, typer.Option(help="Write results.csv; by default if it has at most 10 million values.")
     ] = None,
-) -> None:
+) -> Result:
     """Run a scenario.
 
     Writes results.nc, results.csv, pictures and report.html, the page of the run, and prints their paths. The FMUs run in a
@@ -106,12 +108,12 @@ def run(
         "resume": resume,
         "csv": csv,
     }
-    _run(scenario, out, fmus, pictures=pictures, watched=watched, **options)
+    return _run(scenario, out, fmus, pictures=pictures, watched=watched, **options)
 
 
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for FMUs, results and pictures.", metavar="FOLDER")] = Path("out"),
-) -> None:
+) -> Result:
     """Build the FMUs, and find damage that begins during a run.
 
     Two zones of a membrane lose stiffness half way through the run. Four sensors with noisy resistance, four estimators and
@@ -123,7 +125,7 @@ def demo(
         gossamer demo
     """
     build_fmus(out / "fmus")
-    _run(DEMO, out / DEMO, out / "fmus", pictures=True, watched=True)
+    return _run(DEMO, out / DEMO, out / "fmus", pictures=True, watched=True)
 
 
 def simulate(
@@ -152,7 +154,7 @@ def simulate(
         "resume": resume,
         "observers": [LiveWatch(folder / WATCHED)] if watched else [],
     }
-    return run_scenario(path, fmus, folder, progress=ProgressBar(path.stem), **options), folder
+    return run_scenario(path, fmus, folder, progress=ProgressBar(path.stem, stderr()), **options), folder
 
 
 def _run(
@@ -163,8 +165,8 @@ def _run(
     pictures: bool,
     watched: bool,
     **options: Any,  # noqa: ANN401
-) -> None:
-    """Run one scenario, write everything, and print what was judged and which page to open."""
+) -> Result:
+    """Run one scenario, write everything, and return what was judged; say which page to open."""
     from ..results.files import CSV, NETCDF
     from ..results.report import PAGE
 
@@ -174,15 +176,26 @@ def _run(
         for text in ("Interrupted.", *getattr(error, "__notes__", ())):
             typer.echo(text, err=True)
         raise typer.Exit(130) from None
-    for name in (NETCDF, CSV, *[WATCHED] * watched):
-        if (out / name).is_file():
-            typer.echo(out / name)
-    drawn = draw(data, out, lambda text: typer.echo(text, err=True)) if pictures else []
+    files = [out / name for name in (NETCDF, CSV, *[WATCHED] * watched) if (out / name).is_file()]
+    for path in files:
+        show(path)
+    drawn = draw(data, out, note) if pictures else []
     for path in drawn:
-        typer.echo(path)
-    _print_judgements(data)
+        show(path)
+    found = _judged(data)
+    if watched and (out / WATCHED).is_file():
+        found["watch"] = json.loads((out / WATCHED).read_text(encoding="utf-8"))
+        found["valid"] = found["valid"] is not False and found["watch"]["misfit"][-1] <= LARGE
     if out / PAGE in drawn:
-        typer.echo(f"Open {out / PAGE}, or type 'gossamer view {out}'.", err=True)
+        note(f"Open {out / PAGE}, or type 'gossamer view {out}'.")
+    about = {
+        "scenario": find_scenario(scenario),
+        "ended": data.attrs["ended"],
+        "stop_s": float(data["time"][-1]),
+        "wall_time_s": float(data.attrs["wall_time"]),
+        "files": [*files, *drawn],
+    }
+    return Result(about | found, INVALID if found["valid"] is False else 0)
 
 
 def draw(data: xr.Dataset, out: Path, say: Callable[[str], None]) -> list[Path]:
@@ -201,19 +214,35 @@ def draw(data: xr.Dataset, out: Path, say: Callable[[str], None]) -> list[Path]:
     return paths
 
 
-def _print_judgements(data: xr.Dataset) -> None:
-    """Print the judgements as tables on stderr, if there is a detector."""
+def _judged(data: xr.Dataset) -> dict[str, Any]:
+    """Return the judgements of the detector, and print them as tables on stderr; nothing where there is none."""
     from ..results.judgements import doubts, windows
     from ..results.tables import history_table, zone_table
 
-    console = wide(stderr=True)
+    console = stderr()
     try:
         ended = windows(data)
     except ResultsError:
-        return
+        return {"valid": None, "judgements": [], "doubts": []}
     if len(ended) > 1:
         console.print(history_table(ended))
     for judgement in [window for window in ended if window.valid][-1:]:
         console.print(zone_table(judgement))
-    for sentence in doubts(data, ended):
+    sentences = doubts(data, ended)
+    for sentence in sentences:
         console.print(sentence, style="bold yellow", highlight=False)
+    return {
+        "valid": ended[-1].valid if ended else None,
+        "judgements": [
+            {
+                "time_s": window.time,
+                "valid": window.valid,
+                "damage": window.estimated,
+                "deviation": window.deviation,
+                "true_damage": window.true,
+                **({window.likeness: window.likeness_value} if window.likeness else {}),
+            }
+            for window in ended
+        ],
+        "doubts": sentences,
+    }
