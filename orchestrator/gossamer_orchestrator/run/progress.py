@@ -1,4 +1,4 @@
-"""Show how far a task is: a bar with elapsed and remaining time on a terminal or in a notebook, elsewhere a line in ten seconds."""
+"""Show how far a task is: a bar with elapsed and remaining time on a terminal or in a notebook, elsewhere a line in 10 s."""
 
 from __future__ import annotations
 
