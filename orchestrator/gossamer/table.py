@@ -79,6 +79,19 @@ def values(command: str, given: Mapping[str, Any]) -> dict[str, Any]:
     return {each.field: _read(each, given[each.name]) for each in parameters(command).values()}
 
 
+def as_call(command: str, taken: Mapping[str, Any]) -> str:
+    """Write a call as Python does, for a provenance: what differs from the defaults, files without their folders."""
+    told = {each: taken[each.field] for each in parameters(command).values() if taken[each.field] != each.default}
+    words = [f"{each.name}={_without_folders(value)!r}" for each, value in told.items()]
+    return f"gossamer.{command}({', '.join(words)})"
+
+
+def _without_folders(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, list):
+        return [_without_folders(each) for each in value]
+    return value.name if isinstance(value, Path) else value
+
+
 def _parameter(declared: inspect.Parameter) -> Parameter:
     kind, about = declared.annotation.__origin__, declared.annotation.__metadata__[0]
     optional = type(None) in get_args(kind)

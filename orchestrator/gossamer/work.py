@@ -17,6 +17,7 @@ import xarray as xr
 from gossamer_orchestrator.results.places import with_places, zone_places
 
 from .results import Assessment, Identification, Run, Sweep, TwinAnswer, Verification
+from .table import as_call
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -104,8 +105,9 @@ def identify(files: list[Path], **given: Any) -> Identification:  # noqa: ANN401
     """Identify a sensor."""
     from gossamer_orchestrator.cli.identify import field_parameters, identify_given, rest_of
 
+    call = as_call("identify", given | {"files": files})
     fields = {name: given.pop(name) for name in field_parameters()}
-    result, _, paths = identify_given(files, fields, "gossamer.identify(..)", _quietly, **given)
+    result, _, paths = identify_given(files, fields, call, _quietly, **given)
     records = {}
     for k, rows in enumerate(result.fit.train):
         record, predicted = result.in_its_file(k)

@@ -18,11 +18,10 @@ from gossamer_orchestrator.cli import app
 
 COMMANDS = ("build", "run", "sweep", "verify", "view", "identify", "assess", "twin")
 HEAVY = {"numpy", "xarray", "casadi", "typer", "rich", "matplotlib", "fmpy", "gossamer_models", "gossamer_orchestrator"}
-RUN = (
-    dict.fromkeys(parameters("run"))
-    | {"scenario": "damaged", "fmus": "out", "threads": 1}
-    | dict.fromkeys(("pictures", "watch", "strict", "resume"), False)
-)
+
+
+def defaults(command):
+    return {name: each.default for name, each in parameters(command).items()} | {"scenario": "damaged"}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -88,7 +87,7 @@ def test_its_errors_are_those_of_the_orchestrator():
     ],
 )
 def test_values_by_name_become_what_the_command_line_writes(given, texts):
-    assert values("run", RUN | {"set": given})["values"] == texts
+    assert values("run", defaults("run") | {"set": given})["values"] == texts
 
 
 @pytest.mark.parametrize(
@@ -102,14 +101,12 @@ def test_values_by_name_become_what_the_command_line_writes(given, texts):
     ],
 )
 def test_what_a_sweep_varies_is_any_sequence(given, text):
-    taken = dict.fromkeys(parameters("sweep")) | {"scenario": "damaged", "fmus": "out"}
-    assert values("sweep", taken | {"set": {"a.x": given}})["ranges"] == [f"a.x={text}"]
+    assert values("sweep", defaults("sweep") | {"set": {"a.x": given}})["ranges"] == [f"a.x={text}"]
 
 
 def test_lists_of_numbers_and_names_may_be_sequences():
-    taken = dict.fromkeys(parameters("build")) | {"out": "out", "native": False, "fmi": 2, "names": "sensor"}
-    read = values("build", taken | {"scales": (1000, 150, 0.2)})
-    assert (read["names"], read["scales"], read["out"]) == (["sensor"], "1000,150,0.2", Path("out"))
+    read = values("build", defaults("build") | {"names": "sensor", "scales": (1000, 150, 0.2)})
+    assert (read["names"], read["scales"], read["out"]) == (["sensor"], "1000,150,0.2", Path("out/fmus"))
 
 
 @pytest.mark.parametrize(
@@ -126,7 +123,7 @@ def test_lists_of_numbers_and_names_may_be_sequences():
 )
 def test_a_wrong_value_is_refused_by_name(wrong, message):
     with pytest.raises(gossamer.OrchestratorError, match=message):
-        values("run", RUN | wrong)
+        values("run", defaults("run") | wrong)
 
 
 def test_an_unknown_option_is_refused_by_python():
