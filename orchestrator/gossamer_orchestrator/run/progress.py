@@ -82,7 +82,9 @@ class ProgressBar:
         self.update(tick, ticks, f"t = {seconds:.4f} s, {rate:.3g} simulated s per s,")
 
     def stop(self) -> None:
-        """Leave the bar as it was drawn last."""
+        """Leave the bar as it is now."""
+        if self._begun and self._console.is_jupyter:
+            self._progress.refresh()  # rich draws the end on terminals only
         self._progress.stop()
         self._ended.set()
         if self._lines is not None:
