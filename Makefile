@@ -25,6 +25,7 @@ docs: demo
 
 goldens: $(STAMP)
 	$(BIN)/pytest tests/fmus --rewrite-goldens
+	$(BIN)/python docs/make_front_door.py
 
 figures: $(STAMP)
 	$(BIN)/python docs/make_identification_page.py

@@ -18,6 +18,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -64,7 +65,7 @@ def build_fmu(
     platforms : iterable of str
         Keys of ``compiler.PLATFORMS``, or ``all``; by default the one this program runs on. For native FMUs only.
     progress : callable
-        Receives a line for each library before it is compiled.
+        Receives a line for each library before it is compiled; none for those in the user's cache folder.
 
     Returns
     -------
@@ -178,8 +179,8 @@ def _build(
 
     def compile_one(job: tuple[str, tuple[str, str, dict[str, bytes], dict[str, bytes]]]) -> None:
         platform, (name, library, code, members) = job
-        progress(f"{name} for {platform}")
-        members.update(compile_library(code, library, fmi, platform))
+        begin = partial(progress, f"{name} for {platform}")
+        members.update(compile_library(code, library, fmi, platform, begin))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(compile_one, product(platforms, fmus)))

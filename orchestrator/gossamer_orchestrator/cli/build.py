@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from ..errors import FmuError
 from ..names import suggest
+from .command import Result, note, show, stderr
 from .common import FMUS, keep_inputs, model_errors, print_kinds
 
 
@@ -89,7 +89,7 @@ def build(
     fmi: Annotated[
         int, typer.Option(help="With --native: version of the standard, 2 or 3.", min=2, max=3, metavar="N")
     ] = 2,
-) -> None:
+) -> Result:
     """Build the FMUs.
 
     Prints the path of every FMU. Native FMUs need the compiler that make installs, or pip install ziglang==0.17.0.
@@ -116,20 +116,44 @@ def build(
 
         gossamer build detector --artifact wide --out somewhere
     """
-    options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
-    choices = {
-        "artifact": artifact,
-        "scales": _numbers(scales),
-        "elements_per_side": elements_per_side,
-        "order": order,
-        "law": law,
-        "structure": _structure(setup, mesh, expose=expose),
-    }
+    paths = build_given(
+        names,
+        out=out,
+        artifact=artifact,
+        scales=scales,
+        platform=platform,
+        elements_per_side=elements_per_side,
+        order=order,
+        law=law,
+        setup=setup,
+        mesh=mesh,
+        expose=expose,
+        native=native,
+        fmi=fmi,
+    )
+    for path in paths.values():
+        show(path)
+    print_kinds(f"FMI {fmi}.0", paths.values())
+    return Result({"fmi": fmi, "native": native, "fmus": paths})
+
+
+def build_given(
+    names: list[str] | None,
+    *,
+    out: Path,
+    artifact: Path | None,
+    scales: str | None,
+    platform: list[str] | None,
+    setup: Path | None,
+    mesh: Path | None,
+    expose: bool,
+    **options: Any,  # noqa: ANN401
+) -> dict[str, Path]:
+    """Build FMUs with the options of the command; return their paths by name."""
     keep_inputs([artifact, setup, mesh], [out / f"{name}.fmu" for name in names or ()])
-    paths = build_fmus(out, names, **choices, **options).values()
-    for path in paths:
-        typer.echo(path)
-    print_kinds(f"FMI {fmi}.0", paths)
+    given = {"artifact": artifact, "scales": _numbers(scales), "platforms": tuple(platform or ())}
+    given["structure"] = _structure(setup, mesh, expose=expose)
+    return build_fmus(out, names, **given, **options)
 
 
 def _structure(setup: Path | None, mesh: Path | None, *, expose: bool) -> Any:  # noqa: ANN401
@@ -161,13 +185,13 @@ def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> 
         if name not in NAMES:
             msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
             raise FmuError(msg)
-    console = Console(stderr=True)
+    console = stderr()
     with model_errors(), console.status("building FMUs") as status:
 
         def progress(text: str) -> None:
             if console.is_terminal:
                 status.update(f"compiling {text}; a first time for a platform takes minutes")
             else:
-                typer.echo(f"compiling {text}", err=True)
+                note(f"compiling {text}")
 
         return build_all(folder, names or NAMES, progress=progress, **options)

@@ -177,6 +177,7 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     reason = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
     file.end(reason if error is not None else process.ended, wall_time, process.position[DIVIDED])
     last = file.last_time()
+    logger.info("%d communication points until t = %.9g s in %.1f s", file.count, last, wall_time)
     file.close()
     if not (isinstance(error, ResultsError) and (folder / NETCDF).exists()):
         unfinished.replace(folder / NETCDF)

@@ -1,14 +1,15 @@
-"""Find scenario and campaign files: shipped with an installed package, beside it in a checkout, or anywhere else."""
+"""Find scenario and campaign files: shipped with the package, beside it in a checkout, or anywhere else; begin a new one."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Literal
 
-from ..errors import ScenarioError
+from ..errors import ScenarioError, writing
 from ..names import suggest
 
 Kind = Literal["scenario", "campaign"]
+NEW = Path(__file__).with_name("new.toml")
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
@@ -36,3 +37,23 @@ def find_scenario(text: str, kind: Kind = "scenario") -> Path:
         return shipped[path.stem]
     msg = f"there is no {kind} file {text!r}, and no shipped {kind} of that name. {suggest(text, shipped)}"
     raise ScenarioError(msg)
+
+
+def write_new(path: Path) -> Path:
+    """Write a scenario with a comment on every table and key, and return its path.
+
+    Raises
+    ------
+    ScenarioError
+        There is such a file already, or it cannot be written.
+    """
+    text = NEW.read_text(encoding="utf-8").replace("{name}", path.stem).replace("{file}", str(path))
+    try:
+        with writing(path, ScenarioError), path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except ScenarioError as error:
+        if isinstance(error.__cause__, FileExistsError):
+            msg = f"{path} is there already. Take another name, or remove it."
+            raise ScenarioError(msg) from None
+        raise
+    return path

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from ...errors import ResultsError
 from ..judgements import doubts, judge, true_damage, windows
@@ -32,23 +33,49 @@ def plot_damage_map(
     ax : matplotlib.axes.Axes, optional
         Where to draw.
     """
-    judgement, (length, unit) = judge(data), side(data)
-    ax = axes_or_new(ax)
+    judgement = judge(data)
     percent = 100.0 * (judgement.true if which == "true" else judgement.estimated)
-    n, bars = round(percent.size**0.5), 100.0 * judgement.deviation
-    top = max(50.0, 100.0 * float(np.fmax(judgement.true, judgement.estimated).max()))
+    bars = np.full(percent.shape, math.nan) if which == "true" else 100.0 * judgement.deviation
+    top = 100.0 * float(np.fmax(judgement.true, judgement.estimated).max())
+    ax = plot_zones(percent, bars, side(data), top=top, ax=ax)
+    ax.set_title(f"{which.capitalize()} damage [%] at t = {judgement.time:.4f} s")
+    return ax
+
+
+def plot_zones(
+    percent: NDArray[np.float64],
+    bars: NDArray[np.float64],
+    size: tuple[float, str],
+    *,
+    top: float = 50.0,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw damage of the zones as numbers: zone 1 at the origin, x to the right.
+
+    Parameters
+    ----------
+    percent, bars : numpy.ndarray, shape (zones,)
+        Damage and its standard deviation [%]; not a number where there is none.
+    size : tuple of float and str
+        Side of the membrane and its unit.
+    top : float
+        Largest damage of the colours [%]; at least 50.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
+    """
+    ax, (length, unit) = axes_or_new(ax), size
+    n, top = round(percent.size**0.5), max(50.0, top)
     extent = (0.0, length, 0.0, length)
     ax.imshow(percent.reshape(n, n), origin="lower", extent=extent, vmin=0.0, vmax=top, cmap="Blues")
-    size = length / n
+    width = length / n
     for zone, value in enumerate(percent):
-        x, y = (zone % n + 0.5) * size, (zone // n + 0.5) * size
+        x, y = (zone % n + 0.5) * width, (zone // n + 0.5) * width
         color = "white" if value > 0.55 * top else "black"
-        deviation = "" if which == "true" or np.isnan(bars[zone]) else f"\n$\\pm$ {bars[zone]:.1f}"
+        deviation = "" if np.isnan(bars[zone]) else f"\n$\\pm$ {bars[zone]:.1f}"
         ax.text(x, y, f"{value:.1f}{deviation}", ha="center", va="center", color=color, fontsize=11)
-        ax.text(x - 0.46 * size, y + 0.46 * size, f"{zone + 1}", ha="left", va="top", color=color, fontsize=8)
+        ax.text(x - 0.46 * width, y + 0.46 * width, f"{zone + 1}", ha="left", va="top", color=color, fontsize=8)
     ticks = np.linspace(0.0, length, n + 1)
-    title = f"{which.capitalize()} damage [%] at t = {judgement.time:.4f} s"
-    ax.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]", title=title, xticks=ticks, yticks=ticks)
+    ax.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]", title="Damage [%]", xticks=ticks, yticks=ticks)
     ax.grid(color=GREY, alpha=0.6, lw=0.8)
     return ax
 

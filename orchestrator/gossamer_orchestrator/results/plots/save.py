@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from pathlib import Path
 from textwrap import shorten
 
@@ -33,6 +34,7 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
     written: list[Path] = []
     reasons: list[str] = []
     for name, (draw, size) in PAGES.items():
+        begun = time.perf_counter()
         with mpl.rc_context(fname=STYLE):
             figure = Figure(figsize=size)
             FigureCanvasAgg(figure)
@@ -47,6 +49,7 @@ def save_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
             with replacing(path) as unfinished:
                 figure.savefig(unfinished)
             written.append(path)
+            logger.info("drew %s in %.1f s", path, time.perf_counter() - begun)
     if not written:
         logger.warning("no pictures: %s", reasons[0])
     return written
