@@ -134,7 +134,7 @@ def test_of_many_cases_some_are_drawn_and_the_title_says_so():
 
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
-# Dask's profiler is in this process here: it may hold frames of another thread, and their arrays, when a file is closed
+# The worker is in this process here; Dask's profiler seems to hold frames of its threads, and their arrays, when files close
 @pytest.mark.filterwarnings("ignore:Cannot close a netcdf_file")
 def test_a_sweep_runs_on_a_cluster_of_dask(call, tmp_path, monkeypatch):
     """One scheduler and one worker, in threads of this process: every case arrives, and it was run there."""
