@@ -134,6 +134,8 @@ def test_of_many_cases_some_are_drawn_and_the_title_says_so():
 
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+# The worker is in this process here; Dask's profiler seems to hold frames of its threads, and their arrays, when files close
+@pytest.mark.filterwarnings("ignore:Cannot close a netcdf_file")
 def test_a_sweep_runs_on_a_cluster_of_dask(call, tmp_path, monkeypatch):
     """One scheduler and one worker, in threads of this process: every case arrives, and it was run there."""
     distributed = pytest.importorskip("distributed", reason="clusters need the extra 'campaign'")
