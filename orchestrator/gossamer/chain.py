@@ -24,6 +24,9 @@ def build(
     elements_per_side: int | None = None,
     order: int | None = None,
     law: str | None = None,
+    setup: str | PathLike[str] | None = None,
+    mesh: str | PathLike[str] | None = None,
+    expose: bool = False,
     native: bool = False,
     platform: str | Sequence[str] | None = None,
     fmi: int = 2,
@@ -49,8 +52,14 @@ def build(
         Order of the membrane's elements: 1 for bilinear ones, 2 to 12 for spectral ones; 4 by default. 6 halves
         the error and takes seven times as long.
     law : str or None
-        Law of the membrane's material: st_venant_kirchhoff, which carries compression, by default; hencky; or
-        relaxed, which wrinkles instead.
+        Law of the membrane's material: st_venant_kirchhoff, which carries compression, by default; hencky;
+        neo_hookean; or relaxed, which wrinkles instead.
+    setup : path or None
+        Membrane on a mesh: TOML file with its material, supports, zones, loads and sensors (docs/setup.md).
+    mesh : path or None
+        With --setup: mesh file (.msh of gmsh, or any other that meshio reads) in place of the setup's own.
+    expose : bool, default False
+        With --setup: make the displacement of every node a variable.
     native : bool, default False
         Compile C code, so that the FMU runs without Python.
     platform : str, sequence of str or None

@@ -18,7 +18,7 @@ def identify(
     *,
     out: str | PathLike[str] = "out/identified/sensor.json",
     model: str | None = None,
-    budget: float = 60.0,
+    budget: float | None = None,
     train: str = "50%",
     full_scale: float | None = None,
     rest_resistance: float | None = None,
@@ -69,8 +69,8 @@ def identify(
         File to write; pictures go beside it.
     model : str or None
         One of those above; auto if no option of a model is given, else preisach.
-    budget : float, default 60.0
-        Seconds for the choice of auto.
+    budget : float or None
+        Seconds for the choice of auto; 60 if not given.
     train : str, default "50%"
         What to fit: 0:200 for seconds, 50% for a leading part.
     full_scale : float or None
