@@ -177,7 +177,11 @@ def membrane_model(
         step_limit="max_step",
         restarted=RESTARTED if frame else 0,
         advice="Check the prestress (edge_displacement against side_length), damage, pressure and "
-        + ("the motion of the frame, and that mount_x does not lie along mount_normal" if frame else "base acceleration")
+        + (
+            "the motion of the frame, and that mount_x does not lie along mount_normal"
+            if frame
+            else "base acceleration"
+        )
         + ": the membrane may be stretched beyond any use, or the damaged prestress equilibrium was not found.",
     )
 
