@@ -19,7 +19,7 @@ from functools import partial
 
 import casadi as ca
 
-from ..variables import Values, Variable, array, input_, local, output, parameter
+from ..variables import Values, Variable, array, input_, output, parameter
 
 _LETTERS = ("xx", "yy", "zz", "xy", "xz", "yz")
 
@@ -229,7 +229,7 @@ def mass_properties(nodes: Nodes) -> tuple[ca.MX, ca.MX, ca.MX]:
 
 
 def frame_results(mount: Mounting, free: Nodes, s: ca.MX, held: Nodes, reaction: ca.MX) -> dict[str, ca.MX]:
-    """Write the results of ``FRAME_OUTPUTS`` and ``FRAME_LOCALS``, in body axes.
+    """Write the results of ``FRAME_OUTPUTS``, in body axes.
 
     Parameters
     ----------
@@ -336,19 +336,17 @@ FRAME_OUTPUTS = (
     output("held_mass", "kg", "Mass of the held edge, to be added to what carries the frame"),
     *_vector(output, "held_first_moment", "kg m", "Mass times place of the held edge, in body axes"),
     *_inertia(output, "held_inertia", "kg m2", "Inertia of the held edge about the frame's origin, in body axes"),
-)
-FRAME_LOCALS = (
-    local("moving_mass", "kg", "Mass that moves relative to the frame"),
-    *_vector(local, "moving_first_moment", "kg m", "Mass times place of what moves, in body axes"),
-    *_inertia(local, "moving_inertia", "kg m2", "Inertia of what moves about the frame's origin, in body axes"),
+    output("moving_mass", "kg", "Mass that moves relative to the frame"),
+    *_vector(output, "moving_first_moment", "kg m", "Mass times place of what moves, in body axes"),
+    *_inertia(output, "moving_inertia", "kg m2", "Inertia of what moves about the frame's origin, in body axes"),
     *_vector(
-        local,
+        output,
         "momentum",
         "kg m/s",
         "Momentum of what moves, of its velocity less that of the frame's origin, in body axes",
     ),
     *_vector(
-        local,
+        output,
         "angular_momentum",
         "kg m2/s",
         "Angular momentum about the frame's origin, of the same velocity, in body axes",

@@ -18,7 +18,8 @@ def build(
         list[str] | None,
         typer.Argument(
             help="FMUs to build: membrane, sensor, compensator, estimator (a compensator that tolerates noise), "
-            "filter (one for any sensor), detector. All of them by default."
+            "filter (one for any sensor), detector, framed_membrane (one that a spacecraft carries and feels), hub (a rigid "
+            "spacecraft). All of them by default."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")] = FMUS,
@@ -58,6 +59,10 @@ def build(
             metavar="NAME",
         ),
     ] = None,
+    frame: Annotated[
+        bool,
+        typer.Option("--frame", help="Put the membrane on a frame that flies: build framed_membrane in place of membrane."),
+    ] = False,
     native: Annotated[
         bool, typer.Option("--native", help="Compile C code, so that the FMU runs without Python.")
     ] = False,
@@ -91,6 +96,8 @@ def build(
 
         gossamer build membrane --law relaxed
 
+        gossamer build membrane --frame --native
+
         gossamer build estimator --artifact out/mine/sensor.json
 
         gossamer build filter --native --artifact out/mine/sensor.json
@@ -105,11 +112,20 @@ def build(
         "order": order,
         "law": law,
     }
+    names = _framed(names) if frame else names
     keep_inputs([artifact], [out / f"{name}.fmu" for name in names or ()])
     paths = build_fmus(out, names, **choices, **options).values()
     for path in paths:
         typer.echo(path)
     print_kinds(f"FMI {fmi}.0", paths)
+
+
+def _framed(names: list[str] | None) -> list[str]:
+    """Put the membrane on a frame."""
+    if not names or "membrane" not in names:
+        msg = "--frame puts the membrane on a frame: name it, as in 'gossamer build membrane --frame'."
+        raise FmuError(msg)
+    return ["framed_membrane" if name == "membrane" else name for name in names]
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:

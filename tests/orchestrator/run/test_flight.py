@@ -39,9 +39,11 @@ def test_a_slew_and_a_thrust_conserve_momentum(hub, folder, caplog):
     before = int(np.searchsorted(time, 0.6 - 1e-9)) + 1
     change = flight.Balance(balance.P[:before], balance.L[:before], balance.peak_P, balance.peak_L).change(1)
     assert max(change) < 1e-4
-    fired = (time > 0.6 + 1e-9) & (time < 0.7 + 1e-9)
-    thrust = [3e-4 * 100.0 * flight.matrix(q)[:, 2] for q in flight.column(data, "hub.attitude")[fired]]
-    np.testing.assert_allclose(balance.P[-1] - balance.P[before - 1], np.sum(thrust, axis=0), atol=2e-3)
+    attitudes = [flight.matrix(q)[:, 2] for q in flight.column(data, "hub.attitude")]
+    fired = np.flatnonzero((time > 0.6 + 1e-9) & (time < 0.7 + 3e-4))  # on at the first points not before 0.6 and 0.7 s
+    thrust = [3e-4 * 100.0 * (attitudes[k] + attitudes[k - 1]) / 2.0 for k in fired]
+    gained = balance.P[-1] - balance.P[before - 1]
+    np.testing.assert_allclose(gained, np.sum(thrust, axis=0), atol=1e-4 * balance.peak_P)
 
 
 def test_the_sail_rings_and_the_attitude_feels_it(folder):
@@ -65,15 +67,14 @@ def test_a_hub_that_is_lighter_than_its_membrane_is_stable_in_a_group(folder, ca
     assert swing[-300:].max() < 2.0 * swing[100:400].max()
 
 
-@pytest.mark.parametrize("extrapolation", [0.0, 1.0])
-def test_the_same_hub_without_a_group_is_not(folder, extrapolation):
-    """So the test above tests the iteration: the explicit order runs out of every range within 0.3 s."""
+def test_the_same_hub_without_a_group_is_not(folder):
+    """So the test above tests the iteration: the extrapolated force runs out of every range within 0.3 s."""
     text = text_of("light_hub").replace('[[groups]]\ncomponents = ["hub", "membrane"]\ntolerance = 1e-5\n', "")
     for of in ("force", "torque", "held_mass", "held_first_moment", "held_inertia"):
         to = of.replace("held", "attached")
         text = text.replace(f'"membrane.{of}", to = "hub.{to}"', f'"membrane.{of}", to = "hub.{to}", delayed = true')
     with pytest.raises(SimulationError, match=r"hub|membrane"):
-        run_scenario(parse_scenario(text), folder, values={"hub.extrapolation": extrapolation})
+        run_scenario(parse_scenario(text), folder, values={"hub.extrapolation": 1.0})
 
 
 def test_a_connection_that_is_meant_to_delay_is_refused_where_it_does_not(folder):

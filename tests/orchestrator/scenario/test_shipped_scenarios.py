@@ -19,6 +19,9 @@ def real_fmus(built) -> Path:
 @pytest.mark.parametrize("name", sorted(shipped_scenarios()))
 def test_a_shipped_scenario_fits_the_fmus(name, real_fmus):
     plan = make_plan(load_scenario(shipped_scenarios()[name]), real_fmus)
+    if "hub" in plan.scenario.components:
+        assert [c.name for c in plan.components] == ["hub", "membrane"]
+        return
     assert len(plan.components) == 10
     assert len(plan.files) == 4  # compensators are exact, or estimators
     assert [c.name for c in plan.components][-1] == "detector"
