@@ -1,4 +1,4 @@
-"""A spacecraft in Basilisk carries a monitored membrane: a slew and a thruster firing shake it, and it shakes the spacecraft.
+"""A spacecraft in Basilisk carries a monitored membrane: slew and thruster shake it, and it shakes the spacecraft.
 
 The membrane, four sensors, four compensators and the detector are one FMU. Basilisk steps it after the spacecraft, and the
 force of the membrane acts on the spacecraft in the next step.
@@ -40,7 +40,7 @@ class Flight:
     deflection : ndarray, shape (steps,)
         That of the centre of the membrane [m].
     momentum, angular_momentum : ndarray, shape (steps, 3)
-        Of spacecraft and membrane and what is on its way between them [kg m/s, kg m2/s], in inertial axes, less what thruster
+        Of both and what is on its way between them [kg m/s, kg m2/s], in inertial axes, less what thruster
         and slew have given.
     peaks : tuple of float
         Largest momentum [kg m/s] and angular momentum [kg m2/s] of the membrane alone.
@@ -54,7 +54,7 @@ class Flight:
     peaks: tuple[float, float]
 
 
-def totals(vehicle, sail):
+def totals(vehicle: spacecraft.Spacecraft, sail: FramedMembrane) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Return momentum and angular momentum of spacecraft and membrane, and those of the membrane alone."""
     state, hub = vehicle.scStateOutMsg.read(), vehicle.hub
     R, w, V, O = (from_mrp(np.array(state.sigma_BN)), *map(np.array, (state.omega_BN_B, state.v_BN_N, state.r_BN_N)))
