@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: demo test bench goldens docs figures lock clean
+.PHONY: demo test test-basilisk bench goldens docs figures lock clean
 
 demo: $(STAMP)
 	$(BIN)/gossamer demo
@@ -16,6 +16,14 @@ test: $(STAMP)
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 	$(BIN)/pytest --numprocesses auto --dist loadfile
+
+# Basilisk takes 270 MB, so it has an environment of its own and is not among the pinned packages.
+test-basilisk: $(STAMP)
+	$(PYTHON) -m venv build/basilisk
+	build/basilisk/bin/python -m pip install --quiet --require-hashes --no-deps -r constraints.txt
+	build/basilisk/bin/python -m pip install --quiet "bsk>=2.12,<3"
+	build/basilisk/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	build/basilisk/bin/pytest tests/hosts/test_basilisk.py
 
 bench: $(STAMP)
 	$(BIN)/pytest tests/bench --override-ini addopts="-ra --import-mode=importlib -s"
@@ -41,7 +49,7 @@ $(STAMP): constraints.txt pyproject.toml
 
 # Needs uv (pip install uv); hatchling and editables are pinned too because the build runs without isolation.
 lock:
-	printf "hatchling\neditables\n" | uv pip compile --universal --python-version 3.11 --all-extras --generate-hashes --no-annotate \
+	printf "hatchling\neditables\n" | uv pip compile --universal --python-version 3.11 --extra campaign --extra native --extra dev --generate-hashes --no-annotate \
 	    --no-header --no-emit-index-url --no-emit-find-links pyproject.toml - -o constraints.txt
 
 clean:

@@ -48,10 +48,10 @@ _REFUSALS = {
     "scales": "FMU {!r} has no scales of a sensor. Name those that have: sensor, compensator, estimator or filter.",
     "artifact": "FMU {!r} is not built from an artifact. Name those that are: sensor, compensator, estimator, filter or "
     "detector.",
-    "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
-    "order": "FMU {!r} has no mesh. Name the membrane alone to choose the order of its elements.",
-    "law": "FMU {!r} has no law of a material. Name the membrane alone to choose it.",
-    "structure": "FMU {!r} is not built from a mesh. Name the membrane alone with --setup.",
+    "elements_per_side": "FMU {!r} has no mesh. Name a membrane alone to choose its elements per side.",
+    "order": "FMU {!r} has no mesh. Name a membrane alone to choose the order of its elements.",
+    "law": "FMU {!r} has no law of a material. Name a membrane alone to choose it.",
+    "structure": "FMU {!r} is not built from a mesh. Name a membrane alone with --setup.",
 }
 _SCALES = "resistance at rest [ohm], its rise to full scale [ohm] and full scale [1], for instance 1000,150,0.2."
 

@@ -5,10 +5,10 @@ Symbols: ``x`` state, ``u`` inputs, ``p`` parameters, ``y`` outputs and locals, 
     init(u, p)       -> (x, y)         once, when initialization ends
     step(x, u, p, h) -> (x_next, y)    u holds at the end of the step
 
-Both are CasADi functions without side effects; ``x`` is all that a model remembers. Python stepping, FMUs, derivatives and
-identification come from this one definition. ``StepModel.written`` makes both from functions that take ``u`` and ``p`` by
-the names of the table. This file and its neighbours ``errors.py``, ``variables.py`` and ``stepper.py`` travel inside the
-FMUs, so they import nothing but NumPy, CasADi and the standard library.
+Both are CasADi functions without side effects; ``x`` is all that a model remembers. Python stepping, FMUs, derivatives
+and identification come from this one definition. ``StepModel.written`` makes both from functions that take ``u`` and
+``p`` by the names of the table. This file and its neighbours ``errors.py``, ``variables.py`` and ``stepper.py`` travel
+inside the FMUs, so they import nothing but NumPy, CasADi and the standard library.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class StepModel:
     step_limit : str or None
         Name of the variable that holds the largest internal step [s]; longer communication steps are divided.
     restarted : int
-        How many of the last states are set to zero when a communication step begins, which may be divided: what is counted
-        from there, as for a mean over the step.
+        How many of the last states are set to zero when a communication step begins, which may be divided: what is
+        counted from there, as for a mean over the step.
     advice : str
         What to check when a result is not finite; ends the error message.
     provenance : dict
@@ -112,9 +112,9 @@ class StepModel:
         variables : tuple of Variable
             The table.
         init : callable
-            ``init(u, p) -> (x, results)``: attributes of ``u`` and ``p`` are the inputs and parameters, arrays as columns;
-            ``x`` is a column or a dataclass of columns and dataclasses; ``results`` holds the outputs and locals by
-            name, arrays as columns.
+            ``init(u, p) -> (x, results)``: attributes of ``u`` and ``p`` are the inputs and parameters, arrays as
+            columns; ``x`` is a column or a dataclass of columns and dataclasses; ``results`` holds the outputs and
+            locals by name, arrays as columns.
         step : callable
             ``step(x, u, p, h) -> (x_next, results)`` with states as ``init`` returns them.
         table_column : casadi.MX, optional

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..membrane.frame import FRAME_INPUTS, FRAME_LOCALS, FRAME_OUTPUTS, FRAME_PARAMETERS
+from ..membrane.frame import FRAME_INPUTS, FRAME_OUTPUTS, FRAME_PARAMETERS
 from ..membrane.params import PARAMETERS as SQUARE
 from ..variables import Variable, input_, local, output, parameter
 from .setup import Setup
@@ -24,7 +24,7 @@ def mesh_variables(structure: Structure, *, frame: bool = False) -> tuple[Variab
     inputs = [v for v in inputs if not v.name.startswith("base_acceleration[")]
     outputs = [v for v in results if v.causality == "output"]
     places = (*parameters, *FRAME_PARAMETERS, *inputs, *FRAME_INPUTS, *outputs, *FRAME_OUTPUTS)
-    return (*places, *results[len(outputs) :], *FRAME_LOCALS)
+    return (*places, *results[len(outputs) :])
 
 
 def _parameters(setup: Setup) -> list[Variable]:

@@ -18,7 +18,8 @@ def build(
         list[str] | None,
         typer.Argument(
             help="FMUs to build: membrane, sensor, compensator, estimator (a compensator that tolerates noise), "
-            "filter (one for any sensor), detector. All of them by default."
+            "filter (one for any sensor), detector, framed_membrane (one that a spacecraft carries and feels), hub (a rigid "
+            "spacecraft). All of them by default."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")] = FMUS,
@@ -75,6 +76,12 @@ def build(
     expose: Annotated[
         bool, typer.Option("--expose", help="With --setup: make the displacement of every node a variable.")
     ] = False,
+    frame: Annotated[
+        bool,
+        typer.Option(
+            "--frame", help="Put the membrane on a frame that flies: build framed_membrane in place of membrane."
+        ),
+    ] = False,
     native: Annotated[
         bool, typer.Option("--native", help="Compile C code, so that the FMU runs without Python.")
     ] = False,
@@ -110,6 +117,8 @@ def build(
 
         gossamer build membrane --setup sail.toml --mesh sail.msh --native
 
+        gossamer build membrane --frame --native
+
         gossamer build estimator --artifact out/mine/sensor.json
 
         gossamer build filter --native --artifact out/mine/sensor.json
@@ -128,6 +137,7 @@ def build(
         setup=setup,
         mesh=mesh,
         expose=expose,
+        frame=frame,
         native=native,
         fmi=fmi,
     )
@@ -147,9 +157,11 @@ def build_given(
     setup: Path | None,
     mesh: Path | None,
     expose: bool,
+    frame: bool,
     **options: Any,  # noqa: ANN401
 ) -> dict[str, Path]:
     """Build FMUs with the options of the command; return their paths by name."""
+    names = _framed(names) if frame else names
     keep_inputs([artifact, setup, mesh], [out / f"{name}.fmu" for name in names or ()])
     given = {"artifact": artifact, "scales": _numbers(scales), "platforms": tuple(platform or ())}
     given["structure"] = _structure(setup, mesh, expose=expose)
@@ -167,6 +179,14 @@ def _structure(setup: Path | None, mesh: Path | None, *, expose: bool) -> Any:  
 
     with model_errors():
         return load_structure(setup, mesh, expose=expose)
+
+
+def _framed(names: list[str] | None) -> list[str]:
+    """Put the membrane on a frame."""
+    if not names or "membrane" not in names:
+        msg = "--frame puts the membrane on a frame: name it, as in 'gossamer build membrane --frame'."
+        raise FmuError(msg)
+    return ["framed_membrane" if name == "membrane" else name for name in names]
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:
