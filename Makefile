@@ -49,7 +49,7 @@ $(STAMP): constraints.txt pyproject.toml
 
 # Needs uv (pip install uv); hatchling and editables are pinned too because the build runs without isolation.
 lock:
-	printf "hatchling\neditables\n" | uv pip compile --universal --python-version 3.11 --extra campaign --extra native --extra dev --generate-hashes --no-annotate \
+	printf "hatchling\neditables\n" | uv pip compile --universal --python-version 3.11 --extra campaign --extra mesh --extra native --extra notebook --extra dev --generate-hashes --no-annotate \
 	    --no-header --no-emit-index-url --no-emit-find-links pyproject.toml - -o constraints.txt
 
 clean:

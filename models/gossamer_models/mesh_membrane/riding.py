@@ -1,7 +1,7 @@
 r"""A membrane on a mesh on a frame that flies: its nodes for the expressions of ``membrane.frame``.
 
-Symbols: ``q`` displacements [m] of all nodes and ``s`` their velocities [m/s] less that of the frame's origin, zero where they
-are held, shape (3 N,); ``r`` positions from the frame's origin [m], shape (3, N), in the axes of the mesh; ``f`` forces [N];
+Symbols: ``q`` displacements [m] of all nodes and ``s`` their velocities [m/s] less that of the frame's origin, zero where
+they are held, shape (3 N,); ``r`` positions from the frame's origin [m], shape (3, N), in the axes of the mesh; ``f`` forces [N];
 ``h`` step [s].
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from ..membrane.frame import FrameState, FrameStep, Nodes, frame_results, mounting, wrench
-from ..variables import Results, Values
+from ..variables import Values
 from .equations import Forces
 
 Pulled = Callable[[ca.MX], tuple[Forces, ca.MX, ca.MX]]
@@ -42,7 +42,7 @@ class Ride:
     frame: FrameState
     found: Forces
     gas: ca.MX
-    results: Results
+    results: dict[str, ca.MX]
 
 
 class Rider:
@@ -97,8 +97,8 @@ class Rider:
         """Leave held nodes where the frame holds them."""
         return self._free * r + self._held * self._rest
 
-    def _results(self, r: ca.MX, s: ca.MX, reaction: ca.MX) -> Results:
-        return frame_results(self._mount, Nodes(r, self._m), s, Nodes(self._rest, self._m_held), reaction)
+    def _results(self, r: ca.MX, s: ca.MX, reaction: ca.MX) -> dict[str, ca.MX]:
+        return {**frame_results(self._mount, Nodes(r, self._m), s, Nodes(self._rest, self._m_held), reaction)}
 
     def _reaction(self, r: ca.MX, found: Forces, f: ca.MX, v: ca.MX) -> ca.MX:
         """Write force [N] and torque [N m] on the frame, shape (6,), with velocities ``v`` relative to it, shape (3, N).
