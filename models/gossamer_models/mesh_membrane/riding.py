@@ -1,8 +1,8 @@
 r"""A membrane on a mesh on a frame that flies: its nodes for the expressions of ``membrane.frame``.
 
 Symbols: ``q`` displacements [m] of all nodes and ``s`` their velocities [m/s] less that of the frame's origin, zero where
-they are held, shape (3 N,); ``r`` positions from the frame's origin [m], shape (3, N), in the axes of the mesh; ``f`` forces [N];
-``h`` step [s].
+they are held, shape (3 N,); ``r`` positions from the frame's origin [m], shape (3, N), in the axes of the mesh; ``f`` forces
+[N]; ``h`` step [s].
 """
 
 from __future__ import annotations
