@@ -81,7 +81,8 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
     Notes
     -----
     The position Verlet step of ``membrane_model``, or on a frame that of ``frame.FrameStep``. It starts at rest, in
-    equilibrium with all inputs and without the built-in pressure. Inertia along the surface may be scaled by a factor k: with n the normals of the reference surface,
+    equilibrium with all inputs and without the built-in pressure. Inertia along the surface may be scaled by a factor k:
+    with n the normals of the reference surface,
 
     .. math:: a = f/(k m) + (1 - 1/k)\,n\,(n \cdot f)/m.
     """
