@@ -61,7 +61,9 @@ def build(
     ] = None,
     frame: Annotated[
         bool,
-        typer.Option("--frame", help="Put the membrane on a frame that flies: build framed_membrane in place of membrane."),
+        typer.Option(
+            "--frame", help="Put the membrane on a frame that flies: build framed_membrane in place of membrane."
+        ),
     ] = False,
     native: Annotated[
         bool, typer.Option("--native", help="Compile C code, so that the FMU runs without Python.")
