@@ -64,5 +64,5 @@ def test_a_turning_body_receives_all_that_its_appendage_gives():
         W = rng.standard_normal(6)
         given += h * both(half, W)
         force = debt.applied(R, w, w_dot, W, h)
-        np.testing.assert_allclose(given, received + debt.owed, atol=1e-7)  # (w h)^2/24 of each impulse
+        np.testing.assert_allclose(given, received + debt.owed, atol=1e-9)
     assert np.abs(given).max() > 1e-2

@@ -67,7 +67,10 @@ class Debt:
             Its length, and that of the next [s].
         """
         back = h / 2.0 * w - h**2 / 4.0 * w_dot
-        half, mean = R @ turn(-back), R @ turn(-back - h**2 / 12.0 * w_dot)
+        half, W_mean = R @ turn(-back), _skew(w - h / 2.0 * w_dot)
+        mean = (
+            R @ turn(-back - h**2 / 12.0 * w_dot) @ (np.eye(3) + h**2 / 24.0 * W_mean @ W_mean)
+        )  # of the axes over the step
         self.owed = self.owed + h * (_both(half, W) - _both(mean, self._applied))
         self._applied = W + _both((R @ turn(h / 2.0 * w)).T, self.owed) / h
         return self._applied
