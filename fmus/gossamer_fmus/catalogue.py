@@ -34,10 +34,11 @@ MODELS: dict[str, Callable[..., StepModel]] = {
     "hub": hub_model,
 }
 NAMES = tuple(MODELS)
+CHAIN = NAMES[:6]  # those of the monitoring chain
 MEMBRANES = ("membrane", "framed_membrane")
 
 _OPTIONS = {
-    "artifact": NAMES[1:6],
+    "artifact": CHAIN[1:],
     "scales": NAMES[1:4],
     "elements_per_side": MEMBRANES,
     "order": MEMBRANES,

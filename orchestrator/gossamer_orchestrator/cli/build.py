@@ -18,8 +18,8 @@ def build(
         list[str] | None,
         typer.Argument(
             help="FMUs to build: membrane, sensor, compensator, estimator (a compensator that tolerates noise), "
-            "filter (one for any sensor), detector, framed_membrane (one that a spacecraft carries and feels), hub (a rigid "
-            "spacecraft). All of them by default."
+            "filter (one for any sensor), detector: these six by default; framed_membrane (one that a spacecraft carries "
+            "and feels), hub (a rigid spacecraft)."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")] = FMUS,
@@ -198,8 +198,8 @@ def _numbers(text: str | None) -> tuple[float, ...] | None:
 
 
 def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> dict[str, Path]:  # noqa: ANN401
-    """Build FMUs into a folder, all of them if none is named; a build is reproducible, so it may be repeated."""
-    from gossamer_fmus import NAMES, build_all
+    """Build FMUs into a folder, those of the chain if none is named; a build is reproducible, so it may be repeated."""
+    from gossamer_fmus import CHAIN, NAMES, build_all
 
     for name in names or ():
         if name not in NAMES:
@@ -214,4 +214,4 @@ def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> 
             else:
                 note(f"compiling {text}")
 
-        return build_all(folder, names or NAMES, progress=progress, **options)
+        return build_all(folder, names or CHAIN, progress=progress, **options)
