@@ -120,7 +120,8 @@ def mesh_membrane_model(structure: Structure) -> StepModel:
         def balance(q: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
             found = all_forces(positions(q, by_symbol), by_symbol, by_symbol, ca.MX(0.0), start)
             stretched = (1.0 + ca.fmax(found.strain, 0.0)) ** 1.5  # as the forces grow, and their rounding
-            return found.f, found.rate, _force_scale(structure) * stretched
+            # relaxation moves the true masses, not those that inplane_mass scales
+            return found.f, found.rate * setup.inplane_mass, _force_scale(structure) * stretched
 
         n = structure.free.size
         mass = np.repeat(structure.mass, 3)

@@ -16,6 +16,8 @@ Integers = NDArray[np.int64]
 QUADRILATERALS = ("quad", "quad8", "quad9")
 LINES = ("line", "line3")
 _IGNORED = ("vertex", *LINES)
+MOST_ELEMENTS = 100_000
+MOST_BYTES = 400 * MOST_ELEMENTS  # of a file; an element with its nodes takes 30 to 150 in the usual formats
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,7 @@ def read_mesh(path: Path, scale: float = 1.0) -> MeshFile:
     Raises
     ------
     DataError
-        The file cannot be read, or holds other elements than quadrilaterals, linear triangles and lines.
+        The file cannot be read, is too large, or holds other elements than quadrilaterals, linear triangles and lines.
     ModuleNotFoundError
         meshio is not installed.
     """
@@ -73,6 +75,9 @@ def read_mesh(path: Path, scale: float = 1.0) -> MeshFile:
         raise ModuleNotFoundError(msg) from None
     if not path.is_file():
         msg = f"there is no mesh file {path}. Check --mesh, or the key mesh of the setup."
+        raise DataError(msg)
+    if (size := path.stat().st_size) > MOST_BYTES:  # reading it would take minutes
+        msg = f"{path.name} holds {size / 1e6:.0f} MB, far more than {MOST_ELEMENTS} elements. Mesh it more coarsely."
         raise DataError(msg)
     try:
         mesh = meshio.read(path)
@@ -86,6 +91,10 @@ def read_mesh(path: Path, scale: float = 1.0) -> MeshFile:
 
 
 def _surface(name: str, mesh, scale: float) -> MeshFile:  # noqa: ANN001
+    count = sum(len(cells.data) for cells in mesh.cells if cells.type not in _IGNORED)
+    if count > MOST_ELEMENTS:
+        msg = f"{name} holds {count} elements, more than {MOST_ELEMENTS}. Mesh it more coarsely."
+        raise DataError(msg)
     kinds = {cells.type for cells in mesh.cells}
     others = sorted(kinds - {*QUADRILATERALS, "triangle", *_IGNORED})
     if others:
@@ -111,7 +120,7 @@ def _surface(name: str, mesh, scale: float) -> MeshFile:  # noqa: ANN001
         found = [_integers(members[kind], 1).ravel() for kind in quads if kind in members]
         if "triangle" in members:
             found.append(_integers(members["triangle"], 1).ravel() + len(quadrilaterals))
-        if found:
+        if sum(map(len, found)):
             faces[key] = np.concatenate(found)
         sides = [_integers(cells[kind], 2)[_integers(members[kind], 1).ravel(), :2] for kind in LINES if kind in members]
         if sides:
