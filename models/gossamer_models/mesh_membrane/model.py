@@ -117,15 +117,19 @@ def mesh_membrane_model(structure: Structure) -> StepModel:
         by_symbol = SimpleNamespace(**{symbol.name(): symbol for symbol, _ in given})
         start = ca.MX(0.0) if setup.gas is None else ca.MX(setup.gas.pressure)
 
+        # masses of its own, so that neither a small element nor a stiff region nor inplane_mass delays the others
+        state = _state(structure, by_symbol, by_symbol, ca.MX(0.0), start)
+        stiffer = ca.mmax(by_symbol.youngs_modulus / ca.DM([r.youngs_modulus for r in setup.regions]))
+        strained = ca.MX(0.0) if state.eigenstrain is None else ca.mmax(sum(ca.fabs(e) for e in state.eigenstrain))
+
         def balance(q: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
             found = all_forces(positions(q, by_symbol), by_symbol, by_symbol, ca.MX(0.0), start)
-            stretched = (1.0 + ca.fmax(found.strain, 0.0)) ** 1.5  # as the forces grow, and their rounding
-            # relaxation moves the true masses, not those that inplane_mass scales
-            return found.f, found.rate * setup.inplane_mass, _force_scale(structure) * stretched
+            strain = ca.fmax(found.strain, 0.0)
+            rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
+            return found.f, rate, _force_scale(structure) * (1.0 + strain) ** 1.5  # as forces grow, and their rounding
 
         n = structure.free.size
-        mass = np.repeat(structure.mass, 3)
-        q = relax(balance, ca.MX.zeros(n), mass, given)
+        q = relax(balance, ca.MX.zeros(n), np.repeat(structure.stiffness, 3), given)
         at = positions(q, u)
         found = all_forces(at, u, p, ca.MX(0.0), start)
         phase = p.pressure_phase / (2.0 * np.pi)

@@ -72,6 +72,8 @@ class Structure:
         Which displacements are not held, node by node.
     mass : ndarray, shape (N,)
         Lumped masses [kg].
+    stiffness : ndarray, shape (N,)
+        Masses [kg] with which no element of the unstretched membrane has an angular frequency above 1/s.
     normals : ndarray, shape (N, 3)
         Unit normals of the reference surface.
     ways : ndarray, shape (supports, 3 N)
@@ -93,6 +95,7 @@ class Structure:
     enclosing: NDArray[np.bool_]
     free: NDArray[np.bool_]
     mass: Vector
+    stiffness: Vector
     normals: Vector
     ways: Vector
     edge_force: Vector
@@ -139,10 +142,14 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     rows = np.column_stack([region, zone, *acting, encloses])
     kinds, combination = np.unique(rows, axis=0, return_inverse=True)
     measured = [_measured(setup, mesh, k, region) for k in range(len(mesh.blocks))]
-    mass, normals = np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
+    mass, stiffness, normals = np.zeros(len(mesh.nodes)), np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
     areal = np.array([r.density * r.thickness for r in setup.regions])
-    for block, found in zip(mesh.blocks, measured, strict=True):
+    nu = np.array([r.poisson_ratio for r in setup.regions])
+    D = np.array([r.youngs_modulus * r.thickness for r in setup.regions]) / (1.0 - nu**2)
+    highest = [stiffest(found, nu[region[block.faces]]) for block, found in zip(mesh.blocks, measured, strict=True)]
+    for block, found, high in zip(mesh.blocks, measured, highest, strict=True):
         np.add.at(mass, block.elements, found.node_areas * areal[region[block.faces]][:, None])
+        np.add.at(stiffness, block.elements, found.node_areas * (high * D[region[block.faces]])[:, None])
         np.add.at(normals, block.elements, found.node_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     free = _free(setup, mesh)
@@ -151,14 +158,8 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         setup=setup,
         mesh=mesh,
         elements=tuple(
-            Elements(
-                found.placed(),
-                block.elements,
-                combination[block.faces],
-                stiffest(found, np.array([r.poisson_ratio for r in setup.regions])[region[block.faces]]),
-                found.areas,
-            )
-            for block, found in zip(mesh.blocks, measured, strict=True)
+            Elements(found.placed(), block.elements, combination[block.faces], high, found.areas)
+            for block, found, high in zip(mesh.blocks, measured, highest, strict=True)
         ),
         region=kinds[:, 0],
         zone=kinds[:, 1],
@@ -166,6 +167,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         enclosing=kinds[:, -1].astype(bool),
         free=free,
         mass=mass,
+        stiffness=stiffness,
         normals=normals,
         ways=_ways(setup, mesh),
         edge_force=_edge_force(setup, mesh, measured),
