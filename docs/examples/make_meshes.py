@@ -38,13 +38,27 @@ def sail() -> None:
 
 
 def drum() -> None:
-    """Mesh a disc of 0.3 m radius with quadrilaterals of 9 nodes, whose sides are round."""
-    gmsh.model.occ.addDisk(0.0, 0.0, 0.0, 0.3, 0.3)
-    gmsh.model.occ.synchronize()
-    _group(2, [1], "skin")
-    _group(1, [1], "rim")
-    gmsh.option.setNumber("Mesh.Algorithm", 8)  # for quadrilaterals
-    _mesh(0.18, quadrilaterals=True, order=2)
+    """Mesh a disc of 0.3 m radius: a square amid four parts, of quadrilaterals with 9 nodes, whose sides are round."""
+    add, radius, half = gmsh.model.geo, 0.3, 0.13
+    around = [(1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)]
+    middle = add.addPoint(0.0, 0.0, 0.0)
+    inner = [add.addPoint(half * x, half * y, 0.0) for x, y in around]
+    outer = [add.addPoint(radius * x / 2**0.5, radius * y / 2**0.5, 0.0) for x, y in around]
+    sides = [add.addLine(inner[k], inner[(k + 1) % 4]) for k in range(4)]
+    arcs = [add.addCircleArc(outer[k], middle, outer[(k + 1) % 4]) for k in range(4)]
+    spokes = [add.addLine(inner[k], outer[k]) for k in range(4)]
+    parts = [_surface([spokes[k], arcs[k], -spokes[(k + 1) % 4], -sides[k]]) for k in range(4)]
+    parts.append(_surface(sides))
+    for line in (*sides, *arcs, *spokes):
+        add.mesh.setTransfiniteCurve(line, 3)
+    for part in parts:
+        add.mesh.setTransfiniteSurface(part)
+        add.mesh.setRecombine(2, part)
+    add.synchronize()
+    _group(2, parts, "skin")
+    _group(1, arcs, "rim")
+    gmsh.model.mesh.generate(2)
+    gmsh.model.mesh.setOrder(2)
 
 
 def reflector() -> None:
@@ -77,14 +91,12 @@ def _group(dimension: int, members: list[int], name: str) -> None:
     gmsh.model.addPhysicalGroup(dimension, members, name=name)
 
 
-def _mesh(size: float, *, quadrilaterals: bool, order: int = 1) -> None:
+def _mesh(size: float, *, quadrilaterals: bool) -> None:
     gmsh.option.setNumber("Mesh.MeshSizeMax", size)
     gmsh.option.setNumber("Mesh.MeshSizeMin", size)
     gmsh.option.setNumber("Mesh.RecombineAll", quadrilaterals)
     gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1 if quadrilaterals else 0)
     gmsh.model.mesh.generate(2)
-    if order > 1:
-        gmsh.model.mesh.setOrder(order)
 
 
 def make(shape: Callable[[], None], folder: Path) -> Path:

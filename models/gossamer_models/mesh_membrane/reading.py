@@ -76,15 +76,15 @@ def read_mesh(path: Path, scale: float = 1.0) -> MeshFile:
     if not path.is_file():
         msg = f"there is no mesh file {path}. Check --mesh, or the key mesh of the setup."
         raise DataError(msg)
+    if path.suffix.lower() not in meshio.extension_to_filetypes:
+        msg = f"meshio knows no format with the ending {path.suffix!r} of {path.name}. Save it as .msh, .inp or .vtu."
+        raise DataError(msg)
     if (size := path.stat().st_size) > MOST_BYTES:  # reading it would take minutes
         msg = f"{path.name} holds {size / 1e6:.0f} MB, far more than {MOST_ELEMENTS} elements. Mesh it more coarsely."
         raise DataError(msg)
     try:
         mesh = meshio.read(path)
-    except SystemExit:  # meshio's answer to an unknown ending
-        msg = f"meshio knows no format with the ending {path.suffix!r} of {path.name}. Save it as .msh, .inp or .vtu."
-        raise DataError(msg) from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # meshio ends the program where a format's own reader fails
         msg = f"cannot read {path} as a mesh: {error or type(error).__name__}. Open it in gmsh and save it as .msh."
         raise DataError(msg) from error
     return _surface(path.name, mesh, scale)
