@@ -34,7 +34,7 @@ def sail() -> None:
     _group(1, [line[rim[5], rim[0]]], "hub")
     _group(1, [line[rim[1], rim[2]]], "boom_x")
     _group(1, [line[rim[3], rim[4]]], "boom_y")
-    _mesh(1.2, quadrilaterals=True)
+    _mesh(1.7, quadrilaterals=True)
 
 
 def drum() -> None:
@@ -80,7 +80,7 @@ def tube() -> None:
     _group(2, [1], "mantle")
     _group(2, [2], "lid_far")
     _group(2, [3], "lid")
-    _mesh(0.2, quadrilaterals=True)
+    _mesh(0.25, quadrilaterals=True)
 
 
 def _surface(lines: list[int]) -> int:

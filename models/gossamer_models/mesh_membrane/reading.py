@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +18,7 @@ Integers = NDArray[np.int64]
 QUADRILATERALS = ("quad", "quad8", "quad9")
 LINES = ("line", "line3")
 _IGNORED = ("vertex", *LINES)
+_DIMENSION = {"vertex": 0, "line": 1, "line3": 1}  # of all others 2
 MOST_ELEMENTS = 100_000
 MOST_BYTES = 400 * MOST_ELEMENTS  # of a file; an element with its nodes takes 30 to 150 in the usual formats
 
@@ -83,7 +86,8 @@ def read_mesh(path: Path, scale: float = 1.0) -> MeshFile:
         msg = f"{path.name} holds {size / 1e6:.0f} MB, far more than {MOST_ELEMENTS} elements. Mesh it more coarsely."
         raise DataError(msg)
     try:
-        mesh = meshio.read(path)
+        with redirect_stdout(io.StringIO()):  # meshio prints an empty line beside a gmsh file
+            mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # meshio ends the program where a format's own reader fails
         msg = f"cannot read {path} as a mesh: {error or type(error).__name__}. Open it in gmsh and save it as .msh."
         raise DataError(msg) from error
@@ -114,7 +118,12 @@ def _surface(name: str, mesh, scale: float) -> MeshFile:  # noqa: ANN001
     quadrilaterals = _integers(cells.get(quads[0]) if quads else None, 4)
     triangles = _integers(cells.get("triangle"), 3)
     faces, edges, points = {}, {}, {key: _integers(value, 1).ravel() for key, value in mesh.point_sets.items()}
-    for key, members in mesh.cell_sets_dict.items():
+    tags = mesh.cell_data_dict.get("gmsh:physical", {})  # of gmsh's format 2, where meshio makes no sets of them
+    physical = {
+        key: {kind: np.flatnonzero(values == tag) for kind, values in tags.items() if _DIMENSION.get(kind, 2) == dimension}
+        for key, (tag, dimension) in mesh.field_data.items()
+    }
+    for key, members in (physical | mesh.cell_sets_dict).items():
         if key.startswith("gmsh:"):
             continue
         found = [_integers(members[kind], 1).ravel() for kind in quads if kind in members]
@@ -123,9 +132,9 @@ def _surface(name: str, mesh, scale: float) -> MeshFile:  # noqa: ANN001
         if sum(map(len, found)):
             faces[key] = np.concatenate(found)
         sides = [_integers(cells[kind], 2)[_integers(members[kind], 1).ravel(), :2] for kind in LINES if kind in members]
-        if sides:
+        if sum(map(len, sides)):
             edges[key] = np.concatenate(sides)
-        if "vertex" in members:
+        if len(members.get("vertex", ())):
             points[key] = _integers(cells["vertex"], 1).ravel()[_integers(members["vertex"], 1).ravel()]
     nodes = np.zeros((len(mesh.points), 3))
     nodes[:, : mesh.points.shape[1]] = mesh.points * scale

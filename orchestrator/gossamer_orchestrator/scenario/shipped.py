@@ -1,4 +1,4 @@
-"""Find scenario and campaign files: shipped with an installed package, beside it in a checkout, or anywhere else."""
+"""Find files of scenarios, campaigns and membranes: shipped with an installed package, beside it in a checkout, or anywhere else."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Literal
 from ..errors import ScenarioError
 from ..names import suggest
 
-Kind = Literal["scenario", "campaign"]
+Kind = Literal["scenario", "campaign", "membrane"]
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def shipped_scenarios(kind: Kind = "scenario") -> dict[str, Path]:
-    """Return the shipped scenario or campaign files by name."""
+    """Return the shipped files of a kind by name."""
     for folder in (_PACKAGE / f"{kind}s", _PACKAGE.parent / f"{kind}s"):
         if folder.is_dir():
             return {path.stem: path for path in sorted(folder.glob("*.toml"))}
@@ -21,7 +21,7 @@ def shipped_scenarios(kind: Kind = "scenario") -> dict[str, Path]:
 
 
 def find_scenario(text: str, kind: Kind = "scenario") -> Path:
-    """Return the file of a path or of the name of a shipped scenario or campaign.
+    """Return the file of a path or of the name of a shipped one.
 
     Raises
     ------
