@@ -25,9 +25,15 @@ def sail() -> None:
     ring = [rim[0], halves[0], rim[1], rim[2], halves[1], rim[3], rim[4], halves[2], rim[5]]
     line = {(a, b): gmsh.model.geo.addLine(a, b) for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)}
     spoke = {half: gmsh.model.geo.addLine(centre, half) for half in halves}
-    hub = _surface([-spoke[halves[2]], spoke[halves[0]], -line[rim[0], halves[0]], -line[rim[5], rim[0]], -line[halves[2], rim[5]]])
-    right = _surface([spoke[halves[0]], line[halves[0], rim[1]], line[rim[1], rim[2]], line[rim[2], halves[1]], -spoke[halves[1]]])
-    left = _surface([spoke[halves[1]], line[halves[1], rim[3]], line[rim[3], rim[4]], line[rim[4], halves[2]], -spoke[halves[2]]])
+    hub = _surface(
+        [-spoke[halves[2]], spoke[halves[0]], -line[rim[0], halves[0]], -line[rim[5], rim[0]], -line[halves[2], rim[5]]]
+    )
+    right = _surface(
+        [spoke[halves[0]], line[halves[0], rim[1]], line[rim[1], rim[2]], line[rim[2], halves[1]], -spoke[halves[1]]]
+    )
+    left = _surface(
+        [spoke[halves[1]], line[halves[1], rim[3]], line[rim[3], rim[4]], line[rim[4], halves[2]], -spoke[halves[2]]]
+    )
     gmsh.model.geo.synchronize()
     for name, surface in (("inner", hub), ("right", right), ("left", left)):
         _group(2, [surface], name)

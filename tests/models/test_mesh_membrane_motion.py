@@ -90,7 +90,9 @@ def frequencies(file, order):
     return np.sqrt(np.linalg.eigvalsh(K / root[:, None] / root)[:3] * density / stress)
 
 
-@pytest.mark.parametrize(("kind", "order", "sizes", "rate"), [("quad", 1, (4, 8), 2), ("triangle", 1, (4, 8), 2), ("quad9", 4, (1, 2), 4)])
+@pytest.mark.parametrize(
+    ("kind", "order", "sizes", "rate"), [("quad", 1, (4, 8), 2), ("triangle", 1, (4, 8), 2), ("quad9", 4, (1, 2), 4)]
+)
 def test_a_disc_has_the_frequencies_of_bessel_functions(kind, order, sizes, rate):
     exact = np.concatenate([jn_zeros(0, 1), np.repeat(jn_zeros(1, 1), 2)]) / 0.5
     rim = {"rim": lambda x, y, z: np.hypot(x, y) > 0.5 - 1e-9}

@@ -86,7 +86,9 @@ def inflated_tube(n, kind, order, load="pressure"):
 
     def balance(stretch):
         hoop, axial = (stretch**2 - 1.0) / 2.0
-        pushed = p * radius * (np.prod(stretch) if load == "pressure" else 1.0)  # on the current area or on the reference's
+        pushed = (
+            p * radius * (np.prod(stretch) if load == "pressure" else 1.0)
+        )  # on the current area or on the reference's
         return [D * (hoop + NU * axial) * stretch[0] - pushed, D * (axial + NU * hoop) * stretch[1] - tension]
 
     around, along = fsolve(balance, [1.04, 1.02], xtol=1e-13)

@@ -104,7 +104,11 @@ def _block(structure: Structure, block: Elements, x: ca.MX, state: State) -> tup
         along, across, shear = (spread(part) for part in state.eigenstrain)
         extras["eigenstrain"] = matrix([[along, shear], [shear, across]])
     if state.light is not None:
-        extras |= {"light": ca.vertsplit(state.light), "absorbed": spread(state.absorbed), "mirrored": spread(state.mirrored)}
+        extras |= {
+            "light": ca.vertsplit(state.light),
+            "absorbed": spread(state.absorbed),
+            "mirrored": spread(state.mirrored),
+        }
     w = ca.repmat(ca.DM(element.w), 1, n)
     at = element_points(_tangents(block, x), element, w, spread(state.D), nu, spread(state.pressure), Extras(**extras))
     return ca.cse([balance(at.P, at.load, element), at.wave, at.strain, at.compressed])

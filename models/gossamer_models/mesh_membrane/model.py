@@ -234,7 +234,9 @@ def _gauge_strain(x: ca.MX, lines: ca.DM, weights: Vector) -> ca.MX:
 
 def _description(structure: Structure) -> str:
     mesh = structure.mesh
-    kinds = {0: "triangles"} | {block.order: f"quadrilaterals of order {block.order}" for block in mesh.blocks if block.order}
+    kinds = {0: "triangles"} | {
+        block.order: f"quadrilaterals of order {block.order}" for block in mesh.blocks if block.order
+    }
     text = " and ".join(f"{len(block.elements)} {kinds[block.order]}" for block in mesh.blocks)
     law = "" if structure.setup.law == "st_venant_kirchhoff" else f", law {structure.setup.law}"
     return f"{structure.setup.title or 'Membrane'}: {mesh.name}, {text}{law}"
@@ -243,10 +245,18 @@ def _description(structure: Structure) -> str:
 def _parameters(setup: Setup) -> list[Variable]:
     built_in = [v for v in SQUARE if v.name in BUILT_IN]
     starts = {"mass_damping": setup.mass_damping, "pressure_amplitude": 0.0}
-    rows = [Variable(**{f.name: getattr(v, f.name) for f in fields(v)} | {"start": starts.get(v.name, v.start)}) for v in built_in]
+    rows = [
+        Variable(**{f.name: getattr(v, f.name) for f in fields(v)} | {"start": starts.get(v.name, v.start)})
+        for v in built_in
+    ]
     moduli = [
         parameter(
-            f"youngs_modulus[{i + 1}]", "Pa", f"Young's modulus of region {r.group or i + 1}", r.youngs_modulus, 1.0, 1e13
+            f"youngs_modulus[{i + 1}]",
+            "Pa",
+            f"Young's modulus of region {r.group or i + 1}",
+            r.youngs_modulus,
+            1.0,
+            1e13,
         )
         for i, r in enumerate(setup.regions)
     ]
@@ -284,7 +294,9 @@ def _inputs(setup: Setup) -> list[Variable]:
             text = f"Share of the way that the support {support.group} is moved"
             rows.append(input_(support.motion, "1", text, 1.0, -1e3, 1e3))
     for k, zone in enumerate(setup.zones):
-        rows.append(input_(f"damage[{k + 1}]", "1", f"Lost fraction of Young's modulus in {zone.group}", 0.0, 0.0, 0.95))
+        rows.append(
+            input_(f"damage[{k + 1}]", "1", f"Lost fraction of Young's modulus in {zone.group}", 0.0, 0.0, 0.95)
+        )
     return rows
 
 
@@ -303,7 +315,9 @@ def _results(structure: Structure) -> list[Variable]:
     if setup.expose:
         for i in range(len(structure.mesh.nodes)):
             for a, axis in enumerate("xyz"):
-                rows.append(local(f"node[{3 * i + a + 1}]", "m", f"Displacement of node {i + 1} along {axis}", nominal=0.1))
+                rows.append(
+                    local(f"node[{3 * i + a + 1}]", "m", f"Displacement of node {i + 1} along {axis}", nominal=0.1)
+                )
     largest = 1.0 if setup.law == "relaxed" else COMPRESSED
     rows += [
         local("largest_strain", "1", "Largest principal nominal strain", minimum=-1.0, maximum=0.5, nominal=0.1),

@@ -151,7 +151,7 @@ def test_every_key_is_documented_with_its_default():
     for field in [*top, *fields(Support), *fields(Sensor), *fields(Gas)]:
         if isinstance(field.default, bool) or field.default is MISSING or field.default in ("", (), None):
             continue
-        shown = known[field.name].strip("`\"")
+        shown = known[field.name].strip('`"')
         if isinstance(field.default, tuple):
             assert shown == str([int(x) for x in field.default])
         elif isinstance(field.default, str):
