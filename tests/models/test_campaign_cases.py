@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from gossamer_models.campaign import Campaign, Chain, Damage, Distribution, Mesh, Noise, Vary, draw_cases
-from gossamer_models.mistakes import DescriptionError
 from gossamer_models.campaign.cases import unit_points
+from gossamer_models.mistakes import DescriptionError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chisquare, kstest

@@ -17,12 +17,12 @@ from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..compensator import compensator_model
 from ..membrane.params import stretch
+from ..mistakes import DescriptionError, Mistake
 from ..sensor import SensorArtifact, default_artifact, sensor_model
 from ..step_model import StepModel
 from .cases import Cases
 from .description import NOISE, Campaign, Chain
 from .measured import unit_noise
-from ..mistakes import DescriptionError, Mistake
 
 FULL_SCALE = "full_scale_resistance_change"
 

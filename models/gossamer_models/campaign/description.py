@@ -13,8 +13,8 @@ from typing import Literal
 from ..membrane.mesh import MAX_ORDER, N_ZONES, ZONES_PER_SIDE
 from ..membrane.model import INPUTS
 from ..membrane.params import PARAMETERS
-from ..variables import Variable
 from ..mistakes import Mistake, disordered, raise_any
+from ..variables import Variable
 from .ranges import Distribution, Pair, Vary
 
 MOST_STEPS = 1_000_000

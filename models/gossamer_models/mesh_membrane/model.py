@@ -164,8 +164,8 @@ def mesh_membrane_model(structure: Structure) -> StepModel:
         init=init,
         step=step,
         step_limit="max_step",
-        advice="Check supports, prestress, loads and damage: the membrane may be stretched beyond any use, or no equilibrium "
-        "was found to start from.",
+        advice="Check supports, prestress, loads and damage: the membrane may be stretched beyond any use, or no "
+        "equilibrium was found to start from.",
     )
 
 

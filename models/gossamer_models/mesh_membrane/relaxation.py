@@ -25,8 +25,8 @@ def relax(
     Parameters
     ----------
     balance : callable
-        ``balance(q) -> (f, rate, scale)``: forces [N], zero where held, the bound of the squared highest frequency [1/s2], and
-        the force [N] that ``TOLERANCE`` is a share of.
+        ``balance(q) -> (f, rate, scale)``: forces [N], zero where held, the bound of the squared highest frequency [1/s2],
+        and the force [N] that ``TOLERANCE`` is a share of.
     q : casadi.MX, shape (n,)
         Where to start; stays where it is held.
     mass : ndarray, shape (n,)

@@ -153,7 +153,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         np.add.at(normals, block.elements, found.node_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     free = _free(setup, mesh)
-    raise_any([*_loose(setup, mesh, free), *_leaking(setup, mesh, free, encloses)])
+    raise_any([*_loose(mesh, free), *_leaking(setup, mesh, free, encloses)])
     return Structure(
         setup=setup,
         mesh=mesh,
@@ -228,7 +228,7 @@ def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> 
     block = mesh.blocks[which]
     axes = np.array([r.direction for r in setup.regions])[region[block.faces]]
     found = geometry(mesh.nodes[block.elements], block.order, setup.law, axes)
-    bad = np.any(found.J <= _FLAT * found.J.mean(), axis=1) | ~np.all(np.isfinite(found.J), axis=1)
+    bad = np.any(_FLAT * found.J.mean() >= found.J, axis=1) | ~np.all(np.isfinite(found.J), axis=1)
     # inside out: the normal turns over within the element
     bad |= np.any(np.einsum("npi,ni->np", found.normal, found.normal.mean(axis=1)) <= 0.0, axis=1)
     if np.any(bad):
@@ -250,7 +250,7 @@ def _free(setup: Setup, mesh: SurfaceMesh) -> NDArray[np.bool_]:
     return free.ravel()
 
 
-def _loose(setup: Setup, mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
+def _loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
     """Find rigid motions that no support hinders."""
     X = mesh.nodes - mesh.nodes.mean(axis=0)
     motions = [np.broadcast_to(axis, X.shape) for axis in np.eye(3)]
@@ -279,10 +279,12 @@ def _leaking(
     driven = [bool(support.motion) for support in setup.supports]
     loose = (free | np.any(_ways(setup, mesh)[driven] != 0.0, axis=0)).reshape(-1, 3)
     if border and setup.gas.volume is None:
-        text = f"the faces that enclose the gas are open along {len(border)} sides. Write 'volume', or add the faces that lack."
+        text = f"the faces that enclose the gas are open along {len(border)} sides. Write 'volume', or close them."
         yield Mistake(("gas",), text)
     elif border and np.any(loose[np.unique(np.array([sorted(side) for side in border]))]):
-        text = "the border of the faces that enclose the gas moves, so what they enclose is not known. Hold it, or close them."
+        text = (
+            "the border of the faces that enclose the gas moves, so their volume is not known. Hold it, or close them."
+        )
         yield Mistake(("gas",), text)
 
 

@@ -1,4 +1,4 @@
-"""Find files of scenarios, campaigns and membranes: shipped with an installed package, beside it in a checkout, or anywhere else."""
+"""Find files of scenarios, campaigns and membranes: shipped with the package, beside it in a checkout, or elsewhere."""
 
 from __future__ import annotations
 
