@@ -8,6 +8,7 @@ All elements of a kind are one expression with a column per element; see ``membr
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -99,7 +100,7 @@ def _block(structure: Structure, block: Elements, x: ca.MX, state: State) -> tup
 
     ratios = np.array([r.poisson_ratio for r in structure.setup.regions])
     nu = float(ratios[0]) if np.ptp(ratios) == 0.0 else spread(ca.DM(ratios[structure.region]))
-    extras = {}
+    extras: dict[str, Any] = {}
     if state.eigenstrain is not None:
         along, across, shear = (spread(part) for part in state.eigenstrain)
         extras["eigenstrain"] = matrix([[along, shear], [shear, across]])
@@ -111,7 +112,10 @@ def _block(structure: Structure, block: Elements, x: ca.MX, state: State) -> tup
         }
     w = ca.repmat(ca.DM(element.w), 1, n)
     at = element_points(_tangents(block, x), element, w, spread(state.D), nu, spread(state.pressure), Extras(**extras))
-    return ca.cse([balance(at.P, at.load, element), at.wave, at.strain, at.compressed])
+    parts: tuple[ca.MX, ca.MX, ca.MX, ca.MX] = ca.cse(
+        [balance(at.P, at.load, element), at.wave, at.strain, at.compressed]
+    )
+    return parts
 
 
 def volume(structure: Structure, x: ca.MX) -> ca.MX:
@@ -146,7 +150,8 @@ def _places(block: Elements) -> np.ndarray:
 
 def _positions(block: Elements, x: ca.MX) -> list[ca.MX]:
     columns = ca.reshape(x[_places(block).reshape(-1).tolist()], -1, len(block.nodes))
-    return ca.vertsplit(columns, block.nodes.shape[1])
+    x_y_z: list[ca.MX] = ca.vertsplit(columns, block.nodes.shape[1])
+    return x_y_z
 
 
 def _tangents(block: Elements, x: ca.MX) -> np.ndarray:

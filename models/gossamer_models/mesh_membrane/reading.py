@@ -6,6 +6,7 @@ import io
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +95,7 @@ def read_mesh(path: Path, scale: float = 1.0) -> MeshFile:
     return _surface(path.name, mesh, scale)
 
 
-def _surface(name: str, mesh, scale: float) -> MeshFile:  # noqa: ANN001
+def _surface(name: str, mesh: Any, scale: float) -> MeshFile:  # noqa: ANN401
     count = sum(len(cells.data) for cells in mesh.cells if cells.type not in _IGNORED)
     if count > MOST_ELEMENTS:
         msg = f"{name} holds {count} elements, more than {MOST_ELEMENTS}. Mesh it more coarsely."
@@ -148,6 +149,6 @@ def _surface(name: str, mesh, scale: float) -> MeshFile:  # noqa: ANN001
     return MeshFile(name, nodes, quadrilaterals, triangles, faces, edges, points)
 
 
-def _integers(values, columns: int) -> Integers:  # noqa: ANN001
+def _integers(values: Any, columns: int) -> Integers:  # noqa: ANN401
     found = np.zeros((0, columns)) if values is None else np.asarray(values)
     return found.astype(np.int64)

@@ -183,6 +183,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
 def _lacking(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
     """Find the groups that the mesh lacks."""
     faces, sides, points = list(mesh.faces), list(mesh.sides), list(mesh.points)
+    wanted: list[tuple[tuple[str | int, ...], str, list[str], str]]
     wanted = [(("regions", i, "group"), r.group, faces, "faces") for i, r in enumerate(setup.regions) if r.group]
     wanted += [(("zones", i, "group"), z.group, faces, "faces") for i, z in enumerate(setup.zones)]
     wanted += [(("supports", i, "group"), s.group, points, "nodes") for i, s in enumerate(setup.supports)]
@@ -293,7 +294,7 @@ def _ways(setup: Setup, mesh: SurfaceMesh) -> Vector:
     found = np.zeros((len(setup.supports), len(mesh.nodes), 3))
     for way, support in zip(found, setup.supports, strict=True):
         nodes, centre = mesh.points[support.group], np.array(support.centre)
-        axes = ["xyz".index(axis) for axis in support.fixed]
+        axes = np.array(["xyz".index(axis) for axis in support.fixed])
         moved = (np.array(support.stretch) - 1.0) * (mesh.nodes[nodes] - centre) + np.array(support.displacement)
         way[np.ix_(nodes, axes)] = moved[:, axes]
     return found.reshape(len(setup.supports), -1)
