@@ -127,7 +127,7 @@ def test_a_balloon_obeys_the_gas_law(exponent):
     """To rounding by its own volume, and near the closed form of a sphere by its radius."""
     radius, p, ambient, amount = 0.5, 200.0, 1e3, 1.3
     axes = {axis: (lambda x, y, z, i=i: np.abs((x, y, z)[i]) > radius - 1e-9) for i, axis in enumerate("xyz")}
-    _, model, _ = started(
+    _structure, model, _ = started(
         meshed(ball(radius), 2, points=axes, kind="quad9"),
         order=2,
         mass_damping=200.0,

@@ -68,7 +68,7 @@ def _line(mesh: SurfaceMesh, point: Vector, direction: Vector) -> tuple[Vector, 
                 best = (distance, block, int(k), st, place)
     assert best is not None  # a mesh has elements
     _, block, k, st, place = best
-    _, D = shape_functions(block.order, st)
+    _N, D = shape_functions(block.order, st)
     T = D.T @ mesh.nodes[block.elements[k]]  # (2, 3)
     delta = np.linalg.lstsq(T.T, direction / np.linalg.norm(direction), rcond=None)[0]
     delta /= np.linalg.norm(delta @ T)

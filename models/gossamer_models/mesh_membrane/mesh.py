@@ -146,7 +146,7 @@ def surface_mesh(file: MeshFile, order: int = 1) -> SurfaceMesh:
 
 
 def _tensor_elements(corners: Integers, p: int, first: int) -> tuple[Integers, dict[tuple[int, int], tuple[int, ...]]]:
-    """Give numbers to the nodes: after the corners, from ``first`` on, those inside sides, then those inside elements.
+    """Give every node of quadrilaterals a number: corners, from ``first`` on those inside sides, then those inside elements.
 
     Returns
     -------

@@ -166,13 +166,21 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
             given.append((column, column))
         start = ca.MX(0.0 if setup.gas is None else setup.gas.pressure)
 
+        # masses of its own, so that neither a small element nor a stiff region nor inplane_mass delays the others
+        shared, names = _shared(structure, by_symbol, by_symbol, ca.MX(0.0), start), rows(setup)
+        stiffer = ca.mmax(by_symbol.youngs_modulus / ca.DM([r.youngs_modulus for r in setup.regions]))
+        parts = [ca.fabs(shared[names.index(name), :]) for name in ("along", "across", "shear") if name in names]
+        strained = ca.mmax(sum(parts)) if parts else 0.0
+
         def balance(q: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
             found = all_forces(positions(q, by_symbol), by_symbol, by_symbol, ca.MX(0.0), start)
-            stretched = (1.0 + ca.fmax(found.strain, 0.0)) ** 1.5  # as the forces grow, and their rounding
-            return t["free"] * with_dead_loads(found.f, by_symbol), found.rate, _force_scale(structure) * stretched
+            strain = ca.fmax(found.strain, 0.0)
+            rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
+            scale = _force_scale(structure) * (1.0 + strain) ** 1.5  # as forces grow, and their rounding
+            return t["free"] * with_dead_loads(found.f, by_symbol), rate, scale
 
         n = 3 * n_nodes
-        q = relax(balance, ca.MX.zeros(n), t["mass"], given)
+        q = relax(balance, ca.MX.zeros(n), t["stiffness"], given)
         at = positions(q, u)
         found = all_forces(at, u, p, ca.MX(0.0), start)
         phase = p.pressure_phase / (2.0 * np.pi)
@@ -240,6 +248,7 @@ def _arrays(structure: Structure) -> dict[str, Vector]:
         "start": structure.mesh.nodes.ravel() + sum(structure.ways[[not s.motion for s in structure.setup.supports]]),
         "free": structure.free.astype(float),
         "mass": np.repeat(structure.mass, 3),
+        "stiffness": np.repeat(structure.stiffness, 3),
         "mobility": structure.free / np.repeat(structure.mass, 3),  # one over the mass, zero where held
     }
     if structure.setup.inplane_mass > 1.0:

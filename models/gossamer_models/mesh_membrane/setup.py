@@ -17,6 +17,12 @@ from ..mistakes import Mistake, raise_any
 
 Triple = tuple[float, float, float]
 ZERO: Triple = (0.0, 0.0, 0.0)
+# variables that a membrane has beside loads and motions
+RESERVED = {
+    *("youngs_modulus", "mass_damping", "pressure_amplitude", "pressure_frequency", "pressure_phase"),
+    *("base_acceleration", "gas_amount", "temperature", "damage", "strain", "displacement", "gas_pressure", "volume"),
+    *("node", "largest_strain", "displacement_ratio", "compressed_share", "max_step"),
+}
 
 
 def _outside(owner: object, **limits: tuple[float, float]) -> Iterator[Mistake]:
@@ -193,7 +199,7 @@ class Gas:
     exponent : float
         1 isothermal, 1.4 adiabatic for air.
     volume : float or None
-        In the shape from which the membrane starts [m3]; by default what the faces enclose, which must be closed then.
+        In the shape from which the membrane starts [m3]; needed where the faces are open, whose border must be held then.
     """
 
     pressure: float
@@ -297,6 +303,13 @@ class Setup:
         if not self.regions:
             yield Mistake(("regions",), "there are no regions. Write [[regions]] with the material of all faces.")
         names = [load.name for load in self.loads] + [support.motion for support in self.supports if support.motion]
+        for name in RESERVED & set(names):
+            text = f"a load or motion has the name {name!r}, which is that of another variable. Choose another."
+            yield Mistake(("loads",), text)
+        lights = [i for i, load in enumerate(self.loads) if load.kind == "light"]
+        if len(lights) > 1:
+            text = "there is light already, and the membrane knows one sun. Name the groups of both in one load."
+            yield Mistake(("loads", lights[1], "kind"), text)
         for name, count in Counter(names).items():
             if count > 1:
                 yield Mistake(("loads",), f"{count} loads or motions have the name {name!r}. Give each its own.")

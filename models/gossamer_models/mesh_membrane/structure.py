@@ -6,6 +6,7 @@ combination share modulus, pressure and eigenstrain, so these are computed once 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -20,7 +21,6 @@ from .geometry import Geometry, geometry, stiffest
 from .mesh import Integers, SurfaceMesh
 from .setup import Load, Setup
 
-MOST_ELEMENTS = 100_000
 _FLAT = 1e-9  # J of an element below this share of its mean: no area
 _FAR = 1e-3  # how far a sensor may be from the surface, shares of its size
 
@@ -72,6 +72,8 @@ class Structure:
         Which displacements are not held, node by node.
     mass : ndarray, shape (N,)
         Lumped masses [kg].
+    stiffness : ndarray, shape (N,)
+        Masses [kg] with which no element of the unstretched membrane has an angular frequency above 1/s.
     normals : ndarray, shape (N, 3)
         Unit normals of the reference surface.
     ways : ndarray, shape (supports, 3 N)
@@ -93,6 +95,7 @@ class Structure:
     enclosing: NDArray[np.bool_]
     free: NDArray[np.bool_]
     mass: Vector
+    stiffness: Vector
     normals: Vector
     ways: Vector
     edge_force: Vector
@@ -125,9 +128,6 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         Groups that the mesh lacks, faces without a material or in two, zones that overlap, elements without area or turned
         inside out, sensors away from the surface, or supports that leave the membrane free to move as a rigid body.
     """
-    if mesh.n_faces > MOST_ELEMENTS:
-        text = f"{mesh.name} holds {mesh.n_faces} elements, more than {MOST_ELEMENTS}. Mesh it more coarsely."
-        raise DescriptionError(Mistake(("mesh",), text))
     raise_any([*_lacking(setup, mesh)])
     region = _assigned(mesh, [(r.group, ("regions", i)) for i, r in enumerate(setup.regions)], "material")
     zone = _assigned(mesh, [(z.group, ("zones", i)) for i, z in enumerate(setup.zones)], "zone")
@@ -142,26 +142,24 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     rows = np.column_stack([region, zone, *acting, encloses])
     kinds, combination = np.unique(rows, axis=0, return_inverse=True)
     measured = [_measured(setup, mesh, k, region) for k in range(len(mesh.blocks))]
-    mass, normals = np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
+    mass, stiffness, normals = np.zeros(len(mesh.nodes)), np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
     areal = np.array([r.density * r.thickness for r in setup.regions])
-    for block, found in zip(mesh.blocks, measured, strict=True):
+    nu = np.array([r.poisson_ratio for r in setup.regions])
+    D = np.array([r.youngs_modulus * r.thickness for r in setup.regions]) / (1.0 - nu**2)
+    highest = [stiffest(found, nu[region[block.faces]]) for block, found in zip(mesh.blocks, measured, strict=True)]
+    for block, found, high in zip(mesh.blocks, measured, highest, strict=True):
         np.add.at(mass, block.elements, found.node_areas * areal[region[block.faces]][:, None])
+        np.add.at(stiffness, block.elements, found.node_areas * (high * D[region[block.faces]])[:, None])
         np.add.at(normals, block.elements, found.node_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     free = _free(setup, mesh)
-    raise_any([*_loose(mesh, free)])
+    raise_any([*_loose(mesh, free), *_leaking(setup, mesh, free, encloses)])
     return Structure(
         setup=setup,
         mesh=mesh,
         elements=tuple(
-            Elements(
-                found.placed(),
-                block.elements,
-                combination[block.faces],
-                stiffest(found, np.array([r.poisson_ratio for r in setup.regions])[region[block.faces]]),
-                found.areas,
-            )
-            for block, found in zip(mesh.blocks, measured, strict=True)
+            Elements(found.placed(), block.elements, combination[block.faces], high, found.areas)
+            for block, found, high in zip(mesh.blocks, measured, highest, strict=True)
         ),
         region=kinds[:, 0],
         zone=kinds[:, 1],
@@ -169,6 +167,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         enclosing=kinds[:, -1].astype(bool),
         free=free,
         mass=mass,
+        stiffness=stiffness,
         normals=normals,
         ways=_ways(setup, mesh),
         edge_force=_edge_force(setup, mesh, measured),
@@ -270,14 +269,34 @@ def _loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
         yield Mistake(("supports",), text)
 
 
+def _leaking(
+    setup: Setup, mesh: SurfaceMesh, free: NDArray[np.bool_], encloses: NDArray[np.bool_]
+) -> Iterator[Mistake]:
+    """Find what leaves the volume of the gas undefined: an open surface without a volume, or whose border moves."""
+    if setup.gas is None:
+        return
+    sides = Counter(side for face, side in _sides(mesh) if encloses[face])
+    border = [side for side, count in sides.items() if count == 1]
+    driven = [bool(support.motion) for support in setup.supports]
+    loose = (free | np.any(_ways(setup, mesh)[driven] != 0.0, axis=0)).reshape(-1, 3)
+    if border and setup.gas.volume is None:
+        text = f"the faces that enclose the gas are open along {len(border)} sides. Write 'volume', or close them."
+        yield Mistake(("gas",), text)
+    elif border and np.any(loose[np.unique(np.array([sorted(side) for side in border]))]):
+        text = (
+            "the border of the faces that enclose the gas moves, so their volume is not known. Hold it, or close them."
+        )
+        yield Mistake(("gas",), text)
+
+
 def _ways(setup: Setup, mesh: SurfaceMesh) -> Vector:
     """Return where each support moves its nodes, in the directions that it holds."""
     found = np.zeros((len(setup.supports), len(mesh.nodes), 3))
     for way, support in zip(found, setup.supports, strict=True):
         nodes, centre = mesh.points[support.group], np.array(support.centre)
-        axes = ["xyz".index(axis) for axis in support.fixed]
+        axes = np.array(["xyz".index(axis) for axis in support.fixed])
         moved = (np.array(support.stretch) - 1.0) * (mesh.nodes[nodes] - centre) + np.array(support.displacement)
-        way[nodes[:, None], axes] = moved[:, axes]
+        way[np.ix_(nodes, axes)] = moved[:, axes]
     return found.reshape(len(setup.supports), -1)
 
 
@@ -303,16 +322,18 @@ def _edge_force(setup: Setup, mesh: SurfaceMesh, measured: list[Geometry]) -> Ve
 
 def _inward(mesh: SurfaceMesh) -> dict[frozenset[int], Vector]:
     """Return the middle of an element beside each side, by the corners of the side."""
-    found = {}
+    middles = np.concatenate([mesh.nodes[block.elements].mean(axis=1) for block in mesh.blocks])
+    return {side: middles[face] for face, side in _sides(mesh)}
+
+
+def _sides(mesh: SurfaceMesh) -> Iterator[tuple[int, frozenset[int]]]:
+    """Give every face with each of its sides, by the corners."""
     for block in mesh.blocks:
         p = block.order
         corners = [0, 1, 2] if p == 0 else [0, p, (p + 1) ** 2 - 1, p * (p + 1)]
-        for nodes in block.elements:
-            middle = mesh.nodes[nodes].mean(axis=0)
-            ring = nodes[corners].tolist()
-            for a, b in zip(ring, [*ring[1:], ring[0]], strict=True):
-                found[frozenset((a, b))] = middle
-    return found
+        for face, nodes in zip(block.faces.tolist(), block.elements[:, corners].tolist(), strict=True):
+            for a, b in zip(nodes, [*nodes[1:], nodes[0]], strict=True):
+                yield face, frozenset((a, b))
 
 
 def _unit_force(load: Load, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:

@@ -62,7 +62,8 @@ def build(
     setup: Annotated[
         Path | None,
         typer.Option(
-            help="Membrane on a mesh: TOML file with its material, supports, zones, loads and sensors (docs/setup.md).",
+            help="Membrane on a mesh: TOML file with its material, supports, zones, loads and sensors (docs/setup.md), or "
+            "sail, drum, reflector, tube, which ship with Gossamer.",
             metavar="FILE",
         ),
     ] = None,
@@ -115,7 +116,9 @@ def build(
 
         gossamer build membrane --law relaxed
 
-        gossamer build membrane --setup sail.toml --mesh sail.msh --native
+        gossamer build membrane --setup sail --out out/sail
+
+        gossamer build membrane --setup mine.toml --mesh mine.msh --native
 
         gossamer build membrane --frame --native
 
@@ -175,10 +178,11 @@ def _structure(setup: Path | None, mesh: Path | None, *, expose: bool) -> Any:  
             msg = "--mesh and --expose need a setup of material and supports. Name its file with --setup."
             raise FmuError(msg)
         return None
+    from ..scenario.shipped import find_scenario
     from .setup_file import load_structure
 
     with model_errors():
-        return load_structure(setup, mesh, expose=expose)
+        return load_structure(find_scenario(str(setup), "membrane"), mesh, expose=expose)
 
 
 def _framed(names: list[str] | None) -> list[str]:

@@ -1,4 +1,4 @@
-"""Find scenario and campaign files: shipped with the package, beside it in a checkout, or anywhere else; begin a new one."""
+"""Find files of scenarios, campaigns and membranes: shipped, beside the package in a checkout, or anywhere else."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Literal
 from ..errors import ScenarioError, writing
 from ..names import suggest
 
-Kind = Literal["scenario", "campaign"]
+Kind = Literal["scenario", "campaign", "membrane"]
 NEW = Path(__file__).with_name("new.toml")
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def shipped_scenarios(kind: Kind = "scenario") -> dict[str, Path]:
-    """Return the shipped scenario or campaign files by name."""
+    """Return the shipped files of a kind by name."""
     for folder in (_PACKAGE / f"{kind}s", _PACKAGE.parent / f"{kind}s"):
         if folder.is_dir():
             return {path.stem: path for path in sorted(folder.glob("*.toml"))}
@@ -22,7 +22,7 @@ def shipped_scenarios(kind: Kind = "scenario") -> dict[str, Path]:
 
 
 def find_scenario(text: str, kind: Kind = "scenario") -> Path:
-    """Return the file of a path or of the name of a shipped scenario or campaign.
+    """Return the file of a path or of the name of a shipped one.
 
     Raises
     ------
