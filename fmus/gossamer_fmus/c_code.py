@@ -97,7 +97,7 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
     if model.tables is not None:
         sizes |= table_sizes(model.tables)
     lines = [
-        f"/* Model {model.name}: {model.description}. */",
+        f"/* Model {model.name}: {model.description.replace('*/', '* /')}. */",
         f"#define MODEL_NAME {_c_text(model.name)}",
         _guid_line(guid),
         f"#define MODEL_ADVICE {_c_text(model.advice)}",

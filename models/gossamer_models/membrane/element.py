@@ -305,7 +305,7 @@ def element_points(
     else:
         trace, spread = principal(stressed)
         wave = 1.0 + strain + (1.0 + nu) / 4.0 * trace + (1.0 - nu) / 4.0 * spread
-    compressed = w * element.J * ((1.0 + nu) * trace < (1.0 - nu) * spread)
+    compressed = w * element.J * ((1.0 + nu) * trace < (1.0 - nu) * spread - 1e-9)
     return Points(P, load, wave, strain, compressed)
 
 

@@ -8,6 +8,7 @@ common side, found by the numbers of its corners and not by distance, so that tw
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -143,6 +144,16 @@ def surface_mesh(file: MeshFile, order: int = 1) -> SurfaceMesh:
             between = [inner for (a, b), inner in sides.items() if within[a] and within[b]]
             points[name] = np.unique(np.concatenate([known, *between])).astype(np.int64)
     return SurfaceMesh(file.name, nodes, tuple(blocks), file.faces, points, on_mesh)
+
+
+def sides_of(mesh: SurfaceMesh) -> Iterator[tuple[int, frozenset[int]]]:
+    """Give every face with each of its sides, by the corners."""
+    for block in mesh.blocks:
+        p = block.order
+        corners = [0, 1, 2] if p == 0 else [0, p, (p + 1) ** 2 - 1, p * (p + 1)]
+        for face, nodes in zip(block.faces.tolist(), block.elements[:, corners].tolist(), strict=True):
+            for a, b in zip(nodes, [*nodes[1:], nodes[0]], strict=True):
+                yield face, frozenset((a, b))
 
 
 def _tensor_elements(corners: Integers, p: int, first: int) -> tuple[Integers, dict[tuple[int, int], tuple[int, ...]]]:

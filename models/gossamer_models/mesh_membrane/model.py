@@ -8,7 +8,7 @@ pressure [cycles], ``f`` forces [N], ``m`` masses [kg], ``c`` mass damping [1/s]
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import casadi as ca
@@ -111,6 +111,9 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
             f += getattr(u, name) * t[f"unit_{name}"]
         return f
 
+    def weight(u: Values) -> ca.MX:  # that the acceleration of the frame takes
+        return t["mass"] * ca.vec(ca.repmat(u.base_acceleration, 1, n_nodes))
+
     def acceleration(f: ca.MX) -> ca.MX:
         a, k = t["mobility"] * f, setup.inplane_mass
         if k == 1.0:
@@ -141,6 +144,9 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
         def pulled(at: ca.MX) -> tuple[Forces, ca.MX, ca.MX]:
             gas = gas_pressure(at, u, x.volume)
             found = all_forces(at, u, p, built_in, gas)
+            if setup.gas is not None:
+                stiffness = setup.gas.exponent * (gas + setup.gas.ambient) / all_volume(equations.volume(at), x.volume)
+                found = replace(found, rate=found.rate + stiffness * _gas_mobility(structure))
             return found, with_dead_loads(found.f, u), gas
 
         phase = phase_end - ca.floor(phase_end)
@@ -150,7 +156,7 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
             return motion, results(motion, u, p, ride.found, ride.gas) | ride.results
         q = x.q + h / 2.0 * x.v  # half a step
         found, f, gas = pulled(positions(q, u))
-        a = acceleration(f) - t["free"] * ca.vec(ca.repmat(u.base_acceleration, 1, n_nodes))
+        a = acceleration(f - weight(u))
         v = keep * x.v + gain * a
         q = q + h / 2.0 * v  # the other half
         motion = Motion(q, v, phase, x.volume, x.frame)
@@ -164,20 +170,25 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
         by_symbol = SimpleNamespace(**{symbol.name(): symbol for symbol, _ in given})
         if column is not None:
             given.append((column, column))
-        start = ca.MX(0.0 if setup.gas is None else setup.gas.pressure)
+        start = ca.MX(0.0)
+        if setup.gas is not None:
+            start = (setup.gas.pressure + setup.gas.ambient) * u.gas_amount - setup.gas.ambient
+            given.append((ca.MX.sym("start"), start))
 
         # masses of its own, so that neither a small element nor a stiff region nor inplane_mass delays the others
-        shared, names = _shared(structure, by_symbol, by_symbol, ca.MX(0.0), start), rows(setup)
+        inside = ca.MX(0.0) if setup.gas is None else given[-1][0]
+        shared, names = _shared(structure, by_symbol, by_symbol, ca.MX(0.0), inside), rows(setup)
         stiffer = ca.mmax(by_symbol.youngs_modulus / ca.DM([r.youngs_modulus for r in setup.regions]))
         parts = [ca.fabs(shared[names.index(name), :]) for name in ("along", "across", "shear") if name in names]
         strained = ca.mmax(sum(parts)) if parts else 0.0
 
         def balance(q: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-            found = all_forces(positions(q, by_symbol), by_symbol, by_symbol, ca.MX(0.0), start)
+            found = all_forces(positions(q, by_symbol), by_symbol, by_symbol, ca.MX(0.0), inside)
+            f = with_dead_loads(found.f, by_symbol) - (0.0 if frame else weight(by_symbol))
             strain = ca.fmax(found.strain, 0.0)
             rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
             scale = _force_scale(structure) * (1.0 + strain) ** 1.5  # as forces grow, and their rounding
-            return t["free"] * with_dead_loads(found.f, by_symbol), rate, scale
+            return t["free"] * f, rate, scale
 
         n = 3 * n_nodes
         q = relax(balance, ca.MX.zeros(n), t["stiffness"], given)
@@ -301,9 +312,19 @@ def _shared(structure: Structure, u: Values, p: Values, built_in: ca.MX, gas: ca
     return ca.horzcat(*(values[name] for name in rows(setup))).T
 
 
+def _gas_mobility(structure: Structure) -> float:
+    r"""Return :math:`\sum A_i^2/m_i` [m4/kg] of the nodes that enclose the gas: with its stiffness, a squared frequency."""
+    areas = np.zeros((len(structure.mesh.nodes), 3))
+    for block in structure.elements:
+        on = structure.enclosing[block.combination]
+        np.add.at(areas, block.nodes[on], block.node_normals[on])
+    moves = structure.free.reshape(-1, 3)
+    return float(np.sum(moves * areas**2 / structure.mass[:, None]))
+
+
 def _force_scale(structure: Structure) -> ca.MX:
-    """Return the force [N] that an element of mean size takes to double its length."""
-    size = float(np.sqrt(structure.areas.mean()))
+    """Return the force [N] that an element of mean size takes to double its length, or a little for rounding far out."""
+    size = max(float(np.sqrt(structure.areas.mean())), 0.05 * float(np.abs(structure.mesh.nodes).max()))
     return ca.MX(max(r.youngs_modulus * r.thickness for r in structure.setup.regions) * size)
 
 
