@@ -15,7 +15,7 @@ from ..arrays import Matrix, Rows, Vector
 from ..twin.descent import descend
 from ..twin.least_squares import Point, check_derivatives, points_at
 from .candidates import Gauges
-from .information import covariance, weigh
+from .information import FACTOR, THRESHOLD, covariance, weigh
 from .simulation import Report, Simulation, quiet
 
 DAMAGE = 0.3  # of every zone [1]: so far from zero that the bounds of a fit do not hold it back
@@ -35,6 +35,9 @@ class Check:
         Mean square of the errors in units of the predicted covariance [1], all zones together: 1 if it is right.
     spread_error : float
         Standard deviation of ``spread`` from the number of records.
+    false_alarms, found : float
+        Shares of all zones of all records [1]: above the threshold without damage beside that of the truth, and with a90
+        beside it. Each fit serves for both, since damage only moves its estimate.
     """
 
     records: int
@@ -42,6 +45,8 @@ class Check:
     observed: Vector
     spread: float
     spread_error: float
+    false_alarms: float
+    found: float
 
     @property
     def agrees(self) -> bool:
@@ -124,11 +129,14 @@ def check(
         problem.read(problem.history + noise)
         errors[k] = descend(problem, truth, free).point.x[:zones] - truth[:zones]
         report("fits", k + 1, records)
+    predicted = np.sqrt(np.diag(C))
     whitened = np.linalg.solve(np.linalg.cholesky(C), errors.T)
     return Check(
         records=records,
-        predicted=np.sqrt(np.diag(C)),
+        predicted=predicted,
         observed=np.sqrt(np.mean(errors**2, axis=0)),
         spread=float(np.mean(whitened**2)),
         spread_error=math.sqrt(2.0 / whitened.size),
+        false_alarms=float(np.mean(errors > THRESHOLD * predicted)),
+        found=float(np.mean(errors + FACTOR * predicted > THRESHOLD * predicted)),
     )

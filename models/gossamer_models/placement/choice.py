@@ -9,7 +9,8 @@ import numpy as np
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
-from .information import PRIOR_DEVIATION, deviations
+from ..twin.twin import PRIOR_DEVIATION
+from .information import deviations
 
 STEEP = 8  # power of the deviations in the mean that stands for the worst
 _BETTER = 1.0 - 1e-9

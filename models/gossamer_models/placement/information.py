@@ -21,10 +21,10 @@ from scipy.stats import norm
 from ..arrays import Matrix, Vector
 from ..twin.least_squares import MOST_DAMAGE
 from ..twin.nuisances import OFFSET
-from ..twin.twin import PRIOR_DEVIATION
 
 FALSE_ALARMS, DETECTED = 0.05, 0.9
-FACTOR = float(norm.isf(FALSE_ALARMS) + norm.ppf(DETECTED))  # 1.645 + 1.282
+THRESHOLD = float(norm.isf(FALSE_ALARMS))  # 1.645 deviations
+FACTOR = THRESHOLD + float(norm.ppf(DETECTED))  # 1.645 + 1.282 deviations
 NOTHING_KNOWN = 1e4  # deviation of a damage [1]
 
 
@@ -70,15 +70,3 @@ def deviations(total: Matrix, zones: int, known: float = NOTHING_KNOWN) -> Vecto
 def smallest_damage(deviation: Vector) -> Vector:
     """Return the damage [1] that a one-sided test at 5 % false alarms finds in 90 % of cases, at most 0.95."""
     return np.asarray(np.minimum(FACTOR * deviation, MOST_DAMAGE))
-
-
-__all__ = [
-    "DETECTED",
-    "FALSE_ALARMS",
-    "PRIOR_DEVIATION",
-    "covariance",
-    "deviations",
-    "information",
-    "smallest_damage",
-    "weigh",
-]

@@ -16,7 +16,7 @@ from .placing import Placement, Placing
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-RED, DARK = "#D55E00", "#222222"
+RED = "#D55E00"
 _LENGTH = 0.05  # of the line of a sensor, shares of the size
 _MOST_NAMED = 40  # zones: more names would cover the picture
 
@@ -37,6 +37,7 @@ def plot_placement(
     ax : Axes or None
         Where to draw; None for new axes.
     """
+    from matplotlib import colormaps
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import LogNorm
 
@@ -45,23 +46,15 @@ def plot_placement(
     faces, zone = _faces(structure)
     flat = [structure.mesh.nodes[nodes] @ view for nodes in faces]
     a90 = np.append(placement.a90, np.nan)  # the last is that of no zone
-    colours = PolyCollection(
-        flat, array=np.ma.masked_invalid(100.0 * a90[zone]), cmap="viridis_r", edgecolors="face", lw=0.4
-    )
+    colours = PolyCollection(flat, array=np.ma.masked_invalid(100.0 * a90[zone]), edgecolors="face", lw=0.4)
     colours.set_norm(LogNorm(100.0 * limits[0], 100.0 * limits[1]))
-    colours.cmap.set_bad("0.85")
+    colours.set_cmap(colormaps["viridis_r"].with_extremes(bad="0.85"))
     ax.add_collection(colours)
     for k in range(len(structure.setup.zones) if len(structure.setup.zones) <= _MOST_NAMED else 0):
         middle = np.mean([polygon.mean(axis=0) for polygon, z in zip(flat, zone, strict=True) if z == k], axis=0)
-        ax.text(
-            float(middle[0]),
-            float(middle[1]),
-            f"{k + 1}\n{100.0 * a90[k]:.2g} %",
-            ha="center",
-            va="center",
-            fontsize=7,
-            color=DARK,
-        )
+        contrast = "white" if colours.norm(100.0 * a90[k]) > 0.55 else "black"
+        text = f"{k + 1}\n{100.0 * a90[k]:.2g} %"
+        ax.text(float(middle[0]), float(middle[1]), text, ha="center", va="center", fontsize=7, color=contrast)
     for sensor in placement.sensors:
         point, along = np.array(sensor.point) @ view, np.array(sensor.direction) @ view
         half = 0.5 * max(_LENGTH * structure.mesh.size, sensor.gauge_length) * along / np.linalg.norm(sensor.direction)
@@ -93,7 +86,14 @@ def save_picture(found: Placing, path: Path) -> None:
     for ax, (name, placement) in zip(axes, shown, strict=True):
         plot_placement(found.structure, placement, limits, ax=ax)
         ax.set_title(f"{len(placement.sensors)} {name} sensors, {ax.get_title()}", fontsize=9)
-    figure.colorbar(axes[-1].collections[0], ax=list(axes), label="damage found in 90 % of cases, a90 [%]", shrink=0.85)
+    bar = figure.colorbar(
+        axes[-1].collections[0],
+        ax=list(axes),
+        label="damage found in 90 % of cases, a90 [%]",
+        shrink=0.85,
+        format="%.3g",
+    )
+    bar.ax.yaxis.set_minor_formatter("%.3g")
     with replacing(path) as unfinished:
         figure.savefig(unfinished, dpi=130, format="png", metadata={"Software": None})
 

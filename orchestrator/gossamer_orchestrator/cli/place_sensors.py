@@ -155,7 +155,8 @@ def _summary(found: Placing, samples: int) -> str:
             verdict = "agrees" if c.agrees else "does NOT agree"
             lines.append(
                 f"{c.records} fits with the {name} sensors: mean square error over the predicted variance {c.spread:.3f}, "
-                f"expected 1 ± {c.spread_error:.3f}, which {verdict}."
+                f"expected 1 ± {c.spread_error:.3f}, which {verdict}; false alarms {100.0 * c.false_alarms:.1f} % (5), "
+                f"a90 found in {100.0 * c.found:.1f} % (90)."
             )
     for k, sensor in enumerate(found.chosen.sensors):
         point, direction = (", ".join(f"{x:.4g}" for x in v) for v in (sensor.point, sensor.direction))
