@@ -20,6 +20,7 @@ from .mesh import Block, SurfaceMesh
 
 SAMPLES = 5  # of a gauge with a length, Gauss-Legendre
 _NEAREST = 12  # elements looked into
+_THERE = 1e-13  # how far a point on an element may seem to be from it, shares of the size
 _INSIDE = 1e-6  # how far outside an element a point may lie, parent coordinates
 
 
@@ -66,6 +67,8 @@ def _line(mesh: SurfaceMesh, point: Vector, direction: Vector) -> tuple[Vector, 
             st, distance, place = _nearest(block.order, X, point)
             if best is None or distance < best[0]:
                 best = (distance, block, int(k), st, place)
+            if distance <= _THERE * mesh.size:  # no other element is nearer
+                break
     assert best is not None  # a mesh has elements
     _, block, k, st, place = best
     _, D = shape_functions(block.order, st)

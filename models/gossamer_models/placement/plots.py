@@ -52,7 +52,8 @@ def plot_placement(
     ax.add_collection(colours)
     for k in range(len(structure.setup.zones) if len(structure.setup.zones) <= _MOST_NAMED else 0):
         middle = np.mean([polygon.mean(axis=0) for polygon, z in zip(flat, zone, strict=True) if z == k], axis=0)
-        contrast = "white" if colours.norm(100.0 * a90[k]) > 0.55 else "black"
+        shade = np.log(a90[k] / limits[0]) / np.log(limits[1] / limits[0])
+        contrast = "white" if shade > 0.55 else "black"
         text = f"{k + 1}\n{100.0 * a90[k]:.2g} %"
         ax.text(float(middle[0]), float(middle[1]), text, ha="center", va="center", fontsize=7, color=contrast)
     for sensor in placement.sensors:

@@ -68,8 +68,10 @@ def place_sensors(
         *Progress.get_default_columns(), MofNCompleteColumn(), console=console, disable=not console.is_terminal
     )
     tasks = {}
+    compiling = bar.add_task("compiling", total=None)
 
     def show(what: str, done: int, total: int) -> None:
+        bar.update(compiling, visible=False)
         if what not in tasks:
             tasks[what] = bar.add_task(what, total=total)
         bar.update(tasks[what], completed=done)
@@ -81,7 +83,6 @@ def place_sensors(
         structure = square_structure() if setup is None else load_structure(setup, mesh)
         load = {**({} if setup is not None else _thesis_load()), **_numbers(values or [])}
         with bar:
-            bar.add_task("compiling", total=None)
             found = place(
                 structure,
                 load,

@@ -8,10 +8,10 @@ import pytest
 from gossamer_orchestrator.cli import app
 from typer.testing import CliRunner
 
-meshio = pytest.importorskip("meshio", reason="a mesh file needs the extra mesh")
+pytest.importorskip("meshio", reason="a mesh file needs the extra mesh")
 
 SETUP = """\
-mesh = "square.msh"
+mesh = "square.inp"
 mass_damping = 20.0
 
 [[regions]]
@@ -41,18 +41,16 @@ LOAD = ("--set", "pressure_amplitude=1000", "--set", "pressure_frequency=8", "--
 @pytest.fixture
 def setup(tmp_path):
     """A sail of 4 x 4 quadrilaterals in two zones, held at its rim."""
-    x, y = np.meshgrid(*2 * [np.linspace(0.0, 0.6, 5)])
-    node = np.arange(25).reshape(5, 5)
+    node = np.arange(1, 26).reshape(5, 5)
     quads = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], axis=-1).reshape(-1, 4)
-    sides = [np.column_stack([line[:-1], line[1:]]) for line in (node[0], node[-1], node[:, 0], node[:, -1])]
-    lines = np.concatenate(sides)
-    groups = [np.where(np.arange(16) % 4 < 2, 1, 2), np.full(len(lines), 3)]
-    meshio.Mesh(
-        np.column_stack([x.ravel(), y.ravel(), np.zeros(25)]),
-        [("quad", quads), ("line", lines)],
-        cell_data={"gmsh:physical": groups, "gmsh:geometrical": groups},
-        field_data={"left": np.array([1, 2]), "right": np.array([2, 2]), "rim": np.array([3, 1])},
-    ).write(tmp_path / "square.msh", file_format="gmsh22", binary=False)
+    rim = sorted({*node[0], *node[-1], *node[:, 0], *node[:, -1]})
+    lines = ["*NODE"]
+    lines += [f"{n}, {0.15 * ((n - 1) % 5)}, {0.15 * ((n - 1) // 5)}, 0.0" for n in node.ravel()]
+    lines += ["*ELEMENT, TYPE=S4", *(", ".join(map(str, (k + 1, *quad))) for k, quad in enumerate(quads))]
+    for name, first in (("left", 0), ("right", 2)):
+        lines += [f"*ELSET, ELSET={name}", ", ".join(str(k + 1) for k in range(16) if k % 4 - first in (0, 1))]
+    lines += ["*NSET, NSET=rim", ", ".join(map(str, rim))]
+    (tmp_path / "square.inp").write_text("\n".join(lines) + "\n")
     path = tmp_path / "sail.toml"
     path.write_text(SETUP)
     return path
@@ -103,7 +101,7 @@ def test_a_mistake_is_one_sentence(setup, tmp_path, arguments, message):
 
 
 def test_a_mesh_needs_its_setup(tmp_path):
-    result = call("--mesh", tmp_path / "square.msh")
+    result = call("--mesh", tmp_path / "square.inp")
     assert result.exit_code == 1
     assert "--mesh needs a setup" in result.stderr
 
