@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gossamer_models import ParameterError
 from gossamer_models.membrane import MembraneParams
+from gossamer_models.mesh_membrane import MeshFile, Region, Setup, Support, Zone, make_structure, surface_mesh
 from gossamer_models.mesh_membrane.gauges import gauge
 from gossamer_models.placement import NOISE, place_sensors, save_picture, sensors_text, square_structure, write_csv
 from gossamer_models.placement.candidates import ANGLES, candidates, stacked
@@ -179,3 +180,26 @@ def test_a_membrane_at_rest_tells_nothing(square):
 def test_the_noise_is_that_of_the_thesis():
     drawn = np.random.default_rng(0).uniform(0.0, 0.02, 10**6).std()
     assert drawn == pytest.approx(NOISE, rel=2e-3)
+
+
+def test_candidates_on_a_tilted_sheet_of_triangles_lie_in_it():
+    normal = np.array([0.0, -0.6, 0.8])
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.8, 0.6], [0.0, 0.8, 0.6]])
+    file = MeshFile(
+        name="sheet",
+        nodes=corners,
+        quadrilaterals=np.zeros((0, 4), dtype=np.int64),
+        triangles=np.array([[0, 1, 2], [0, 2, 3]]),
+        faces={"all": np.arange(2)},
+        edges={},
+        points={"corners": np.arange(4)},
+    )
+    steel = Region(youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0, thickness=1e-3, direction=tuple(normal))
+    setup = Setup(regions=(steel,), supports=(Support(group="corners"),), zones=(Zone(group="all"),))
+    spread = candidates(make_structure(setup, surface_mesh(file)), 10)
+    assert len(spread.sensors) == 2 * len(ANGLES)  # the material's axis is the normal, so a side takes its place
+    directions = np.array([sensor.direction for sensor in spread.sensors])
+    np.testing.assert_allclose(directions @ normal, 0.0, atol=1e-12)
+    np.testing.assert_allclose([np.dot(sensor.point, normal) for sensor in spread.sensors], 0.0, atol=1e-12)
+    grown = (1.0 + 0.03) * corners
+    np.testing.assert_allclose(spread.strain(grown[:, :, None]), 0.03, atol=1e-12)
