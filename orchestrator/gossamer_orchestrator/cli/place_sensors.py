@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from gossamer_files import replacing
 
 from ..errors import OrchestratorError
-from .common import keep_inputs, model_errors, wide
+from .command import Result, show, stderr
+from .common import keep_inputs, model_errors
 
 if TYPE_CHECKING:
-    from gossamer_models.placement import Placing
+    from gossamer_models.placement import Placement, Placing
     from rich.table import Table
 
 
@@ -42,7 +45,7 @@ def place_sensors(
         int, typer.Option(help="Fit this many simulated noisy records with each placement, as a check.", min=0)
     ] = 0,
     out: Annotated[Path, typer.Option(help="Folder to write.", metavar="FOLDER")] = Path("out/placement"),
-) -> None:
+) -> Result:
     """Choose where strain sensors let damage be found best.
 
     Prints for every zone a90, the damage that is detected in 90 % of cases at 5 % false alarms: with the setup's own
@@ -57,25 +60,13 @@ def place_sensors(
     """
     from gossamer_models.placement import NOISE, save_picture, sensors_text, square_structure, write_csv
     from gossamer_models.placement import place_sensors as place
-    from rich.progress import MofNCompleteColumn, Progress
 
+    from ..run.progress import ProgressBar
     from .setup_file import load_structure
 
-    console = wide(stderr=True)
     paths = [out / name for name in ("placement.csv", "placement.png", "sensors.toml")]
     keep_inputs([setup, mesh], paths)
-    bar = Progress(
-        *Progress.get_default_columns(), MofNCompleteColumn(), console=console, disable=not console.is_terminal
-    )
-    tasks = {}
-    compiling = bar.add_task("compiling", total=None)
-
-    def show(what: str, done: int, total: int) -> None:
-        bar.update(compiling, visible=False)
-        if what not in tasks:
-            tasks[what] = bar.add_task(what, total=total)
-        bar.update(tasks[what], completed=done)
-
+    bar = ProgressBar("place-sensors", stderr())
     with model_errors():
         if setup is None and mesh is not None:
             msg = "--mesh needs a setup. Write: gossamer place-sensors sail.toml --mesh sail.msh"
@@ -83,6 +74,7 @@ def place_sensors(
         structure = square_structure() if setup is None else load_structure(setup, mesh)
         load = {**({} if setup is not None else _thesis_load()), **_numbers(values or [])}
         with bar:
+            bar.update(text="compiling,")
             found = place(
                 structure,
                 load,
@@ -93,16 +85,33 @@ def place_sensors(
                 stop=stop,
                 gauge_length=gauge_length,
                 records=check,
-                report=show,
+                report=lambda what, done, total: bar.update(done, total, f"{done} of {total} {what},"),
             )
         out.mkdir(parents=True, exist_ok=True)
         write_csv(found, paths[0])
         save_picture(found, paths[1])
-        paths[2].write_text(sensors_text(found), encoding="utf-8")
-    console.print(_table(found))
-    console.print(_summary(found, samples=round(stop / step)), highlight=False)
+        with replacing(paths[2]) as unfinished:
+            unfinished.write_text(sensors_text(found), encoding="utf-8")
+    stderr().print(_table(found))
+    stderr().print(_summary(found, samples=round(stop / step)), highlight=False)
     for path in paths:
-        typer.echo(path)
+        show(path)
+    placements = {name: _as_content(p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None}
+    zones = [zone.group for zone in found.structure.setup.zones]
+    return Result({"files": paths, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates})
+
+
+def _as_content(placement: Placement) -> dict[str, Any]:
+    check = placement.check
+    return {
+        "sensors": [
+            {"point_m": each.point, "direction": each.direction, "gauge_length_m": each.gauge_length}
+            for each in placement.sensors
+        ],
+        "deviation": placement.deviation,
+        "a90": placement.a90,
+        "check": None if check is None else {**asdict(check), "agrees": check.agrees},
+    }
 
 
 def _thesis_load() -> dict[str, float]:

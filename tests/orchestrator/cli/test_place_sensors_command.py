@@ -1,6 +1,7 @@
 """``gossamer place-sensors``: a setup and its mesh in; a table, a picture and sensors out."""
 
 import csv
+import json
 import tomllib
 
 import numpy as np
@@ -77,10 +78,12 @@ def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
     text = (tmp_path / "out" / "sensors.toml").read_text()
     assert len(tomllib.loads(text)["sensors"]) == 2
     setup.write_text(SETUP + "\n" + text)
-    again = call(setup, *LOAD, "--count", 2, "--out", tmp_path / "again")
+    again = call(setup, *LOAD, "--count", 2, "--out", tmp_path / "again", "--check", 1, "--json")
     assert again.exit_code == 0, again.output
-    with (tmp_path / "again" / "placement.csv").open() as file:
-        taken = [float(row["own a90 [1]"]) for row in csv.DictReader(file)]
+    content = json.loads(again.stdout)
+    taken = content["own"]["a90"]
+    assert content["zones"] == ["left", "right"]
+    assert content["chosen"]["check"]["records"] == 1
     np.testing.assert_allclose(taken, [float(row["chosen a90 [1]"]) for row in rows], rtol=1e-4)
 
 
