@@ -92,9 +92,9 @@ def save_picture(found: Placing, path: Path) -> None:
         ax=list(axes),
         label="damage found in 90 % of cases, a90 [%]",
         shrink=0.85,
-        format="%.3g",
+        format="{x:.3g}",
     )
-    bar.ax.yaxis.set_minor_formatter("%.3g")
+    bar.ax.yaxis.set_minor_formatter("{x:.3g}")
     with replacing(path) as unfinished:
         figure.savefig(unfinished, dpi=130, format="png", metadata={"Software": None})
 
