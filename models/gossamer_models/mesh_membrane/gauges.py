@@ -23,6 +23,7 @@ SAMPLES = 5  # of a gauge with a length, Gauss-Legendre
 _ACROSS = 1e-2  # part of a direction that lies in the surface, at least
 _BENT = 0.02  # share of a gauge that a curved surface may take from it
 _NEAREST = 12  # elements looked into
+_THERE = 1e-13  # how far a point on an element may seem to be from it, shares of the size
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,8 @@ def _line(mesh: SurfaceMesh, point: Vector, direction: Vector) -> tuple[Vector, 
             st, distance, place = _nearest(block.order, X, point)
             if best is None or distance < best[0]:
                 best = (distance, block, int(k), st, place)
+            if distance <= _THERE * mesh.size:  # no other element is nearer
+                break
     assert best is not None  # a mesh has elements
     _, block, k, st, place = best
     _N, D = shape_functions(block.order, st)

@@ -20,6 +20,7 @@ from .exchange import container, export
 from .identify import CommandWithFields, identify
 from .inspect import info, verify
 from .new import new
+from .place_sensors import place_sensors
 from .report import report, view
 from .run import demo, run
 from .sweep import sweep
@@ -73,4 +74,5 @@ app.command(cls=Command)(watch)
 app.command(cls=Command)(campaign)
 app.command(cls=CommandWithColumns)(assess)
 app.command("assess-detector", cls=Command)(assess_detector)
+app.command("place-sensors", cls=Command)(place_sensors)
 app.command(cls=CommandWithFields)(identify)
