@@ -49,6 +49,8 @@ class StepModel:
         What to check when a result is not finite; ends the error message.
     provenance : dict
         Where identified or trained numbers come from.
+    resources : dict
+        Files by name that an FMU of the model carries beside it, for programs that draw it; no part of ``card``.
     """
 
     name: str
@@ -59,6 +61,7 @@ class StepModel:
     step_limit: str | None = None
     advice: str = "Check the parameters and the inputs."
     provenance: dict[str, str] = field(default_factory=dict)
+    resources: dict[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         order = [CAUSALITIES.index(v.causality) for v in self.variables]

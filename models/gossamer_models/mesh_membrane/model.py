@@ -21,6 +21,7 @@ from ..variables import Results, Values, Variable, input_, local, output, parame
 from .equations import Forces, State, forces, volume
 from .relaxation import relax
 from .setup import Setup
+from .shape import FILE, shape_file
 from .structure import Structure
 
 STEP_FRACTION = 0.6  # of the stable step
@@ -158,6 +159,7 @@ def mesh_membrane_model(structure: Structure) -> StepModel:
         init=init,
         step=step,
         step_limit="max_step",
+        resources={FILE: shape_file(structure, variables)},
         advice="Check supports, prestress, loads and damage: the membrane may be stretched beyond any use, or no equilibrium "
         "was found to start from.",
     )

@@ -22,6 +22,7 @@ from .campaign import campaign
 from .exchange import container, export
 from .identify import CommandWithFields, identify
 from .inspect import info, verify
+from .pictures import export_vtk
 from .report import report, view
 from .run import demo, run
 from .sweep import sweep
@@ -84,6 +85,7 @@ app.command()(sweep)
 app.command()(demo)
 app.command()(report)
 app.command()(view)
+app.command("export-vtk")(export_vtk)
 app.command()(verify)
 app.command()(info)
 app.command()(train)

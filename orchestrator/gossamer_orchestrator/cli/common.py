@@ -15,6 +15,10 @@ from ..errors import OrchestratorError
 
 FMUS = Path("out/fmus")
 FmuFolder = Annotated[Path, typer.Option("--fmus", help="Folder of the FMUs that scenarios name.", metavar="FOLDER")]
+Results = Annotated[
+    Path,
+    typer.Argument(help="Folder of a run, or its results.nc or results.csv.", metavar="RESULTS", show_default=False),
+]
 
 
 def wide(*, stderr: bool = False) -> Console:

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-Results = Annotated[
-    Path,
-    typer.Argument(help="Folder of a run, or its results.nc or results.csv.", metavar="RESULTS", show_default=False),
-]
+from .common import Results
 
 
 def report(results: Results) -> None:

@@ -22,6 +22,7 @@ from ..results.files import (
     save_csv,
     values_in,
 )
+from ..results.shapes import settle_shapes
 from ..scenario.schema import Given, Scenario
 from .child import WAITING, Task
 from .folders import locked, scratch
@@ -172,6 +173,7 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     if not file.count:
         file.close()
         unfinished.unlink()
+        settle_shapes(folder, kept=False)
         return None
     error = process.error
     reason = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
@@ -180,6 +182,7 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     file.close()
     if not (isinstance(error, ResultsError) and (folder / NETCDF).exists()):
         unfinished.replace(folder / NETCDF)
+        settle_shapes(folder, kept=True)
     return last
 
 
