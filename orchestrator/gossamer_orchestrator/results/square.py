@@ -47,15 +47,15 @@ def square_history(data: xr.Dataset, membrane: str, rows: np.ndarray) -> ShapeHi
     w = np.pad(heights.isel(time=rows).to_numpy(), ((0, 0), (1, 1), (1, 1)))  # the edge stays
     n = w.shape[1] - 1
     x, y = (part.ravel() / n for part in np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij"))
-    j, i = (part.ravel() for part in np.meshgrid(np.arange(n), np.arange(n)))
-    first = j * (n + 1) + i  # the node at i along y, j along x
+    i, j = (part.ravel() for part in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    first = i * (n + 1) + j  # the node at i along x, j along y
     flat = np.zeros_like(x)
     surface = Surface(
         nodes=np.column_stack([d + L * x, d + L * y, flat]),
         faces=np.column_stack([first, first + n + 1, first + n + 2, first + 1]),
         element=np.arange(n * n),
         region=np.zeros(n * n, dtype=int),
-        zone=ZONES * (ZONES * i // n) + ZONES * j // n,
+        zone=ZONES * (ZONES * j // n) + ZONES * i // n,
         poisson_ratio=np.array([nu]),
         direction=np.array([[1.0, 0.0, 0.0]]),
         sensor_points=np.array([[d + L * a / 3.0, d + L * b / 3.0, 0.0] for a, b in _THIRDS]),

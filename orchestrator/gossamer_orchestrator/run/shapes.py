@@ -31,12 +31,9 @@ class ShapeRecorder:
     def __init__(self, plan: Plan, folder: Path) -> None:
         scenario = plan.scenario
         self._path, self._earlier = folder / UNFINISHED_SHAPES, folder / SHAPES
-        spread = (
-            np.linspace(0, scenario.ticks, scenario.record.frames)
-            if scenario.record.frames > 1
-            else np.array([scenario.ticks])
-        )
-        self._ticks = set(spread.round().astype(int).tolist()) if scenario.record.frames else set()
+        frames, every = scenario.record.frames, scenario.record.every
+        spread = every * np.linspace(0, scenario.ticks // every, frames).round().astype(int)  # as in results.nc
+        self._ticks = {*spread[:-1].tolist(), scenario.ticks} if frames else set()
         self._shapes: dict[str, Shape] = {}
         self._file: GrowingFile | None = None
 

@@ -28,7 +28,7 @@ from .verdict import make_verdict
 
 PAGE = "report.html"
 ASSETS = Path(__file__).with_name("assets")
-SCRIPTS = ("unpack.js", "figures.js", "membrane.js", "damage.js", "sensors.js", "main.js")
+SCRIPTS = ("unpack.js", "figures.js", "membrane.js", "surface.js", "damage.js", "sensors.js", "main.js")
 
 
 def write_report(data: xr.Dataset, folder: Path) -> Path:

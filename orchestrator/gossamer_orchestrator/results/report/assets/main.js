@@ -68,7 +68,7 @@ async function main() {
 }
 
 function addPictures() {
-  addMembrane();
+  if (page.content.surface) addSurface(); else addMembrane();
   addDamage();
   addDeflection();
   addSensors();

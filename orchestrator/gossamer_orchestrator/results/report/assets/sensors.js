@@ -68,6 +68,15 @@ function addSensors() {
     },
     move(div, instant) { Plotly.restyle(div, marker(instant), [div.data.length - 1]); },
   });
+  if (usable.some((each) => each.spectrogram)) add({
+    title: "Spectrogram of the strain", timed: true, note: "Decimal logarithm of the amplitude, under Hann's window, without the mean.",
+    label: "Amplitude of the strain over time and frequency.",
+    make(colors) {
+      const found = chosen().spectrogram, data = found ? [{ type: "heatmap", x: found.time, y: found.frequency, z: found.level, colorscale: "Viridis",
+        zmin: Math.max(bottom(found.level), -10), colorbar: { title: { text: "log₁₀" }, thickness: 12 }, hovertemplate: "%{x:.4g} s, %{y:.4g} Hz: 10^%{z:.2f}<extra></extra>" }] : [];
+      return { data, more: { hovermode: "closest", xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "frequency [Hz]") } };
+    },
+  });
   if (usable.some((each) => (each.loops || []).some((loop) => loop.frequency))) add({
     title: "Spectrum of the resistance", note: "Amplitudes under Hann's window, without the mean.",
     make(colors) {
