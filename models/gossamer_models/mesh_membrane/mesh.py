@@ -164,7 +164,7 @@ def _tensor_elements(
     begin = first + (p - 1) * len(keys)
     grid[:, 1:p, 1:p] = begin + np.arange(n * (p - 1) ** 2).reshape(n, p - 1, p - 1)
     found = {(a, b): tuple(row) for (a, b), row in zip(keys.tolist(), inner.tolist(), strict=True)}
-    return grid.reshape(n, -1), found
+    return grid.reshape(n, (p + 1) ** 2), found
 
 
 def _along(sides: dict[tuple[int, int], tuple[int, ...]], a: int, b: int) -> list[int]:
