@@ -22,7 +22,7 @@ from .campaign import campaign
 from .exchange import container, export
 from .identify import CommandWithFields, identify
 from .inspect import info, verify
-from .pictures import export_vtk
+from .pictures import export_vtk, plot
 from .report import report, view
 from .run import demo, run
 from .sweep import sweep
@@ -85,6 +85,7 @@ app.command()(sweep)
 app.command()(demo)
 app.command()(report)
 app.command()(view)
+app.command()(plot)
 app.command("export-vtk")(export_vtk)
 app.command()(verify)
 app.command()(info)

@@ -3,11 +3,50 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..errors import OrchestratorError
 from .common import Results
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LARGEST_PICTURE = 200_000  # points
+
+
+def plot(
+    results: Results,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write to; that of the results by default.", metavar="FOLDER")
+    ] = None,
+    form: Annotated[str, typer.Option("--format", help="png, svg or pdf.", metavar="FORM")] = "png",
+) -> None:
+    """Draw the pictures of a run again, from its results.
+
+    For example:
+
+        gossamer plot out/damaged --format svg
+    """
+    from ..results.files import load_results
+    from ..results.plots import save_pictures
+    from ..results.plots.save import FORMS
+
+    if form not in FORMS:
+        msg = f"there are no pictures of form {form!r}. Choose {', '.join(FORMS[:-1])} or {FORMS[-1]}."
+        raise OrchestratorError(msg)
+    folder = results if results.is_dir() else results.parent
+    for path in save_pictures(every_so_many(load_results(results)), folder if out is None else out, form, folder):
+        typer.echo(path)
+
+
+def every_so_many(data: xr.Dataset) -> xr.Dataset:
+    """Return results with few enough points for a picture."""
+    stride = -(-data.sizes["time"] // LARGEST_PICTURE)
+    if stride > 1:
+        typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
+    return data.isel(time=slice(None, None, stride))
 
 
 def export_vtk(

@@ -11,6 +11,7 @@ from ..errors import OrchestratorError, ResultsError
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .common import FMUS, FmuFolder, wide
+from .pictures import every_so_many
 from .watch import LiveWatch
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 DEMO = "damage_begins"
 WATCHED = "watch.json"
-LARGEST_PICTURE = 200_000  # points
 
 
 def run(
@@ -168,10 +168,7 @@ def _draw(data: xr.Dataset, out: Path) -> Path | None:
     from ..results.plots import save_pictures
     from ..results.report import write_report
 
-    stride = -(-data.sizes["time"] // LARGEST_PICTURE)
-    if stride > 1:
-        typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
-    for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
+    for path in save_pictures(every_so_many(data), out):
         typer.echo(path)
     try:
         page = write_report(data, out)

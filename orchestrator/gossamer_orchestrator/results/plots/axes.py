@@ -29,6 +29,14 @@ def axes_or_new(ax: Axes | None) -> Axes:
     return plt.figure().add_subplot()
 
 
+def time_axis(ax: Axes) -> None:
+    """Keep the ticks of a time axis apart, whatever its span: few of them, and what they share written once."""
+    from matplotlib.ticker import MaxNLocator
+
+    ax.xaxis.set_major_locator(MaxNLocator(6))
+    ax.ticklabel_format(axis="x", style="sci", scilimits=(-2, 5), useOffset=True)
+
+
 def side(data: xr.Dataset) -> tuple[float, str]:
     """Return the side of the stretched square and its unit; 1 and "side" if its parameters are not known."""
     known = square_parameters(data, next(iter(find_all(data, "membrane")), ""))

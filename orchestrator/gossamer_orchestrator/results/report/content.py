@@ -136,6 +136,8 @@ def _sensor_curves(data: xr.Dataset) -> tuple[dict[str, Curve], dict[int, dict[s
         for number, name in found.items():
             readers.setdefault(number, {})[role] = name
     strains = data.get(f"{membrane}.strain")
+    if not readers and strains is not None and strains.ndim == 2:
+        readers = {int(number): {} for number in strains[strains.dims[1]].to_numpy()}  # a membrane alone
     for number, reader in sorted(readers.items()):
         sensor, late = reader.get("sensor", ""), reader.get("compensator", "")
         if strains is not None and strains.ndim == 2 and number in strains[strains.dims[1]].to_numpy():

@@ -80,7 +80,9 @@ def _border(faces: Integers) -> list[int]:
     """Return the sides that belong to one of some faces only, as pairs of nodes."""
     quad = faces[:, 3] >= 0
     rings = [(faces[quad], (0, 1, 2, 3)), (faces[~quad], (0, 1, 2))]
-    sides = np.concatenate([ring[:, [a, b]] for ring, order in rings for a, b in zip(order, (*order[1:], 0), strict=True)])
+    sides = np.concatenate(
+        [ring[:, [a, b]] for ring, order in rings for a, b in zip(order, (*order[1:], 0), strict=True)]
+    )
     _, first, count = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
     pairs: list[int] = sides[first[count == 1]].ravel().tolist()
     return pairs

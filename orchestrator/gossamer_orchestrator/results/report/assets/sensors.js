@@ -18,7 +18,7 @@ function addSensors() {
   if (!usable.length) return;
   heading("Sensors");
   const select = element("select", { id: "sensor" });
-  usable.forEach((each, k) => select.append(element("option", { value: `${k}` }, `${each.number}: ${[each.sensor, each.compensator].filter(Boolean).join(", ")}`)));
+  usable.forEach((each, k) => select.append(element("option", { value: `${k}` }, [`${each.number}`, ...[[each.sensor, each.compensator].filter(Boolean).join(", ")].filter(Boolean)].join(": "))));
   document.getElementById("pictures").append(element("p", { class: "picker" }, element("label", { for: "sensor" }, "Sensor "), select));
   const some = (...names) => usable.some((each) => names.some((name) => each.curves[name]));
   const figures = [];

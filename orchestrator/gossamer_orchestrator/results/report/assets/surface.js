@@ -24,10 +24,33 @@ function addSurface() {
   for (const [value, text] of choices) select.append(element("option", { value }, text));
 
   const at = (instant, node, offset = [0, 0, 0]) => [0, 1, 2].map((axis) => mesh.places[instant][3 * node + axis] + offset[axis]);
+  // What is drawn on the surface stands a little before it, on the side of the first view.
+  const eye = [-0.5, -0.95, 0.75];
+  let raised = { instant: -1 };
+  const normals = (instant) => {
+    if (raised.instant === instant) return raised.found;
+    const found = new Float32Array(mesh.places[instant].length);
+    for (const triangle of mesh.triangles) {
+      const [a, b, c] = triangle.map((node) => at(instant, node)), u = b.map((v, k) => v - a[k]), v = c.map((value, k) => value - a[k]);
+      const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+      for (const node of triangle) for (let k = 0; k < 3; k++) found[3 * node + k] += n[k];
+    }
+    for (let k = 0; k < found.length; k += 3) {
+      const long = Math.hypot(found[k], found[k + 1], found[k + 2]) || 1;
+      const side = found[k] * eye[0] + found[k + 1] * eye[1] + found[k + 2] * eye[2] < 0 ? -1 : 1;
+      for (let axis = 0; axis < 3; axis++) found[k + axis] *= side / long;
+    }
+    raised = { instant, found };
+    return found;
+  };
+  const above = (instant, node, height, offset = [0, 0, 0]) => {
+    const n = normals(instant);
+    return at(instant, node, offset.map((value, axis) => value + height * size * n[3 * node + axis]));
+  };
   const points = (found) => ({ x: found.map((p) => p[0]), y: found.map((p) => p[1]), z: found.map((p) => p[2]) });
   const lines = (instant, pairs) => {
     const found = [];
-    for (let k = 0; k < pairs.length; k += 2) found.push(at(instant, pairs[k]), at(instant, pairs[k + 1]), [null, null, null]);
+    for (let k = 0; k < pairs.length; k += 2) found.push(above(instant, pairs[k], 0.004), above(instant, pairs[k + 1], 0.004), [null, null, null]);
     return points(found);
   };
   const all = mesh.borders.flat();
@@ -38,20 +61,20 @@ function addSurface() {
     mesh.triangles.forEach((triangle, k) => {
       if (mesh.mark[instant][mesh.face[k]] > 0 && !seen.has(mesh.face[k])) {
         seen.add(mesh.face[k]);
-        const [a, b, c] = triangle.map((node) => at(instant, node));
+        const [a, b, c] = triangle.map((node) => above(instant, node, 0.006));
         found.push(a.map((value, axis) => (value + b[axis] + c[axis]) / 3));
       }
     });
     return points(found);
   };
   const sensors = (instant) => ({
-    ...points(mesh.sensors.map((node, k) => at(instant, node, mesh.offsets[k]))),
+    ...points(mesh.sensors.map((node, k) => above(instant, node, 0.02, mesh.offsets[k]))),
     text: mesh.sensors.map((_, k) => {
       const known = (content.sensors.find((each) => each.number === k + 1) || {}).at;
       return `sensor ${k + 1}` + (known ? `<br>strain ${known.strain[instant].toPrecision(4)}<br>resistance ${known.resistance[instant].toPrecision(5)} Ω` : "");
     }),
   });
-  const labels = (instant) => points(mesh.labels.filter((node) => node >= 0).map((node) => at(instant, node)));
+  const labels = (instant) => points(mesh.labels.filter((node) => node >= 0).map((node) => above(instant, node, 0.015)));
   const skin = (instant) => points(Array.from({ length: mesh.places[instant].length / 3 }, (_, node) => at(instant, node)));
   const intensity = (instant) => {
     if (select.value === "deflection") return Array.from(mesh.deflection[instant], (value) => 1e3 * value);
@@ -62,7 +85,7 @@ function addSurface() {
   };
   const colouring = (colors) => ({
     deflection: { cmin: 0, cmax: topAway, colorscale: "Viridis", colorbar: { title: { text: "mm" } } },
-    strain: { cmin: 0, cmax: topStrain || 1, colorscale: "Cividis", colorbar: { title: { text: "strain" } } },
+    strain: { cmin: bottom(mesh.strain), cmax: topStrain || 1, colorscale: "Cividis", colorbar: { title: { text: "strain" } } },
     mark: { cmin: -0.5, cmax: 2.5, colorscale: [[0, "#56B4E9"], [1 / 3, "#56B4E9"], [1 / 3, "#E69F00"], [2 / 3, "#E69F00"], [2 / 3, "#6d4c7d"], [1, "#6d4c7d"]],
             colorbar: { tickvals: [0, 1, 2], ticktext: MARKS } },
     estimated: { cmin: 0, cmax: damage ? topDamage() : 1, colorscale: damageScale(colors), colorbar: { title: { text: "%" } } },
@@ -100,10 +123,10 @@ function addSurface() {
       const place = { gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)" };
       const range = (axis) => { const [low, high] = span[axis], room = Math.max(0.05 * (high - low), 0.02 * size); return [low - room, high + room]; };
       const one = (axis, name) => ({ ...place, title: { text: `${name} [m]` }, range: range(axis), nticks: range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
-      const ratio = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.5 * (high - low) / size; });
+      const ratio = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.3 * (high - low) / size; });
       const far = window.innerWidth < 600 ? 1.35 : 1;
       const scene = { xaxis: one(0, "x"), yaxis: one(1, "y"), zaxis: one(2, "z"), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] },
-        camera: { eye: { x: -0.85 * far, y: -1.6 * far, z: 1.1 * far } } };
+        camera: { eye: { x: -0.9 * far, y: -1.7 * far, z: 1.35 * far }, center: { x: 0, y: 0, z: -0.1 } } };
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
     move(div, instant) {
