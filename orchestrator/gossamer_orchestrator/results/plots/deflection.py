@@ -94,7 +94,7 @@ def plot_shape(history: ShapeHistory, *, ax: Axes3D | None = None) -> Axes3D:
     room = np.maximum(0.02 * float((high - low).max()), 0.05 * (high - low))
     ax.set(xlim=(low[0] - room[0], high[0] + room[0]), ylim=(low[1] - room[1], high[1] + room[1]))
     ax.set(zlim=(low[2] - room[2], high[2] + room[2]), xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    ax.set_box_aspect(high - low + 2.0 * room)
+    ax.set_box_aspect(high - low + 2.0 * room, zoom=1.2)
     ax.locator_params(nbins=4)
     wrinkled = f"; {np.mean(mark != TAUT):.0%} of the faces wrinkle (orange edges)" if (mark != TAUT).any() else ""
     ax.set_title(f"Displacement [mm] at t = {history.time[k]:.4f} s{wrinkled}")
