@@ -33,6 +33,7 @@ from .c_code import sources, with_guid
 from .catalogue import NAMES, make_model
 from .compiler import choose_platforms, compile_library
 from .description import FmiVersion, build_description, model_description
+from .loop_code import FILE
 from .page import documents
 from .python_fmu import python_members
 from .resources import resources
@@ -169,6 +170,8 @@ def _build(
     for name, model, readme in models:
         code = sources(model, "", fmi) if native else {}
         members = documents(model, readme) | ({} if native else python_members(model)) | resources(model, native=native)
+        if model.tables is not None:
+            members[f"resources/{FILE}"] = model.tables.content()
         description = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}
         guid = identifier(members | code | description)
         code = with_guid(code, guid) if native else {}

@@ -7,6 +7,7 @@ The sources of an FMU are one translation unit::
     state.h             saved states; the same for every model
     model.h             the table of variables and sizes, written here
     functions.h         init, step and their derivatives, written by CasADi
+    tables.h, loop.h    of a model with tables: how it reads them, and its sums over elements; see ``loop_code``
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from gossamer_models import StepModel
 
 from .arrays import arrays_of
 from .description import FmiVersion
+from .loop_code import loop_sources, table_sizes, with_loops
 
 
 def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
@@ -35,13 +37,19 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
     """
     here = Path(__file__).parent / "native"
     files = {name: (here / name).read_bytes() for name in (f"fmi{fmi}.c", "stepper.h", "state.h")}
-    functions = [model.init, model.step, derivative(model), initial_derivative(model)]
+    functions = [model.init, model.step]
+    if model.tables is None:
+        functions += [derivative(model), initial_derivative(model)]
     files["model.h"] = _model_header(model, guid, functions).encode()
     generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 1})
     for function in functions:
         generator.add(function)
-    files["functions.h"] = generator.dump().encode()
-    return files
+    if model.tables is None:
+        return files | {"functions.h": generator.dump().encode()}
+    for loop in model.tables.loops:
+        generator.add(loop.stand_in)
+    code = with_loops(generator.dump(), model.tables.loops)
+    return files | loop_sources(model.tables) | {"functions.h": code.encode()}
 
 
 def with_guid(files: dict[str, bytes], guid: str) -> dict[str, bytes]:
@@ -83,7 +91,10 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
         "SIZE_IW": max(1, *(f.sz_iw() for f in functions)),
         "SIZE_W": max(1, *(f.sz_w() for f in functions)),
         "STEP_LIMIT": -1 if model.step_limit is None else model.names.index(model.step_limit),
+        "HAS_TABLES": int(model.tables is not None),
     }
+    if model.tables is not None:
+        sizes |= table_sizes(model.tables)
     lines = [
         f"/* Model {model.name}: {model.description}. */",
         f"#define MODEL_NAME {_c_text(model.name)}",

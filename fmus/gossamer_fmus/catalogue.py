@@ -95,7 +95,7 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
             raise ParameterError(_REFUSALS[option].format(name))
     artifact, scales = given.pop("artifact", None), given.pop("scales", None)
     if name == "membrane" and "structure" in given:
-        return _mesh_membrane(**given)
+        return _mesh_membrane(**given, compiled=compiled)
     if name == "membrane":
         return membrane_model(**given, compiled=compiled)
     if artifact is None:
@@ -123,13 +123,13 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     raise ParameterError(msg)
 
 
-def _mesh_membrane(structure: Structure, **rest: Any) -> StepModel:  # noqa: ANN401
+def _mesh_membrane(structure: Structure, *, compiled: bool, **rest: Any) -> StepModel:  # noqa: ANN401
     if rest:
         msg = f"--{min(rest).replace('_', '-')} has no meaning with --setup, which says it itself. Leave it out."
         raise ParameterError(msg)
     from gossamer_models.mesh_membrane import mesh_membrane_model
 
-    return mesh_membrane_model(structure)
+    return mesh_membrane_model(structure, compiled=compiled)
 
 
 def _scales(numbers: tuple[float, ...]) -> Scales:

@@ -19,12 +19,15 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
 from .errors import ArtifactError, ParameterError
 from .variables import CAUSALITIES, Causality, Results, State, Values, Variable, by_name, in_order, pack, unpack
+
+if TYPE_CHECKING:
+    from .element_loop import Tables  # stays behind when this file travels
 
 FORMAT_VERSION = 1
 
@@ -49,6 +52,8 @@ class StepModel:
         What to check when a result is not finite; ends the error message.
     provenance : dict
         Where identified or trained numbers come from.
+    tables : element_loop.Tables or None
+        Arrays that both functions take as one more input; such a model is for compiled code only.
     resources : dict
         Files by name that an FMU of the model carries beside it, for programs that draw it; no part of ``card``.
     """
@@ -61,6 +66,7 @@ class StepModel:
     step_limit: str | None = None
     advice: str = "Check the parameters and the inputs."
     provenance: dict[str, str] = field(default_factory=dict)
+    tables: Tables | None = None
     resources: dict[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -73,9 +79,10 @@ class StepModel:
             raise ParameterError(msg)
         n_p, n_u = self.count("parameter"), self.count("input")
         n_y, n_x = len(self.variables) - n_p - n_u, self.n_states
+        n_t = [] if self.tables is None else [self.tables.numbers.size]
         expected = {
-            "init": ([n_u, n_p], [n_x, n_y], self.init),
-            "step": ([n_x, n_u, n_p, 1], [n_x, n_y], self.step),
+            "init": ([n_u, n_p, *n_t], [n_x, n_y], self.init),
+            "step": ([n_x, n_u, n_p, 1, *n_t], [n_x, n_y], self.step),
         }
         for label, (n_in, n_out, function) in expected.items():
             shape_in = [function.nnz_in(i) for i in range(function.n_in())]
@@ -94,6 +101,7 @@ class StepModel:
         variables: tuple[Variable, ...],
         init: Callable[[Values, Values], tuple[State, Results]],
         step: Callable[[State, Values, Values, ca.MX], tuple[State, Results]],
+        table_column: ca.MX | None = None,
         **rest: Any,  # noqa: ANN401
     ) -> StepModel:
         """Trace a model that is written with the names of its table.
@@ -108,6 +116,8 @@ class StepModel:
             name, arrays as columns.
         step : callable
             ``step(x, u, p, h) -> (x_next, results)`` with states as ``init`` returns them.
+        table_column : casadi.MX, optional
+            Symbol for ``tables.numbers`` that both use.
         **rest
             The other attributes of the model.
 
@@ -123,10 +133,11 @@ class StepModel:
         x0, y0 = init(inputs, parameters)
         x, h = ca.MX.sym("x", pack(x0).numel()), ca.MX.sym("h")
         x_next, y = step(unpack(x0, x), inputs, parameters, h)
+        t = [] if table_column is None else [table_column]
         return cls(
             variables=variables,
-            init=ca.Function("init", [u, p], [pack(x0), in_order(results, y0)]),
-            step=ca.Function("step", [x, u, p, h], [pack(x_next), in_order(results, y)]),
+            init=ca.Function("init", [u, p, *t], [pack(x0), in_order(results, y0)]),
+            step=ca.Function("step", [x, u, p, h, *t], [pack(x_next), in_order(results, y)]),
             **rest,
         )
 
@@ -163,6 +174,8 @@ class StepModel:
             "sha256": {name: _digest(function.serialize()) for name, function in self._functions.items()},
             "variables": [asdict(v) for v in self.variables],
         }
+        if self.tables is not None:
+            content["sha256"]["tables"] = hashlib.sha256(self.tables.content()).hexdigest()  # type: ignore[index]
         return json.dumps(content, indent=1)
 
     @cached_property

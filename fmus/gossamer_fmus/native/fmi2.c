@@ -61,14 +61,17 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   fmi2ComponentEnvironment environment = callbacks ? callbacks->componentEnvironment : NULL;
   const char *refusal = NULL;
   Instance *m = NULL;
-  (void)resources, (void)visible, (void)logging;
+  (void)visible, (void)logging;
   if (!name || !*name) {
     refusal = "an instance needs a name";
   } else if (type != fmi2CoSimulation) {
     refusal = "model '" MODEL_NAME "' is for co-simulation only";
   } else if (!guid || strcmp(guid, MODEL_GUID) != 0) {
     refusal = "the guid is not " MODEL_GUID ", which this binary was built for";
+  } else if ((refusal = tables_open(resources))) {
+    /* said why */
   } else if (!(m = calloc(1, sizeof *m))) {
+    tables_close();
     refusal = "there is no memory for another instance of model '" MODEL_NAME "'";
   }
   if (refusal) {
@@ -82,7 +85,10 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   return m;
 }
 
-void fmi2FreeInstance(fmi2Component c) { free(c); }
+void fmi2FreeInstance(fmi2Component c) {
+  if (c) tables_close();
+  free(c);
+}
 
 /* Refusals and warnings are logged always: FMI 2.0 allows it, and they explain what a run did. */
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[]) {

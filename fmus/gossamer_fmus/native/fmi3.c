@@ -54,14 +54,17 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3IntermediateUpdateCallback update) {
   const char *refusal = NULL;
   Instance *m = NULL;
-  (void)resources, (void)visible, (void)early_return, (void)required, (void)n_required, (void)update;
+  (void)visible, (void)early_return, (void)required, (void)n_required, (void)update;
   if (!name || !*name) {
     refusal = "an instance needs a name";
   } else if (!token || strcmp(token, MODEL_GUID) != 0) {
     refusal = "the token is not " MODEL_GUID ", which this binary was built for";
   } else if (event_mode) {
     refusal = "model '" MODEL_NAME "' has no event mode, as its description says";
+  } else if ((refusal = tables_open(resources))) {
+    /* said why */
   } else if (!(m = calloc(1, sizeof *m))) {
+    tables_close();
     refusal = "there is no memory for another instance of model '" MODEL_NAME "'";
   }
   if (refusal) {
@@ -75,7 +78,10 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
   return m;
 }
 
-void fmi3FreeInstance(fmi3Instance c) { free(c); }
+void fmi3FreeInstance(fmi3Instance c) {
+  if (c) tables_close();
+  free(c);
+}
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {

@@ -25,15 +25,6 @@ static void state_free(void **saved) {
   *saved = NULL;
 }
 
-static uint32_t crc32(const uint8_t *bytes, size_t size) {
-  uint32_t crc = ~0u;
-  for (size_t i = 0; i < size; i++) {
-    crc ^= bytes[i];
-    for (int bit = 0; bit < 8; bit++) crc = crc >> 1 ^ (0xEDB88320u & -(crc & 1));
-  }
-  return ~crc;
-}
-
 /* Write a saved state as STATE_SIZE bytes. */
 static void state_write(const void *saved, uint8_t *bytes) {
   uint32_t crc;

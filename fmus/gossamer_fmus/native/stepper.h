@@ -44,7 +44,26 @@ typedef struct {
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-function"
 #endif
+static uint32_t crc32(const uint8_t *bytes, size_t size) {
+  uint32_t crc = ~0u;
+  for (size_t i = 0; i < size; i++) {
+    crc ^= bytes[i];
+    for (int bit = 0; bit < 8; bit++) crc = crc >> 1 ^ (0xEDB88320u & -(crc & 1));
+  }
+  return ~crc;
+}
+
+#if HAS_TABLES
+#include "tables.h"
+static int run_loop(int which, const double **arg, double **res);
 #include "functions.h"
+#include "loop.h"
+#else
+static const double *const tables = NULL;
+static const char *tables_open(const char *resources) { return (void)resources, NULL; }
+static void tables_close(void) {}
+#include "functions.h"
+#endif
 
 #define MAX_INTERNAL_STEPS 100000.0
 #define FIRST_INPUT N_PARAMETERS
@@ -171,6 +190,7 @@ static bool stepper_initialize(Stepper *s) {
   if (!in_range(s, 0, FIRST_RESULT)) return false;
   s->arg[0] = values + FIRST_INPUT;
   s->arg[1] = values;
+  if (HAS_TABLES) s->arg[2] = tables;
   s->res[0] = s->next;
   s->res[1] = s->next + N_STATES;
   if (init(s->arg, s->res, s->iw, s->w, 0)) s->next[0] = NAN;
@@ -204,6 +224,7 @@ static bool divide(Stepper *s, double h, double limit, double *count) {
 /* Carry s->x over h [s] in internal steps, the first no longer than limit [s], and leave the end in s->next. With the
    derivative, carry s->dx along for inputs that change by s->du, and leave the end of that in s->d_next. */
 static bool integrate(Stepper *s, double h, double limit, bool with_derivative) {
+  (void)with_derivative;
   const double *values = s->state.values;
   double remaining = 1.0, part;
   if (!divide(s, h, limit, &remaining)) return false;
@@ -213,6 +234,9 @@ static bool integrate(Stepper *s, double h, double limit, bool with_derivative) 
     s->arg[1] = values + FIRST_INPUT;
     s->arg[2] = values;
     s->arg[3] = &part;
+#if HAS_TABLES
+    s->arg[4] = tables;
+#else
     if (with_derivative) {
       s->arg[4] = s->dx;
       s->arg[5] = s->du;
@@ -226,6 +250,7 @@ static bool integrate(Stepper *s, double h, double limit, bool with_derivative) 
       s->arg[2] = values;
       s->arg[3] = &part;
     }
+#endif
     s->res[0] = s->next;
     s->res[1] = s->next + N_STATES;
     if (step(s->arg, s->res, s->iw, s->w, 0)) s->next[0] = NAN;
@@ -276,6 +301,9 @@ static bool stepper_seed(Stepper *s, size_t index, double rate) {
    beginning with the inputs as they stand; before the first step, change of the initial results. Leaves the state
    alone. */
 static bool stepper_derivative(Stepper *s) {
+#if HAS_TABLES
+  return refuse(s, "model '%s' has no derivatives, as its description says", MODEL_NAME);
+#else
   if (s->state.mode == INSTANTIATED) return wrong_call(s, "taking a derivative");
   if (!in_range(s, 0, FIRST_RESULT)) return false;
   if (s->state.last_step == 0.0) {
@@ -290,6 +318,7 @@ static bool stepper_derivative(Stepper *s) {
   memcpy(s->x, s->state.x_before, sizeof s->x);
   memset(s->dx, 0, sizeof s->dx);
   return integrate(s, s->state.last_step, s->state.limit_before, true);
+#endif
 }
 
 /* The derivative of one variable, after stepper_derivative. */

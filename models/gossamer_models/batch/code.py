@@ -43,7 +43,7 @@ def sources(model: StepModel, results: Sequence[str]) -> dict[str, bytes]:
     return {
         **own_sources(),
         "sizes.h": _sizes(model, results, functions).encode(),
-        "functions.h": _safe_for_lanes(generator.dump()).encode(),
+        "functions.h": safe_for_lanes(generator.dump()).encode(),
     }
 
 
@@ -114,7 +114,7 @@ _FACTORS = re.compile(r"(casadi_real lt\[\d+\], d\[\d+\], w\[\d+\];)")  # too la
 _SIGN = re.compile(r"casadi_real casadi_sign\(casadi_real x\) \{[^}]*\}")
 
 
-def _safe_for_lanes(code: str) -> str:
+def safe_for_lanes(code: str) -> str:
     """Replace what the operators of C cannot do with vectors; what is overlooked does not compile."""
     code = _BINARY.sub(lambda m: f"{m[1]}{_OPERATORS[m[3]]}({m[2]}, {m[4]})", code)
     code = _NOT.sub(r"\1is_not(\2)", code)

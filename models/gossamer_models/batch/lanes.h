@@ -1,4 +1,4 @@
-/* Numbers for eight cases at once: casadi_real in the C code that CasADi writes.
+/* Numbers for eight cases at once, or as many as LANES says: casadi_real in the C code that CasADi writes.
 
    A lane is one case. Arithmetic, comparisons and functions act on each lane as the C operators and functions act on a
    double, so a lane holds the same bits as that case alone. A truth value is 1 or 0, as in CasADi. code.py replaces what
@@ -13,7 +13,9 @@
 #pragma clang diagnostic ignored "-Wunused-function"
 #pragma clang diagnostic ignored "-Wpsabi"
 
+#ifndef LANES
 #define LANES 8
+#endif
 typedef double lanes __attribute__((ext_vector_type(LANES)));
 typedef int64_t mask __attribute__((ext_vector_type(LANES))); /* each lane -1 or 0 */
 

@@ -1,47 +1,29 @@
 r"""The forces of a membrane on a mesh.
 
-Symbols: ``x`` node positions [m], node by node as (x, y, z), shape (3 N,); ``f`` nodal forces [N]; ``h`` thickness [m],
-``rho`` density [kg/m3], ``D`` = E h/(1 - nu^2) stiffness [N/m] of each of the G combinations; ``V`` volume of gas [m3].
-All elements of a kind are one expression with a column per element; see ``membrane.element``.
+Symbols: ``x`` node positions [m], node by node as (x, y, z), shape (3 N,); ``f`` nodal forces [N]; ``D`` = E h/(1 - nu^2)
+stiffness [N/m]; ``d`` what the elements of each of the G combinations share, a row of ``rows`` by a column of each, shape
+(K, G); ``V`` volume of gas [m3]. All elements of a kind are one expression with a column per element; see
+``membrane.element``. For compiled code they are loops over one element's function instead; see ``element_loop``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
+from ..arrays import Vector
+from ..element_loop import ElementLoop
 from ..membrane.assembly import sum_at
 from ..membrane.element import Element, Extras, balance, element_points, tangents
 from ..membrane.law import Entry, matrix
+from .setup import Setup
 from .structure import Elements, Structure
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class State:
-    """What the elements of each of the G combinations share, columns of shape (G,).
-
-    Attributes
-    ----------
-    D : casadi.MX
-        Stiffness [N/m].
-    pressure : casadi.MX
-        Follower pressure along the normal [Pa].
-    eigenstrain : sequence of casadi.MX or None
-        Twice the strain beside the geometric one [1]: along the first local axis, along the second, across.
-    light : casadi.MX or None
-        Direction in which light travels [1], shape (3,).
-    absorbed, mirrored : casadi.MX or None
-        Pressure of light [Pa], the share that is absorbed and the share that is mirrored.
-    """
-
-    D: Entry
-    pressure: Entry
-    eigenstrain: tuple[Entry, Entry, Entry] | None = None
-    light: Entry | None = None
-    absorbed: Entry | None = None
-    mirrored: Entry | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,90 +48,203 @@ class Forces:
     compressed: ca.MX
 
 
-def forces(structure: Structure, x: ca.MX, state: State) -> Forces:
-    r"""Write the nodal forces of stress, follower pressure and light.
+def rows(setup: Setup) -> tuple[str, ...]:
+    """Name what elements share: always stiffness [N/m] and pressure [Pa], and what else this setup has.
 
-    Notes
-    -----
-    The bound of the frequency is that of the element whose own is highest: ``geometry.stiffest`` times the square of the
-    wave speed at its fastest point. With inertia along the surface scaled by k, waves along it are slower by sqrt(k), and
-    transverse ones, whose speed is :math:`\sqrt{S/\rho}`, are not.
+    Twice the eigenstrain [1] along the first local axis, along the second and across; pressure of light [Pa], the share
+    that is absorbed and the share that is mirrored, and its direction [1].
     """
-    f, rates, strains, area = ca.MX.zeros(3 * len(structure.mesh.nodes)), [], [], ca.MX(0.0)
+    found = ["D", "pressure"]
+    if np.ptp([r.poisson_ratio for r in setup.regions]) > 0.0:
+        found.append("nu")
+    if any(any(r.prestress) or r.thermal_expansion for r in setup.regions):
+        found += ["along", "across", "shear"]
+    if any(load.kind == "light" for load in setup.loads):
+        found += ["absorbed", "mirrored", "light_x", "light_y", "light_z"]
+    return tuple(found)
+
+
+class MeshForces:
+    """The forces and the gas volume of a structure as expressions.
+
+    Parameters
+    ----------
+    structure : Structure
+        The membrane.
+    compiled : bool
+        True: write sums over elements as loops for compiled code. False: as expressions for CasADi's virtual machine.
+
+    Attributes
+    ----------
+    loops : tuple of ElementLoop
+        The loops of compiled code.
+    """
+
+    def __init__(self, structure: Structure, *, compiled: bool = False) -> None:
+        self._structure, self._compiled = structure, compiled
+        self._rows = rows(structure.setup)
+        blocks = structure.elements if compiled else ()
+        self._force_loops = [_force_loop(structure, block, i) for i, block in enumerate(blocks)]
+        enclosing = blocks if structure.setup.gas is not None else ()
+        self._volume_loops = [_volume_loop(structure, block, i) for i, block in enumerate(enclosing)]
+
+    @property
+    def loops(self) -> tuple[ElementLoop, ...]:
+        return (*self._force_loops, *self._volume_loops)
+
+    def forces(self, x: ca.MX, d: ca.MX) -> Forces:
+        r"""Write the nodal forces of stress, follower pressure and light.
+
+        Notes
+        -----
+        The bound of the frequency is that of the element whose own is highest: ``geometry.stiffest`` times the square of
+        the wave speed at its fastest point. With inertia along the surface scaled by k, waves along it are slower by
+        sqrt(k), and transverse ones, whose speed is :math:`\sqrt{S/\rho}`, are not.
+        """
+        if self._compiled:
+            parts = [Forces(*loop.stand_in.call([x, ca.vec(d)])) for loop in self._force_loops]
+        else:
+            parts = [self._block(block, x, d) for block in self._structure.elements]
+        found = parts[0]
+        for part in parts[1:]:
+            larger = (ca.fmax(a, b) for a, b in ((found.rate, part.rate), (found.strain, part.strain)))
+            found = Forces(found.f + part.f, *larger, found.compressed + part.compressed)
+        return replace(found, compressed=found.compressed / float(self._structure.areas.sum()))
+
+    def volume(self, x: ca.MX) -> ca.MX:
+        r"""Write the volume [m3] that the enclosing faces bound: :math:`\tfrac13 \oint x \cdot n\,\mathrm{d}A`.
+
+        Notes
+        -----
+        Of an open surface whose edge stays, its change is that of the volume behind it.
+        """
+        if self._compiled:
+            d = ca.MX.zeros(len(self._rows) * len(self._structure.region))  # of which the volume knows nothing
+            return sum(loop.stand_in(x, d) for loop in self._volume_loops)
+        total = ca.MX(0.0)
+        for block in self._structure.elements:
+            flags = ca.repmat(ca.DM(_encloses(self._structure, block)).T, len(block.element.w), 1)
+            total += ca.sum1(ca.sum2(flags * _swept(block.element, _positions(block, x))))
+        return total
+
+    def _block(self, block: Elements, x: ca.MX, d: ca.MX) -> Forces:
+        n, points = len(block.nodes), len(block.element.w)
+        columns = d[:, block.combination.tolist()]
+        shared = {name: ca.repmat(columns[i, :], points, 1) for i, name in enumerate(self._rows)}
+        w = ca.repmat(ca.DM(block.element.w), 1, n)
+        limit = ca.repmat(ca.DM(_limits(self._structure, block)).T, points, 1)
+        positions = _positions(block, x)
+        T = tangents(positions, block.element)
+        P, load, rate, strain, compressed = _points(self._structure.setup, T, block.element, w, shared, limit)
+        f, rate, strain, compressed = ca.cse([balance(P, load, block.element), rate, strain, compressed])
+        f = sum_at(_places(block).reshape(-1), ca.vec(f), 3 * len(self._structure.mesh.nodes))
+        return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum1(ca.sum2(compressed)))
+
+
+def _points(
+    setup: Setup, T: NDArray[np.object_], element: Element, w: Entry, shared: Mapping[str, Entry], limit: Entry
+) -> tuple[Any, list[Entry], Entry, Entry, Entry]:
+    """Return what points add: stress, load, bound of the squared frequency [1/s2], twice the strain, area compressed."""
+    extras: dict[str, Any] = {}
+    if "along" in shared:
+        shear = shared["shear"]
+        extras["eigenstrain"] = matrix([[shared["along"], shear], [shear, shared["across"]]])
+    if "absorbed" in shared:
+        light = [shared[f"light_{axis}"] for axis in "xyz"]
+        extras |= {"light": light, "absorbed": shared["absorbed"], "mirrored": shared["mirrored"]}
+    nu = shared.get("nu", setup.regions[0].poisson_ratio)
+    at = element_points(T, element, w, shared["D"], nu, shared["pressure"], Extras(**extras))
+    k = setup.inplane_mass
+    wave = at.wave if k == 1.0 else ca.fmax(at.wave / k, at.wave - 1.0 - at.strain)
+    return at.P, at.load, limit * shared["D"] * wave, at.strain, at.compressed
+
+
+def _force_loop(structure: Structure, block: Elements, number: int) -> ElementLoop:
+    """Write the forces of one element of a block as a function, for all of them in a loop."""
+    names, element = rows(structure.setup), block.element
+    m, points = block.nodes.shape[1], len(element.w)
+    T, g, w = ca.SX.sym("T", 6), ca.SX.sym("g", 5), ca.SX.sym("w")
+    d, limit = ca.SX.sym("d", len(names)), ca.SX.sym("limit")
+    placed = replace(element, J=g[0], J_inverse=matrix([[g[1], g[2]], [g[3], g[4]]]))
+    shared = {name: d[i] for i, name in enumerate(names)}
+    stretched = matrix([[T[2 * i + a] for a in range(2)] for i in range(3)])
+    P, load, *rest = _points(structure.setup, stretched, placed, w, shared, limit)
+    point = ca.Function("point", [T, g, w, d, limit], ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), *rest]))
+
+    x = ca.SX.sym("x", 3 * m)
+    at_points = ca.Function("at_points", [x], [ca.horzcat(*tangents(ca.vertsplit(x, m), element).flat).T])
+    P, load = ca.SX.sym("P", 6, points), ca.SX.sym("load", 3, points)
+    by_axis = matrix([[P[2 * i + a, :].T for a in range(2)] for i in range(3)])
+    on_nodes = ca.Function("on_nodes", [P, load], [balance(by_axis, [load[i, :].T for i in range(3)], element)])
+
+    symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("d", len(names)), ca.MX.sym("g", 5 * points + 1)]
+    x, d, g = symbols
+    all_points = point.map(points, [False, False, False, True, True])
+    maps = ca.reshape(g[:-1], 5, points)
+    P, load, rate, strain, compressed = all_points(at_points(x), maps, ca.DM(element.w).T, d, g[-1])
+    row = ca.SX.sym("row", 1, points)
+    largest = ca.Function("largest", [row], [reduce(ca.fmax, ca.horzsplit(row))])
+    results = [on_nodes(P, load), largest(rate), largest(strain), ca.sum2(compressed)]
+    function = ca.Function(f"element_{number}", symbols, results)
+    return ElementLoop(
+        f"forces_{number}",
+        function.expand() if element.order <= 1 else function,
+        True,
+        ("largest", "largest", "sum"),
+        len(structure.mesh.nodes),
+        len(structure.region),
+        block.nodes,
+        block.combination,
+        np.column_stack([_maps(element, len(block.nodes)), _limits(structure, block)]),
+    )
+
+
+def _volume_loop(structure: Structure, block: Elements, number: int) -> ElementLoop:
+    m = block.nodes.shape[1]
+    x, d, g = ca.SX.sym("x", 3 * m), ca.SX.sym("d", len(rows(structure.setup))), ca.SX.sym("g")
+    swept = g * ca.sum1(_swept(block.element, ca.vertsplit(x, m)))
+    function = ca.Function(f"swept_{number}", [x, d, g], [swept])
+    own = _encloses(structure, block)[:, None]
+    sizes = len(structure.mesh.nodes), len(structure.region)
+    return ElementLoop(f"volume_{number}", function, False, ("sum",), *sizes, block.nodes, block.combination, own)
+
+
+def _swept(element: Element, positions: list[Entry]) -> Entry:
+    """Return the volume [m3] between the origin and each point's share of the surface."""
+    T = tangents(positions, element)
+    at = [_values(element, column) for column in positions]
+    w = ca.repmat(ca.DM(element.w), 1, positions[0].shape[1])
+    return w * sum(a * b for a, b in zip(at, np.cross(T[:, 0], T[:, 1]), strict=True)) / 3.0
+
+
+def _limits(structure: Structure, block: Elements) -> Vector:
+    """Return the squared frequency [1/s2] of the stiffest motion of each element, at a stiffness of 1 N/m."""
     areal = np.array([r.density * r.thickness for r in structure.setup.regions])[structure.region]
-    k = structure.setup.inplane_mass
-    for block in structure.elements:
-        parts, wave, strain, compressed = _block(structure, block, x, state)
-        f += sum_at(_places(block).reshape(-1), ca.vec(parts), 3 * len(structure.mesh.nodes))
-        if k > 1.0:
-            wave = ca.fmax(wave / k, wave - 1.0 - strain)
-        D = ca.vec((state.D / ca.DM(areal))[block.combination.tolist()]).T
-        rates.append(ca.mmax(ca.DM(block.stiffest).T * D * columns_max(wave)))
-        strains.append(ca.mmax(strain))
-        area += ca.sum1(ca.sum2(compressed))
-    return Forces(f, ca.mmax(ca.vertcat(*rates)), ca.mmax(ca.vertcat(*strains)), area / structure.areas.sum())
+    return np.asarray(block.stiffest / areal[block.combination])
 
 
-def _block(structure: Structure, block: Elements, x: ca.MX, state: State) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
-    element, n = block.element, len(block.nodes)
-    points = len(element.w)
-
-    def spread(values: Entry) -> Entry:  # of combinations over points and elements
-        return ca.repmat(ca.vec(values[block.combination.tolist()]).T, points, 1)
-
-    ratios = np.array([r.poisson_ratio for r in structure.setup.regions])
-    nu = float(ratios[0]) if np.ptp(ratios) == 0.0 else spread(ca.DM(ratios[structure.region]))
-    extras = {}
-    if state.eigenstrain is not None:
-        along, across, shear = (spread(part) for part in state.eigenstrain)
-        extras["eigenstrain"] = matrix([[along, shear], [shear, across]])
-    if state.light is not None:
-        extras |= {"light": ca.vertsplit(state.light), "absorbed": spread(state.absorbed), "mirrored": spread(state.mirrored)}
-    w = ca.repmat(ca.DM(element.w), 1, n)
-    at = element_points(_tangents(block, x), element, w, spread(state.D), nu, spread(state.pressure), Extras(**extras))
-    return ca.cse([balance(at.P, at.load, element), at.wave, at.strain, at.compressed])
+def _encloses(structure: Structure, block: Elements) -> Vector:
+    return np.asarray(structure.enclosing[block.combination], dtype=np.float64)
 
 
-def volume(structure: Structure, x: ca.MX) -> ca.MX:
-    r"""Write the volume [m3] that the enclosing faces bound: :math:`\tfrac13 \oint x \cdot n\,\mathrm{d}A`.
-
-    Notes
-    -----
-    Of an open surface whose edge stays, its change is that of the volume behind it.
-    """
-    total = ca.MX(0.0)
-    for block in structure.elements:
-        T = _tangents(block, x)
-        at = [_values(block.element, column) for column in _positions(block, x)]
-        w = ca.mtimes(ca.DM(block.element.w), ca.DM(structure.enclosing[block.combination].astype(float)).T)
-        total += ca.sum1(ca.sum2(w * sum(a * b for a, b in zip(at, np.cross(T[:, 0], T[:, 1]), strict=True)))) / 3.0
-    return total
+def _maps(element: Element, n: int) -> Vector:
+    """Return J and the inverse of the reference map of every point of each element, shape (n, 5 points)."""
+    parts = [element.J, *element.J_inverse.flat]
+    return np.stack([np.asarray(ca.densify(part)).T for part in parts], axis=-1).reshape(n, -1)
 
 
-def columns_max(values: ca.MX) -> ca.MX:
-    """Return the largest entry of every column."""
-    rows = ca.vertsplit(values)
-    found = rows[0]
-    for row in rows[1:]:
-        found = ca.fmax(found, row)
-    return found
-
-
-def _places(block: Elements) -> np.ndarray:
+def _places(block: Elements) -> NDArray[np.int64]:
     """Return the places in x of x of the nodes of each element, then y, then z, shape (n, 3 m)."""
     return (3 * block.nodes[:, None, :] + np.arange(3)[:, None]).reshape(len(block.nodes), -1)
 
 
 def _positions(block: Elements, x: ca.MX) -> list[ca.MX]:
     columns = ca.reshape(x[_places(block).reshape(-1).tolist()], -1, len(block.nodes))
-    return ca.vertsplit(columns, block.nodes.shape[1])
+    found: list[ca.MX] = ca.vertsplit(columns, block.nodes.shape[1])
+    return found
 
 
-def _tangents(block: Elements, x: ca.MX) -> np.ndarray:
-    return tangents(_positions(block, x), block.element)
-
-
-def _values(element: Element, column: ca.MX) -> ca.MX:
+def _values(element: Element, column: Entry) -> Entry:
     for factor in element.N:
         column = ca.mtimes(factor, column)
     return column

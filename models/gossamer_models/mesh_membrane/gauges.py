@@ -104,7 +104,5 @@ def shape_functions(order: int, st: Vector) -> tuple[NDArray[np.float64], NDArra
     if order == 0:
         return np.array([1.0 - st.sum(), *st]), np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
     nodes, _ = lobatto_points(order + 1)
-    (vs, vt), (ds, dt) = (
-        [f(nodes, np.array([u]))[0] for u in st] for f in (value_matrix, derivative_matrix)
-    )
+    (vs, vt), (ds, dt) = ([f(nodes, np.array([u]))[0] for u in st] for f in (value_matrix, derivative_matrix))
     return np.kron(vt, vs), np.column_stack([np.kron(vt, ds), np.kron(dt, vs)])

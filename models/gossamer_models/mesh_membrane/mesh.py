@@ -141,9 +141,7 @@ def surface_mesh(file: MeshFile, order: int = 1) -> SurfaceMesh:
     return SurfaceMesh(file.name, nodes, tuple(blocks), file.faces, points, on_mesh)
 
 
-def _tensor_elements(
-    corners: Integers, p: int, first: int
-) -> tuple[Integers, dict[tuple[int, int], tuple[int, ...]]]:
+def _tensor_elements(corners: Integers, p: int, first: int) -> tuple[Integers, dict[tuple[int, int], tuple[int, ...]]]:
     """Number the nodes of quadrilaterals: corners, from ``first`` on those inside sides, then those inside elements.
 
     Returns
@@ -179,10 +177,19 @@ def _geometry(nodes: int, order: int) -> Vector:
     if nodes == 8:  # serendipity, Eq. (3.7.6) of Hughes, The Finite Element Method, 1987
         x, y = 2.0 * s, 2.0 * t
         corner = [(1 + a * x) * (1 + b * y) * (a * x + b * y - 1) / 4 for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-        middle = [(1 - x**2) * (1 - y) / 2, (1 + x) * (1 - y**2) / 2, (1 - x**2) * (1 + y) / 2, (1 - x) * (1 - y**2) / 2]
+        middle = [
+            (1 - x**2) * (1 - y) / 2,
+            (1 + x) * (1 - y**2) / 2,
+            (1 - x**2) * (1 + y) / 2,
+            (1 - x) * (1 - y**2) / 2,
+        ]
         return np.column_stack([*corner, *middle])
     knots = np.array([-0.5, 0.5]) if nodes < 9 else np.array([-0.5, 0.0, 0.5])
-    where = [(0, 0), (1, 0), (1, 1), (0, 1)] if nodes < 9 else [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
+    where = (
+        [(0, 0), (1, 0), (1, 1), (0, 1)]
+        if nodes < 9
+        else [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
+    )
     along_s, along_t = value_matrix(knots, s), value_matrix(knots, t)
     return np.column_stack([along_s[:, i] * along_t[:, j] for i, j in where])
 

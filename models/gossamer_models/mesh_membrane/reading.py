@@ -113,7 +113,9 @@ def _surface(name: str, mesh, scale: float) -> MeshFile:  # noqa: ANN001
             found.append(_integers(members["triangle"], 1).ravel() + len(quadrilaterals))
         if found:
             faces[key] = np.concatenate(found)
-        sides = [_integers(cells[kind], 2)[_integers(members[kind], 1).ravel(), :2] for kind in LINES if kind in members]
+        sides = [
+            _integers(cells[kind], 2)[_integers(members[kind], 1).ravel(), :2] for kind in LINES if kind in members
+        ]
         if sides:
             edges[key] = np.concatenate(sides)
         if "vertex" in members:

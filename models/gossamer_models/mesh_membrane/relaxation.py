@@ -10,15 +10,17 @@ from collections.abc import Callable
 
 import casadi as ca
 
-from ..arrays import Vector
-
 LEVELS = 4  # at most 10^4 steps
 TOLERANCE = 1e-13  # largest force left on a node, over the scale of forces
 _STEP = 0.9  # of the stable step
 
 
 def relax(
-    balance: Callable[[ca.MX], tuple[ca.MX, ca.MX]], q: ca.MX, mass: Vector, scale: ca.MX, given: list[tuple[ca.MX, ca.MX]]
+    balance: Callable[[ca.MX], tuple[ca.MX, ca.MX]],
+    q: ca.MX,
+    inverse_mass: ca.MX,
+    scale: ca.MX,
+    given: list[tuple[ca.MX, ca.MX]],
 ) -> ca.MX:
     r"""Write the equilibrium that damped motion reaches from ``q``.
 
@@ -28,8 +30,8 @@ def relax(
         ``balance(q) -> (f, rate)``: forces [N], zero where held, and the bound of the squared highest frequency [1/s2].
     q : casadi.MX, shape (n,)
         Where to start; stays where it is held.
-    mass : ndarray, shape (n,)
-        Masses [kg].
+    inverse_mass : casadi.MX, shape (n,)
+        One over the masses [1/kg].
     scale : casadi.MX, scalar
         Force [N] that ``TOLERANCE`` is a share of.
     given : list of (casadi.MX, casadi.MX)
@@ -57,10 +59,10 @@ def relax(
     at, v, f_before, h_before, _ = ca.vertsplit(z, [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2])
     f, rate = balance(at)
     h = 2.0 * _STEP / ca.sqrt(rate)
-    energy = ca.dot(v, ca.DM(mass) * v)
+    energy = ca.dot(v, v / inverse_mass)
     omega2 = -ca.dot(v, f - f_before) / ca.fmax(h_before * energy, 1e-300)
     drag = h * ca.sqrt(ca.fmin(ca.fmax(omega2, 0.0), rate))
-    moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * f / ca.DM(mass)
+    moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * (f * inverse_mass)
     over = ca.norm_inf(f) <= TOLERANCE * force
     after = ca.vertcat(at + ca.if_else(over, 0.0, h) * moved, moved, f, h, over)
     step = ca.Function("relaxation_0", [z, *symbols], [after])

@@ -119,7 +119,7 @@ class Support:
     def __post_init__(self) -> None:
         mistakes = [*_not_finite(self, "displacement", "stretch", "centre")]
         if not self.fixed or set(self.fixed) - set("xyz") or len(set(self.fixed)) < len(self.fixed):
-            text = f"'fixed' is {self.fixed!r}. Write the directions that are held, for instance \"xyz\" or \"z\"."
+            text = f'\'fixed\' is {self.fixed!r}. Write the directions that are held, for instance "xyz" or "z".'
             mistakes.append(Mistake(("fixed",), text))
         raise_any(mistakes)
 

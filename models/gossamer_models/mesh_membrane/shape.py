@@ -18,7 +18,7 @@ from ..variables import Variable
 from .mesh import Block, Integers
 from .structure import Structure
 
-FILE = "shape.npz"
+SHAPE = "shape.npz"
 SCHEMA, VERSION = "gossamer.shape", 1
 
 

@@ -64,7 +64,9 @@ def read_description(path: Path, what: str, kind: type[T], tables: Mapping[str, 
                 array = place if item["type"] == "too_long" else place[:-1]
                 problems.add(array, f"{array[-1]!r} needs {_shape(item, place)}.")
             else:
-                problems.add(place, explain(item["type"], place, item["msg"], item["input"], _known(place, kind, tables)))
+                problems.add(
+                    place, explain(item["type"], place, item["msg"], item["input"], _known(place, kind, tables))
+                )
         problems.raise_if_any()
         raise
     return found, source

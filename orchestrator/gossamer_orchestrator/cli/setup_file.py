@@ -59,9 +59,11 @@ def load_structure(path: Path, mesh: Path | None = None, *, expose: bool = False
     """
     setup, source = read_description(path, "setup", Setup, _TABLES)
     if mesh is None and not setup.mesh:
-        msg = f"{path.name} names no mesh. Write mesh = \"sail.msh\" at its top, or name the file with --mesh."
+        msg = f'{path.name} names no mesh. Write mesh = "sail.msh" at its top, or name the file with --mesh.'
         raise ScenarioError(msg)
     if expose:
         setup = replace(setup, expose=True)
     with locating(source):
-        return make_structure(setup, surface_mesh(read_mesh(mesh or path.parent / setup.mesh, setup.scale), setup.order))
+        return make_structure(
+            setup, surface_mesh(read_mesh(mesh or path.parent / setup.mesh, setup.scale), setup.order)
+        )

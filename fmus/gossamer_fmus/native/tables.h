@@ -1,0 +1,82 @@
+/* Arrays that a model reads from the FMU's resources, shared by all instances of a process; before functions.h.
+
+   The file holds N_NUMBERS doubles and N_PLACES 32-bit integers, little-endian as every platform here is: what the last
+   input of init and step holds, what each element has alone, and where its nodes are; see gossamer_models/element_loop.py.
+   The first instance reads it, the last one frees it. */
+
+#include <stdatomic.h>
+
+#define TABLES_FILE "tables.bin"
+#define TABLES_SIZE ((size_t)N_NUMBERS * sizeof(double) + (size_t)N_PLACES * sizeof(int32_t))
+
+static double *tables;
+static int tables_users;
+static atomic_flag tables_busy = ATOMIC_FLAG_INIT;
+
+static int hexadecimal(char c) {
+  return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+}
+
+/* Write the path of the file from where the resources lie: a path, or in FMI 2.0 a file URI. */
+static bool tables_path(const char *resources, char *path, size_t size) {
+  size_t n = 0;
+  bool uri = strncmp(resources, "file:", 5) == 0;
+  const char *from = uri ? resources + 5 : resources;
+  if (uri && strncmp(from, "//", 2) == 0) {
+    from += 2;
+    while (*from && *from != '/') from++; /* the host, empty or localhost */
+  }
+  if (uri && from[0] == '/' && from[1] && from[2] == ':') from++; /* /C:/... on Windows */
+  for (; *from; from++) {
+    int high = uri && *from == '%' ? hexadecimal(from[1]) : -1, low = high >= 0 ? hexadecimal(from[2]) : -1;
+    if (n + 1 >= size) return false;
+    path[n++] = low >= 0 ? (char)(16 * high + low) : *from;
+    if (low >= 0) from += 2;
+  }
+  while (n > 1 && (path[n - 1] == '/' || path[n - 1] == '\\')) n--;
+  return snprintf(path + n, size - n, "/" TABLES_FILE) < (int)(size - n);
+}
+
+static const char *tables_read(const char *resources) {
+  char path[4096];
+  size_t read;
+  FILE *file;
+  if (!resources || !tables_path(resources, path, sizeof path)) {
+    return "model '" MODEL_NAME "' reads its mesh from the FMU's resources, and the host does not say where they are";
+  }
+  if (!(file = fopen(path, "rb"))) {
+    return "model '" MODEL_NAME "' cannot open " TABLES_FILE " in the FMU's resources. Unpack the whole FMU, and pass the "
+           "location of its resources";
+  }
+  if (!(tables = malloc(TABLES_SIZE + 1))) {
+    fclose(file);
+    return "there is no memory for the mesh of model '" MODEL_NAME "'";
+  }
+  read = fread(tables, 1, TABLES_SIZE + 1, file);
+  fclose(file);
+  if (read != TABLES_SIZE || crc32((const uint8_t *)tables, TABLES_SIZE) != TABLES_CHECKSUM) {
+    free(tables);
+    tables = NULL;
+    return "model '" MODEL_NAME "': " TABLES_FILE " in the FMU's resources is damaged or of another FMU. Build it again";
+  }
+  return NULL;
+}
+
+/* Make the tables ready for one more instance; return why that failed, if it did. */
+static const char *tables_open(const char *resources) {
+  const char *refusal;
+  while (atomic_flag_test_and_set(&tables_busy)) continue;
+  refusal = tables ? NULL : tables_read(resources);
+  if (!refusal) tables_users++;
+  atomic_flag_clear(&tables_busy);
+  return refusal;
+}
+
+static void tables_close(void) {
+  while (atomic_flag_test_and_set(&tables_busy)) continue;
+  if (--tables_users == 0) {
+    free(tables);
+    tables = NULL;
+  }
+  atomic_flag_clear(&tables_busy);
+}
