@@ -150,10 +150,14 @@ class _Report:
         self._alarms: list[float] = []
         self._findings: list[Finding] = []
         self.misfits: list[float] = []
+        self._times: list[float] = []
+        self._scores: list[float] = []
 
     def take(self, judged: Window) -> None:
         """Print an alarm or a finding."""
         self.misfits.append(judged.misfit)
+        self._times.append(judged.time)
+        self._scores.append(judged.statistic)
         if judged.alarm:
             self._alarms.append(judged.time)
             text = f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.3g} times its mean"
@@ -174,6 +178,7 @@ class _Report:
             self._console.print(text, style="bold yellow", highlight=False)
         findings = [{name: _plain(value) for name, value in asdict(each).items()} for each in self._findings]
         content = {"alarms": self._alarms, "findings": findings, "misfit": self.misfits}
+        content |= {"time": self._times, "score": self._scores}
         with replacing(path) as unfinished:
             unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         return path

@@ -27,6 +27,7 @@ from ..scenario.schema import Given, Scenario
 from .child import WAITING, Task
 from .folders import locked, scratch
 from .master import Observer
+from .messages import Messages
 from .position import DIVIDED
 from .process import Process
 from .progress import ProgressBar
@@ -115,6 +116,7 @@ def run_scenario(
             stack.callback(_remove_empty, folder)
         make_folder(folder)
         stack.enter_context(locked(folder))
+        messages = stack.enter_context(Messages())
         task = Task(
             scenario=scenario if isinstance(scenario, Scenario) else Path(scenario),
             fmus=Path(fmus),
@@ -139,6 +141,8 @@ def run_scenario(
         error = process.error
         try:
             last = _settle(process, folder, temporary, time.perf_counter() - begun)
+            if last is not None:
+                messages.save(folder)
         except ResultsError as late:
             if error is None:
                 raise

@@ -75,6 +75,7 @@ def _page(data: xr.Dataset, folder: Path) -> str:
         components=facts.components(data),
         connections=facts.connections(data),
         scenario=facts.scenario(data),
+        messages=facts.messages(folder),
         judgements=facts.judgement_tables(ended),
         constants=_constants(content["constant"]),
         thinning=_thinning(content),

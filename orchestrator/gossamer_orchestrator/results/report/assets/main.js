@@ -70,6 +70,7 @@ async function main() {
 function addPictures() {
   if (page.content.surface) addSurface(); else addMembrane();
   addDamage();
+  addTwin();
   addDeflection();
   addSensors();
   addOthers();

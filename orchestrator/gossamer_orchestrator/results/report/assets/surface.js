@@ -123,7 +123,7 @@ function addSurface() {
       const place = { gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)" };
       const range = (axis) => { const [low, high] = span[axis], room = Math.max(0.05 * (high - low), 0.02 * size); return [low - room, high + room]; };
       const one = (axis, name) => ({ ...place, title: { text: `${name} [m]` }, range: range(axis), nticks: range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
-      const ratio = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.3 * (high - low) / size; });
+      const ratio = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.5 * (high - low) / size; });
       const far = window.innerWidth < 600 ? 1.35 : 1;
       const scene = { xaxis: one(0, "x"), yaxis: one(1, "y"), zaxis: one(2, "z"), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] },
         camera: { eye: { x: -0.9 * far, y: -1.7 * far, z: 1.35 * far }, center: { x: 0, y: 0, z: -0.1 } } };
