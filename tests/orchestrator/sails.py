@@ -19,7 +19,7 @@ from gossamer_models.mesh_membrane import (
 
 
 def sail_file(squares_left: int = 4) -> MeshFile:
-    """Return 2 x 1 m in 4 x 2 squares, all but the first few halved to triangles; groups ``left`` and ``right`` of area 1 m2."""
+    """Return 2 x 1 m in 4 x 2 squares, all but the first few halved; groups ``left`` and ``right``."""
     x, y = (part.ravel() for part in np.meshgrid(np.arange(5.0) / 2.0, np.arange(3.0) / 2.0))
     nodes = np.column_stack([x, y, 0.05 * x * y])
     squares = np.array([[5 * j + i, 5 * j + i + 1, 5 * j + i + 6, 5 * j + i + 5] for i in range(4) for j in range(2)])

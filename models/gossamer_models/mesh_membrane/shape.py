@@ -1,8 +1,8 @@
 r"""What a viewer needs to draw a membrane on a mesh from a state of its model, as a file.
 
-Symbols: ``N`` nodes, ``n`` faces that are drawn, ``S`` supports that move nodes, ``R`` regions, ``K`` sensors. The place of a
-node is :math:`x = X + q + \sum_s m_s w_s`: ``nodes``, the displacements at the places ``q`` of the state, and of each support its
-``ways`` times the variable in ``moved_by``, or times one.
+Symbols: ``N`` nodes, ``n`` faces that are drawn, ``S`` supports that move nodes, ``R`` regions, ``K`` sensors. The
+place of a node is :math:`x = X + q + \sum_s m_s w_s`: ``nodes``, the displacements at the places ``q`` of the state,
+and of each support its ``ways`` times the variable in ``moved_by``, or times one.
 """
 
 from __future__ import annotations
@@ -35,12 +35,13 @@ def shape_file(structure: Structure, variables: Sequence[Variable]) -> bytes:
     Returns
     -------
     bytes
-        An NPZ file; the same structure gives the same bytes. Its arrays: ``card`` (schema, version and name as JSON); ``nodes``
-        (N, 3) [m]; ``faces`` (n, 4), nodes of quadrilaterals and, with -1 as the last, of triangles; ``element``, ``region``
-        and ``zone`` (n,) from 0, zone -1 where damage does not act; ``q`` (2,), place and number of the displacements in the
-        state; ``ways`` (S, N, 3) [m] and ``moved_by`` (S,), numbers of variables or -1; ``youngs_modulus`` and
-        ``temperature`` (R,), numbers of variables or -1; ``poisson_ratio`` [1], ``thermal_expansion`` [1/K] (R,);
-        ``prestress`` [Pa] and ``direction`` (R, 3); ``sensor_points`` [m] and ``sensor_directions`` (K, 3).
+        An NPZ file; the same structure gives the same bytes. Its arrays: ``card`` (schema, version and name as JSON);
+        ``nodes`` (N, 3) [m]; ``faces`` (n, 4), nodes of quadrilaterals and, with -1 as the last, of triangles;
+        ``element``, ``region`` and ``zone`` (n,) from 0, zone -1 where damage does not act; ``q`` (2,), place and
+        number of the displacements in the state; ``ways`` (S, N, 3) [m] and ``moved_by`` (S,), numbers of variables or
+        -1; ``youngs_modulus`` and ``temperature`` (R,), numbers of variables or -1; ``poisson_ratio`` [1],
+        ``thermal_expansion`` [1/K] (R,); ``prestress`` [Pa] and ``direction`` (R, 3); ``sensor_points`` [m] and
+        ``sensor_directions`` (K, 3).
     """
     setup, mesh = structure.setup, structure.mesh
     number = {variable.name: i for i, variable in enumerate(variables)}

@@ -59,9 +59,9 @@ def export_vtk(
 ) -> None:
     """Write the membranes of a run for ParaView.
 
-    For each membrane NAME.pvd, which ParaView opens, and one .vtu for each instant: displaced nodes, displacement, zones, true
-    and estimated damage, largest strain, and wrinkle: 0 taut, 1 wrinkled, 2 slack. Membranes on meshes have the instants that
-    the run recorded, [record] frames.
+    For each membrane NAME.pvd, which ParaView opens, and one .vtu for each instant: displaced nodes, displacement,
+    zones, true and estimated damage, largest strain, and wrinkle: 0 taut, 1 wrinkled, 2 slack. Membranes on meshes have
+    the instants that the run recorded, [record] frames.
 
     For example:
 

@@ -1,7 +1,7 @@
 """The square membrane as a surface of faces, from the deflections ``membrane.w`` that a run records.
 
-Symbols: ``L`` side without strain [m], ``d`` displacement of each edge [m], ``w`` deflection [m]. Motion within the plane is not
-recorded: nodes move with the even stretch of the edges, and along z.
+Symbols: ``L`` side without strain [m], ``d`` displacement of each edge [m], ``w`` deflection [m]. Motion within the
+plane is not recorded: nodes move with the even stretch of the edges, and along z.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ def square_history(data: xr.Dataset, membrane: str, rows: np.ndarray) -> ShapeHi
     known = square_parameters(data, membrane)
     L, d, nu = (known.get(name, math.nan) for name in ("side_length", "edge_displacement", "poisson_ratio"))
     if math.isnan(L + d + nu):
-        msg = f"the results do not state side_length, edge_displacement and poisson_ratio of {membrane}, as a results.nc does."
+        msg = (
+            f"the results do not state side_length, edge_displacement and poisson_ratio of {membrane}; results.nc does."
+        )
         raise ResultsError(msg)
     w = np.pad(heights.isel(time=rows).to_numpy(), ((0, 0), (1, 1), (1, 1)))  # the edge stays
     n = w.shape[1] - 1

@@ -1,8 +1,9 @@
 r"""Strain of the faces of a membrane, and where it wrinkles, from the places of its nodes.
 
-Symbols: ``T`` and ``t`` tangents in the reference and now [m], ``R`` reference tangents by local axes, ``g`` = t R^-1 the
-deformation gradient, ``E`` = (g^T g - I)/2 the Green-Lagrange strain, ``E1`` >= ``E2`` principal values, ``nu`` Poisson's ratio. All at
-the centre of each face: exact for triangles of constant strain, of second order for quadrilaterals.
+Symbols: ``T`` and ``t`` tangents in the reference and now [m], ``R`` reference tangents by local axes, ``g`` = t R^-1
+the deformation gradient, ``E`` = (g^T g - I)/2 the Green-Lagrange strain, ``E1`` >= ``E2`` principal values, ``nu``
+Poisson's ratio. All at the centre of each face: exact for triangles of constant strain, of second order for
+quadrilaterals.
 """
 
 from __future__ import annotations
@@ -44,10 +45,9 @@ def face_strains(surface: Surface, places: Array, eigenstrain: Array) -> FaceStr
     eigenstrain : ndarray, shape (R, 3)
         Strain beyond the geometry [1]: along the first axis, across, shear.
 
-    Notes
-    -----
-    The mixed criterion of [1]_ on the strain with the eigenstrain: slack where :math:`E_1 \le 0`; else wrinkled where the smaller
-    principal stress of Hooke's law, :math:`\propto E_2 + \nu E_1`, is negative; else taut. Damage changes no sign.
+    Notes ----- The mixed criterion of [1]_ on the strain with the eigenstrain: slack where :math:`E_1 \le 0`; else
+    wrinkled where the smaller principal stress of Hooke's law, :math:`\propto E_2 + \nu E_1`, is negative; else taut.
+    Damage changes no sign.
 
     References
     ----------

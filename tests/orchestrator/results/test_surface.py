@@ -155,10 +155,8 @@ def test_a_mesh_of_both_kinds_is_read_back(known, tmp_path):
 def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
     plain = surface()
     data = known.drop_vars("membrane.w")
-    places = [plain.nodes + [0.0, 0.0, 0.001 * k] for k in range(3)]
-    file = create_shapes(
-        tmp_path / "shapes.nc", {"membrane": plain}, 0.0, {"membrane": (places[0], np.zeros((1, 3)))}
-    )
+    places = [plain.nodes + np.array([0.0, 0.0, 0.001 * k]) for k in range(3)]
+    file = create_shapes(tmp_path / "shapes.nc", {"membrane": plain}, 0.0, {"membrane": (places[0], np.zeros((1, 3)))})
     for time, each in ((4.0, places[1]), (9.0, places[2])):
         file.append(np.concatenate([[time], each.ravel(), np.zeros(3)])[None])
     file.close()
@@ -172,7 +170,10 @@ def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
     assert drawn["factor"] == 100.0  # 2 mm of 2 m are drawn as a tenth
     assert numbers(drawn["places"])[-1].reshape(-1, 3)[:, 2] == pytest.approx(0.2)
     assert len(drawn["triangles"]) == 16
-    assert [len(pairs) for pairs in drawn["borders"]] == [16, 24]  # two nodes of each side around the zone, and around all
+    assert [len(pairs) for pairs in drawn["borders"]] == [
+        16,
+        24,
+    ]  # two nodes of each side around the zone, and around all
     result = CliRunner().invoke(app, ["plot", str(tmp_path), "--format", "svg", "--out", str(tmp_path / "svg")])
     names = {line.rpartition("/")[2] for line in result.stdout.splitlines()}
     assert "deflection.svg" in names

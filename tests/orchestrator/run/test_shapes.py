@@ -61,7 +61,7 @@ def test_recorded_shapes_are_those_of_the_exposed_nodes(sails, tmp_path):
     nu, S = 0.3, np.array([2e4, 1e4, 5e3])
     still = [(S[0] - nu * S[1]) / 1e7, (S[1] - nu * S[0]) / 1e7, (1 + nu) * S[2] / 1e7]
     assert history.eigenstrain[0] == pytest.approx(np.array([still, [0.0, 0.0, 0.0]]), abs=1e-15)
-    assert history.eigenstrain[-1, 0] == pytest.approx(np.array(still) + [5e-3, 5e-3, 0.0], abs=1e-15)
+    assert history.eigenstrain[-1, 0] == pytest.approx(np.add(still, [5e-3, 5e-3, 0.0]), abs=1e-15)
     with xr.open_dataset(tmp_path / SHAPES, engine="scipy") as file:
         assert file["sail.shape"].dims == ("time", "sail_node", "axis")
     assert not (tmp_path / UNFINISHED_SHAPES).exists()
@@ -156,7 +156,9 @@ def test_a_shape_that_does_not_fit_is_left_out_with_a_warning(sails, tmp_path, c
     with zipfile.ZipFile(sails / "membrane.fmu") as old, zipfile.ZipFile(broken, "w") as new:
         for name in old.namelist():
             content = old.read(name)
-            new.writestr(name, content.replace(b'"n_x": ', b'"n_x": 0, "was": ') if name.endswith("state.json") else content)
+            new.writestr(
+                name, content.replace(b'"n_x": ', b'"n_x": 0, "was": ') if name.endswith("state.json") else content
+            )
     file = FmuFile(broken)
     with caplog.at_level(logging.WARNING):
         assert read_shape(file) is None

@@ -65,10 +65,10 @@ def plot_deflection_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes
 
 
 def plot_shape(history: ShapeHistory, *, ax: Axes3D | None = None) -> Axes3D:
-    """Draw a membrane on a mesh at the instant of its largest displacement, coloured by it; the edges of faces that wrinkle are orange."""
+    """Draw a membrane on a mesh at its largest displacement, coloured by it; faces that wrinkle have orange edges."""
     from matplotlib import colormaps
-    from matplotlib.colors import Normalize
     from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     if ax is None:

@@ -68,7 +68,7 @@ def plot_strain(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) ->
 
 
 def plot_strain_error(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) -> Axes:
-    """Draw compensated minus true strain at one sensor over time, in percent of the true strain's range, its size on a log scale."""
+    """Draw the error of the compensated strain at one sensor over time, in percent of the true range, on a log scale."""
     time, true, compensated, span = _true_and_compensated(data, sensor)
     ax, percent = axes_or_new(ax), 100.0 * np.abs(compensated - true) / span
     ax.plot(time, np.maximum(percent, LEAST_ERROR), color=COLORS[0], lw=0.8)

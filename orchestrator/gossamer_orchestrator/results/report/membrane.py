@@ -42,8 +42,8 @@ def membrane_mesh(data: xr.Dataset, membrane: str, rows: NDArray[np.intp], side:
     -------
     dict
         ``nx``, ``ny`` nodes along x and y, ``side`` and ``unit``, ``w`` of shape (frames, nx * ny) with y the fastest,
-        ``strain``, the largest of each cell, of shape (frames, (nx - 1) * (ny - 1)), None if the parameters are not known, and
-        ``sensors``, their places in parts of the side.
+        ``strain``, the largest of each cell, of shape (frames, (nx - 1) * (ny - 1)), None if the parameters are not
+        known, and ``sensors``, their places in parts of the side.
     """
     w = np.pad(data[f"{membrane}.w"].isel(time=rows).to_numpy(), ((0, 0), (1, 1), (1, 1)))
     strain = None

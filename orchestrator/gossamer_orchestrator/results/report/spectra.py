@@ -29,8 +29,9 @@ def spectrogram(time: Array, values: Array) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``time``, the middle of each stretch [s], ``frequency`` [Hz], and ``level``, the decimal logarithm of the amplitude, of shape
-        (frequencies, times); of more than ``LINES`` frequencies the largest amplitude of neighbours. Empty as ``spectrum``.
+        ``time``, the middle of each stretch [s], ``frequency`` [Hz], and ``level``, the decimal logarithm of the
+        amplitude, of shape (frequencies, times); of more than ``LINES`` frequencies the largest amplitude of
+        neighbours. Empty as ``spectrum``.
     """
     if not _usable(time, values):
         return {}

@@ -30,11 +30,11 @@ def surface_content(history: ShapeHistory, shown: NDArray[np.intp]) -> dict[str,
     Returns
     -------
     dict
-        ``places`` (F, 3 N) [m], moved by ``factor`` times their displacement; ``deflection`` (F, N), its size [m]; ``triangles``
-        (T, 3) and ``face``, the face of each; ``zone`` of each face, -1 for none, and how many ``zones``; ``strain``
-        and ``mark`` (F, n) as ``face_strains``; ``borders``, for each zone the nodes of its edge in pairs, the last those
-        of the whole membrane; ``labels``, a node in the middle of each zone; ``sensors``, the node beside each and
-        ``offsets`` from it.
+        ``places`` (F, 3 N) [m], moved by ``factor`` times their displacement; ``deflection`` (F, N), its size [m];
+        ``triangles`` (T, 3) and ``face``, the face of each; ``zone`` of each face, -1 for none, and how many ``zones``;
+        ``strain`` and ``mark`` (F, n) as ``face_strains``; ``borders``, for each zone the nodes of its edge in pairs,
+        the last those of the whole membrane; ``labels``, a node in the middle of each zone; ``sensors``, the node
+        beside each and ``offsets`` from it.
     """
     surface, nodes = history.surface, history.surface.nodes
     away = history.places[shown] - nodes
