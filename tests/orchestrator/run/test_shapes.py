@@ -17,6 +17,7 @@ from gossamer_orchestrator.fmi.instances import start_instance
 from gossamer_orchestrator.fmi.shape import read_shape
 from gossamer_orchestrator.results.shapes import SHAPES, UNFINISHED_SHAPES, load_shapes
 from gossamer_orchestrator.run import checkpoint
+from gossamer_orchestrator.run.messages import Messages
 from gossamer_orchestrator.run.shapes import ShapeRecorder
 from sails import sail, sail_model
 
@@ -177,3 +178,14 @@ def test_the_model_of_the_fmu_gives_the_same_shape(sails):
     exposed = np.array([stepper.get(f"node[{k + 1}]") for k in range(places.size)]).reshape(-1, 3)
     assert places == pytest.approx(sail().mesh.nodes + exposed, abs=1e-15)
     file.close()
+
+
+def test_the_warnings_of_a_run_are_kept_and_those_of_an_earlier_one_go(sails, tmp_path):
+    run_scenario(scenario(0), sails, tmp_path)
+    (line,) = (tmp_path / "messages.txt").read_text(encoding="utf-8").splitlines()
+    assert line.startswith("warning: component 'sail'")
+    assert "'compressed_share' of model 'membrane'" in line
+    with Messages() as messages:
+        pass
+    messages.save(tmp_path)
+    assert not (tmp_path / "messages.txt").exists()
