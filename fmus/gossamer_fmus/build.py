@@ -10,6 +10,10 @@ A native FMU also holds its C code and the compiled binaries::
     binaries/<platform>/<name>.<so|dll|dylib>
     sources/                                 see ``c_code``
 
+An FMU of a model with files of its own holds them too::
+
+    resources/                               see ``resources``
+
 A Python FMU holds one generic slave and the serialized step model instead; see ``python_fmu``.
 """
 
@@ -33,6 +37,7 @@ from .description import FmiVersion, build_description, model_description
 from .loop_code import FILE
 from .page import documents
 from .python_fmu import python_members
+from .resources import resources
 
 if TYPE_CHECKING:
     from gossamer_models.mesh_membrane import Structure
@@ -165,7 +170,7 @@ def _build(
     fmus = []
     for name, model, readme in models:
         code = sources(model, "", fmi) if native else {}
-        members = documents(model, readme) | ({} if native else python_members(model))
+        members = documents(model, readme) | ({} if native else python_members(model)) | resources(model, native=native)
         if model.tables is not None:
             members[f"resources/{FILE}"] = model.tables.content()
         description = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}

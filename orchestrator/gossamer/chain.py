@@ -27,6 +27,7 @@ def build(
     setup: str | PathLike[str] | None = None,
     mesh: str | PathLike[str] | None = None,
     expose: bool = False,
+    frame: bool = False,
     native: bool = False,
     platform: str | Sequence[str] | None = None,
     fmi: int = 2,
@@ -37,7 +38,8 @@ def build(
     ----------
     names : str, sequence of str or None
         FMUs to build: membrane, sensor, compensator, estimator (a compensator that tolerates noise), filter
-        (one for any sensor), detector. All of them by default.
+        (one for any sensor), detector: these six by default; framed_membrane (one that a spacecraft carries and
+        feels), hub (a rigid spacecraft).
     out : path, default "out/fmus"
         Folder to write them to.
     artifact : path or None
@@ -55,11 +57,14 @@ def build(
         Law of the membrane's material: st_venant_kirchhoff, which carries compression, by default; hencky;
         neo_hookean; or relaxed, which wrinkles instead.
     setup : path or None
-        Membrane on a mesh: TOML file with its material, supports, zones, loads and sensors (docs/setup.md).
+        Membrane on a mesh: TOML file with its material, supports, zones, loads and sensors (docs/setup.md), or
+        sail, drum, reflector, tube, which ship with Gossamer.
     mesh : path or None
         With --setup: mesh file (.msh of gmsh, or any other that meshio reads) in place of the setup's own.
     expose : bool, default False
         With --setup: make the displacement of every node a variable.
+    frame : bool, default False
+        Put the membrane on a frame that flies: build framed_membrane in place of membrane.
     native : bool, default False
         Compile C code, so that the FMU runs without Python.
     platform : str, sequence of str or None

@@ -26,6 +26,7 @@ from .gauges import Gauge
 from .interface import mesh_variables
 from .relaxation import relax
 from .riding import Rider
+from .shape import SHAPE, shape_file
 from .structure import Structure
 
 STEP_FRACTION = 0.6  # of the stable step
@@ -224,14 +225,15 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
         }
         return values
 
-    numbers = np.concatenate(list(arrays.values()))
+    numbers, variables = np.concatenate(list(arrays.values())), mesh_variables(structure, frame=frame)
     return StepModel.written(
         name="membrane",
         description=_description(structure) + ", on a frame that flies" * frame,
-        variables=mesh_variables(structure, frame=frame),
+        variables=variables,
         init=init,
         step=step,
         step_limit="max_step",
+        resources={SHAPE: shape_file(structure, variables)},
         restarted=RESTARTED if frame else 0,
         advice="Check supports, prestress, loads and damage: the membrane may be stretched beyond any use, or no "
         "equilibrium was found to start from.",

@@ -20,6 +20,7 @@ from .exchange import container, export
 from .identify import CommandWithFields, identify
 from .inspect import info, verify
 from .new import new
+from .pictures import export_vtk, plot
 from .place_sensors import place_sensors
 from .report import report, view
 from .run import demo, run
@@ -66,6 +67,8 @@ app.command(cls=Command)(sweep)
 app.command(cls=Command)(demo)
 app.command(cls=Command)(report)
 app.command(cls=Command)(view)
+app.command(cls=Command)(plot)
+app.command("export-vtk", cls=Command)(export_vtk)
 app.command(cls=Command)(verify)
 app.command(cls=Command)(info)
 app.command(cls=Command)(train)

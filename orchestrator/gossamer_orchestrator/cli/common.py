@@ -14,6 +14,10 @@ from .command import note
 
 FMUS = Path("out/fmus")
 FmuFolder = Annotated[Path, typer.Option("--fmus", help="Folder of the FMUs that scenarios name.", metavar="FOLDER")]
+Results = Annotated[
+    Path,
+    typer.Argument(help="Folder of a run, or its results.nc or results.csv.", metavar="RESULTS", show_default=False),
+]
 
 
 @contextmanager

@@ -4,16 +4,9 @@ from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from .command import Result, note, show
-
-Results = Annotated[
-    Path,
-    typer.Argument(help="Folder of a run, or its results.nc or results.csv.", metavar="RESULTS", show_default=False),
-]
+from .common import Results
 
 
 def report(results: Results) -> Result:

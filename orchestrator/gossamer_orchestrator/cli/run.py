@@ -14,6 +14,7 @@ from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .command import INVALID, Result, note, show, stderr
 from .common import FMUS, FmuFolder
+from .pictures import every_so_many
 from .watch import LARGE, LiveWatch
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 DEMO = "damage_begins"
 WATCHED = "watch.json"
-LARGEST_PICTURE = 200_000  # points
 
 
 def run(
@@ -203,10 +203,7 @@ def draw(data: xr.Dataset, out: Path, say: Callable[[str], None]) -> list[Path]:
     from ..results.plots import save_pictures
     from ..results.report import write_report
 
-    stride = -(-data.sizes["time"] // LARGEST_PICTURE)
-    if stride > 1:
-        say(f"Pictures are drawn of every {stride}th recorded point.")
-    paths = save_pictures(data.isel(time=slice(None, None, stride)), out)
+    paths = save_pictures(every_so_many(data, say), out)
     try:
         paths.append(write_report(data, out))
     except ResultsError as error:

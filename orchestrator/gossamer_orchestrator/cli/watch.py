@@ -153,10 +153,14 @@ class _Report:
         self._alarms: list[float] = []
         self._findings: list[Finding] = []
         self.misfits: list[float] = []
+        self._times: list[float] = []
+        self._scores: list[float] = []
 
     def take(self, judged: Window) -> None:
         """Print an alarm or a finding."""
         self.misfits.append(judged.misfit)
+        self._times.append(judged.time)
+        self._scores.append(judged.statistic)
         if judged.alarm:
             self._alarms.append(judged.time)
             text = f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.3g} times its mean"
@@ -188,7 +192,8 @@ class _Report:
     def content(self) -> dict[str, Any]:
         """What is in the file."""
         findings = [{name: _plain(value) for name, value in asdict(each).items()} for each in self._findings]
-        return {"alarms": self._alarms, "findings": findings, "misfit": self.misfits}
+        content = {"alarms": self._alarms, "findings": findings, "misfit": self.misfits}
+        return content | {"time": self._times, "score": self._scores}
 
 
 def _samples(window: float, found: Found) -> int:

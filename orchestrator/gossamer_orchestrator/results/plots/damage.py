@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...errors import ResultsError
 from ..judgements import doubts, judge, true_damage, windows
 from ..roles import find, need
-from .axes import COLORS, GREY, axes_or_new, side
+from .axes import COLORS, GREY, axes_or_new, side, time_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,8 +92,7 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     ended = windows(data)
     t, e = 100.0 * true.to_numpy(), 100.0 * estimated.to_numpy()
     bars = 200.0 * data.get(f"{detector}.deviation", math.nan * estimated).to_numpy()  # two standard deviations
-    if ended:
-        e[time < ended[0].time] = math.nan  # nothing is known before the first judgement
+    e[time < (ended[0].time if ended else math.inf)] = math.nan  # nothing is known before the first judgement
     damaged = list(np.flatnonzero(t.max(axis=0) > 0.0))
     largest = np.nan_to_num(e).max(axis=0)
     suspects = [z for z in np.argsort(-largest) if z not in damaged and largest[z] > 3.0]
@@ -116,6 +115,7 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
         ax.axvline(window.time, color=GREY, lw=0.6, ls=":")
     ax.set(xlabel="time [s]", ylabel="damage [%]", title="Damage over time; a dotted line ends a window")
     ax.set_xlim(time[0], time[-1] + 0.03 * (time[-1] - time[0]))  # room for the last judgement
+    time_axis(ax)
     ax.set_ylim(-1.0, max(10.0, 1.15 * float(max(t.max(), np.nan_to_num(e).max()))))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=4)
     return ax
@@ -127,6 +127,7 @@ def _damage(data: xr.Dataset, figure: Figure) -> None:
     for ax in left:
         plot_damage_map(data, "true", ax=ax)
     plot_damage_map(data, "estimated", ax=right)
+    figure.colorbar(right.images[0], ax=[*left, right], shrink=0.8, label="damage [%]")
     if not windows(data)[-1].valid:
         figure.supxlabel(doubts(data, windows(data))[0], fontsize=9)
 
