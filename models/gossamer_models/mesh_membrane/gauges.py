@@ -21,7 +21,7 @@ from .mesh import Block, SurfaceMesh
 
 SAMPLES = 5  # of a gauge with a length, Gauss-Legendre
 _ACROSS = 1e-2  # part of a direction that lies in the surface, at least
-_BENT = 0.02  # share of a gauge that a curved surface may take from it
+_BENT = 0.05  # share of a gauge that a curved surface may take from it
 _NEAREST = 12  # elements looked into
 _THERE = 1e-13  # how far a point on an element may seem to be from it, shares of the size
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import casadi as ca
 
-LEVELS = 4  # at most 10^4 steps
+LEVELS = 5  # at most 10^5 steps
 TOLERANCE = 1e-13  # largest force left on a node, over the scale of forces
 _STEP = 0.9  # of the stable step
 

@@ -1,0 +1,148 @@
+"""Where a membrane on a mesh could go wrong without a word: scaled inertia, stiff gas, shared nodes, loose sheets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gossamer_models.mesh_membrane import Gas, Load, Region, Sensor, Setup, Support, make_structure, surface_mesh
+from gossamer_models.mistakes import DescriptionError
+from oracles.meshes import meshed, rectangle, started, tube
+
+FILM = Region(youngs_modulus=2.5e9, poisson_ratio=0.34, density=1400.0, thickness=25e-6, prestress=(1e6, 1e6, 0.0))
+RIM = (Support(group="rim"),)
+ON_RIM = {"rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > 1.0 - 1e-9)}
+
+
+def sheet(n, patch=None, points=None):
+    return meshed([patch or rectangle(1.0, 1.0)], n, faces={"film": lambda x, y, z: x > -1e9}, points=points or ON_RIM)
+
+
+def settle(model, steps, share=1.0):
+    for _ in range(steps):
+        model.step(share * model.get("max_step"))
+
+
+@pytest.mark.parametrize("axis", [1, 3])
+def test_scaled_inertia_does_not_change_what_a_constant_acceleration_does(axis):
+    strains = []
+    for factor in (1.0, 100.0):
+        sensor = Sensor(point=(0.1, 0.5, 0.0), direction=(1.0, 0.0, 0.0))
+        _, model, _ = started(sheet(4), regions=(FILM,), supports=RIM, sensors=(sensor,), inplane_mass=factor)
+        rest = model.get("strain[1]")
+        model.reset()
+        model.set(f"base_acceleration[{axis}]", 1000.0)
+        model.initialize()
+        strains.append(model.get("strain[1]") - rest)
+        settle(model, 20)
+        assert model.get("strain[1]") - rest == pytest.approx(strains[-1], rel=1e-6)  # it began in equilibrium
+    assert abs(strains[0]) > 1e-6
+    assert strains[1] == pytest.approx(strains[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("slope", [0.2, 1.0])
+def test_scaled_inertia_is_stable_on_a_crease(slope):
+    roof = sheet(6, lambda s, t: (s, t, slope * (0.5 - np.abs(s - 0.5))))
+    _, model, _ = started(roof, regions=(FILM,), supports=RIM, inplane_mass=100.0)
+    model.set("pressure", 10.0)
+    settle(model, 400)
+    assert model.get("displacement") < 0.05
+
+
+@pytest.mark.parametrize("volume", [1e-3, 1e-4])
+def test_the_step_is_short_enough_for_gas_in_a_gap(volume):
+    gas = Gas(pressure=0.0, ambient=1e5, exponent=1.4, volume=volume)
+    _, model, _ = started(sheet(8), regions=(FILM,), supports=RIM, gas=gas)
+    model.set("pressure", 1.0)
+    settle(model, 300)
+    assert model.get("displacement") < 1e-3
+
+
+def test_it_begins_with_as_much_gas_as_the_input_says():
+    gas = Gas(pressure=100.0, ambient=1e3, volume=1.0)
+    _, model, _ = started(sheet(4), regions=(FILM,), supports=RIM, gas=gas)
+    model.reset()
+    model.set("gas_amount", 1.2)
+    model.initialize()
+    assert model.get("gas_pressure") == pytest.approx(1.2 * 1100.0 - 1000.0)
+    sag = model.get("displacement")
+    settle(model, 50)
+    assert model.get("displacement") == pytest.approx(sag, rel=1e-6)
+
+
+def test_a_mesh_far_from_its_origin_starts():
+    x, y, z = 300.0, -200.0, 100.0
+    away = sheet(
+        8,
+        lambda s, t: (x + s, y + t, z + 0.0 * s),
+        {"rim": lambda a, b, c: (np.abs(a - x - 0.5) > 0.5 - 1e-6) | (np.abs(b - y - 0.5) > 0.5 - 1e-6)},
+    )
+    load = (Load(name="pressure", start=1000.0),)
+    sags = [
+        started(file, regions=(FILM,), supports=RIM, loads=load)[1].get("displacement") for file in (sheet(8), away)
+    ]
+    assert sags[1] == pytest.approx(sags[0], rel=1e-6)
+
+
+SIDES = {
+    "left": lambda x, y, z: x < 1e-9,
+    "right": lambda x, y, z: x > 1.0 - 1e-9,
+    "low": lambda x, y, z: y < 1e-9,
+    "high": lambda x, y, z: y > 1.0 - 1e-9,
+}
+
+
+def test_sides_that_share_a_corner_move_it_once():
+    supports = tuple(Support(group=side, stretch=(1.02, 1.02, 1.0), centre=(0.5, 0.5, 0.0)) for side in SIDES)
+    structure, _, q = started(sheet(4, points=SIDES), regions=(FILM,), supports=supports)
+    corner = np.argmin(np.linalg.norm(structure.mesh.nodes, axis=1))
+    assert q[corner] == pytest.approx([-0.01, -0.01, 0.0])
+
+
+def test_sides_that_move_a_corner_to_different_places_are_refused():
+    supports = (Support(group="left", displacement=(0.1, 0.0, 0.0)), Support(group="low", displacement=(0.2, 0.0, 0.0)))
+    with pytest.raises(DescriptionError, match=r"'low' and 'left' move the node at .* to different places"):
+        make_structure(Setup(regions=(FILM,), supports=supports), surface_mesh(sheet(4, points=SIDES)))
+
+
+def test_a_second_sheet_that_nothing_holds_is_refused():
+    both = meshed([rectangle(1.0, 1.0), lambda s, t: (s, t, 1.0 + 0.0 * s)], 4, points={"rim": lambda x, y, z: z < 0.5})
+    with pytest.raises(DescriptionError, match=r"2 sheets: the one around \[0.5, 0.5, 1.0\] m"):
+        make_structure(Setup(regions=(FILM,), supports=RIM), surface_mesh(both))
+
+
+@pytest.mark.parametrize("length", [0.01, 0.05])
+def test_a_gauge_bends_with_the_surface(length):
+    film = meshed([tube(0.1, 0.3)], (24, 6), points={"rim": lambda x, y, z: (z < 1e-9) | (z > 0.3 - 1e-9)})
+    sensor = Sensor(point=(0.1, 0.0, 0.15), direction=(0.0, 1.0, 0.0), gauge_length=length)
+    make_structure(Setup(regions=(FILM,), supports=RIM, sensors=(sensor,)), surface_mesh(film))
+
+
+def test_a_gauge_across_the_surface_is_refused():
+    sensor = Sensor(point=(0.5, 0.5, 0.0), direction=(0.0, 0.0, 1.0))
+    with pytest.raises(DescriptionError, match=r"sensor 1: its direction .* is across the surface"):
+        make_structure(Setup(regions=(FILM,), supports=RIM, sensors=(sensor,)), surface_mesh(sheet(4)))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"regions": (FILM, FILM)}, "only one can take the rest"),
+        ({"law": "hencky", "regions": (replace(FILM, prestress=(1e7, 1e7, 0.0)),)}, "Hooke's"),
+    ],
+)
+def test_a_setup_that_would_mean_something_else_is_refused(wrong, message):
+    with pytest.raises(DescriptionError, match=message):
+        Setup(**{"regions": (FILM,), "supports": RIM} | wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"fixed": "z", "displacement": (0.1, 0.0, 0.0)}, "moves along x, which 'fixed' = 'z' does not hold"),
+        ({"motion": "stroke"}, "'motion' multiplies the way of the nodes, and there is none"),
+        ({"motion": "my motion", "displacement": (0.1, 0.0, 0.0)}, "Use letters"),
+    ],
+)
+def test_a_support_that_would_do_nothing_is_refused(wrong, message):
+    with pytest.raises(DescriptionError, match=message):
+        Support(group="rim", **wrong)
