@@ -96,6 +96,8 @@ def plot_shape(history: ShapeHistory, *, ax: Axes3D | None = None) -> Axes3D:
     ax.set(zlim=(low[2] - room[2], high[2] + room[2]), xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     ax.set_box_aspect(high - low + 2.0 * room, zoom=1.2)
     ax.locator_params(nbins=4)
+    if high[2] - low[2] < 0.1 * float((high - low).max()):  # a flat membrane has no room for more
+        ax.locator_params(axis="z", nbins=1)
     wrinkled = f"; {np.mean(mark != TAUT):.0%} of the faces wrinkle (orange edges)" if (mark != TAUT).any() else ""
     ax.set_title(f"Displacement [mm] at t = {history.time[k]:.4f} s{wrinkled}")
     ax.figure.colorbar(colours, ax=ax, shrink=0.6, pad=0.1)
