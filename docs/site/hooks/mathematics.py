@@ -1,0 +1,34 @@
+r"""Formulas of pages and docstrings as MathML, which browsers draw without a script.
+
+Pages write formulas as GitHub does, ``$`x`$`` and blocks of ``math``; docstrings as Sphinx does, ``:math:`x``` and ``.. math::``.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from typing import Any
+
+from latex2mathml.converter import convert
+
+INLINE = re.compile(r"(?:\$<code>(.*?)</code>\$)|(?::math:<code>(.*?)</code>)", re.DOTALL)
+FENCED = re.compile(r'<div class="language-math highlight">.*?<code>(.*?)</code></pre></div>', re.DOTALL)
+DIRECTIVE = re.compile(r"<p>\.\. math::\s*(.*?)</p>", re.DOTALL)
+DIRECTIVE_ABOVE = re.compile(r'<p>\.\. math::</p>\s*<div class="highlight"><pre>.*?<code>(.*?)</code></pre></div>', re.DOTALL)
+REFERENCE = re.compile(r"\.\. (\[\d+\])")
+CITATION = re.compile(r"(\[\d+\])_(?!\w)")
+TAG = re.compile(r"<[^>]+>")
+
+
+def _formula(text: str, display: str) -> str:
+    source = html.unescape(TAG.sub("", text)).strip()
+    return convert(source, display=display)
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """Replace the formulas of a page, and Sphinx' marks of references."""
+    content = FENCED.sub(lambda found: _formula(found[1], "block"), content)
+    content = DIRECTIVE_ABOVE.sub(lambda found: _formula(found[1], "block"), content)
+    content = DIRECTIVE.sub(lambda found: _formula(found[1], "block"), content)
+    content = INLINE.sub(lambda found: _formula(found[1] or found[2], "inline"), content)
+    return CITATION.sub(r"\1", REFERENCE.sub(r"<br>\1", content))
