@@ -1,11 +1,12 @@
 # make demo   build the FMUs, run the demo, leave results and pictures in out/
 # make test   every check and test, on a machine with nothing but Python >= 3.11 and make
+# make site   the site, out/site/index.html; opens from disk
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: demo test bench goldens docs figures lock clean
+.PHONY: demo test site bench goldens docs figures lock clean
 
 demo: $(STAMP)
 	$(BIN)/gossamer demo
@@ -17,11 +18,15 @@ test: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/pytest --numprocesses auto --dist loadfile
 
+site: $(STAMP)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 bench: $(STAMP)
 	$(BIN)/pytest tests/bench --override-ini addopts="-ra --import-mode=importlib -s"
 
 docs: demo
 	cp out/damage_begins/damage_history.png docs/demo.png
+	$(BIN)/python docs/make_motion.py
 
 goldens: $(STAMP)
 	$(BIN)/pytest tests/fmus --rewrite-goldens
