@@ -1,4 +1,4 @@
-// The membrane of the start page: plotly draws the pictures of motion.js one after another, heights enlarged.
+// The membrane of the start page: plotly draws the pictures of motion.js one after another, to scale.
 (() => {
   const SIDE = 0.588; // [m]
   const place = document.getElementById("membrane"), button = document.getElementById("membrane-button");
@@ -26,15 +26,16 @@
   });
   const damaged = (k) => (k >= motion.onset ? outlines : [null]);
   const dark = document.body.getAttribute("data-md-color-scheme") === "slate";
+  const narrow = place.clientWidth < 500, far = narrow ? 1.15 : 0.85;
   const z = surface(0), plain = { visible: false };
   Plotly.newPlot(place, [
-    { type: "surface", x: along, y: along, z, cmin: -top, cmax: top, colorscale: "Viridis", hoverinfo: "skip", colorbar: { title: { text: "mm" }, thickness: 10, len: 0.6 } },
+    { type: "surface", x: along, y: along, z, cmin: -top, cmax: top, colorscale: "Viridis", hoverinfo: "skip", showscale: !narrow, colorbar: { title: { text: "mm" }, thickness: 10, len: 0.6 } },
     { type: "scatter3d", mode: "lines", ...line(z, grid), line: { color: dark ? "#cfd6dd" : "#3d4650", width: 2 }, hoverinfo: "skip" },
     { type: "scatter3d", mode: "lines", ...line(z, damaged(0)), line: { color: "#D55E00", width: 8 }, hoverinfo: "skip" },
   ], {
     paper_bgcolor: "rgba(0,0,0,0)", font: { color: dark ? "#cfd6dd" : "#3d4650" }, showlegend: false, margin: { l: 0, r: 0, t: 0, b: 0 },
-    scene: { xaxis: plain, yaxis: plain, zaxis: { ...plain, range: [-1.1 * top, 1.1 * top] }, aspectmode: "manual", aspectratio: { x: 1.3, y: 1.3, z: 0.5 },
-      camera: { eye: { x: -0.7, y: -1.4, z: 0.9 }, center: { x: 0, y: 0, z: -0.1 } } },
+    scene: { xaxis: plain, yaxis: plain, zaxis: { ...plain, range: [-1.1 * top, 1.1 * top] }, aspectmode: "manual", aspectratio: { x: 1, y: 1, z: (2.2 * top) / (1e3 * SIDE) },
+      camera: { eye: { x: -0.7 * far, y: -1.3 * far, z: 0.6 * far }, center: { x: 0, y: 0, z: 0 } } },
   }, { displayModeBar: false, responsive: true });
   let picture = 0, moving = !window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   const show = () => {

@@ -12,7 +12,7 @@ from typing import Any
 from latex2mathml.converter import convert
 
 INLINE = re.compile(r"(?:\$<code>(.*?)</code>\$)|(?::math:<code>(.*?)</code>)", re.DOTALL)
-FENCED = re.compile(r'<div class="language-math highlight">.*?<code>(.*?)</code></pre></div>', re.DOTALL)
+FENCED = re.compile(r"^```math\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 DIRECTIVE = re.compile(r"<p>\.\. math::\s*(.*?)</p>", re.DOTALL)
 DIRECTIVE_ABOVE = re.compile(r'<p>\.\. math::</p>\s*<div class="highlight"><pre>.*?<code>(.*?)</code></pre></div>', re.DOTALL)
 REFERENCE = re.compile(r"\.\. (\[\d+\])")
@@ -25,9 +25,13 @@ def _formula(text: str, display: str) -> str:
     return convert(source, display=display)
 
 
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Replace blocks of ``math`` before they count as code."""
+    return FENCED.sub(lambda found: "\n" + convert(" ".join(found[1].split()), display="block") + "\n", markdown)
+
+
 def on_page_content(content: str, **_: Any) -> str:
-    """Replace the formulas of a page, and Sphinx' marks of references."""
-    content = FENCED.sub(lambda found: _formula(found[1], "block"), content)
+    """Replace the other formulas of a page, and Sphinx' marks of references."""
     content = DIRECTIVE_ABOVE.sub(lambda found: _formula(found[1], "block"), content)
     content = DIRECTIVE.sub(lambda found: _formula(found[1], "block"), content)
     content = INLINE.sub(lambda found: _formula(found[1] or found[2], "inline"), content)

@@ -53,8 +53,8 @@ def api() -> dict[str, str]:
         names = public_names(package)
         if names:
             dotted = ".".join(package.relative_to(ROOT).parts[1:])
-            members = "".join(f"        - {name}\n" for name in names)
-            found[dotted] = f"# {dotted}\n\n::: {dotted}\n    options:\n      members:\n{members}"
+            head = f"# {dotted}\n\n::: {dotted}\n    options: {{members: false, show_root_heading: false, show_root_toc_entry: false}}\n"
+            found[dotted] = "\n".join([head, *(f"::: {dotted}.{name}\n" for name in names)])
     return found
 
 
