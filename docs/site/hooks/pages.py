@@ -13,6 +13,7 @@ from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 from plotly.offline import get_plotlyjs
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -24,6 +25,8 @@ PACKAGES = (
     "orchestrator/gossamer",
     "orchestrator/gossamer_orchestrator",
 )
+# The docstring of a package stands below its title, without what it contains.
+ALONE = "    options: {members: false, show_root_heading: false, show_root_toc_entry: false}\n"
 LINK = re.compile(r"\[([^\]]*)\]\(([^)#:\s]+)(?:#[\w-]+)?\)")
 FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 
@@ -53,8 +56,9 @@ def api() -> dict[str, str]:
         names = public_names(package)
         if names:
             dotted = ".".join(package.relative_to(ROOT).parts[1:])
-            head = f"# {dotted}\n\n::: {dotted}\n    options: {{members: false, show_root_heading: false, show_root_toc_entry: false}}\n"
-            found[dotted] = "\n".join([head, *(f"::: {dotted}.{name}\n" for name in names)])
+            found[dotted] = f"# {dotted}\n\n::: {dotted}\n{ALONE}" + "".join(
+                f"\n::: {dotted}.{name}\n" for name in names
+            )
     return found
 
 
@@ -100,7 +104,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
+def on_page_markdown(markdown: str, *, page: Page, **_: object) -> str:
     """Write links to folders as plain text: a site without a server has no list of files to show."""
     folder = (ROOT / page.file.src_uri).parent
 
