@@ -75,15 +75,16 @@ def test_every_page_of_the_repository_is_in_it(site):
     assert {re.sub(r"`", "", title) for title in titles} <= {re.sub(r"<[^>]+>", "", each) for each in headings}
 
 
-@pytest.mark.parametrize(
-    "package", ["gossamer_models", "gossamer_models.sensor", "gossamer_orchestrator", "gossamer_fmus"]
-)
-def test_every_public_name_has_its_place(pages, site, package):
-    names = import_module(package).__all__
-    assert names
-    anchors = pages[site / "api" / f"{package}.html"].anchors
-    missing = {name for name in names if f"{package}.{name}" not in anchors}
-    assert not missing
+def test_every_public_name_has_its_place(site, pages):
+    packages = sorted(file.stem for file in (site / "api").glob("*.html"))
+    assert {"gossamer_models", "gossamer_models.mesh_membrane", "gossamer_orchestrator", "gossamer_fmus"} <= set(
+        packages
+    )
+    for package in packages:
+        names = import_module(package).__all__
+        assert names, package
+        missing = {f"{package}.{name}" for name in names} - pages[site / "api" / f"{package}.html"].anchors
+        assert not missing
 
 
 def test_formulas_are_drawn(site):

@@ -81,7 +81,7 @@ def _linked(path: str) -> set[str]:
 
 def on_config(config: MkDocsConfig) -> None:
     """Add to the contents what is in no list of ``mkdocs.yml``: the API, and new pages of ``docs``."""
-    parts: dict[str, list[Any]] = {title: part for entry in config.nav for title, part in entry.items()}
+    parts: dict[str, list[Any]] = {title: part for entry in config.nav or () for title, part in entry.items()}
     named = set(re.findall(r"[\w./]+\.md", str(config.nav)))
     parts["How to"] += [page for page in pages() if page not in named]
     parts["Reference"].append({"Python": [f"api/{name}.md" for name in api()]})
