@@ -19,7 +19,7 @@ test: $(STAMP)
 	$(BIN)/pytest --numprocesses auto --dist loadfile
 
 site: $(STAMP)
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict  # with --quiet it would count no warning
 
 bench: $(STAMP)
 	$(BIN)/pytest tests/bench --override-ini addopts="-ra --import-mode=importlib -s"

@@ -15,10 +15,11 @@ def site(once):
     root = Path(__file__).resolve().parents[2]
 
     def build(folder):
-        command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+        command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
         quiet = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
         done = subprocess.run(command, cwd=root, env=quiet, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         assert "WARNING" not in done.stderr
+        assert "Documentation built" in done.stderr  # with --quiet, mkdocs counts no warning
 
     return once("site", build)
