@@ -26,7 +26,7 @@
   });
   const damaged = (k) => (k >= motion.onset ? outlines : [null]);
   const dark = document.body.getAttribute("data-md-color-scheme") === "slate";
-  const narrow = place.clientWidth < 500, far = narrow ? 1.15 : 0.85;
+  const narrow = place.clientWidth < 500, far = narrow ? 1.3 : 0.85;
   const z = surface(0), plain = { visible: false };
   Plotly.newPlot(place, [
     { type: "surface", x: along, y: along, z, cmin: -top, cmax: top, colorscale: "Viridis", hoverinfo: "skip", showscale: !narrow, colorbar: { title: { text: "mm" }, thickness: 10, len: 0.6 } },

@@ -10,6 +10,7 @@ import html
 import re
 
 from latex2mathml.converter import convert
+from mkdocs.structure.pages import Page
 
 INLINE = re.compile(r"(?:\$<code>(.*?)</code>\$)|(?::math:<code>(.*?)</code>)", re.DOTALL)
 FENCED = re.compile(r"^```math\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -32,9 +33,11 @@ def on_page_markdown(markdown: str, **_: object) -> str:
     return FENCED.sub(lambda found: "\n" + convert(" ".join(found[1].split()), display="block") + "\n", markdown)
 
 
-def on_page_content(content: str, **_: object) -> str:
-    """Replace the other formulas of a page, and Sphinx' marks of references."""
+def on_page_content(content: str, *, page: Page, **_: object) -> str:
+    """Replace the other formulas of a page, and in docstrings Sphinx' marks of references."""
     content = DIRECTIVE_ABOVE.sub(lambda found: _formula(found[1], "block"), content)
     content = DIRECTIVE.sub(lambda found: _formula(found[1], "block"), content)
     content = INLINE.sub(lambda found: _formula(found[1] or found[2], "inline"), content)
-    return CITATION.sub(r"\1", REFERENCE.sub(r"<br>\1", content))
+    if page.file.src_uri.startswith("api/"):
+        content = CITATION.sub(r"\1", REFERENCE.sub(r"<br>\1", content))
+    return content
