@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: demo test site bench goldens docs figures lock clean
+.PHONY: demo test test-basilisk site bench goldens docs figures lock clean
 
 demo: $(STAMP)
 	$(BIN)/gossamer demo
@@ -21,6 +21,14 @@ test: $(STAMP)
 site: $(STAMP)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict  # with --quiet it would count no warning
 
+# Basilisk takes 270 MB, so it has an environment of its own and is not among the pinned packages.
+test-basilisk: $(STAMP)
+	$(PYTHON) -m venv build/basilisk
+	build/basilisk/bin/python -m pip install --quiet --require-hashes --no-deps -r constraints.txt
+	build/basilisk/bin/python -m pip install --quiet "bsk>=2.12,<3"
+	build/basilisk/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	build/basilisk/bin/pytest tests/hosts/test_basilisk.py
+
 bench: $(STAMP)
 	$(BIN)/pytest tests/bench --override-ini addopts="-ra --import-mode=importlib -s"
 
@@ -30,6 +38,7 @@ docs: demo
 
 goldens: $(STAMP)
 	$(BIN)/pytest tests/fmus --rewrite-goldens
+	$(BIN)/python docs/make_front_door.py
 
 figures: $(STAMP)
 	$(BIN)/python docs/make_identification_page.py
@@ -45,7 +54,7 @@ $(STAMP): constraints.txt pyproject.toml
 
 # Needs uv (pip install uv); hatchling and editables are pinned too because the build runs without isolation.
 lock:
-	printf "hatchling\neditables\n" | uv pip compile --universal --python-version 3.11 --all-extras --generate-hashes --no-annotate \
+	printf "hatchling\neditables\n" | uv pip compile --universal --python-version 3.11 --extra campaign --extra mesh --extra native --extra notebook --extra docs --extra dev --generate-hashes --no-annotate \
 	    --no-header --no-emit-index-url --no-emit-find-links pyproject.toml - -o constraints.txt
 
 clean:

@@ -1,7 +1,7 @@
 """Momentum and angular momentum of a hub and the membrane that it carries, from the results of a run.
 
-Symbols: ``R`` attitude as a matrix, ``O``, ``V`` place [m] and velocity [m/s] of the hub's origin, in inertial axes; ``P``
-momentum [kg m/s] and ``L`` angular momentum about the inertial origin [kg m2/s], one row per time.
+Symbols: ``R`` attitude as a matrix, ``O``, ``V`` place [m] and velocity [m/s] of the hub's origin, in inertial axes;
+``P`` momentum [kg m/s] and ``L`` angular momentum about the inertial origin [kg m2/s], one row per time.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,10 @@
 """The README's examples run as they are printed."""
 
 import re
+import shutil
 from pathlib import Path
 
+import gossamer
 from gossamer_fmus import build_fmu
 from gossamer_models.membrane import membrane_model
 
@@ -13,8 +15,21 @@ def examples():
     return re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
 
 
-def test_the_python_example_prints_a_resistance(capsys):
+def test_the_example_of_a_run_finds_the_damage_that_it_sets(tmp_path, monkeypatch, built, capsys):
+    fmus = built("native")
+    (tmp_path / "out").mkdir()
+    monkeypatch.setattr(
+        gossamer, "build", lambda **_: shutil.copytree(fmus["sensor"].parent, tmp_path / "out/fmus"), raising=False
+    )
+    monkeypatch.chdir(tmp_path)
     exec(examples()[0], {})
+    printed = capsys.readouterr().out
+    assert printed.startswith("Damaged: zone 11 lost")
+    assert "zone_x" in printed
+
+
+def test_the_python_example_prints_a_resistance(capsys):
+    exec(examples()[1], {})
     assert float(capsys.readouterr().out) > 100.0
 
 
@@ -22,7 +37,7 @@ def test_the_fmpy_example_runs(tmp_path, monkeypatch):
     build_fmu(membrane_model(), tmp_path / "out" / "fmus")
     monkeypatch.chdir(tmp_path)
     names = {}
-    exec(examples()[1], names)
+    exec(examples()[2], names)
     assert names["result"]["deflection"].max() > 0.1
 
 

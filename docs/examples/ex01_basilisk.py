@@ -1,107 +1,120 @@
-"""A spacecraft in Basilisk carries the membrane, and its motion shakes the chain: one FMU, made by ``gossamer container``.
+"""A spacecraft in Basilisk carries a monitored membrane: slew and thruster shake it, and it shakes the spacecraft.
 
-Symbols, all in body axes: ``B`` origin of the body frame, ``r`` from B to the membrane [m], ``n`` the membrane's normal,
-``w`` angular velocity [1/s]. The frame of the membrane accelerates along its normal by
+The membrane, four sensors, four compensators and the detector are one FMU. Basilisk steps it after the spacecraft, and the
+force of the membrane acts on the spacecraft in the next step.
 
-    base_acceleration = n . (a_B + w' x r + w x (w x r))
-
-with ``a_B`` the acceleration of B by forces other than gravity, which pulls at frame and membrane alike.
-
-    pip install bsk fmpy
-    gossamer build --native && gossamer container damaged
-    python docs/examples/ex01_basilisk.py out/damaged.fmu
+    pip install gossamer[basilisk]
+    gossamer build --native && gossamer container docs/examples/ex01_sail.toml
+    python docs/examples/ex01_basilisk.py out/ex01_sail.fmu
 """
 
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 
-import fmpy
 import numpy as np
-from Basilisk.architecture import messaging, sysModel
 from Basilisk.simulation import extForceTorque, spacecraft
 from Basilisk.utilities import SimulationBaseClass, macros
-from fmpy import fmi2
+from gossamer_orchestrator.hosts.basilisk import FramedMembrane
+from gossamer_orchestrator.hosts.debt import from_mrp
 
 STEP = 3e-4  # [s]
 STEPS = 844  # two periods of the membrane's load, the detector's window
 MASS = 120.0  # [kg]
-INERTIA = [90.0, 0.0, 0.0, 0.0, 80.0, 0.0, 0.0, 0.0, 60.0]  # [kg m2]
-THRUST = [0.0, 0.0, 1.0]  # [N]
-MOMENT = [0.0, 0.2, 0.0]  # [N m]
-PLACE = np.array([1.5, 0.0, 0.0])  # r [m]
-NORMAL = np.array([0.0, 0.0, 1.0])  # n
+INERTIA = [90.0, 80.0, 60.0]  # [kg m2]
+SLEW = [0.0, 20.0, 0.0]  # [N m], until half of the time, then the opposite
+THRUST = [0.0, 0.0, 40.0]  # [N], in the last quarter of the time
+XYZ = (1, 2, 3)
 
 
-class Monitoring(sysModel.SysModel):
-    """Step the monitoring chain with the motion of the spacecraft.
+@dataclass
+class Flight:
+    """What happened, one row per step.
 
-    Parameters
+    Attributes
     ----------
-    path : str
-        The container FMU.
+    damage : list of float
+        Estimated damage of the 16 zones [1].
+    rate : ndarray, shape (steps, 3)
+        Angular velocity of the spacecraft [rad/s], in body axes.
+    deflection : ndarray, shape (steps,)
+        That of the centre of the membrane [m].
+    momentum, angular_momentum : ndarray, shape (steps, 3)
+        Of both and what is on its way between them [kg m/s, kg m2/s], in inertial axes, less what thruster
+        and slew have given.
+    peaks : tuple of float
+        Largest momentum [kg m/s] and angular momentum [kg m2/s] of the membrane alone.
     """
 
-    def __init__(self, path: str) -> None:
-        super().__init__()
-        self.ModelTag = "monitoring"
-        self.states = messaging.SCStatesMsgReader()
-        description = fmpy.read_model_description(path)
-        self.references = {v.name: v.valueReference for v in description.modelVariables}
-        self.fmu = fmi2.FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=fmpy.extract(path),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName="monitoring",
-        )
-        self.fmu.instantiate()
-        self.accelerations: list[float] = []
-
-    def Reset(self, nanoseconds: int) -> None:
-        """Initialize the FMU."""
-        self.fmu.setupExperiment(startTime=0.0)
-        self.fmu.enterInitializationMode()
-        self.fmu.exitInitializationMode()
-        self.start = nanoseconds
-
-    def UpdateState(self, nanoseconds: int) -> None:
-        """Step the FMU to the present time; Basilisk calls it every ``STEP``, the first time at the start."""
-        if nanoseconds == self.start:
-            return
-        state = self.states()
-        w, w_dot = np.array(state.omega_BN_B), np.array(state.omegaDot_BN_B)
-        a_B = np.array(state.nonConservativeAccelpntB_B)
-        a = NORMAL @ (a_B + np.cross(w_dot, PLACE) + np.cross(w, np.cross(w, PLACE)))
-        self.accelerations.append(float(a))
-        self.fmu.setReal([self.references["membrane.base_acceleration"]], [a])
-        self.fmu.doStep((nanoseconds - self.start) * macros.NANO2SEC - STEP, STEP)
-
-    def damage(self) -> list[float]:
-        """Return the estimated damage of the 16 zones [1]."""
-        return self.fmu.getReal([self.references[f"detector.damage[{i}]"] for i in range(1, 17)])
+    damage: list[float]
+    rate: np.ndarray
+    deflection: np.ndarray
+    momentum: np.ndarray
+    angular_momentum: np.ndarray
+    peaks: tuple[float, float]
 
 
-def main(path: str) -> tuple[list[float], list[float]]:
-    """Fly for one window of the detector; return the damage it sees and the accelerations it felt."""
+def totals(vehicle: spacecraft.Spacecraft, sail: FramedMembrane) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Return momentum and angular momentum of spacecraft and membrane, and those of the membrane alone."""
+    state, hub = vehicle.scStateOutMsg.read(), vehicle.hub
+    R, w, V, O = (from_mrp(np.array(state.sigma_BN)), *map(np.array, (state.omega_BN_B, state.v_BN_N, state.r_BN_N)))
+    c = np.ravel(hub.r_BcB_B)
+    P = hub.mHub * (V + R @ np.cross(w, c))
+    L = R @ np.array(hub.IHubPntBc_B) @ w + np.cross(O + R @ c, P)
+    mass, *rest = sail.read(
+        "membrane.moving_mass",
+        *(f"membrane.{of}[{k}]" for of in ("moving_first_moment", "momentum", "angular_momentum") for k in XYZ),
+    )
+    S, p, spin = np.reshape(rest, (3, 3)) @ R.T
+    own_P, own_L = mass * V + p, np.cross(S, V) + spin
+    owed = sail.owed
+    L_whole = L + own_L + np.cross(O, own_P) + owed[3:] + np.cross(O, owed[:3])
+    return P + own_P + owed[:3], L_whole, np.linalg.norm(own_P), np.linalg.norm(own_L)
+
+
+def main(path: str) -> Flight:
+    """Fly for one window of the detector."""
     simulation = SimulationBaseClass.SimBaseClass()
     process = simulation.CreateNewProcess("dynamics")
     process.addTask(simulation.CreateNewTask("task", macros.sec2nano(STEP)))
 
     vehicle = spacecraft.Spacecraft()
-    vehicle.hub.mHub, vehicle.hub.IHubPntBc_B = MASS, np.reshape(INERTIA, (3, 3)).tolist()
-    thruster = extForceTorque.ExtForceTorque()
-    thruster.extForce_B, thruster.extTorquePntB_B = THRUST, MOMENT
-    vehicle.addDynamicEffector(thruster)
-    monitoring = Monitoring(path)
-    monitoring.states.subscribeTo(vehicle.scStateOutMsg)
-    for model in (vehicle, thruster, monitoring):  # in this order at every step
-        simulation.AddModelToTask("task", model)
-
+    vehicle.hub.mHub, vehicle.hub.IHubPntBc_B = MASS, np.diag(INERTIA).tolist()
+    thrusters = extForceTorque.ExtForceTorque()
+    vehicle.addDynamicEffector(thrusters)
+    sail = FramedMembrane(Path(path), vehicle, component="membrane")
+    sail.add_to(simulation, "task")
     simulation.InitializeSimulation()
-    simulation.ConfigureStopTime(macros.sec2nano(STEP) * STEPS)
-    simulation.ExecuteSimulation()
-    return monitoring.damage(), monitoring.accelerations
+
+    rows, given = [], np.zeros(6)
+    for k in range(STEPS):
+        slew = SLEW if k < STEPS // 2 else [-x for x in SLEW]
+        thrust = THRUST if k >= 3 * STEPS // 4 else [0.0, 0.0, 0.0]
+        thrusters.extTorquePntB_B, thrusters.extForce_B = slew, thrust
+        before = vehicle.scStateOutMsg.read()
+        simulation.ConfigureStopTime(macros.sec2nano(STEP) * (k + 1))
+        simulation.ExecuteSimulation()
+        after = vehicle.scStateOutMsg.read()
+        R, O = (
+            (f(before) + f(after)) / 2.0
+            for f in (lambda s: from_mrp(np.array(s.sigma_BN)), lambda s: np.array(s.r_BN_N))
+        )
+        given[:3] += STEP * R @ thrust
+        given[3:] += STEP * (R @ slew + np.cross(O, R @ thrust))
+        P, L, *own = totals(vehicle, sail)
+        rows.append([*after.omega_BN_B, *sail.read("membrane.deflection"), *(P - given[:3]), *(L - given[3:]), *own])
+    damage = sail.read(*(f"detector.damage[{i}]" for i in range(1, 17))).tolist()
+    sail.close()
+    table = np.array(rows)
+    return Flight(damage, table[:, :3], table[:, 3], table[:, 4:7], table[:, 7:10], tuple(table[:, 10:].max(axis=0)))
 
 
 if __name__ == "__main__":
-    damage, accelerations = main(sys.argv[1])
-    print(f"{len(accelerations)} steps, base acceleration {accelerations[-1]:.4g} m/s2")
-    print(f"zone 1: {100 * damage[0]:.2f} % damage; largest elsewhere: {100 * max(damage[1:]):.2f} %")
+    flight = main(sys.argv[1])
+    for name, rows, peak in zip(
+        ("momentum", "angular momentum"), (flight.momentum, flight.angular_momentum), flight.peaks, strict=True
+    ):
+        change = np.linalg.norm(rows - rows[0], axis=1).max() / peak
+        print(f"{name}: changes by {change:.1e} of the membrane's peak, {peak:.3g}")
+    print(f"deflection up to {abs(flight.deflection).max():.3f} m; rates up to {abs(flight.rate).max(axis=0)} rad/s")
+    print(f"zone 1: {100 * flight.damage[0]:.2f} % damage; largest elsewhere: {100 * max(flight.damage[1:]):.2f} %")

@@ -10,6 +10,10 @@ A native FMU also holds its C code and the compiled binaries::
     binaries/<platform>/<name>.<so|dll|dylib>
     sources/                                 see ``c_code``
 
+An FMU of a model with files of its own holds them too::
+
+    resources/                               see ``resources``
+
 A Python FMU holds one generic slave and the serialized step model instead; see ``python_fmu``.
 """
 
@@ -18,6 +22,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,6 +37,7 @@ from .description import FmiVersion, build_description, model_description
 from .loop_code import FILE
 from .page import documents
 from .python_fmu import python_members
+from .resources import resources
 
 if TYPE_CHECKING:
     from gossamer_models.mesh_membrane import Structure
@@ -64,7 +70,7 @@ def build_fmu(
     platforms : iterable of str
         Keys of ``compiler.PLATFORMS``, or ``all``; by default the one this program runs on. For native FMUs only.
     progress : callable
-        Receives a line for each library before it is compiled.
+        Receives a line for each library before it is compiled; none for those in the user's cache folder.
 
     Returns
     -------
@@ -164,7 +170,7 @@ def _build(
     fmus = []
     for name, model, readme in models:
         code = sources(model, "", fmi) if native else {}
-        members = documents(model, readme) | ({} if native else python_members(model))
+        members = documents(model, readme) | ({} if native else python_members(model)) | resources(model, native=native)
         if model.tables is not None:
             members[f"resources/{FILE}"] = model.tables.content()
         description = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}
@@ -178,8 +184,8 @@ def _build(
 
     def compile_one(job: tuple[str, tuple[str, str, dict[str, bytes], dict[str, bytes]]]) -> None:
         platform, (name, library, code, members) = job
-        progress(f"{name} for {platform}")
-        members.update(compile_library(code, library, fmi, platform))
+        begin = partial(progress, f"{name} for {platform}")
+        members.update(compile_library(code, library, fmi, platform, begin))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(compile_one, product(platforms, fmus)))

@@ -64,7 +64,7 @@ def derivative(model: StepModel) -> ca.Function:
     x, u = arguments[:2]
     dx, du = ca.MX.sym("dx", x.numel()), ca.MX.sym("du", u.numel())
     result = ca.vertcat(*model.step.call(arguments, True, False))  # inlined: else parameters are differentiated too
-    change = ca.jtimes(result, ca.vertcat(x, u), ca.vertcat(dx, du))
+    change = ca.densify(ca.jtimes(result, ca.vertcat(x, u), ca.vertcat(dx, du)))  # also where nothing can change
     return ca.Function("derivative", [*arguments, dx, du], ca.vertsplit(change, [0, x.numel(), change.numel()]))
 
 
@@ -73,7 +73,7 @@ def initial_derivative(model: StepModel) -> ca.Function:
     arguments = [ca.MX.sym(name, model.init.nnz_in(i)) for i, name in enumerate("up")]
     du = ca.MX.sym("du", arguments[0].numel())
     _, y = model.init.call(arguments, True, False)
-    return ca.Function("initial_derivative", [*arguments, du], [ca.jtimes(y, arguments[0], du)])
+    return ca.Function("initial_derivative", [*arguments, du], [ca.densify(ca.jtimes(y, arguments[0], du))])
 
 
 def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> str:
@@ -97,7 +97,7 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
     if model.tables is not None:
         sizes |= table_sizes(model.tables)
     lines = [
-        f"/* Model {model.name}: {model.description}. */",
+        f"/* Model {model.name}: {model.description.replace('*/', '* /')}. */",
         f"#define MODEL_NAME {_c_text(model.name)}",
         _guid_line(guid),
         f"#define MODEL_ADVICE {_c_text(model.advice)}",

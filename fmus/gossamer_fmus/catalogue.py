@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import partial
@@ -20,6 +21,8 @@ from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sen
 if TYPE_CHECKING:
     from gossamer_models.mesh_membrane import Structure
 
+log = logging.getLogger(__name__)
+
 MODELS: dict[str, Callable[..., StepModel]] = {
     "membrane": membrane_model,
     "sensor": sensor_model,
@@ -31,10 +34,11 @@ MODELS: dict[str, Callable[..., StepModel]] = {
     "hub": hub_model,
 }
 NAMES = tuple(MODELS)
+CHAIN = NAMES[:6]  # those of the monitoring chain
 MEMBRANES = ("membrane", "framed_membrane")
 
 _OPTIONS = {
-    "artifact": NAMES[1:6],
+    "artifact": CHAIN[1:],
     "scales": NAMES[1:4],
     "elements_per_side": MEMBRANES,
     "order": MEMBRANES,
@@ -45,10 +49,10 @@ _REFUSALS = {
     "scales": "FMU {!r} has no scales of a sensor. Name those that have: sensor, compensator, estimator or filter.",
     "artifact": "FMU {!r} is not built from an artifact. Name those that are: sensor, compensator, estimator, filter or "
     "detector.",
-    "elements_per_side": "FMU {!r} has no mesh. Name the membrane alone to choose its elements per side.",
-    "order": "FMU {!r} has no mesh. Name the membrane alone to choose the order of its elements.",
-    "law": "FMU {!r} has no law of a material. Name the membrane alone to choose it.",
-    "structure": "FMU {!r} is not built from a mesh. Name the membrane alone with --setup.",
+    "elements_per_side": "FMU {!r} has no mesh. Name a membrane alone to choose its elements per side.",
+    "order": "FMU {!r} has no mesh. Name a membrane alone to choose the order of its elements.",
+    "law": "FMU {!r} has no law of a material. Name a membrane alone to choose it.",
+    "structure": "FMU {!r} is not built from a mesh. Name a membrane alone with --setup.",
 }
 _SCALES = "resistance at rest [ohm], its rise to full scale [ohm] and full scale [1], for instance 1000,150,0.2."
 
@@ -114,7 +118,9 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     from gossamer_models import fractional  # slow to import, and rarely needed
 
     if artifact_schema(artifact) != fractional.SCHEMA:
-        return MODELS[name](_with_scales(artifact, scales), **given)
+        sensor = _with_scales(artifact, scales)
+        _warn_of_defaults(name, artifact, sensor)
+        return MODELS[name](sensor, **given)
     if scales is not None:
         msg = f"{artifact} holds a fractional model, which has its own scales. Leave --scales out."
         raise ParameterError(msg)
@@ -134,6 +140,25 @@ def _mesh_membrane(structure: Structure, *, frame: bool, compiled: bool, **rest:
     from gossamer_models.mesh_membrane import mesh_membrane_model
 
     return mesh_membrane_model(structure, frame=frame, compiled=compiled)
+
+
+def _warn_of_defaults(name: str, path: Path, sensor: SensorArtifact) -> None:
+    """Say where a compensator starts with numbers that were not measured, and so are not those of this sensor."""
+    method = (sensor.compensator or "inverse") if name == "compensator" else name
+    if method == "estimator" and sensor.noise is None:
+        log.warning(
+            "%s holds no measured noise: the FMU %s starts with 0.1 %% of the rise to full scale. Set its noise, or "
+            "identify the sensor again.",
+            path,
+            name,
+        )
+    if method == "filter" and sensor.tracking is None:
+        log.warning(
+            "%s holds no numbers of a filter: the FMU %s runs with those of an average sensor. Identify it with --model "
+            "auto, which measures them.",
+            path,
+            name,
+        )
 
 
 def _scales(numbers: tuple[float, ...]) -> Scales:

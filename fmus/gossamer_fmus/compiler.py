@@ -6,12 +6,12 @@ The compiling tool provides the headers of the FMI standard, as the standard req
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from gossamer_models import ParameterError
-from gossamer_models.compiler import compile_shared, require_compiler
+from gossamer_models.compiler import compile_shared, kept_library, require_compiler
 
 from .catalogue import package_folder
 from .description import FmiVersion
@@ -73,7 +73,9 @@ def fmi_headers() -> Path:
     return package_folder("fmpy") / "c-code"
 
 
-def compile_library(files: dict[str, bytes], name: str, fmi: FmiVersion, platform: str) -> dict[str, bytes]:
+def compile_library(
+    files: dict[str, bytes], name: str, fmi: FmiVersion, platform: str, begin: Callable[[], None] = lambda: None
+) -> dict[str, bytes]:
     """Compile C sources for one platform.
 
     Parameters
@@ -86,6 +88,8 @@ def compile_library(files: dict[str, bytes], name: str, fmi: FmiVersion, platfor
         Version of the standard.
     platform : str
         A key of ``PLATFORMS``; see ``choose_platforms``.
+    begin : callable
+        Called before something is compiled; a library in the cache is not.
 
     Returns
     -------
@@ -100,7 +104,7 @@ def compile_library(files: dict[str, bytes], name: str, fmi: FmiVersion, platfor
     require_compiler("native FMUs")
     file = f"{name}{PLATFORMS[platform].suffix}"
     targets = PLATFORMS[platform].targets
-    libraries = {place: _compile(files, f"fmi{fmi}.c", file, target) for place, target in targets.items()}
+    libraries = {place: _compile(files, f"fmi{fmi}.c", file, target, begin) for place, target in targets.items()}
     if fmi == 2:
         libraries = {platform: universal(list(libraries.values()))}
     return {f"binaries/{place}/{file}": content for place, content in libraries.items()}
@@ -127,9 +131,19 @@ def universal(libraries: list[bytes]) -> bytes:
     return head.ljust(page, b"\0") + body
 
 
-def _compile(files: dict[str, bytes], source: str, library: str, target: str) -> bytes:
-    mathematics = [] if "windows" in target else ["-lm"]
-    return compile_shared(files, source, library, ["-target", target, "-I", str(fmi_headers()), *mathematics], target)
+def _compile(files: dict[str, bytes], source: str, library: str, target: str, begin: Callable[[], None]) -> bytes:
+    options = ["-target", target, *([] if "windows" in target else ["-lm"])]
+    headers = [path.read_bytes() for path in sorted(fmi_headers().glob("*.h"))]
+    named = [part for name, content in sorted(files.items()) for part in (name, content)]
+
+    def compile_it() -> bytes:
+        begin()
+        return compile_shared(files, source, library, [*options, "-I", str(fmi_headers())], target)
+
+    what = f"{library} for {target}"
+    return kept_library(
+        [source, library, *options, *headers, *named], Path(library).suffix, compile_it, what
+    ).read_bytes()
 
 
 def _this_platform() -> str:

@@ -6,16 +6,19 @@ to fused multiply-adds, no reordering. Only functions such as ``sin`` come from 
 
 from __future__ import annotations
 
+import logging
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from .errors import CompilerError
+from .kept import cache_folder, is_usual, kept
 
 PACKAGE = "ziglang==0.17.0"  # as in pyproject.toml
 FLAGS = (
@@ -26,6 +29,8 @@ FLAGS = (
     "-ffp-contract=off",
     "-fno-math-errno",  # inline square roots; no code reads errno
 )
+
+log = logging.getLogger(__name__)
 
 
 def has_compiler() -> bool:
@@ -45,13 +50,37 @@ def compiler_version() -> str:
     return version("ziglang")
 
 
+def kept_library(depends_on: Iterable[str | bytes], suffix: str, compile_it: Callable[[], bytes], what: str) -> Path:
+    """Return the file of a library, from the cache or newly compiled.
+
+    Parameters
+    ----------
+    depends_on : iterable of str or bytes
+        All that the library depends on beside ``FLAGS`` and the compiler.
+    suffix : str
+        Of the file.
+    compile_it : callable
+        Returns the library; called if the cache does not have it.
+    what : str
+        What is compiled, for the log.
+    """
+
+    def make() -> bytes:
+        log.info("compiling %s; the result is kept in %s", what, cache_folder())
+        begin = time.perf_counter()
+        content = compile_it()
+        log.info("compiled %s in %.1f s", what, time.perf_counter() - begin)
+        return content
+
+    return kept([compiler_version(), *FLAGS, *depends_on], suffix, make)
+
+
 def compile_shared(
     files: Mapping[str, bytes],
     source: str,
     library: str,
     options: Sequence[str],
     what: str,
-    environment: Mapping[str, str] | None = None,
 ) -> bytes:
     """Compile C sources to a shared library.
 
@@ -67,8 +96,6 @@ def compile_shared(
         Options of the compiler beside ``FLAGS``.
     what : str
         What is compiled, or for what, for the message.
-    environment : mapping of str to str, optional
-        Variables of the compiler's environment beside those of this process.
 
     Returns
     -------
@@ -85,11 +112,13 @@ def compile_shared(
         for name, content in files.items():
             (folder / name).write_bytes(content)
         compiler = [sys.executable, "-m", "ziglang", "cc", *FLAGS, *options]
+        # zig keeps files in the user's cache folder too, and waits for ever where it cannot
+        own = {} if is_usual() else {"ZIG_GLOBAL_CACHE_DIR": str(cache_folder() / "zig")}
         command = [*compiler, "-g0", "-s", "-shared", "-o", library, source]
         done = subprocess.run(
             command,
             cwd=folder,
-            env={**os.environ, **(environment or {})},
+            env={**os.environ, **own},
             capture_output=True,
             text=True,
             check=False,

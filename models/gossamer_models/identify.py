@@ -26,7 +26,7 @@ from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
 from .replay import recover_strain
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
-from .sensor.fit.align import OwnScale, align
+from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import determined, start_errors
 from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.settings import MODELS as PREISACH
@@ -63,7 +63,7 @@ class Identified:
         What was tried, if the model was chosen automatically.
     standings : tuple of Standing
         Errors on the test stretches beside those of a static cubic and of a regression on lags.
-    scales : tuple of OwnScale
+    scales : tuple of RelativeScale
         Scale of every record, if they have scales of their own; the fit is in the units of the first one.
     """
 
@@ -73,7 +73,7 @@ class Identified:
     recovered: tuple[Vector, ...] = ()
     trials: tuple[Trial, ...] = ()
     standings: tuple[Standing, ...] = ()
-    scales: tuple[OwnScale, ...] = ()
+    scales: tuple[RelativeScale, ...] = ()
 
     def in_its_file(self, k: int) -> tuple[Record, Vector]:
         """Return record k and the resistance predicted for it, shape (m,), in the units of its file."""
@@ -120,10 +120,13 @@ def settings_for(model: str, **chosen: Any) -> Settings:  # noqa: ANN401
         There is no such model, it has no such option, or the options do not fit together.
     """
     known = {name: make for models in SETTINGS.values() for name, make in models.items()}
-    if model not in known:
-        msg = f"there is no model {model!r}; choose one of {', '.join(known)}"
-        raise ParameterError(msg)
     given = {name: value for name, value in chosen.items() if value is not None}
+    if model == AUTO:
+        msg = f"auto chooses {', '.join(given) or 'its settings'} itself. Leave them out, or name another model."
+        raise ParameterError(msg)
+    if model not in known:
+        msg = f"there is no model {model!r}; choose one of {', '.join((AUTO, *known))}"
+        raise ParameterError(msg)
     for name in given:
         others = models_with(name)
         if model not in others:
@@ -198,7 +201,7 @@ def identify_files(
         if record is not before:
             log.warning("%s: %s", record.name, record.repairs[-1])
     rows = tuple(training_rows(record, train) for record in records)
-    scales: tuple[OwnScale, ...] = ()
+    scales: tuple[RelativeScale, ...] = ()
     if own_scales and len(records) == 1:
         msg = "one record has no scale of its own beside others. Name more records, or leave --own-scales out."
         raise ParameterError(msg)
@@ -213,7 +216,7 @@ def identify_files(
         fit, trials = won.fit, won.trials
         doubted = (
             f"Chosen by predicting the later parts of the training stretch: {won.text}.",
-            *preisach_doubts(fit),
+            *preisach_doubts(fit, chosen=True),
         )
         trained = max(
             float(record.strain[part].max()) for record, part in zip(records, rows, strict=True) if part.any()

@@ -9,7 +9,7 @@ import numpy as np
 from .arrays import Vector
 from .compensator import compensator_model
 from .errors import DataError
-from .fitting.records import Record
+from .fitting.records import Record, noise_of
 from .sensor import SensorArtifact, sensor_model
 from .sensor.fit import PreisachFit
 from .simulate import simulate
@@ -18,8 +18,6 @@ from .stepper import Stepper
 
 REACH = 1.005  # strain up to this factor of full scale is clipped, as the sensor does
 SHIFT = 10.0  # resistance at rest of the models: it must be positive, and only differences from it count
-EXACT = "exact"  # the exact inverse of a sensor that has a direct one too
-SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median of the absolute second difference of unit white noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,17 +128,17 @@ def recover(
     output : ndarray, shape (m,)
         Normalised output [1] at the samples of the record.
     method : str or None
-        As for ``compensator_model``, or ``exact`` for the exact inverse of a sensor that has a direct one too.
+        As for ``compensator_model``.
 
     Raises
     ------
     ParameterError
         The method is unknown or cannot compensate this sensor.
     """
-    chosen, kind = (replace(artifact, inverse=None), "inverse") if method == EXACT else (artifact, method)
-    model = compensator_model(chosen, kind)  # type: ignore[arg-type]
-    # the model of a filter has its own noise
-    noise = noise_of(output) if (kind or artifact.compensator) == "estimator" else 0.0
+    model = compensator_model(artifact, method)  # type: ignore[arg-type]
+    noise = 0.0  # the model of a filter has its own
+    if (method or artifact.compensator) == "estimator":
+        noise = noise_of(output) if artifact.noise is None else artifact.noise
     more = [name for name in ("present_strain", "strain_deviation", "delay") if name in model.names]
     results = _run(model, full_scale, record, "resistance", output + SHIFT, ["strain", *more], noise=noise)
     strain, deviation = results["strain"], results.get("strain_deviation")
@@ -158,11 +156,6 @@ def recover(
         deviation=None if deviation is None else at_record(deviation),
         delay=float(results["delay"][-1]),
     )
-
-
-def noise_of(signal: Vector) -> float:
-    """Return the standard deviation of the white noise of a smooth signal, from the median of its second differences."""
-    return float(np.median(np.abs(np.diff(signal, 2))) / SECOND_DIFFERENCE)
 
 
 def _run(

@@ -5,10 +5,10 @@ Symbols: ``x`` state, ``u`` inputs, ``p`` parameters, ``y`` outputs and locals, 
     init(u, p)       -> (x, y)         once, when initialization ends
     step(x, u, p, h) -> (x_next, y)    u holds at the end of the step
 
-Both are CasADi functions without side effects; ``x`` is all that a model remembers. Python stepping, FMUs, derivatives and
-identification come from this one definition. ``StepModel.written`` makes both from functions that take ``u`` and ``p`` by
-the names of the table. This file and its neighbours ``errors.py``, ``variables.py`` and ``stepper.py`` travel inside the
-FMUs, so they import nothing but NumPy, CasADi and the standard library.
+Both are CasADi functions without side effects; ``x`` is all that a model remembers. Python stepping, FMUs, derivatives
+and identification come from this one definition. ``StepModel.written`` makes both from functions that take ``u`` and
+``p`` by the names of the table. This file and its neighbours ``errors.py``, ``variables.py`` and ``stepper.py`` travel
+inside the FMUs, so they import nothing but NumPy, CasADi and the standard library.
 """
 
 from __future__ import annotations
@@ -49,14 +49,16 @@ class StepModel:
     step_limit : str or None
         Name of the variable that holds the largest internal step [s]; longer communication steps are divided.
     restarted : int
-        How many of the last states are set to zero when a communication step begins, which may be divided: what is counted
-        from there, as for a mean over the step.
+        How many of the last states are set to zero when a communication step begins, which may be divided: what is
+        counted from there, as for a mean over the step.
     advice : str
         What to check when a result is not finite; ends the error message.
     provenance : dict
         Where identified or trained numbers come from.
     tables : element_loop.Tables or None
         Arrays that both functions take as one more input; such a model is for compiled code only.
+    resources : dict
+        Files by name that an FMU of the model carries beside it, for programs that draw it; no part of ``card``.
     """
 
     name: str
@@ -69,6 +71,7 @@ class StepModel:
     advice: str = "Check the parameters and the inputs."
     provenance: dict[str, str] = field(default_factory=dict)
     tables: Tables | None = None
+    resources: dict[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         order = [CAUSALITIES.index(v.causality) for v in self.variables]
@@ -112,9 +115,9 @@ class StepModel:
         variables : tuple of Variable
             The table.
         init : callable
-            ``init(u, p) -> (x, results)``: attributes of ``u`` and ``p`` are the inputs and parameters, arrays as columns;
-            ``x`` is a column or a dataclass of columns and dataclasses; ``results`` holds the outputs and locals by
-            name, arrays as columns.
+            ``init(u, p) -> (x, results)``: attributes of ``u`` and ``p`` are the inputs and parameters, arrays as
+            columns; ``x`` is a column or a dataclass of columns and dataclasses; ``results`` holds the outputs and
+            locals by name, arrays as columns.
         step : callable
             ``step(x, u, p, h) -> (x_next, results)`` with states as ``init`` returns them.
         table_column : casadi.MX, optional
@@ -138,7 +141,8 @@ class StepModel:
         return cls(
             variables=variables,
             init=ca.Function("init", [u, p, *t], [pack(x0), in_order(results, y0)]),
-            step=ca.Function("step", [x, u, p, h, *t], [pack(x_next), in_order(results, y)]),
+            # what a model and its parts compute alike, such as the decay of the modes, is computed once
+            step=ca.Function("step", [x, u, p, h, *t], ca.cse([pack(x_next), in_order(results, y)])),
             **rest,
         )
 

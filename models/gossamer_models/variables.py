@@ -8,7 +8,7 @@ column too, or a dataclass whose fields are states: ``x.sensor.front``.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from itertools import accumulate
@@ -75,6 +75,18 @@ parameter = partial(Variable, "parameter")
 input_ = partial(Variable, "input")
 output = partial(Variable, "output")
 local = partial(Variable, "local")
+
+
+def array(
+    kind: Callable[..., Variable],
+    name: str,
+    unit: str,
+    description: str,
+    parts: Sequence[str],
+    **rest: Any,  # noqa: ANN401
+) -> tuple[Variable, ...]:
+    """Make the rows of an array whose elements are alike but for what ends their descriptions."""
+    return tuple(kind(f"{name}[{k}]", unit, f"{description}, {part}", **rest) for k, part in enumerate(parts, 1))
 
 
 def by_name(variables: Iterable[Variable], column: ca.MX) -> Values:

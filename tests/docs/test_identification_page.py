@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from gossamer_models.fractional import FractionalSettings
 from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
-from studies import chapter_measured, misses, noise, preisach_plane
+from studies import chapter_measured, literature, misses, noise, preisach_plane
 from studies.automatic import DefaultRow
 from studies.compute import Results
 from studies.fractional import fit_row, limits, repeat_on_dataset_3
@@ -121,6 +121,7 @@ def test_the_generator_writes_the_page_and_its_pictures(written):
     links = LINK.findall(text)
     assert {written / link for link in links} == set((written / "identification").glob("*.png"))
     assert "nan" not in text
+    assert all(f"| {work} |" in text for work, _, _ in literature.WORKS)
     assert "strain_triangular, forward, train" in text.split("## Missed targets")[1]
 
 

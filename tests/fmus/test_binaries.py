@@ -118,12 +118,17 @@ def test_the_mac_libraries_export_fmi_alone_need_the_system_alone_and_are_signed
 
 
 def test_a_build_in_another_process_and_folder_gives_the_same_bytes(archives, tmp_path):
-    build(tmp_path, 3, ["all"], os.environ)
+    usual = (
+        Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "zig"
+    )  # headers and libraries of platforms
+    anew = {"ZIG_GLOBAL_CACHE_DIR": str(usual), **os.environ, "XDG_CACHE_HOME": str(tmp_path / "no libraries")}
+    build(tmp_path, 3, ["all"], anew)
     assert (tmp_path / "sensor.fmu").read_bytes() == archives[3].read_bytes()
 
 
 def test_a_compiler_that_remembers_nothing_gives_the_same_bytes(archives, tmp_path):
-    cold = {"ZIG_GLOBAL_CACHE_DIR": str(tmp_path / "global"), "ZIG_LOCAL_CACHE_DIR": str(tmp_path / "local")}
+    folders = {"ZIG_GLOBAL_CACHE_DIR": "global", "ZIG_LOCAL_CACHE_DIR": "local", "XDG_CACHE_HOME": "no libraries"}
+    cold = {name: str(tmp_path / folder) for name, folder in folders.items()}
     build(tmp_path, 2, ["linux64"], os.environ | cold)
     built = libraries(tmp_path / "sensor.fmu")
     assert built["linux64/sensor.so"] == libraries(archives[2])["linux64/sensor.so"]

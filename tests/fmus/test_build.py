@@ -13,10 +13,12 @@ from fmpy.validation import validate_fmu
 from fmu_host import FMUS, model_of
 from gossamer_fmus import NAMES, build_all, build_fmu, variables_table
 from gossamer_fmus.arrays import arrays_of
-from gossamer_fmus.catalogue import MODELS, fmu_folder
+from gossamer_fmus.catalogue import MODELS, fmu_folder, make_model
 from gossamer_fmus.page import with_variables
 from gossamer_fmus.units import base_unit
 from gossamer_models import ArtifactError, ParameterError, StepModel, Variable
+from gossamer_models.sensor import Scales, default_artifact
+from gossamer_models.sensor.tracking import DEFAULT_TRACKING
 
 only_python = pytest.mark.parametrize("kind", ["python"], indirect=True)
 
@@ -158,8 +160,6 @@ def test_fmi_3_without_native_is_refused(tmp_path):
 
 @only_python
 def test_an_artifact_or_a_mesh_can_be_chosen(fmus, tmp_path):
-    from gossamer_models.sensor import default_artifact
-
     default_artifact().write(tmp_path / "sensor.json")
     built = build_all(tmp_path, ["sensor", "compensator"], artifact=tmp_path / "sensor.json")
     assert built["sensor"].read_bytes() == fmus["sensor"].read_bytes()
@@ -216,8 +216,6 @@ def test_a_fractional_artifact_builds_a_sensor_and_nothing_else(fmus, tmp_path):
 
 def test_a_sensor_without_scales_is_built_with_stated_ones_or_not_at_all(tmp_path):
     """Its FMU would start at scales of no sensor, and recover wrong strain without a word."""
-    from gossamer_models.sensor import default_artifact
-
     path = tmp_path / "signal.json"
     replace(default_artifact(), provenance={"data": "another"}).write(path)
     for name in ("sensor", "compensator", "estimator"):
@@ -233,3 +231,21 @@ def test_a_sensor_without_scales_is_built_with_stated_ones_or_not_at_all(tmp_pat
         build_all(tmp_path, ["sensor"], artifact=path, scales=(1000.0, 150.0))
     with pytest.raises(ParameterError, match="'membrane' has no scales"):
         build_all(tmp_path, ["membrane"], scales=(1000.0, 150.0, 0.2))
+
+
+def test_numbers_of_a_compensator_that_were_not_measured_are_named(tmp_path, caplog):
+    """Artifacts of earlier versions hold no noise, and those of a named model no numbers of a filter."""
+    path = tmp_path / "old.json"
+    scales = Scales(rest_resistance=1000.0, full_scale_resistance_change=150.0, full_scale_strain=0.2)
+    old = replace(default_artifact(), scales=scales)
+    for compensator, tracking, noise in ((None, None, None), ("estimator", None, None), (None, DEFAULT_TRACKING, 1e-4)):
+        replace(old, compensator=compensator, tracking=tracking, noise=noise).write(path)
+        said = {}
+        for name in ("sensor", "compensator", "estimator", "filter"):
+            caplog.clear()
+            make_model(name, artifact=path)
+            said[name] = caplog.text
+        assert not said["sensor"]
+        assert ("old.json holds no measured noise" in said["estimator"]) == (noise is None)
+        assert ("holds no measured noise" in said["compensator"]) == (compensator == "estimator")
+        assert ("old.json holds no numbers of a filter" in said["filter"]) == (tracking is None)

@@ -18,6 +18,14 @@ def kind():
 # Values at which no model is at a kink: strain rises, resistance rises.
 SMOOTH = {
     "membrane": ({"pressure": 500.0, "damage[7]": 0.2}, ["pressure", "base_acceleration", "damage[7]"]),
+    "framed_membrane": (
+        {"pressure": 500.0, "angular_velocity[1]": 0.5, "damage[7]": 0.2},
+        ["pressure", "frame_acceleration[3]", "angular_acceleration[1]", "damage[7]"],
+    ),
+    "hub": (
+        {"force[3]": 20.0, "wheel_torque[1]": 3.0},
+        ["force[3]", "torque[1]", "thruster_force[2]", "wheel_torque[1]"],
+    ),
     "sensor": ({"strain": 0.11}, ["strain"]),
     "compensator": ({"resistance": 112.0}, ["resistance"]),
 }
@@ -46,7 +54,7 @@ def test_directional_derivatives_are_those_of_finite_differences(instance, name,
 
     for key in inputs:
         # round-off of a strain would hide a derivative of 1e-12; the membrane is smooth enough for a larger change
-        change = (1e-3 if name == "membrane" else 1e-5) * max(abs(values.get(key, 0.0)), 1.0)
+        change = (1e-3 if "membrane" in name else 1e-5) * max(abs(values.get(key, 0.0)), 1.0)
         step()
         known, unknown = [fmu.references[key]], [fmu.references[result] for result in results]
         found = np.array(fmu.slave.getDirectionalDerivative(unknown, known, [2.0])) / 2.0
@@ -82,7 +90,7 @@ def test_before_the_first_step_a_derivative_is_that_of_the_initial_results(insta
 
 def test_every_derivative_that_is_not_zero_is_declared_as_a_dependency(instance):
     """Over a step that is divided, what acts on the membrane's state reaches all its outputs."""
-    for name in ("membrane", "sensor", "compensator", "estimator"):
+    for name in ("membrane", "framed_membrane", "hub", "sensor", "compensator", "estimator"):
         fmu = instance(name)
         fmu.initialize()
         for k in range(3):

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer_models import DataError
-from gossamer_models.automatic import HERE, choose, defeats, standings
-from gossamer_models.automatic.split import cut, shortened
+from gossamer_models.automatic import HERE, choose, compensators, defeats, standings
+from gossamer_models.automatic.split import FITTED, cut, shortened
 from gossamer_models.automatic.tracking import OPTIMISM, calibrated, error_model, motion
 from gossamer_models.automatic.trials import Bench, error_on
+from gossamer_models.compensator.particle import DELAY
 from gossamer_models.identify import settings_for
 from gossamer_models.replay import recover_by_fit
 from gossamer_models.sensor.fit.align import align
@@ -140,6 +141,19 @@ def test_what_is_chosen_recovers_strain_better_than_a_cubic(hasty):
     found = recover_by_fit(chosen.fit, PLAY).strain
     rivals = standings((PLAY,), half(PLAY), (PLAY.resistance,), (found,))
     assert error_on([found], [STRAIN], [~half(PLAY)[0]]) < rivals[1].strain[0]
+
+
+def test_the_stated_deviation_is_scaled_to_what_every_cut_predicts(monkeypatch):
+    given = []
+
+    def watched(tracking, errors, stated):
+        given.append(errors.size)
+        return calibrated(tracking, errors, stated)
+
+    monkeypatch.setattr(compensators, "calibrated", watched)
+    choose((PLAY,), half(PLAY), full_scale=1.0, budget=1e-6)
+    predicted = [int(rows.sum()) for share in FITTED for rows in cut(half(PLAY), share)[1]]
+    assert given == [sum(predicted) - DELAY * len(FITTED)]  # what the filter delivers before a trial ends
 
 
 def test_records_of_one_sensor_are_brought_to_the_scale_of_the_first_and_weighted_by_their_noise():

@@ -90,7 +90,7 @@ def kill_half_way(process):
 def test_a_worker_and_then_the_scheduler_are_killed_and_nothing_is_lost(whole, cluster, tmp_path):
     path = tmp_path / "tiny.zarr"
     first = cluster("first")
-    with pytest.raises(CampaignStoppedError, match=r"scheduler at tcp:.* is gone\. Finished chunks are kept"):
+    with pytest.raises(CampaignStoppedError, match=r"scheduler at tcp:.* is gone\. What is finished is kept"):
         run_campaign(TINY, path, scheduler=first.address, progress=kill_half_way(first.scheduler))
     part = read_campaign(path)
     assert 60 <= part.sizes["case"] < 200
@@ -110,7 +110,7 @@ def test_a_worker_and_then_the_scheduler_are_killed_and_nothing_is_lost(whole, c
 
 
 def test_no_scheduler_there_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr("gossamer_models.campaign.run.SCHEDULER_PATIENCE", 1.0)
+    monkeypatch.setattr("gossamer_models.campaign.cluster.SCHEDULER_PATIENCE", 1.0)
     with pytest.raises(
         CampaignStoppedError, match=r"no Dask scheduler at tcp://127.0.0.1:9.*Start one with 'dask scheduler'"
     ):

@@ -64,6 +64,16 @@ def test_strain_comes_back_to_1e_9_of_full_scale_over_1e5_steps(name):
     assert not flags.any()
 
 
+@pytest.mark.parametrize("n_lines", [2, 3, 5, 7, 9])
+def test_strain_comes_back_whatever_the_number_of_lines(n_lines):
+    """A bisection finds intervals and fronts; only numbers of lines that are powers of two fill it."""
+    sensor = artifact(n_lines=n_lines, eta=0.85, relaxation=RELAXATION)
+    strain, h = reversals(3000, seed=n_lines)
+    error, flags = round_trip((sensor_model(sensor), compensator_model(sensor)), strain, h)
+    assert np.abs(error).max() < 1e-9
+    assert not flags.any()
+
+
 @settings(max_examples=80, deadline=None)
 @given(history=histories, h=st.floats(1e-6, 1e4), rest=special)
 @example(history=[0.0, 1.0, 0.0, 1.0], h=1.0, rest=0.0)

@@ -1,5 +1,7 @@
 """The membrane on a frame that flies: its motion against an independent solution, and what it exerts on the frame."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from flight import matrix
@@ -42,7 +44,7 @@ def fly(stepper, times, push=500.0):
     """Shake and turn the frame from time to time, means over the steps; the pressure ends half way."""
     put(stepper, "angular_velocity", rate(times[0]))
     stepper.initialize()
-    for a, b in zip(times[:-1], times[1:], strict=True):
+    for a, b in pairwise(times):
         h = b - a
         put(stepper, "frame_acceleration", SHAKE * (np.cos(FREQUENCY * a) - np.cos(FREQUENCY * b)) / (FREQUENCY * h))
         put(stepper, "angular_velocity", rate(b))
@@ -99,8 +101,8 @@ def test_it_moves_as_the_apparent_accelerations_of_a_textbook_say(model):
 def test_the_frame_takes_what_the_membrane_gives_in_any_step_that_is_divided(model, a):
     """Momentum and angular momentum about the origin, in the axes half way, in three or four parts.
 
-    An acceleration that turns with the frame has the mean of its axes, (w h)^2/24 from those half way; that the first moment changes
-    within the step is an error of this test's angular momentum.
+    An acceleration that turns with the frame has the mean of its axes, (w h)^2/24 from those half way; that the first
+    moment changes within the step is an error of this test's angular momentum.
     """
     w, h = np.array([0.7, -0.4, 1.1]), 2e-3
     stepper = mounted(model)
@@ -119,9 +121,13 @@ def test_the_frame_takes_what_the_membrane_gives_in_any_step_that_is_divided(mod
         mass, middle = stepper.get("moving_mass"), (half @ after[2] + half.T @ before[2]) / 2.0
         force, torque = get(stepper, "force"), get(stepper, "torque")
         change = half @ after[0] - half.T @ before[0] + mass * h * a
-        np.testing.assert_allclose(change, -h * force, rtol=0.0, atol=h * (1e-9 * np.linalg.norm(force) + 4e-7 * np.linalg.norm(a)) + 1e-13)
+        np.testing.assert_allclose(
+            change, -h * force, rtol=0.0, atol=h * (1e-9 * np.linalg.norm(force) + 4e-7 * np.linalg.norm(a)) + 1e-13
+        )
         spin = half @ after[1] - half.T @ before[1] + h * np.cross(middle, a)
-        np.testing.assert_allclose(spin, -h * torque, rtol=0.0, atol=(2e-3 if a.any() else 1e-9) * h * np.linalg.norm(torque) + 1e-13)
+        np.testing.assert_allclose(
+            spin, -h * torque, rtol=0.0, atol=(2e-3 if a.any() else 1e-9) * h * np.linalg.norm(torque) + 1e-13
+        )
         largest = max(largest, np.linalg.norm(force))
     assert largest > 0.1
 

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from gossamer_models import ParameterError, Stepper
 from gossamer_models.membrane import membrane_model
-from gossamer_models.membrane.law import LAWS, hencky, matrix, relaxed, st_venant_kirchhoff
+from gossamer_models.membrane.law import LAWS, hencky, matrix, neo_hookean, relaxed, st_venant_kirchhoff
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
 
 E, NU = 1e7, 0.33
 D = E / (1.0 - NU**2)
@@ -31,17 +32,40 @@ def energy(e):
     return D / 2.0 * (h @ h + 2.0 * NU * h[0] * h[1])
 
 
-@given(strains, strains, angles)
-def test_henckys_stress_is_the_derivative_of_its_energy(e1, e2, angle):
+def rubber(e):
+    """Blatz and Ko's energy, the least of all thicknesses."""
+    mu, beta = E / (2.0 * (1.0 + NU)), NU / (1.0 - 2.0 * NU)
+    C = np.eye(2) + e
+    across = minimize_scalar(
+        lambda k: k + (np.linalg.det(C) * k) ** -beta / beta,
+        bounds=(0.1, 4.0),
+        method="bounded",
+        options={"xatol": 1e-10},
+    )
+    return mu / 2.0 * (np.trace(C) - 3.0 + across.fun - 1.0 / beta)
+
+
+@pytest.mark.parametrize(("law", "energy"), [(hencky, energy), (neo_hookean, rubber)])
+@given(e1=strains, e2=strains, angle=angles)
+def test_the_stress_of_a_law_is_the_derivative_of_its_energy(law, energy, e1, e2, angle):
     e, _ = strained(e1, e2, angle)
-    step = 1e-5
+    step = 1e-5 if law is hencky else 1e-4
     change = np.empty((2, 2))
     for a, b in np.ndindex(2, 2):
         de = np.zeros((2, 2))
         de[a, b] += step
         de[b, a] += step
         change[a, b] = (energy(e + de / 2.0) - energy(e - de / 2.0)) / step
-    assert stress(hencky, e) == pytest.approx(change, abs=1e-7 * E)
+    assert stress(law, e) == pytest.approx(change, abs=(1e-7 if law is hencky else 1e-6) * E)
+
+
+@given(st.floats(0.01, 3.0), angles)
+def test_a_strip_that_contracts_freely_carries_the_uniaxial_stress_of_rubber(e1, angle):
+    """The lateral stretch is that along to the power of minus nu."""
+    square = 1.0 + e1
+    e, n = strained(e1, square**-NU - 1.0, angle)
+    along = E / (2.0 * (1.0 + NU)) * (1.0 - square ** -(1.0 + NU))
+    assert n.T @ stress(neo_hookean, e) @ n == pytest.approx(np.diag([along, 0.0]), abs=1e-9 * E)
 
 
 @given(st.floats(0.01, 0.8), angles)

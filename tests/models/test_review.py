@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer_models import ArtifactError, DataError, ParameterError, Stepper
+from gossamer_models.compensator import compensator_model
 from gossamer_models.fitting import read_record
+from gossamer_models.fitting.records import noise_of
 from gossamer_models.fractional import FractionalArtifact, FractionalTerm
-from gossamer_models.replay import noise_of, recover, sensor_output
+from gossamer_models.replay import recover, sensor_output
 from gossamer_models.review import fit_scales, judge_files, save_judged
 from gossamer_models.review.scales import SHORTEST_DECAY
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
@@ -117,6 +119,24 @@ def test_noise_is_measured_on_a_signal_that_moves():
     assert noise_of(np.sin(t)) < 1e-4
 
 
+def test_the_estimator_is_judged_with_the_noise_that_its_fmu_starts_with(measured, stored, tmp_path):
+    path = tmp_path / "noisy.json"
+    replace(SensorArtifact.read(stored), noise=4e-3).write(path)
+    noisy = SensorArtifact.read(path)
+    estimator = Stepper(compensator_model(noisy, "estimator"))
+    assert estimator.get("noise") == pytest.approx(4e-3 * RISE)
+    estimator.initialize()
+    inputs = {"resistance": measured.resistance[1:]}
+    expected = simulate(estimator, np.diff(measured.time), inputs, ["present_strain"])["present_strain"]
+    y = (measured.resistance - REST) / RISE
+    found = recover(noisy, FULL, measured, y, "estimator").present[1:]
+    assert found == pytest.approx(expected, abs=1e-9)
+    unlike = recover(replace(noisy, noise=None), FULL, measured, y, "estimator").present[1:]
+    assert np.abs(found - unlike).max() > 1e-4  # this record has no noise
+    with pytest.raises(ParameterError, match="the noise is -1"):
+        replace(noisy, noise=-1.0)
+
+
 def test_a_delay_is_taken_back(measured):
     rng = np.random.default_rng(3)
     y = (measured.resistance - REST) / RISE
@@ -157,7 +177,7 @@ def test_what_cannot_be_judged_is_refused_by_name(measured, stored, tmp_path):
     wide = write(tmp_path / "w.csv", replace(measured, strain=1.5 * measured.strain))
     with pytest.raises(DataError, match=r"w\.csv, line \d+: strain .* is beyond the full scale 0\.2"):
         judge_files(stored, [wide])
-    with pytest.raises(ParameterError, match="there is no compensation method 'oracle'"):
+    with pytest.raises(ParameterError, match=r"there is no compensation method 'oracle'.*exact"):
         judge_files(stored, [path], compensators=("oracle",))
     default_artifact().write(tmp_path / "signal.json")
     assert judge_files(tmp_path / "signal.json", [path], own_scales=True)  # its provenance says its scales

@@ -104,6 +104,8 @@ def test_what_relaxed_before_a_record_adds_to_a_known_output_at_rest(known):
             rest_resistance=100.0,
         )
         off[earlier] = float(np.abs(predict_resistance(fit, known) - known.resistance).max())
+        assert any("(--earlier)" in text for text in doubts(fit)) == (not earlier)
+        assert not any("--earlier" in text for text in doubts(fit, chosen=True))
         assert any("start at rest and do not include it" in text for text in doubts(fit)) == earlier
     assert off[True] < 0.6 * off[False]
 
@@ -114,6 +116,17 @@ def test_a_fit_that_stopped_early_and_an_output_at_rest_in_another_unit_are_told
     told = " ".join(doubts(fit))
     assert "still improving after 1 steps" in told
     assert "record begins unstrained with a resistance of 100, but the resistance at rest is 0.1" in told
+    chosen = " ".join(doubts(fit, chosen=True))  # auto has no option of steps, but takes a resistance at rest
+    assert "still improving" not in chosen
+    assert "the resistance at rest is 0.1" in chosen
+
+
+def test_a_sensor_carries_the_noise_of_its_training_stretch_alone(known):
+    noise = np.random.default_rng(8).normal(size=known.time.size)
+    late = known.time > 0.6 * known.time[-1]
+    noisy = replace(known, resistance=known.resistance + np.where(late, 20.0, 0.5) * noise)
+    fit = fit_preisach((noisy,), (~late,), QUICK, full_scale=1.0)
+    assert fit.artifact.noise * fit.resistance_change == pytest.approx(0.5, rel=0.25)
 
 
 def test_an_eta_of_one_value_may_be_fitted_from_several_starts(known):
@@ -155,8 +168,10 @@ def test_impossible_settings_are_refused():
         PreisachSettings(modes=0)
     with pytest.raises(ParameterError, match="one value of tau per relaxation"):
         PreisachSettings(tau=(1.0,), relaxations=2)
-    with pytest.raises(ParameterError, match="choose one of preisach"):
+    with pytest.raises(ParameterError, match="choose one of auto, preisach"):
         settings_for("neural")
+    with pytest.raises(ParameterError, match="auto chooses modes itself"):
+        settings_for("auto", modes=3)
     with pytest.raises(ParameterError, match="needs relaxation, but relaxations is 0"):
         settings_for("preisach", relaxations=0, extension="gain")
     with pytest.raises(ParameterError, match="0 starts"):

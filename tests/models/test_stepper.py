@@ -18,6 +18,7 @@ from gossamer_models import (
     Stepper,
     Variable,
 )
+from gossamer_models.batch import Batch
 from gossamer_models.variables import input_, local, output, pack, parameter, select, unpack
 from hypothesis import given
 from hypothesis import strategies as st
@@ -309,3 +310,30 @@ def test_a_result_that_leaves_its_range_warns_once_and_after_a_reset_again(caplo
             stepper.step(1.0)
     text = "'x' of model 'ramp' is 3 m; the model is valid from -inf to 2. The run goes on; this is logged once."
     assert [record.getMessage() for record in caplog.records] == [text, text]
+
+
+def counting_model():
+    """Counts the time since the run began and that since the communication point; no part is longer than 0.1 s."""
+    return StepModel.written(
+        name="counting",
+        description="Two clocks",
+        variables=(
+            parameter("largest", "s", "Largest step", 0.1, 1e-6),
+            output("total", "s", "Since the beginning"),
+            output("since", "s", "Since the communication point"),
+        ),
+        init=lambda u, p: (ca.MX.zeros(2), {"total": 0.0, "since": 0.0}),
+        step=lambda x, u, p, h: (x + h, {"total": x[0] + h, "since": x[1] + h}),
+        step_limit="largest",
+        restarted=1,
+    )
+
+
+def test_states_that_count_from_the_communication_point_begin_again_there_and_not_in_its_parts():
+    stepper = Stepper(counting_model())
+    stepper.initialize()
+    for h, total in ((0.35, 0.35), (0.05, 0.4), (0.35, 0.75)):
+        stepper.step(h)
+        assert stepper.get_values([1, 2]) == pytest.approx([total, h], rel=1e-14)
+    batch = Batch(counting_model(), ["total", "since"])
+    assert batch.run(3, 0.35).results[0] == pytest.approx(np.array([[0.35, 0.7, 1.05], [0.35] * 3]), rel=1e-14)

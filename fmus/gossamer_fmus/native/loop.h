@@ -29,7 +29,9 @@ static int run_loop(int which, const double **arg, double **res) {
   const double *x = arg[0], *d = arg[1], *own = tables + loop->numbers;
   const int32_t *places = (const int32_t *)(tables + N_NUMBERS) + loop->places;
   const int m = loop->nodes, n = loop->elements;
-  lanes xl[3 * MOST_NODES], dl[MOST_SHARED], gl[MOST_OWN], fl[3 * MOST_NODES], rl[MOST_REDUCTIONS], w[MOST_W];
+  /* too large for the stack of some hosts' threads */
+  static _Thread_local lanes xl[3 * MOST_NODES], dl[MOST_SHARED], gl[MOST_OWN], fl[3 * MOST_NODES], w[MOST_W];
+  lanes rl[MOST_REDUCTIONS];
   const lanes *argl[MOST_ARG];
   lanes *resl[MOST_RES];
   casadi_int iw[MOST_IW];
@@ -72,7 +74,7 @@ static int run_loop(int which, const double **arg, double **res) {
       for (int l = 0; l < valid && reduced[k]; l++) {
         double value = rl[k][l];
         if (loop->reductions[k] == 's') *reduced[k] += value;
-        else if (!(value <= *reduced[k])) *reduced[k] = value; /* NaN stays */
+        else if (!(value <= *reduced[k]) && *reduced[k] == *reduced[k]) *reduced[k] = value; /* NaN stays */
       }
     }
   }

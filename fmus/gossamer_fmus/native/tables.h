@@ -24,7 +24,9 @@ static bool tables_path(const char *resources, char *path, size_t size) {
   const char *from = uri ? resources + 5 : resources;
   if (uri && strncmp(from, "//", 2) == 0) {
     from += 2;
-    while (*from && *from != '/') from++; /* the host, empty or localhost */
+    if (from[0] && from[1] != ':') { /* not file://C:/, which some hosts write */
+      while (*from && *from != '/') from++; /* the host, empty or localhost */
+    }
   }
   if (uri && from[0] == '/' && from[1] && from[2] == ':') from++; /* /C:/... on Windows */
   for (; *from; from++) {
@@ -37,6 +39,16 @@ static bool tables_path(const char *resources, char *path, size_t size) {
   return snprintf(path + n, size - n, "/" TABLES_FILE) < (int)(size - n);
 }
 
+#if defined(_WIN32)
+#include <windows.h>
+static FILE *tables_file(const char *path) { /* UTF-8, which fopen does not take on Windows */
+  wchar_t wide[4096];
+  return MultiByteToWideChar(CP_UTF8, 0, path, -1, wide, 4096) ? _wfopen(wide, L"rb") : NULL;
+}
+#else
+static FILE *tables_file(const char *path) { return fopen(path, "rb"); }
+#endif
+
 static const char *tables_read(const char *resources) {
   char path[4096];
   size_t read;
@@ -44,7 +56,7 @@ static const char *tables_read(const char *resources) {
   if (!resources || !tables_path(resources, path, sizeof path)) {
     return "model '" MODEL_NAME "' reads its mesh from the FMU's resources, and the host does not say where they are";
   }
-  if (!(file = fopen(path, "rb"))) {
+  if (!(file = tables_file(path))) {
     return "model '" MODEL_NAME "' cannot open " TABLES_FILE " in the FMU's resources. Unpack the whole FMU, and pass the "
            "location of its resources";
   }

@@ -146,17 +146,17 @@ def choose_compensator(
     # if another method has won, this filter serves whoever builds the FMU filter
     kept = best if best.name == "filter" else Method(sensor=best.sensor, name="filter", direct=best.direct)
     numbers = tried(FITTED[-1], best.sensor).numbers(kept)
-    candidates = []
-    for share in FITTED:
-        late, runs = tried(share, best.sensor).late, run(share, kept)
-        errors = np.concatenate([(e.strain - r.strain)[k] for r, e, k in zip(records, runs, late, strict=True)])
-        stated = np.concatenate([np.asarray(e.deviation)[k] for e, k in zip(runs, late, strict=True)])
-        there = np.isfinite(errors)  # the last ones are not delivered before the trial ends
-        if there.any():
-            candidates.append(calibrated(numbers, errors[there] / full_scale, stated[there] / full_scale))
-    if not candidates:
+    # what every cut predicts counts alike: one cut may end before what makes the errors large
+    ahead = [
+        ((found.strain - record.strain)[rows], np.asarray(found.deviation)[rows])
+        for share in FITTED
+        for record, found, rows in zip(records, run(share, kept), tried(share, best.sensor).late, strict=True)
+    ]
+    errors, stated = (np.concatenate(each) / full_scale for each in zip(*ahead, strict=True))
+    there = np.isfinite(errors)  # the last ones are not delivered before the trial ends
+    if not there.any():
         raise DataError(TOO_SHORT)
-    return best, max(candidates, key=lambda each: each.floor)  # the less favourable cut: tests lie further ahead
+    return best, calibrated(numbers, errors[there], stated[there])
 
 
 def equipped(fit: PreisachFit, method: Method, tracking: Tracking | None) -> PreisachFit:

@@ -12,8 +12,9 @@ import numpy as np
 
 from ..arrays import Matrix
 from ..errors import StateError
+from ..kept import is_whole
 from .cases import Cube
-from .library import is_whole, processor
+from .library import processor
 
 LANES = 8
 _DOUBLES = ctypes.POINTER(ctypes.c_double)

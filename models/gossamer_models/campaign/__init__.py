@@ -1,10 +1,11 @@
 """Campaigns: many cases of damage, load, material and sensors, a function of a seed, in a store that can be resumed."""
 
 from .cases import Cases, draw_cases
+from .cluster import CampaignStoppedError
 from .description import Campaign, Chain, Damage, Mesh, Noise
 from .measured import measured_resistance, measured_strain
 from .ranges import Distribution, Vary
-from .run import CampaignStoppedError, Summary, run_campaign
+from .run import Summary, run_campaign
 from .store import read_campaign
 
 __all__ = [

@@ -6,33 +6,29 @@ order and their deaths leave no trace in them.
 
 from __future__ import annotations
 
+import logging
 import os
 import pickle
 import signal
 import threading
 import time
-import uuid
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import version
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 
-from ..errors import GossamerError, StateError
+from ..errors import StateError
 from .chunk import Kernels, build_kernels, run_chunk
+from .cluster import CampaignStoppedError, on_cluster
 from .description import Campaign
 from .store import count_failed, create_store, missing_chunks, open_store, remove_leftovers, write_cases
 
+log = logging.getLogger(__name__)
 DEATHS = 3  # workers lost in a row, without a finished chunk between, after which a campaign stops
-SCHEDULER_PATIENCE = 10.0  # [s] for a scheduler to answer
-WORKER_PATIENCE = 60.0  # [s] for its first worker
-
-
-class CampaignStoppedError(GossamerError, RuntimeError):
-    """A campaign that ended before its last chunk; what is finished stays."""
 
 
 @dataclass(frozen=True)
@@ -125,11 +121,17 @@ def run_campaign(
     simulated = sum(len(campaign.numbers(chunk)) for chunk in missing)
     done = campaign.count - simulated
     begun = time.perf_counter()
+    log.info("%d of %d cases are to be simulated, in %d chunks", simulated, campaign.count, len(missing))
     if progress is not None:
         progress(done, campaign.count)
-    finished = _on_cluster(task, missing, scheduler) if scheduler else _on_cores(task, missing, workers or _cores())
+    finished = (
+        on_cluster(partial(write_chunk, task), missing, scheduler)
+        if scheduler
+        else _on_cores(task, missing, workers or _cores())
+    )
     for chunk in finished:
         done += len(campaign.numbers(chunk))
+        log.info("chunk %d is finished after %.1f s", chunk, time.perf_counter() - begun)
         if progress is not None:
             progress(done, campaign.count)
     seconds = time.perf_counter() - begun
@@ -217,33 +219,3 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
-
-
-def _on_cluster(task: Task, chunks: Sequence[int], scheduler: str) -> Iterator[int]:
-    """Run chunks on a Dask cluster and yield each that is finished; Dask gives those of a dead worker to another."""
-    from distributed import CancelledError, Client, KilledWorker
-    from distributed import as_completed as as_completed_there
-    from distributed.comm.core import CommClosedError
-
-    try:
-        client = Client(scheduler, timeout=SCHEDULER_PATIENCE)
-    except (OSError, ValueError) as error:
-        msg = f"there is no Dask scheduler at {scheduler}: {error}. Start one with 'dask scheduler'."
-        raise CampaignStoppedError(msg) from error
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=WORKER_PATIENCE)
-        except TimeoutError as error:
-            msg = f"the Dask scheduler at {scheduler} has no workers. Start some with 'dask worker {scheduler}'."
-            raise CampaignStoppedError(msg) from error
-        name = f"gossamer-{uuid.uuid4().hex}"
-        try:
-            futures = [client.submit(write_chunk, task, chunk, key=f"{name}-{chunk}", pure=False) for chunk in chunks]
-            for future in as_completed_there(futures):
-                yield future.result()
-        except KilledWorker as error:
-            msg = f"workers of the cluster keep dying: {error}. Finished chunks are kept: run it again to go on."
-            raise CampaignStoppedError(msg) from error
-        except (CancelledError, CommClosedError, TimeoutError) as error:
-            msg = f"the Dask scheduler at {scheduler} is gone. Finished chunks are kept: start it and run it again."
-            raise CampaignStoppedError(msg) from error

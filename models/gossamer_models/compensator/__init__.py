@@ -12,11 +12,13 @@ from .estimator import estimator_model
 from .exact import exact_model
 from .particle import filter_model
 
+EXACT = "exact"  # the exact inverse of a sensor that has a direct one too
+
 __all__ = ["compensator_model", "estimator_model", "filter_model"]
 
 
 def compensator_model(
-    artifact: SensorArtifact | None = None, method: Literal["inverse", "estimator", "filter"] | None = None
+    artifact: SensorArtifact | None = None, method: Literal["inverse", "exact", "estimator", "filter"] | None = None
 ) -> StepModel:
     """Build the compensator of the sensor with the same artifact.
 
@@ -24,10 +26,11 @@ def compensator_model(
     ----------
     artifact : SensorArtifact or None
         Identified sensor; None for the one that ships with the package.
-    method : {"inverse", "estimator", "filter"} or None
+    method : {"inverse", "exact", "estimator", "filter"} or None
         The inverse, for resistance without noise: ``direct_model`` if the artifact has a direct inverse, else
-        ``exact_model``. ``estimator_model``, which tolerates noise, delays the strain and reports its uncertainty. Or
-        ``filter_model``, which does so for every sensor. None for the one that the artifact names, else the inverse.
+        ``exact_model``; "exact" is this one in any case. ``estimator_model``, which tolerates noise, delays the strain
+        and reports its uncertainty. Or ``filter_model``, which does so for every sensor. None for the one that the
+        artifact names, else the inverse.
 
     Returns
     -------
@@ -45,7 +48,7 @@ def compensator_model(
         return estimator_model(artifact)
     if method == "filter":
         return filter_model(artifact)
-    if method != "inverse":
-        msg = f"there is no compensation method {method!r}. Choose one of {', '.join(METHODS)}."
+    if method not in ("inverse", EXACT):
+        msg = f"there is no compensation method {method!r}. Choose one of {', '.join((*METHODS, EXACT))}."
         raise ParameterError(msg)
-    return exact_model(artifact) if artifact.inverse is None else direct_model(artifact)
+    return exact_model(artifact) if artifact.inverse is None or method == EXACT else direct_model(artifact)

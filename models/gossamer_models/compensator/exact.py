@@ -6,13 +6,14 @@ the new strain has to make [1]. In ``invert``, for rising strain (falling strain
 line i below strain l/N [1].
 
 The static rise :math:`F(s) = \sum_i \max(C_i(s) - m_i, 0)` bends only at the lattice l/N and at the fronts. Its
-values on the lattice tell the interval; there every line that moves has a constant slope, and since the fronts are
-sorted, prefix sums give F at each of them; on the last piece F plus the relaxation term is a quadratic, solved in closed
-form.
+values on the lattice tell the interval; there every line that moves has a constant slope; its values at the fronts tell
+the piece; there F plus the relaxation term is a quadratic, solved in closed form. Both are searched by bisection, since F
+does not decrease: its values at all N + 1 points of the lattice would cost ten times as much as the sensor's own step.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -21,7 +22,7 @@ import numpy as np
 from ..errors import ParameterError
 from ..modes import phi_1
 from ..sensor.artifact import SensorArtifact
-from ..sensor.hysteresis import widths
+from ..sensor.hysteresis import Table, widths
 from ..sensor.model import ADVICE, SCALE_VARIABLES, normalised, resistance, resting_state, saturated, with_scales
 from ..sensor.relaxation import excitation
 from ..sensor.state import SensorLaw, SensorState
@@ -199,51 +200,60 @@ def invert(law: SensorLaw, state: SensorState, target: ca.MX, h: ca.MX) -> tuple
         delta = ca.fmax(s - s0, 0.0)
         return delta * (first + second * delta)
 
-    # F on the lattice, both ways: the tables are constants, and choosing the sums is cheaper than choosing the tables
     mu, nu = law.mu, _mirror(law.nu)
-    F = ca.if_else(up, _rise_on_lattice(mu, state.up), _rise_on_lattice(nu, nu.sum(axis=1) / n - state.down))
-    grid = ca.DM(np.arange(n + 1) / n)
-    reached = F + relaxation(grid) <= target
-    unreachable = F[n] + relaxation(grid[n]) + REACH_TOLERANCE < target
+    m = ca.if_else(up, state.up, nu.sum(axis=1) / n - state.down)
+    C, density = _columns(up, _below(mu), _below(nu)), _columns(up, mu, nu)
 
-    # interval l is the last one whose lower end is reached; the end of the range itself counts to the last interval
-    here = ca.vertcat(1.0, reached[1:n]) - ca.vertcat(reached[1:n], 0.0)
-    base = ca.fmax(ca.dot(grid[:n], here), s0)
-    F = ca.dot(F[:n], here)
-    slope = ca.mtimes(_sparse(mu), ca.if_else(up, here, 0.0)) + ca.mtimes(_sparse(nu), ca.if_else(up, 0.0, here))
+    def static(l: ca.MX | float) -> ca.MX:
+        return ca.sum1(ca.fmax(C(l) - m, 0.0))
 
-    # lines join in the order of their fronts; each front that the target passes moves the start of the last piece
+    # the interval: the last one whose lower end is reached; the end of the range itself counts to the last interval
+    l = _last(n, lambda l: static(l) + relaxation(l / n) <= target)
+    unreachable = static(n) + relaxation(1.0) + REACH_TOLERANCE < target
+    base, F, slope = ca.fmax(l / n, s0), static(l), density(l)
+
+    # lines join in the order of their fronts; the last front that the target passes begins the last piece
     fronts = ca.fmax(front, base)
-    gaps = fronts[1:] - fronts[:-1]
-    rises = ca.mtimes(_sparse(np.tri(n - 1)), slope[:-1]) * gaps
-    passed = F + ca.mtimes(_sparse(np.tri(n - 1)), rises) + relaxation(fronts[1:]) <= target
-    s = base + ca.dot(passed, gaps)
-    c = slope[0] + ca.dot(passed, slope[1:]) + first + 2.0 * second * (s - s0)
-    remaining = ca.fmax(target - F - ca.dot(passed, rises) - relaxation(s), 0.0)
+
+    def rise(s: ca.MX) -> ca.MX:
+        return F + ca.dot(slope, ca.fmax(s - fronts, 0.0)) + relaxation(s)
+
+    joined = _last(n, lambda i: rise(fronts[i]) <= target)
+    s = fronts[joined]
+    # counted by their number: fronts that are equal may differ by rounding
+    c = ca.dot(slope, ca.DM(np.arange(n)) <= joined) + first + 2.0 * second * (s - s0)
+    remaining = ca.fmax(target - rise(s), 0.0)
     s = ca.fmin(s + 2.0 * remaining / (c + ca.sqrt(c * c + 4.0 * second * remaining)), 1.0)
     return ca.if_else(up, s, 1.0 - s), unreachable
 
 
-def _mirror(nu: np.ndarray) -> np.ndarray:
+def _last(n: int, reached: Callable[[ca.MX], ca.MX]) -> ca.MX:
+    """Return the last of the places 0..n-1 that is reached, by bisection; if none is, 0."""
+    place = ca.MX(0.0)
+    for k in reversed(range((n - 1).bit_length())):
+        ahead = ca.fmin(place + 2.0**k, n - 1.0)
+        place = ca.if_else(reached(ahead), ahead, place)
+    return place
+
+
+def _columns(up: ca.MX, rising: Table, falling: Table) -> Callable[[ca.MX | float], ca.MX]:
+    """Return what looks up a column of one of two tables; one table that holds both costs no choice between columns."""
+    n, m = rising.shape
+    both = ca.MX(ca.DM(np.hstack([rising, falling]).T.ravel()))
+    start = ca.if_else(up, 0.0, float(n * m)) + ca.DM(np.arange(n))
+    return lambda column: both[start + n * column]
+
+
+def _below(table: Table) -> Table:
+    """Return C, shape (N, N + 1): the weight of every line below the strains l/N."""
+    n = table.shape[0]
+    return np.hstack([np.zeros((n, 1)), np.cumsum(table, axis=1) / n])
+
+
+def _mirror(nu: Table) -> Table:
     """Turn a table over alpha into one over 1 - beta, line by line."""
     n = nu.shape[0]
     mirrored = np.zeros_like(nu)
     for i in range(n):
         mirrored[i, i:] = nu[i, i:][::-1]
     return mirrored
-
-
-def _sparse(table: np.ndarray) -> ca.DM:
-    return ca.sparsify(ca.DM(table))
-
-
-def _rise_on_lattice(table: np.ndarray, m: ca.MX) -> ca.MX:
-    """Return F at all points l/N, shape (N + 1,), from a table of slopes and the weights below the fronts."""
-    n = table.shape[0]
-    C = np.zeros((n, n + 1))
-    C[:, 1:] = np.cumsum(table, axis=1) / n
-    # line i has no operators below strain i/N and cannot move there
-    point, line = np.nonzero(np.tri(n + 1, n))
-    gain = ca.fmax(ca.DM(C[line, point]) - m[line.tolist()], 0.0)
-    place = ca.Sparsity.triplet(n + 1, line.size, point.tolist(), list(range(line.size)))
-    return ca.mtimes(ca.DM(place, 1.0), gain)

@@ -113,7 +113,8 @@ def save_figures(pictures: Mapping[str, Callable[[], Any]], folder: Path) -> lis
     """
     import matplotlib as mpl
 
-    mpl.use("Agg")
+    if not isinstance(dict.get(mpl.rcParams, "backend"), str):  # none is chosen yet: look for no display
+        mpl.use("Agg")  # a notebook has chosen, and goes on showing its own pictures
     import matplotlib.pyplot as plt
 
     folder.mkdir(parents=True, exist_ok=True)

@@ -15,6 +15,7 @@ from .found import Found
 
 MOST_SAMPLES = 50_000  # of all records of a fit
 MOST_RESAMPLED = 4  # times as many samples as before
+SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median of the absolute second difference of unit white noise
 LARGEST_STRAIN = 5.0  # no sensor reads more; without a stated unit, more is per cent
 
 
@@ -143,6 +144,11 @@ def check_rest(rest_resistance: float | None) -> None:
     if rest_resistance is not None and not np.isfinite(rest_resistance):
         msg = f"the resistance at rest is {rest_resistance:g}; give a finite number, or leave it out to fit it"
         raise DataError(msg)
+
+
+def noise_of(*signals: Vector) -> float:
+    """Return the standard deviation of the white noise of smooth signals, from the median of their second differences."""
+    return float(np.median(np.abs(np.concatenate([np.diff(each, 2) for each in signals]))) / SECOND_DIFFERENCE)
 
 
 def strain_range(records: Sequence[Record], full_scale: float | None) -> float:

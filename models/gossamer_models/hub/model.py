@@ -1,8 +1,9 @@
 r"""The hub as a pure step: a rigid body that carries a membrane or another appendage.
 
-Symbols: those of ``rigid_body``; ``W`` force [N] and torque about the body's origin [N m] that the appendage exerts, shape (6,),
-as the mean over its step; ``O`` and ``V`` place [m] and velocity [m/s] of the origin, ``a`` its acceleration [m/s2]; ``h`` step
-[s]; ``u`` inputs and ``p`` parameters by name. There is no gravity: positions are those in a frame that falls freely.
+Symbols: those of ``rigid_body``; ``W`` force [N] and torque about the body's origin [N m] that the appendage exerts,
+shape (6,), as the mean over its step; ``O`` and ``V`` place [m] and velocity [m/s] of the origin, ``a`` its
+acceleration [m/s2]; ``h`` step [s]; ``u`` inputs and ``p`` parameters by name. There is no gravity: positions are those
+in a frame that falls freely.
 """
 
 from __future__ import annotations
@@ -60,20 +61,20 @@ def hub_model() -> StepModel:
 
     Notes
     -----
-    Where the appendage steps after the hub, its force :math:`W_k` over step k arrives one step late. A step assumes that the
-    force goes on as it was, and makes up for what the last step assumed wrongly:
+    Where the appendage steps after the hub, its force :math:`W_k` over step k arrives one step late. A step assumes
+    that the force goes on as it was, and makes up for what the last step assumed wrongly:
 
     .. math:: h\,\bar W_{k+1} = h\,W_k + h_k\,(W_k - W_{k-1})
 
-    With equal steps that is the linear extrapolation of the mean force. The difference is taken between impulses in inertial
-    axes, so whatever the steps and however the hub turns, it receives all
-    momentum and angular momentum that the appendage gives, but for the last difference. With ``extrapolation`` = 0 the force
-    is that of the present step: for an appendage that steps before the hub, and within a group that is iterated. Then only the
-    attitude half way is made up for, which is not known before the step.
+    With equal steps that is the linear extrapolation of the mean force. The difference is taken between impulses in
+    inertial axes, so whatever the steps and however the hub turns, it receives all momentum and angular momentum that
+    the appendage gives, but for the last difference. With ``extrapolation`` = 0 the force is that of the present step:
+    for an appendage that steps before the hub, and within a group that is iterated. Then only the attitude half way is
+    made up for, which is not known before the step.
 
-    What is attached joins the hub's motion when it first arrives, which may be after the initialization. Motion over a step, for
-    the appendage: :math:`\dot w = (w^+ - w)/h`, and :math:`a = \bar R^T (V^+ - V)/h` with the velocity V of the origin and the
-    mean of the axes over the step, which lie :math:`\dot w h^2/12` before those half way.
+    What is attached joins the hub's motion when it first arrives, which may be after the initialization. Motion over a
+    step, for the appendage: :math:`\dot w = (w^+ - w)/h`, and :math:`a = \bar R^T (V^+ - V)/h` with the velocity V of
+    the origin and the mean of the axes over the step, which lie :math:`\dot w h^2/12` before those half way.
     """
 
     def step(x: HubState, u: Values, p: Values, h: ca.MX) -> tuple[HubState, Results]:
@@ -123,8 +124,8 @@ def hub_model() -> StepModel:
         variables=VARIABLES,
         init=init,
         step=step,
-        advice="Check mass and inertia, which must be positive, the attitude, forces and torques: a hub much lighter than its "
-        "appendage needs a group that is iterated.",
+        advice="Check mass and inertia, which must be positive, the attitude, forces and torques: a hub much lighter than "
+        "its appendage needs a group that is iterated.",
     )
 
 

@@ -1,11 +1,11 @@
 r"""A free rigid body with momentum wheels: its motion over one step.
 
-Symbols: ``q`` attitude, a unit quaternion (scalar first) that turns body axes to inertial ones, ``R`` its matrix; ``X`` position
-of the centre of mass [m], ``P`` momentum [kg m/s], ``L`` angular momentum about the centre of mass, wheels included
-[kg m2/s], in inertial axes; in body axes ``l`` angular momentum of the wheels relative to the body [kg m2/s], ``w`` angular velocity
-[rad/s], ``c`` centre of mass [m], ``J`` inertia about it [kg m2], wheels included, ``tau`` torque on the wheels [N m]; ``M`` mass
-[kg]; ``F`` force [N] and ``T`` torque about the body's origin [N m] in body axes, ``j`` impulse [N s] and ``k`` angular impulse
-about the origin [N m s] in inertial axes; ``h`` step [s].
+Symbols: ``q`` attitude, a unit quaternion (scalar first) that turns body axes to inertial ones, ``R`` its matrix; ``X``
+position of the centre of mass [m], ``P`` momentum [kg m/s], ``L`` angular momentum about the centre of mass, wheels
+included [kg m2/s], in inertial axes; in body axes ``l`` angular momentum of the wheels relative to the body [kg m2/s],
+``w`` angular velocity [rad/s], ``c`` centre of mass [m], ``J`` inertia about it [kg m2], wheels included, ``tau``
+torque on the wheels [N m]; ``M`` mass [kg]; ``F`` force [N] and ``T`` torque about the body's origin [N m] in body
+axes, ``j`` impulse [N s] and ``k`` angular impulse about the origin [N m s] in inertial axes; ``h`` step [s].
 """
 
 from __future__ import annotations
@@ -115,8 +115,8 @@ def advance(motion: Motion, body: Body, W: ca.MX, tau: ca.MX, J: ca.MX, h: ca.MX
     tau : casadi.MX, shape (3,)
         Torque on the wheels [N m], constant.
     J : casadi.MX, shape (6,)
-        Impulse j [N s], and angular impulse k about the body's origin [N m s], that the body takes up over the step beside
-        that, at a constant rate in inertial axes.
+        Impulse j [N s], and angular impulse k about the body's origin [N m s], that the body takes up over the step
+        beside that, at a constant rate in inertial axes.
     h : casadi.MX, scalar
         Step [s].
 
@@ -124,11 +124,12 @@ def advance(motion: Motion, body: Body, W: ca.MX, tau: ca.MX, J: ca.MX, h: ca.MX
     -----
     The classical Runge-Kutta method of fourth order for
 
-    .. math:: \dot X = P/M, \quad \dot P = R F + j/h, \quad \dot L = R\,(T - c \times F) + (k - R c \times j)/h, \quad \dot l = \tau
+    .. math:: \dot X = P/M, \quad \dot P = R F + j/h, \quad \dot l = \tau, \quad
+        \dot L = R\,(T - c \times F) + (k - R c \times j)/h
 
-    and :math:`\dot q = \tfrac12\,q \circ w` with :math:`w = J^{-1} (R^T L - l)`. Momentum and angular momentum are states in
-    inertial axes, so they take up an impulse to round-off, and torques of the wheels leave them alone. The quaternion is
-    normalised after the step.
+    and :math:`\dot q = \tfrac12\,q \circ w` with :math:`w = J^{-1} (R^T L - l)`. Momentum and angular momentum are
+    states in inertial axes, so they take up an impulse to round-off, and torques of the wheels leave them alone. The
+    quaternion is normalised after the step.
     """
 
     def rate(y: ca.MX) -> ca.MX:

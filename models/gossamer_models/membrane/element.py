@@ -292,7 +292,7 @@ def element_points(
     P = F @ element.law(stressed, w * element.J * D, nu) @ element.J_inverse.T
     normal = np.cross(tangents[:, 0], tangents[:, 1])
     load = [w * pressure * component for component in normal]
-    if extras.light is not None:
+    if extras.light is not None and extras.absorbed is not None and extras.mirrored is not None:
         across = sum(u * component for u, component in zip(extras.light, normal, strict=True))
         area = ca.fabs(across) * w
         along = 2.0 * extras.mirrored * across / sum(component**2 for component in normal)
@@ -305,7 +305,7 @@ def element_points(
     else:
         trace, spread = principal(stressed)
         wave = 1.0 + strain + (1.0 + nu) / 4.0 * trace + (1.0 - nu) / 4.0 * spread
-    compressed = w * element.J * ((1.0 + nu) * trace < (1.0 - nu) * spread)
+    compressed = w * element.J * ((1.0 + nu) * trace < (1.0 - nu) * spread - 1e-9)
     return Points(P, load, wave, strain, compressed)
 
 

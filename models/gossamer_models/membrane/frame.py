@@ -1,23 +1,25 @@
 r"""A membrane on a rigid frame that flies: what the frame's motion does to its nodes, and what it does to the frame.
 
 Symbols, for N nodes with a column each, in axes that turn with the frame: ``r`` positions from the frame's origin [m],
-``s = v + w x r`` velocities less that of the origin [m/s], ``v`` velocities relative to the frame, shape (3, N); ``m`` masses
-[kg], shape (1, N); ``f`` forces [N]; ``a`` acceleration of the origin less gravity [m/s2], ``w`` angular velocity [rad/s] and
-``w_dot`` angular acceleration [rad/s2] of the frame, shape (3,); ``c`` mass damping [1/s], against the frame; ``h`` step [s]::
+``s = v + w x r`` velocities less that of the origin [m/s], ``v`` velocities relative to the frame, shape (3, N); ``m``
+masses [kg], shape (1, N); ``f`` forces [N]; ``a`` acceleration of the origin less gravity [m/s2], ``w`` angular
+velocity [rad/s] and ``w_dot`` angular acceleration [rad/s2] of the frame, shape (3,); ``c`` mass damping [1/s], against
+the frame; ``h`` step [s]::
 
     s' + w x s = f/m - a - c v        r' = s - w x r
 
-which is v' = f/m - a - w' x r - w x (w x r) - 2 w x v - c v. Gravity pulls at frame and membrane alike. Held nodes belong to
-the frame: their mass is reported, to be added to the mass of what carries the frame.
+which is v' = f/m - a - w' x r - w x (w x r) - 2 w x v - c v. Gravity pulls at frame and membrane alike. Held nodes
+belong to the frame: their mass is reported, to be added to the mass of what carries the frame.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 
-from ..variables import Results, Values, Variable, input_, local, output, parameter
+from ..variables import Values, Variable, array, input_, output, parameter
 
 _LETTERS = ("xx", "yy", "zz", "xy", "xz", "yz")
 
@@ -38,7 +40,7 @@ class Mounting:
     axes: ca.MX
 
     def positions(self, x: ca.MX) -> ca.MX:
-        """Return positions [m] from the frame's origin, in the membrane's axes, of those from its own origin, shape (3, N)."""
+        """Return positions [m] from the frame's origin of those from the membrane's own, in its axes, shape (3, N)."""
         return x + ca.repmat(ca.mtimes(self.axes.T, self.place), 1, x.shape[1])
 
 
@@ -80,7 +82,9 @@ def turn(angle: ca.MX) -> ca.MX:
 
 @dataclass(frozen=True, slots=True)
 class FrameState:
-    """What the membrane remembers of its frame, in the membrane's axes. The last two start from zero at every communication point.
+    """What the membrane remembers of its frame, in its own axes.
+
+    The last two start from zero at every communication point.
 
     Attributes
     ----------
@@ -89,7 +93,8 @@ class FrameState:
     w_given : casadi.MX, shape (3,)
         The one that was given for the last communication point.
     impulse : casadi.MX, shape (6,)
-        Impulse [N s] and angular impulse about the frame's origin [N m s] that the frame took since the communication point.
+        Impulse [N s] and angular impulse about the frame's origin [N m s] that the frame took since the communication
+        point.
     elapsed : casadi.MX, scalar
         Time [s] since then.
     """
@@ -121,8 +126,8 @@ class FrameStep:
 
     Notes
     -----
-    The step is that of position Verlet in axes that do not turn, seen from those that do [1]_: drift by half a step, turn by half a step,
-    kick, turn, drift:
+    The step is that of position Verlet in axes that do not turn, seen from those that do [1]_: drift by half a step,
+    turn by half a step, kick, turn, drift:
 
     .. math::
 
@@ -130,8 +135,9 @@ class FrameStep:
         s_{1/2}^+ &= \frac{(1 - \tfrac{ch}2)\,E s + h\,(f(r_{1/2})/m - a + c\,w \times r_{1/2})}{1 + \tfrac{ch}2}, \\
         r^+ &= E\,(r_{1/2} + \tfrac h2 s_{1/2}^+), \qquad s^+ = E\,s_{1/2}^+
 
-    So no force depends on the velocity but the drag, the step stays explicit, of second order and reversible, and its limit
-    is the elastic one at any rate of turn. Momentum and angular momentum change by what the frame gives, to round-off.
+    So no force depends on the velocity but the drag, the step stays explicit, of second order and reversible, and its
+    limit is the elastic one at any rate of turn. Momentum and angular momentum change by what the frame gives, to
+    round-off.
 
     References
     ----------
@@ -151,8 +157,8 @@ class FrameStep:
 
         Notes
         -----
-        Of a communication step that is divided, each part has the angular velocity of its own middle: what was given for the
-        beginning of the whole, and from there on the angular acceleration.
+        Of a communication step that is divided, each part has the angular velocity of its own middle: what was given
+        for the beginning of the whole, and from there on the angular acceleration.
         """
         vectors = ca.horzcat(u.frame_acceleration, u.angular_velocity, u.angular_acceleration)
         a, w_given, w_dot = ca.horzsplit(ca.mtimes(mount.axes.T, vectors))
@@ -194,8 +200,8 @@ class FrameStep:
         FrameState
             After the step.
         casadi.MX, shape (6,)
-            Mean force and torque since the communication point, in the axes half way between those that the frame had then
-            and has now.
+            Mean force and torque since the communication point, in the axes half way between those that the frame had
+            then and has now.
         """
         E, state = ca.diagcat(self.half, self.half), self.end
         impulse = ca.mtimes(E, ca.mtimes(E, state.impulse) + self.h * reaction)
@@ -222,8 +228,8 @@ def mass_properties(nodes: Nodes) -> tuple[ca.MX, ca.MX, ca.MX]:
     return ca.sum2(nodes.m), S, ca.trace(G) * ca.MX.eye(3) - G
 
 
-def frame_results(mount: Mounting, free: Nodes, s: ca.MX, held: Nodes, reaction: ca.MX) -> Results:
-    """Write the results of ``FRAME_OUTPUTS`` and ``FRAME_LOCALS``, in body axes.
+def frame_results(mount: Mounting, free: Nodes, s: ca.MX, held: Nodes, reaction: ca.MX) -> dict[str, ca.MX]:
+    """Write the results of ``FRAME_OUTPUTS``, in body axes.
 
     Parameters
     ----------
@@ -234,7 +240,8 @@ def frame_results(mount: Mounting, free: Nodes, s: ca.MX, held: Nodes, reaction:
     s : casadi.MX, shape (3, N)
         Velocities [m/s] of the free nodes less that of the frame's origin.
     reaction : casadi.MX, shape (6,)
-        Force [N] and torque [N m] that the membrane exerts on the frame, as means over the step, in the membrane's axes.
+        Force [N] and torque [N m] that the membrane exerts on the frame, as means over the step, in the membrane's
+        axes.
     """
     A = mount.axes
     results: dict[str, ca.MX] = {"force": ca.mtimes(A, reaction[:3]), "torque": ca.mtimes(A, reaction[3:])}
@@ -249,17 +256,11 @@ def frame_results(mount: Mounting, free: Nodes, s: ca.MX, held: Nodes, reaction:
 
 def _six(J: ca.MX) -> ca.MX:
     """Return the six numbers of a symmetric matrix in the order of ``_LETTERS``."""
-    return ca.vertcat(*(J["xyz".index(i), "xyz".index(j)] for i, j in _LETTERS))
+    return ca.vertcat(*(J["xyz".index(pair[0]), "xyz".index(pair[1])] for pair in _LETTERS))
 
 
-def _vector(kind: type[Variable], name: str, unit: str, text: str, **rest: float | bool) -> tuple[Variable, ...]:
-    """Make the rows of a vector in body axes."""
-    return tuple(kind(f"{name}[{k}]", unit, f"{text}, along {axis}", **rest) for k, axis in enumerate("xyz", 1))
-
-
-def _inertia(kind: type[Variable], name: str, text: str) -> tuple[Variable, ...]:
-    """Make the rows of an inertia in body axes."""
-    return tuple(kind(f"{name}[{k}]", "kg m2", f"{text}, {letters}") for k, letters in enumerate(_LETTERS, 1))
+_vector = partial(array, parts=[f"along {axis}" for axis in "xyz"])
+_inertia = partial(array, parts=_LETTERS)
 
 
 def _direction(name: str, text: str, axis: int) -> tuple[Variable, ...]:
@@ -334,15 +335,18 @@ FRAME_OUTPUTS = (
     ),
     output("held_mass", "kg", "Mass of the held edge, to be added to what carries the frame"),
     *_vector(output, "held_first_moment", "kg m", "Mass times place of the held edge, in body axes"),
-    *_inertia(output, "held_inertia", "Inertia of the held edge about the frame's origin, in body axes"),
-)
-FRAME_LOCALS = (
-    local("moving_mass", "kg", "Mass that moves relative to the frame"),
-    *_vector(local, "moving_first_moment", "kg m", "Mass times place of what moves, in body axes"),
-    *_inertia(local, "moving_inertia", "Inertia of what moves about the frame's origin, in body axes"),
-    *_vector(local, "momentum", "kg m/s", "Momentum of what moves, of its velocity less that of the frame's origin, in body axes"),
+    *_inertia(output, "held_inertia", "kg m2", "Inertia of the held edge about the frame's origin, in body axes"),
+    output("moving_mass", "kg", "Mass that moves relative to the frame"),
+    *_vector(output, "moving_first_moment", "kg m", "Mass times place of what moves, in body axes"),
+    *_inertia(output, "moving_inertia", "kg m2", "Inertia of what moves about the frame's origin, in body axes"),
     *_vector(
-        local,
+        output,
+        "momentum",
+        "kg m/s",
+        "Momentum of what moves, of its velocity less that of the frame's origin, in body axes",
+    ),
+    *_vector(
+        output,
         "angular_momentum",
         "kg m2/s",
         "Angular momentum about the frame's origin, of the same velocity, in body axes",

@@ -16,7 +16,7 @@ from ..errors import ParameterError
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, local, output
 from .assembly import MembraneEquations
-from .frame import FRAME_INPUTS, FRAME_LOCALS, FRAME_OUTPUTS, FRAME_PARAMETERS, RESTARTED, FrameState
+from .frame import FRAME_INPUTS, FRAME_OUTPUTS, FRAME_PARAMETERS, RESTARTED, FrameState
 from .law import LAWS
 from .mesh import N_ZONES, ZONES_PER_SIDE
 from .mounted import Force, MountedMembrane
@@ -170,14 +170,17 @@ def membrane_model(
             *OUTPUTS,
             *(FRAME_OUTPUTS if frame else ()),
             *LOCALS,
-            *(FRAME_LOCALS if frame else ()),
         ),
         init=init,
         step=step,
         step_limit="max_step",
         restarted=RESTARTED if frame else 0,
         advice="Check the prestress (edge_displacement against side_length), damage, pressure and "
-        + ("the motion of the frame, and that mount_x does not lie along mount_normal" if frame else "base acceleration")
+        + (
+            "the motion of the frame, and that mount_x does not lie along mount_normal"
+            if frame
+            else "base acceleration"
+        )
         + ": the membrane may be stretched beyond any use, or the damaged prestress equilibrium was not found.",
     )
 

@@ -1,8 +1,8 @@
 r"""The square membrane on a frame that flies: its nodes for the expressions of ``frame``.
 
-Symbols: ``q`` displacements [m] of the interior nodes and ``s`` their velocities [m/s] less that of the frame's origin, shape
-(n_q,), in the membrane's axes, whose own origin is its centre; ``f`` forces [N] on all nodes, shape (3, nodes); ``r``
-positions from the frame's origin [m], shape (3, N); ``h`` step [s].
+Symbols: ``q`` displacements [m] of the interior nodes and ``s`` their velocities [m/s] less that of the frame's origin,
+shape (n_q,), in the membrane's axes, whose own origin is its centre; ``f`` forces [N] on all nodes, shape (3, nodes);
+``r`` positions from the frame's origin [m], shape (3, N); ``h`` step [s].
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ..variables import Results, Values
+from ..variables import Values
 from .assembly import MembraneEquations
 from .frame import FrameState, FrameStep, Nodes, frame_results, mounting, wrench
 from .params import stretch
@@ -42,7 +42,7 @@ class Ride:
     frame: FrameState
     wave: ca.MX
     strain: ca.MX
-    results: Results
+    results: dict[str, ca.MX]
 
 
 class MountedMembrane:
@@ -96,9 +96,9 @@ class MountedMembrane:
 
         Notes
         -----
-        The frame takes what the elements pull at the held nodes, and the drag. That is the pressure's force less the change
-        of the membrane's momentum, since the elements' own forces add up to nothing. Enclosed gas pushes the frame the other
-        way than the membrane.
+        The frame takes what the elements pull at the held nodes, and the drag. That is the pressure's force less the
+        change of the membrane's momentum, since the elements' own forces add up to nothing. Enclosed gas pushes the
+        frame the other way than the membrane.
         """
         drag = wrench(free.r, self._p.mass_damping * ca.repmat(self._m, 3, 1) * v)
         held = wrench(self.held.r, f[:, self._edge])

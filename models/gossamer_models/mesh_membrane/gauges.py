@@ -15,12 +15,15 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ..arrays import Vector
+from ..errors import DataError
 from ..membrane.quadrature import derivative_matrix, gauss_points, lobatto_points, value_matrix
 from .mesh import Block, SurfaceMesh
 
 SAMPLES = 5  # of a gauge with a length, Gauss-Legendre
+_ACROSS = 1e-2  # part of a direction that lies in the surface, at least
+_BENT = 0.02  # share of a gauge that a curved surface may take from it
 _NEAREST = 12  # elements looked into
-_INSIDE = 1e-6  # how far outside an element a point may lie, parent coordinates
+_THERE = 1e-13  # how far a point on an element may seem to be from it, shares of the size
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +48,12 @@ class Gauge:
 def gauge(mesh: SurfaceMesh, point: Vector, direction: Vector, length: float) -> Gauge:
     """Place a gauge on the reference surface; samples beyond an edge are moved to the nearest place on it."""
     offsets, weights = gauss_points(SAMPLES) if length > 0.0 else (np.zeros(1), np.ones(1))
-    rows, away = [], 0.0
     _, middle, along = _line(mesh, point, direction)
+    rows, away = [], float(np.linalg.norm(middle - point))
     for offset in offsets:
         row, place, _ = _line(mesh, middle + offset * length * along, direction)
         rows.append(row)
-        away = max(away, float(np.linalg.norm(place - (middle + offset * length * along))))
-    away = max(away, float(np.linalg.norm(middle - point)))
+        away = max(away, abs(float((place - middle) @ along) - offset * length) - _BENT * length)
     return Gauge(scipy.sparse.csr_array(np.array(rows)), weights, away)
 
 
@@ -66,12 +68,17 @@ def _line(mesh: SurfaceMesh, point: Vector, direction: Vector) -> tuple[Vector, 
             st, distance, place = _nearest(block.order, X, point)
             if best is None or distance < best[0]:
                 best = (distance, block, int(k), st, place)
+            if distance <= _THERE * mesh.size:  # no other element is nearer
+                break
     assert best is not None  # a mesh has elements
     _, block, k, st, place = best
-    _, D = shape_functions(block.order, st)
+    _N, D = shape_functions(block.order, st)
     T = D.T @ mesh.nodes[block.elements[k]]  # (2, 3)
     delta = np.linalg.lstsq(T.T, direction / np.linalg.norm(direction), rcond=None)[0]
-    delta /= np.linalg.norm(delta @ T)
+    if (length := np.linalg.norm(delta @ T)) < _ACROSS:
+        msg = f"its direction {direction.tolist()} is across the surface. Name one that lies in it, nearly."
+        raise DataError(msg)
+    delta /= length
     row = np.zeros(len(mesh.nodes))
     row[block.elements[k]] = D @ delta
     return row, place, delta @ T

@@ -59,8 +59,7 @@ class Geometry:
     def node_normals(self) -> Vector:
         """Area of each node along its normal [m2], shape (n, m, 3)."""
         weighted = (self.J * self.element.w)[..., None] * self.normal
-        found: Vector = np.einsum("npi,pm->nmi", weighted, values(self.element))
-        return found
+        return np.asarray(np.einsum("npi,pm->nmi", weighted, values(self.element)))
 
     def placed(self) -> Element:
         """Return the element with its own map in every column: one per element."""

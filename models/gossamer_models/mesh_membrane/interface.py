@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from ..membrane.frame import FRAME_INPUTS, FRAME_OUTPUTS, FRAME_PARAMETERS
 from ..membrane.params import PARAMETERS as SQUARE
 from ..variables import Variable, input_, local, output, parameter
 from .setup import Setup
@@ -13,9 +16,15 @@ BUILT_IN = ("mass_damping", "pressure_amplitude", "pressure_frequency", "pressur
 COMPRESSED = 0.1  # share of the area [1] beyond which a law that carries compression is not valid
 
 
-def mesh_variables(structure: Structure) -> tuple[Variable, ...]:
-    """Make the table: parameters, inputs, outputs and locals."""
-    return (*_parameters(structure.setup), *_inputs(structure.setup), *_results(structure))
+def mesh_variables(structure: Structure, *, frame: bool = False) -> tuple[Variable, ...]:
+    """Make the table: parameters, inputs, outputs and locals; with the motion of a frame that flies, if asked for."""
+    parameters, inputs, results = _parameters(structure.setup), _inputs(structure.setup), _results(structure)
+    if not frame:
+        return (*parameters, *inputs, *results)
+    inputs = [v for v in inputs if not v.name.startswith("base_acceleration[")]
+    outputs = [v for v in results if v.causality == "output"]
+    places = (*parameters, *FRAME_PARAMETERS, *inputs, *FRAME_INPUTS, *outputs, *FRAME_OUTPUTS)
+    return (*places, *results[len(outputs) :])
 
 
 def _parameters(setup: Setup) -> list[Variable]:
@@ -48,8 +57,10 @@ def _inputs(setup: Setup) -> list[Variable]:
         where = f" on {', '.join(load.groups)}" if load.groups else ""
         rows.append(input_(load.name, unit, text + where, load.start, -1e6, 1e6, nominal=nominal))
         if load.kind == "light":
-            for axis, start in zip("xyz", load.direction, strict=True):
-                text = f"Direction in which the light travels, along {axis}"
+            for axis, start in zip(
+                "xyz", (np.array(load.direction) / np.linalg.norm(load.direction)).tolist(), strict=True
+            ):
+                text = f"Direction in which the light travels, along {axis}; its length does not matter"
                 rows.append(input_(f"{load.name}_direction[{'xyz'.index(axis) + 1}]", "1", text, start, -1.0, 1.0))
     for i, axis in enumerate("xyz"):
         text = f"Acceleration of the rigid frame along {axis}, which displacements are relative to"

@@ -8,8 +8,10 @@ common side, found by the numbers of its corners and not by distance, so that tw
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +96,8 @@ def surface_mesh(file: MeshFile, order: int = 1) -> SurfaceMesh:
     Returns
     -------
     SurfaceMesh
-        Neighbouring elements face the same way as the first one of their sheet.
+        Neighbouring elements face the same way as the first one of their sheet, and closed sheets outward. A group of
+        points that holds both ends of a side holds the nodes between them too.
 
     Raises
     ------
@@ -137,12 +140,24 @@ def surface_mesh(file: MeshFile, order: int = 1) -> SurfaceMesh:
             points[name] = np.unique(on_mesh[name])
     for name, members in file.points.items():
         if (known := number[members][number[members] >= 0]).size:
-            points[name] = known
+            within = np.isin(np.arange(len(nodes)), known)
+            between = [inner for (a, b), inner in sides.items() if within[a] and within[b]]
+            points[name] = np.unique(np.concatenate([known, *between])).astype(np.int64)
     return SurfaceMesh(file.name, nodes, tuple(blocks), file.faces, points, on_mesh)
 
 
+def sides_of(mesh: SurfaceMesh) -> Iterator[tuple[int, frozenset[int]]]:
+    """Give every face with each of its sides, by the corners."""
+    for block in mesh.blocks:
+        p = block.order
+        corners = [0, 1, 2] if p == 0 else [0, p, (p + 1) ** 2 - 1, p * (p + 1)]
+        for face, nodes in zip(block.faces.tolist(), block.elements[:, corners].tolist(), strict=True):
+            for a, b in zip(nodes, [*nodes[1:], nodes[0]], strict=True):
+                yield face, frozenset((a, b))
+
+
 def _tensor_elements(corners: Integers, p: int, first: int) -> tuple[Integers, dict[tuple[int, int], tuple[int, ...]]]:
-    """Give numbers to the nodes: after the corners, from ``first`` on, those inside sides, then those inside elements.
+    """Give every node of quadrilaterals a number: corners, from ``first`` on those inside sides, then those inside elements.
 
     Returns
     -------
@@ -162,7 +177,7 @@ def _tensor_elements(corners: Integers, p: int, first: int) -> tuple[Integers, d
     begin = first + (p - 1) * len(keys)
     grid[:, 1:p, 1:p] = begin + np.arange(n * (p - 1) ** 2).reshape(n, p - 1, p - 1)
     found = {(a, b): tuple(row) for (a, b), row in zip(keys.tolist(), inner.tolist(), strict=True)}
-    return grid.reshape(n, -1), found
+    return grid.reshape(n, (p + 1) ** 2), found
 
 
 def _along(sides: dict[tuple[int, int], tuple[int, ...]], a: int, b: int) -> list[int]:
@@ -195,7 +210,7 @@ def _geometry(nodes: int, order: int) -> Vector:
 
 
 def _turned(file: MeshFile) -> NDArray[np.bool_]:
-    """Find the faces to turn over so that neighbours face the same way.
+    """Find the faces to turn over so that neighbours face the same way, and closed sheets outward.
 
     Notes
     -----
@@ -215,10 +230,11 @@ def _turned(file: MeshFile) -> NDArray[np.bool_]:
     turned = np.zeros(len(faces), dtype=bool)
     seen = np.zeros(len(faces), dtype=bool)
     for start in range(len(faces)):
-        queue = deque([] if seen[start] else [start])
+        queue, sheet = deque([] if seen[start] else [start]), []
         seen[start] = True
         while queue:
             k = queue.popleft()
+            sheet.append(k)
             for other, against in neighbours[k]:
                 if not seen[other]:
                     seen[other], turned[other] = True, turned[k] ^ against
@@ -229,4 +245,8 @@ def _turned(file: MeshFile) -> NDArray[np.bool_]:
                         "cannot face the same way, so pressure has no meaning. Cut it open along a line."
                     )
                     raise DataError(msg)
+        if sheet and all(len(neighbours[k]) == len(faces[k]) for k in sheet):
+            corners = [[file.nodes[i] for i in faces[k]] for k in sheet]
+            volumes = np.array([sum(np.dot(X[0], np.cross(a, b)) for a, b in pairwise(X[1:])) for X in corners])
+            turned[sheet] ^= np.sum(np.where(turned[sheet], -volumes, volumes)) < 0.0
     return turned

@@ -1,7 +1,7 @@
 r"""Static equilibrium by dynamic relaxation, as part of ``init``.
 
 Symbols: ``q`` displacements [m], ``v`` velocities [m/s], ``f`` forces [N], ``m`` masses [kg], ``h`` step [s], ``c`` damping
-[1/s], ``omega`` lowest frequency in play [1/s], ``z`` all that a step of the relaxation remembers.
+[1/s], ``omega`` lowest frequency in play [1/s], ``z`` q, v and f of the step before.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ _STEP = 0.9  # of the stable step
 
 
 def relax(
-    balance: Callable[[ca.MX], tuple[ca.MX, ca.MX]],
+    balance: Callable[[ca.MX], tuple[ca.MX, ca.MX, ca.MX]],
     q: ca.MX,
-    inverse_mass: ca.MX,
-    scale: ca.MX,
+    mass: ca.MX,
     given: list[tuple[ca.MX, ca.MX]],
 ) -> ca.MX:
     r"""Write the equilibrium that damped motion reaches from ``q``.
@@ -27,13 +26,12 @@ def relax(
     Parameters
     ----------
     balance : callable
-        ``balance(q) -> (f, rate)``: forces [N], zero where held, and the bound of the squared highest frequency [1/s2].
+        ``balance(q) -> (f, rate, scale)``: forces [N], zero where held, the bound of the squared highest frequency [1/s2],
+        and the force [N] that ``TOLERANCE`` is a share of.
     q : casadi.MX, shape (n,)
         Where to start; stays where it is held.
-    inverse_mass : casadi.MX, shape (n,)
-        One over the masses [1/kg].
-    scale : casadi.MX, scalar
-        Force [N] that ``TOLERANCE`` is a share of.
+    mass : casadi.MX, shape (n,)
+        Masses [kg].
     given : list of (casadi.MX, casadi.MX)
         Symbols that ``balance`` depends on beside its argument, with their values.
 
@@ -53,17 +51,16 @@ def relax(
     .. [1] P. Underwood, Dynamic relaxation, in: T. Belytschko, T. J. R. Hughes (eds.), Computational Methods for Transient
        Analysis, North-Holland, 1983, 245-265.
     """
-    n, force = q.numel(), ca.MX.sym("scale")
-    symbols, values = [symbol for symbol, _ in given] + [force], [value for _, value in given] + [scale]
+    n, symbols, values = q.numel(), [symbol for symbol, _ in given], [value for _, value in given]
     at, v, f_before = z = [ca.MX.sym(name, n) for name in ("q", "v", "f")]
     h_before, ended = rest = [ca.MX.sym("h"), ca.MX.sym("ended")]
-    f, rate = balance(at)
+    f, rate, scale = balance(at)
     h = 2.0 * _STEP / ca.sqrt(rate)
-    energy = ca.dot(v, v / inverse_mass)
+    energy = ca.dot(v, mass * v)
     omega2 = -ca.dot(v, f - f_before) / ca.fmax(h_before * energy, 1e-300)
     drag = h * ca.sqrt(ca.fmin(ca.fmax(omega2, 0.0), rate))
-    moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * (f * inverse_mass)
-    over = ca.norm_inf(f) <= TOLERANCE * force
+    moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * f / mass
+    over = ca.norm_inf(f) <= TOLERANCE * scale
     inputs = [*z, *rest, *symbols]
     step = ca.Function("relaxation_0", inputs, [at + ca.if_else(over, 0.0, h) * moved, moved, f, h, over])
     kept = ca.Function("relaxation_over", inputs, [*z, *rest])

@@ -17,6 +17,15 @@ from ..mistakes import Mistake, raise_any
 
 Triple = tuple[float, float, float]
 ZERO: Triple = (0.0, 0.0, 0.0)
+# variables that a membrane has beside loads and motions
+RESERVED = {
+    *("youngs_modulus", "mass_damping", "pressure_amplitude", "pressure_frequency", "pressure_phase"),
+    *("base_acceleration", "gas_amount", "temperature", "damage", "strain", "displacement", "gas_pressure", "volume"),
+    *("node", "largest_strain", "displacement_ratio", "compressed_share", "max_step"),
+}
+
+
+HOOKEAN = 1e-3  # prestress over Young's modulus up to which every law is Hooke's within a few parts in a thousand
 
 
 def _outside(owner: object, **limits: tuple[float, float]) -> Iterator[Mistake]:
@@ -75,6 +84,11 @@ class Region:
         }
         raise_any([*_outside(self, **limits), *_not_finite(self, "prestress"), *_no_direction(self, "direction")])
 
+    @property
+    def prestrain(self) -> float:
+        """Largest prestress over Young's modulus [1]."""
+        return max(map(abs, self.prestress)) / self.youngs_modulus
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Zone:
@@ -121,6 +135,20 @@ class Support:
         if not self.fixed or set(self.fixed) - set("xyz") or len(set(self.fixed)) < len(self.fixed):
             text = f'\'fixed\' is {self.fixed!r}. Write the directions that are held, for instance "xyz" or "z".'
             mistakes.append(Mistake(("fixed",), text))
+        else:
+            moved = [d != 0.0 or s != 1.0 for d, s in zip(self.displacement, self.stretch, strict=True)]
+            lost = [axis for axis, moves in zip("xyz", moved, strict=True) if moves and axis not in self.fixed]
+            if self.displacement != ZERO and lost and any(self.displacement["xyz".index(axis)] for axis in lost):
+                text = (
+                    f"'displacement' moves along {lost[0]}, which 'fixed' = {self.fixed!r} does not hold. Add it there."
+                )
+                mistakes.append(Mistake(("displacement",), text))
+            if self.motion and not any(moved):
+                text = "'motion' multiplies the way of the nodes, and there is none. Write 'displacement' or 'stretch'."
+                mistakes.append(Mistake(("motion",), text))
+        if self.motion and not self.motion.isidentifier():
+            text = f"'motion' is {self.motion!r}. Use letters, digits and underscores, and no digit at the start."
+            mistakes.append(Mistake(("motion",), text))
         raise_any(mistakes)
 
 
@@ -193,7 +221,7 @@ class Gas:
     exponent : float
         1 isothermal, 1.4 adiabatic for air.
     volume : float or None
-        In the shape from which the membrane starts [m3]; by default what the faces enclose, which must be closed then.
+        In the shape from which the membrane starts [m3]; needed where the faces are open, whose border must be held then.
     """
 
     pressure: float
@@ -296,7 +324,25 @@ class Setup:
             yield Mistake(("order",), text)
         if not self.regions:
             yield Mistake(("regions",), "there are no regions. Write [[regions]] with the material of all faces.")
+        rest = [i for i, r in enumerate(self.regions) if not r.group]
+        if len(rest) > 1:
+            yield Mistake(("regions", rest[1], "group"), "two regions have no 'group', and only one can take the rest.")
+        if self.law in ("hencky", "neo_hookean"):
+            for i, r in enumerate(self.regions):
+                if r.prestrain > HOOKEAN:
+                    text = (
+                        f"a prestress of {r.prestrain:.2g} of Young's modulus is beyond the range in which {self.law!r} is "
+                        f"Hooke's, {HOOKEAN:g}. Stretch the membrane by its supports instead, or take another law."
+                    )
+                    yield Mistake(("regions", i, "prestress"), text)
         names = [load.name for load in self.loads] + [support.motion for support in self.supports if support.motion]
+        for name in RESERVED & set(names):
+            text = f"a load or motion has the name {name!r}, which is that of another variable. Choose another."
+            yield Mistake(("loads",), text)
+        lights = [i for i, load in enumerate(self.loads) if load.kind == "light"]
+        if len(lights) > 1:
+            text = "there is light already, and the membrane knows one sun. Name the groups of both in one load."
+            yield Mistake(("loads", lights[1], "kind"), text)
         for name, count in Counter(names).items():
             if count > 1:
                 yield Mistake(("loads",), f"{count} loads or motions have the name {name!r}. Give each its own.")

@@ -13,14 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
+from ..errors import DataError
 from ..membrane.element import Element
 from ..mistakes import DescriptionError, Mistake, raise_any
 from .gauges import Gauge, gauge
 from .geometry import Geometry, geometry, stiffest
+from .loads import edge_force, members_of, unit_force
 from .mesh import Integers, SurfaceMesh
-from .setup import Load, Setup
+from .setup import Setup
+from .supports import free_displacements, leaking, loose, ways
 
-MOST_ELEMENTS = 100_000
 _FLAT = 1e-9  # J of an element below this share of its mean: no area
 _FAR = 1e-3  # how far a sensor may be from the surface, shares of its size
 
@@ -41,6 +43,8 @@ class Elements:
         As ``geometry.stiffest``.
     areas : ndarray, shape (n,)
         Reference areas [m2].
+    node_normals : ndarray, shape (n, m, 3)
+        Area of each node along its normal [m2].
     """
 
     element: Element
@@ -48,6 +52,7 @@ class Elements:
     combination: Integers
     stiffest: Vector
     areas: Vector
+    node_normals: Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +77,8 @@ class Structure:
         Which displacements are not held, node by node.
     mass : ndarray, shape (N,)
         Lumped masses [kg].
+    stiffness : ndarray, shape (N,)
+        Masses [kg] with which no element of the unstretched membrane has an angular frequency above 1/s.
     normals : ndarray, shape (N, 3)
         Unit normals of the reference surface.
     ways : ndarray, shape (supports, 3 N)
@@ -93,6 +100,7 @@ class Structure:
     enclosing: NDArray[np.bool_]
     free: NDArray[np.bool_]
     mass: Vector
+    stiffness: Vector
     normals: Vector
     ways: Vector
     edge_force: Vector
@@ -125,9 +133,6 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         Groups that the mesh lacks, faces without a material or in two, zones that overlap, elements without area or turned
         inside out, sensors away from the surface, or supports that leave the membrane free to move as a rigid body.
     """
-    if mesh.n_faces > MOST_ELEMENTS:
-        text = f"{mesh.name} holds {mesh.n_faces} elements, more than {MOST_ELEMENTS}. Mesh it more coarsely."
-        raise DescriptionError(Mistake(("mesh",), text))
     raise_any([*_lacking(setup, mesh)])
     region = _assigned(mesh, [(r.group, ("regions", i)) for i, r in enumerate(setup.regions)], "material")
     zone = _assigned(mesh, [(z.group, ("zones", i)) for i, z in enumerate(setup.zones)], "zone")
@@ -137,31 +142,29 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
             "Add a region without 'group', which takes the rest."
         )
         raise DescriptionError(Mistake(("regions",), text))
-    acting = [_members(mesh, load.groups) & (load.kind in ("pressure", "light")) for load in setup.loads]
-    encloses = _members(mesh, setup.gas.groups) if setup.gas else np.zeros(mesh.n_faces, dtype=bool)
+    acting = [members_of(mesh, load.groups) & (load.kind in ("pressure", "light")) for load in setup.loads]
+    encloses = members_of(mesh, setup.gas.groups) if setup.gas else np.zeros(mesh.n_faces, dtype=bool)
     rows = np.column_stack([region, zone, *acting, encloses])
     kinds, combination = np.unique(rows, axis=0, return_inverse=True)
     measured = [_measured(setup, mesh, k, region) for k in range(len(mesh.blocks))]
-    mass, normals = np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
+    mass, stiffness, normals = np.zeros(len(mesh.nodes)), np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
     areal = np.array([r.density * r.thickness for r in setup.regions])
-    for block, found in zip(mesh.blocks, measured, strict=True):
+    nu = np.array([r.poisson_ratio for r in setup.regions])
+    D = np.array([r.youngs_modulus * r.thickness for r in setup.regions]) / (1.0 - nu**2)
+    highest = [stiffest(found, nu[region[block.faces]]) for block, found in zip(mesh.blocks, measured, strict=True)]
+    for block, found, high in zip(mesh.blocks, measured, highest, strict=True):
         np.add.at(mass, block.elements, found.node_areas * areal[region[block.faces]][:, None])
+        np.add.at(stiffness, block.elements, found.node_areas * (high * D[region[block.faces]])[:, None])
         np.add.at(normals, block.elements, found.node_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    free = _free(setup, mesh)
-    raise_any([*_loose(mesh, free)])
+    free = free_displacements(setup, mesh)
+    raise_any([*loose(mesh, free), *leaking(setup, mesh, free, encloses)])
     return Structure(
         setup=setup,
         mesh=mesh,
         elements=tuple(
-            Elements(
-                found.placed(),
-                block.elements,
-                combination[block.faces],
-                stiffest(found, np.array([r.poisson_ratio for r in setup.regions])[region[block.faces]]),
-                found.areas,
-            )
-            for block, found in zip(mesh.blocks, measured, strict=True)
+            Elements(found.placed(), block.elements, combination[block.faces], high, found.areas, found.node_normals)
+            for block, found, high in zip(mesh.blocks, measured, highest, strict=True)
         ),
         region=kinds[:, 0],
         zone=kinds[:, 1],
@@ -169,11 +172,12 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         enclosing=kinds[:, -1].astype(bool),
         free=free,
         mass=mass,
+        stiffness=stiffness,
         normals=normals,
-        ways=_ways(setup, mesh),
-        edge_force=_edge_force(setup, mesh, measured),
+        ways=ways(setup, mesh),
+        edge_force=edge_force(setup, mesh, measured),
         unit_forces={
-            load.name: _unit_force(load, mesh, measured)
+            load.name: unit_force(load, mesh, measured)
             for load in setup.loads
             if load.kind in ("force", "dead_pressure")
         },
@@ -217,15 +221,6 @@ def _assigned(mesh: SurfaceMesh, groups: list[tuple[str, tuple[str | int, ...]]]
     return found
 
 
-def _members(mesh: SurfaceMesh, groups: tuple[str, ...]) -> NDArray[np.bool_]:
-    """Return which faces belong to some of the groups; all if there are no groups."""
-    found = np.full(mesh.n_faces, not groups)
-    for group in groups:
-        if group in mesh.faces:
-            found[mesh.faces[group]] = True
-    return found
-
-
 def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> Geometry:
     block = mesh.blocks[which]
     axes = np.array([r.direction for r in setup.regions])[region[block.faces]]
@@ -244,94 +239,14 @@ def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> 
     return found
 
 
-def _free(setup: Setup, mesh: SurfaceMesh) -> NDArray[np.bool_]:
-    free = np.ones((len(mesh.nodes), 3), dtype=bool)
-    for support in setup.supports:
-        for axis in support.fixed:
-            free[mesh.points[support.group], "xyz".index(axis)] = False
-    return free.ravel()
-
-
-def _loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
-    """Find rigid motions that no support hinders."""
-    X = mesh.nodes - mesh.nodes.mean(axis=0)
-    motions = [np.broadcast_to(axis, X.shape) for axis in np.eye(3)]
-    motions += [np.cross(axis, X) / mesh.size for axis in np.eye(3)]
-    names = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
-    A = np.column_stack([motion.ravel() for motion in motions])[~free]
-    _, strengths, modes = np.linalg.svd(A if len(A) else np.zeros((1, 6)))
-    strengths = np.append(strengths, np.zeros(6 - len(strengths)))
-    if np.any(loose := strengths < 1e-9 * np.sqrt(len(mesh.nodes))):
-        name = names[int(np.argmax(np.abs(modes[loose][0])))]
-        text = (
-            f"the supports leave the membrane free to move {name} as a rigid body. Hold more nodes or directions: "
-            f"[[supports]] with 'group', one of {', '.join(mesh.points) or 'the groups of the mesh'}."
-        )
-        yield Mistake(("supports",), text)
-
-
-def _ways(setup: Setup, mesh: SurfaceMesh) -> Vector:
-    """Return where each support moves its nodes, in the directions that it holds."""
-    found = np.zeros((len(setup.supports), len(mesh.nodes), 3))
-    for way, support in zip(found, setup.supports, strict=True):
-        nodes, centre = mesh.points[support.group], np.array(support.centre)
-        axes = ["xyz".index(axis) for axis in support.fixed]
-        moved = (np.array(support.stretch) - 1.0) * (mesh.nodes[nodes] - centre) + np.array(support.displacement)
-        way[nodes[:, None], axes] = moved[:, axes]
-    return found.reshape(len(setup.supports), -1)
-
-
-def _edge_force(setup: Setup, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:
-    """Return the nodal forces of tension along edges, by the Lobatto rule of their order."""
-    from ..membrane.quadrature import derivative_matrix, lobatto_points
-
-    force = np.zeros((len(mesh.nodes), 3))
-    normals, inward = np.zeros((len(mesh.nodes), 3)), _inward(mesh)
-    for block, found in zip(mesh.blocks, measured, strict=True):
-        np.add.at(normals, block.elements, found.node_normals)
-    for edge in setup.edges:
-        for side in mesh.sides[edge.group]:
-            nodes, weights = lobatto_points(len(side))
-            along = derivative_matrix(nodes, nodes) @ mesh.nodes[side]
-            n = normals[side] / np.linalg.norm(normals[side], axis=1, keepdims=True)
-            outward = np.cross(along, n)  # its length is that of the side
-            middle = mesh.nodes[side].mean(axis=0) - inward[frozenset((int(side[0]), int(side[-1])))]
-            outward *= np.sign(np.sum(outward * middle, axis=1, keepdims=True))
-            np.add.at(force, side, edge.tension * weights[:, None] * outward)
-    return force.ravel()
-
-
-def _inward(mesh: SurfaceMesh) -> dict[frozenset[int], Vector]:
-    """Return the middle of an element beside each side, by the corners of the side."""
-    found = {}
-    for block in mesh.blocks:
-        p = block.order
-        corners = [0, 1, 2] if p == 0 else [0, p, (p + 1) ** 2 - 1, p * (p + 1)]
-        for nodes in block.elements:
-            middle = mesh.nodes[nodes].mean(axis=0)
-            ring = nodes[corners].tolist()
-            for a, b in zip(ring, [*ring[1:], ring[0]], strict=True):
-                found[frozenset((a, b))] = middle
-    return found
-
-
-def _unit_force(load: Load, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:
-    """Return the nodal forces of a dead load per unit of its input."""
-    force = np.zeros((len(mesh.nodes), 3))
-    if load.kind == "force":
-        nodes = np.unique(np.concatenate([mesh.points[group] for group in load.groups]))
-        force[nodes] = np.array(load.direction) / np.linalg.norm(load.direction)
-        return force.ravel()
-    acts = _members(mesh, load.groups)
-    for block, found in zip(mesh.blocks, measured, strict=True):
-        np.add.at(force, block.elements, found.node_normals * acts[block.faces][:, None, None])
-    return force.ravel()
-
-
 def _gauges(setup: Setup, mesh: SurfaceMesh) -> Iterator[Gauge]:
     mistakes = []
     for i, sensor in enumerate(setup.sensors):
-        found = gauge(mesh, np.array(sensor.point), np.array(sensor.direction), sensor.gauge_length)
+        try:
+            found = gauge(mesh, np.array(sensor.point), np.array(sensor.direction), sensor.gauge_length)
+        except DataError as error:
+            mistakes.append(Mistake(("sensors", i, "direction"), f"sensor {i + 1}: {error}"))
+            continue
         if found.away > _FAR * mesh.size:
             what = "its gauge reaches beyond an edge" if sensor.gauge_length else "it is away from the surface"
             text = f"sensor {i + 1} at {list(sensor.point)} m: {what} by {found.away:.3g} m. Move it onto the membrane."

@@ -26,7 +26,7 @@ from ..fitting.records import Record, training_rows
 from ..fitting.tables import table_path, write_predictions
 from ..replay import Recovered, recover, sensor_output
 from ..sensor import Scales, SensorArtifact
-from .scales import OwnScales, fit_scales
+from .scales import RelaxingScales, fit_scales
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Judged:
         Resistance [ohm] for its strain.
     recovered : dict of str to Recovered
         Strain from its resistance, by compensator.
-    scales : OwnScales or None
+    scales : RelaxingScales or None
         Its fitted scales; None where the sensor's own were used.
     cubic, cubic_strain : ndarray, shape (m,)
         Resistance [ohm] and strain [1] by static cubics.
@@ -55,7 +55,7 @@ class Judged:
     first: Rows
     predicted: Vector
     recovered: dict[str, Recovered]
-    scales: OwnScales | None
+    scales: RelaxingScales | None
     cubic: Vector
     cubic_strain: Vector
     known: bool = False

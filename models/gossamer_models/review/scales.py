@@ -29,8 +29,8 @@ PARTS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OwnScales:
-    """Scales of one record.
+class RelaxingScales:
+    """Scales of one record, which relax with time.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class OwnScales:
     ridge: float
 
 
-def fit_scales(output: Vector, record: Record, rows: Rows) -> OwnScales:
+def fit_scales(output: Vector, record: Record, rows: Rows) -> RelaxingScales:
     """Fit the scales of a record to a stretch of it.
 
     Parameters
@@ -63,7 +63,7 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> OwnScales:
 
     Returns
     -------
-    OwnScales
+    RelaxingScales
         At all samples of the record.
 
     Raises
@@ -90,7 +90,7 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> OwnScales:
             "columns and units, or name a longer stretch (--stretch)."
         )
         raise DataError(msg)
-    return OwnScales(
+    return RelaxingScales(
         gain=gain,
         offset=c[1] + before @ c[2 : 2 + OFFSET_DECAYS],
         last_gain=float(c[0]),

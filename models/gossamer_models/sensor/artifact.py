@@ -142,6 +142,9 @@ class SensorArtifact:
         Method that the identification chose for the FMU ``compensator``; None for the inverse.
     scales : Scales or None
         Scales of a record in ohm; None for a record without units.
+    noise : float or None
+        Standard deviation [1] of the white noise of the output in the training stretches, with which the estimator was
+        judged; None where it was not measured.
     provenance : dict
         Origin and digest of the data, command, errors reached, assumptions.
 
@@ -160,11 +163,15 @@ class SensorArtifact:
     tracking: Tracking | None = None
     compensator: str | None = None
     scales: Scales | None = None
+    noise: float | None = None
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.compensator not in (None, *METHODS):
             msg = f"the compensator is {self.compensator!r}; it is one of {', '.join(METHODS)}. Identify the sensor again."
+            raise ParameterError(msg)
+        if self.noise is not None and not (np.isfinite(self.noise) and self.noise >= 0.0):
+            msg = f"the noise is {self.noise:g}; a standard deviation is not negative. Identify the sensor again."
             raise ParameterError(msg)
         shape = (len(self.mu), len(self.mu))
         for name, table in (("mu", self.mu), ("nu", self.nu)):
@@ -233,6 +240,8 @@ class SensorArtifact:
             content["compensator"] = self.compensator
         if self.scales is not None:
             content["scales"] = asdict(self.scales)
+        if self.noise is not None:
+            content["noise"] = self.noise
         write_artifact(path, SCHEMA, EXTENDED_VERSION if extended else VERSION, self.provenance, content)
 
     @classmethod
@@ -251,7 +260,7 @@ class SensorArtifact:
             if beside is not None:
                 numbers = {name: float(beside[name]) for name in ("lowest", "highest", "offset", "scale")}
                 inverse = DirectInverse(law=cls(**_parts(beside)), **numbers)
-            scales, tracking = card.get("scales"), card.get("tracking")
+            scales, tracking, noise = (card.get(name) for name in ("scales", "tracking", "noise"))
             return cls(
                 **_parts(card),
                 inverse=inverse,
@@ -259,6 +268,7 @@ class SensorArtifact:
                 tracking=None if tracking is None else Tracking.of(tracking),
                 compensator=card.get("compensator"),
                 scales=None if scales is None else Scales(**{name: float(value) for name, value in scales.items()}),
+                noise=None if noise is None else float(noise),
                 provenance={str(key): str(value) for key, value in card["provenance"].items()},
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:

@@ -16,7 +16,7 @@ from ..variables import Results, Values, Variable, input_, output, parameter
 from .artifact import SensorArtifact, default_artifact
 from .state import SensorLaw, SensorState
 
-LIKELY_NOISE = 1e-3  # of the change at full scale: start value of an estimator's noise
+LIKELY_NOISE = 1e-3  # [1] start value of an estimator's noise where none was measured
 ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must be of a sensible size."
 
 SCALE_VARIABLES = (
@@ -46,7 +46,8 @@ def with_scales(
     if artifact.scales is None:
         return variables
     starts = {**asdict(artifact.scales), "resistance": artifact.scales.rest_resistance}
-    starts["noise"] = 0.0 if quiet else LIKELY_NOISE * artifact.scales.full_scale_resistance_change
+    noise = LIKELY_NOISE if artifact.noise is None else artifact.noise
+    starts["noise"] = 0.0 if quiet else noise * artifact.scales.full_scale_resistance_change
     return tuple(v if v.causality == "output" else replace(v, start=starts.get(v.name, v.start)) for v in variables)
 
 

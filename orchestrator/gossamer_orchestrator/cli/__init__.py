@@ -1,27 +1,27 @@
 """The command ``gossamer``, one file per theme.
 
-A command parses, calls one function and prints one result: paths and values on stdout; progress, tables and errors on
-stderr. Heavy imports stand inside the commands.
+A command parses, calls one function and returns one answer: paths and values on stdout, or JSON; progress, tables and errors
+on stderr. Heavy imports stand inside the commands.
 """
 
 from __future__ import annotations
 
-import logging
-import sys
 from importlib.metadata import version
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperGroup
 
-from ..errors import OrchestratorError
 from .assess import CommandWithColumns, assess
 from .assess_detector import assess_detector
 from .build import build
 from .campaign import campaign
+from .command import Command, Group
 from .exchange import container, export
 from .identify import CommandWithFields, identify
 from .inspect import info, verify
+from .new import new
+from .pictures import export_vtk, plot
+from .place_sensors import place_sensors
 from .report import report, view
 from .run import demo, run
 from .sweep import sweep
@@ -29,21 +29,8 @@ from .train import train
 from .twin import twin
 from .watch import watch
 
-
-class _Group(TyperGroup):
-    """Print expected errors as their message alone."""
-
-    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
-        try:
-            return super().invoke(ctx)
-        except OrchestratorError as error:
-            for text in (str(error), *getattr(error, "__notes__", ())):
-                typer.echo(text, err=True)
-            raise typer.Exit(1) from None
-
-
 app = typer.Typer(
-    cls=_Group,
+    cls=Group,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -64,32 +51,31 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def _configure(
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show all log messages, not only warnings.")] = False,
     _version: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
-    logging.basicConfig(
-        level=logging.INFO if verbose else logging.WARNING,
-        format="%(levelname)s %(name)s: %(message)s",
-        stream=sys.stderr,
-    )
+    pass
 
 
-app.command()(build)
-app.command()(run)
-app.command("export-ssp")(export)
-app.command()(container)
-app.command()(sweep)
-app.command()(demo)
-app.command()(report)
-app.command()(view)
-app.command()(verify)
-app.command()(info)
-app.command()(train)
-app.command()(twin)
-app.command()(watch)
-app.command()(campaign)
+app.command(cls=Command)(new)
+app.command(cls=Command)(build)
+app.command(cls=Command)(run)
+app.command("export-ssp", cls=Command)(export)
+app.command(cls=Command)(container)
+app.command(cls=Command)(sweep)
+app.command(cls=Command)(demo)
+app.command(cls=Command)(report)
+app.command(cls=Command)(view)
+app.command(cls=Command)(plot)
+app.command("export-vtk", cls=Command)(export_vtk)
+app.command(cls=Command)(verify)
+app.command(cls=Command)(info)
+app.command(cls=Command)(train)
+app.command(cls=Command)(twin)
+app.command(cls=Command)(watch)
+app.command(cls=Command)(campaign)
 app.command(cls=CommandWithColumns)(assess)
-app.command("assess-detector")(assess_detector)
+app.command("assess-detector", cls=Command)(assess_detector)
+app.command("place-sensors", cls=Command)(place_sensors)
 app.command(cls=CommandWithFields)(identify)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.console import Console
 
-from .common import keep_inputs, model_errors, wide
-from .identify import CommandWithFields, as_options, parameter
+from .command import Result, show, stderr
+from .common import keep_inputs, model_errors
+from .identify import CommandWithFields, parameter
 from .recognised import print_recognised
 
 if TYPE_CHECKING:
+    from gossamer_models.fitting import Record
     from gossamer_models.review import Judged
     from rich.table import Table
 
@@ -20,18 +25,18 @@ COMPENSATORS = "inverse (its direct one where it has one), exact, estimator, fil
 
 
 @cache
-def column_options() -> list[Any]:
-    """Return the options of columns, as typer makes them."""
+def column_parameters() -> dict[str, inspect.Parameter]:
+    """Return the options of columns, as parameters of a function."""
     from gossamer_models.fitting import Columns
     from gossamer_models.identify import options
 
-    return as_options({each.name: parameter(Columns, each, {}, "Columns of the records") for each in options(Columns)})
+    return {each.name: parameter(Columns, each, {}, "Columns of the records") for each in options(Columns)}
 
 
 class CommandWithColumns(CommandWithFields):
     """A command that has, besides its own options, those of columns of records."""
 
-    fields = staticmethod(column_options)
+    declared = staticmethod(column_parameters)
 
 
 def assess(
@@ -60,7 +65,7 @@ def assess(
         "out/assessed"
     ),
     pictures: Annotated[bool, typer.Option(help="Draw pictures.")] = True,
-) -> None:
+) -> Result:
     """Judge an identified sensor on other records, without fitting it.
 
     Says first what it read: columns, units, ranges, sampling, gaps. Prints errors of resistance and of recovered strain as a
@@ -75,34 +80,84 @@ def assess(
 
         gossamer assess sensor.json other.csv --compensator inverse --compensator estimator --out out/mine
     """
-    from gossamer_models.fitting import Columns
-    from gossamer_models.fitting.tables import table_path
-    from gossamer_models.review import judge_files, save_judged
-
-    keep_inputs([sensor, *files], [out, *(table_path(out, each.name) for each in files)])
-    console = wide(stderr=True)
-    with model_errors(), console.status("reading the records") as status:
-        judged = judge_files(
-            sensor,
-            files,
-            columns=Columns(**ctx.obj),
-            compensators=tuple(compensator or ()),
-            own_scales=fit_scales,
-            stretch=stretch,
-            recognised=lambda records: print_recognised(console, records),
-            progress=status.update,
-        )
-        paths = save_judged(judged, out, pictures=pictures)
-    for table in _tables(judged, stretch):
+    judged, paths = judge_given(
+        sensor,
+        files,
+        ctx.obj,
+        print_recognised,
+        compensator=compensator,
+        fit_scales=fit_scales,
+        stretch=stretch,
+        out=out,
+        pictures=pictures,
+    )
+    console = stderr()
+    for table in tables(judged, stretch):
         console.print(table)
     for each in judged:
         for sentence in each.sentences():
             console.print(sentence, style="yellow", markup=False)
     for path in paths:
-        typer.echo(path)
+        show(path)
+    remarks = [sentence for each in judged for sentence in each.sentences()]
+    return Result({"files": paths, "errors": [row for each in judged for row in _errors(each)], "remarks": remarks})
 
 
-def _tables(judged: tuple[Judged, ...], stretch: str) -> list[Table]:
+def judge_given(
+    sensor: Path,
+    files: list[Path],
+    columns: dict[str, Any],
+    show_records: Callable[[Console, Sequence[Record]], None],
+    *,
+    compensator: list[str] | None,
+    fit_scales: bool,
+    stretch: str,
+    out: Path,
+    pictures: bool,
+) -> tuple[tuple[Judged, ...], list[Path]]:
+    """Judge a sensor on records with the options of the command; return what was found and the files written."""
+    from gossamer_models.fitting import Columns
+    from gossamer_models.fitting.tables import table_path
+    from gossamer_models.review import judge_files, save_judged
+
+    from ..run.progress import ProgressBar
+
+    keep_inputs([sensor, *files], [out, *(table_path(out, each.name) for each in files)])
+    console = stderr()
+    with model_errors(), ProgressBar("assess", console) as bar:
+        judged = judge_files(
+            sensor,
+            files,
+            columns=Columns(**columns),
+            compensators=tuple(compensator or ()),
+            own_scales=fit_scales,
+            stretch=stretch,
+            recognised=lambda records: show_records(console, records),
+            progress=lambda text: bar.update(text=text),
+        )
+        return judged, save_judged(judged, out, pictures=pictures)
+
+
+def _errors(judged: Judged) -> list[dict[str, Any]]:
+    """Return the errors of one record as JSON; NRMSE over the range of the record [%]."""
+    return [
+        {
+            "record": judged.record.name,
+            "stretch": name,
+            "samples": int(rows.sum()),
+            "resistance_nrmse_percent": judged.forward(rows),
+            "resistance_nrmse_of_cubic_percent": judged.forward(rows, judged.cubic),
+            "strain_nrmse_percent": {
+                kind: judged.strain(rows, found.strain) for kind, found in judged.recovered.items()
+            },
+            "strain_nrmse_of_cubic_percent": judged.strain(rows, judged.cubic_strain),
+            "stated_over_true_deviation": {kind: judged.deviation_ratio(rows, kind) for kind in judged.recovered},
+        }
+        for name, rows in judged.stretches().items()
+    ]
+
+
+def tables(judged: tuple[Judged, ...], stretch: str) -> list[Table]:
     """Return the errors, and the scales where they were fitted, as tables."""
     from rich.markup import escape
     from rich.table import Table

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import keep_inputs, model_errors, wide
+from .command import Result, show, stderr
+from .common import keep_inputs, model_errors
 
 if TYPE_CHECKING:
     from gossamer_models.assessment import Assessment, Share
     from rich.table import Table
 
+UNITS = {"error_all": "% damage", "error_damaged": "% damage", "a50": "1", "a90": "1", "a90_95": "1"}
 TWIN_RECORDS, TWIN_SIZES = 6, 3  # records of a condition, sizes of damage in each zone that the twin has time for
 
 
@@ -32,7 +34,7 @@ def assess_detector(
     out: Annotated[Path, typer.Option(help="Folder of results, pictures and simulations.", metavar="FOLDER")] = Path(
         "out/assessment"
     ),
-) -> None:
+) -> Result:
     """Assess damage detection.
 
     Simulates records under many conditions (noise, load, material, sensors, another mesh), asks every detector for the
@@ -48,26 +50,26 @@ def assess_detector(
     """
     from gossamer_models.assessment import AlwaysZero, assess, read_judge, shipped_judges, twin_judges, write_assessment
     from gossamer_models.assessment.plots import save_pictures
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from ..run.progress import ProgressBar
 
     keep_inputs(artifact or (), (out / name for name in ("assessment.json", "assessment.npz")))
-    console = wide(stderr=True)
-    columns = (TextColumn("{task.description:>28}"), BarColumn(), TextColumn("{task.completed} of {task.total}"))
-    bar = Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal)
-    with model_errors(), bar:
-        task = bar.add_task("reading detectors", total=None)
+    console = stderr()
+    with model_errors(), ProgressBar("assessment", console) as bar:
+        bar.update(text="reading detectors,")
         judges = [read_judge(path) for path in artifact] if artifact else shipped_judges()
         twins = twin_judges(TWIN_RECORDS, TWIN_SIZES) if twin else ()
 
         def report(what: str, done: int, total: int) -> None:
-            bar.update(task, description=what, completed=done, total=total)
+            bar.update(done, total, f"{what}: {done} of {total},")
 
         found = assess([AlwaysZero(), *judges, *twins], out / "simulations", cases=cases, report=report)
         paths = [*write_assessment(found, out), *save_pictures(found, out)]
     console.print(_conditions(found))
     console.print(_detections(found))
     for path in paths:
-        typer.echo(path)
+        show(path)
+    return Result({"files": paths, "conditions": found.rows, "detections": found.detections, "units": UNITS})
 
 
 def _conditions(found: Assessment) -> Table:

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from ..errors import FmuError
 from ..names import suggest
+from .command import Result, note, show, stderr
 from .common import FMUS, keep_inputs, model_errors, print_kinds
 
 
@@ -18,7 +18,8 @@ def build(
         list[str] | None,
         typer.Argument(
             help="FMUs to build: membrane, sensor, compensator, estimator (a compensator that tolerates noise), "
-            "filter (one for any sensor), detector. All of them by default."
+            "filter (one for any sensor), detector: these six by default; framed_membrane (one that a spacecraft carries "
+            "and feels), hub (a rigid spacecraft)."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")] = FMUS,
@@ -61,7 +62,8 @@ def build(
     setup: Annotated[
         Path | None,
         typer.Option(
-            help="Membrane on a mesh: TOML file with its material, supports, zones, loads and sensors (docs/setup.md).",
+            help="Membrane on a mesh: TOML file with its material, supports, zones, loads and sensors (docs/setup.md), or "
+            "sail, drum, reflector, tube, which ship with Gossamer.",
             metavar="FILE",
         ),
     ] = None,
@@ -74,6 +76,12 @@ def build(
     ] = None,
     expose: Annotated[
         bool, typer.Option("--expose", help="With --setup: make the displacement of every node a variable.")
+    ] = False,
+    frame: Annotated[
+        bool,
+        typer.Option(
+            "--frame", help="Put the membrane on a frame that flies: build framed_membrane in place of membrane."
+        ),
     ] = False,
     native: Annotated[
         bool, typer.Option("--native", help="Compile C code, so that the FMU runs without Python.")
@@ -89,7 +97,7 @@ def build(
     fmi: Annotated[
         int, typer.Option(help="With --native: version of the standard, 2 or 3.", min=2, max=3, metavar="N")
     ] = 2,
-) -> None:
+) -> Result:
     """Build the FMUs.
 
     Prints the path of every FMU. Native FMUs need the compiler that make installs, or pip install ziglang==0.17.0.
@@ -108,7 +116,11 @@ def build(
 
         gossamer build membrane --law relaxed
 
-        gossamer build membrane --setup sail.toml --mesh sail.msh --native
+        gossamer build membrane --setup sail --out out/sail
+
+        gossamer build membrane --setup mine.toml --mesh mine.msh --native
+
+        gossamer build membrane --frame --native
 
         gossamer build estimator --artifact out/mine/sensor.json
 
@@ -116,20 +128,47 @@ def build(
 
         gossamer build detector --artifact wide --out somewhere
     """
-    options = {"native": native, "fmi": fmi, "platforms": tuple(platform or ())}
-    choices = {
-        "artifact": artifact,
-        "scales": _numbers(scales),
-        "elements_per_side": elements_per_side,
-        "order": order,
-        "law": law,
-        "structure": _structure(setup, mesh, expose=expose),
-    }
+    paths = build_given(
+        names,
+        out=out,
+        artifact=artifact,
+        scales=scales,
+        platform=platform,
+        elements_per_side=elements_per_side,
+        order=order,
+        law=law,
+        setup=setup,
+        mesh=mesh,
+        expose=expose,
+        frame=frame,
+        native=native,
+        fmi=fmi,
+    )
+    for path in paths.values():
+        show(path)
+    print_kinds(f"FMI {fmi}.0", paths.values())
+    return Result({"fmi": fmi, "native": native, "fmus": paths})
+
+
+def build_given(
+    names: list[str] | None,
+    *,
+    out: Path,
+    artifact: Path | None,
+    scales: str | None,
+    platform: list[str] | None,
+    setup: Path | None,
+    mesh: Path | None,
+    expose: bool,
+    frame: bool,
+    **options: Any,  # noqa: ANN401
+) -> dict[str, Path]:
+    """Build FMUs with the options of the command; return their paths by name."""
+    names = _framed(names) if frame else names
     keep_inputs([artifact, setup, mesh], [out / f"{name}.fmu" for name in names or ()])
-    paths = build_fmus(out, names, **choices, **options).values()
-    for path in paths:
-        typer.echo(path)
-    print_kinds(f"FMI {fmi}.0", paths)
+    given = {"artifact": artifact, "scales": _numbers(scales), "platforms": tuple(platform or ())}
+    given["structure"] = _structure(setup, mesh, expose=expose)
+    return build_fmus(out, names, **given, **options)
 
 
 def _structure(setup: Path | None, mesh: Path | None, *, expose: bool) -> Any:  # noqa: ANN401
@@ -139,10 +178,19 @@ def _structure(setup: Path | None, mesh: Path | None, *, expose: bool) -> Any:  
             msg = "--mesh and --expose need a setup of material and supports. Name its file with --setup."
             raise FmuError(msg)
         return None
+    from ..scenario.shipped import find_scenario
     from .setup_file import load_structure
 
     with model_errors():
-        return load_structure(setup, mesh, expose=expose)
+        return load_structure(find_scenario(str(setup), "membrane"), mesh, expose=expose)
+
+
+def _framed(names: list[str] | None) -> list[str]:
+    """Put the membrane on a frame."""
+    if not names or "membrane" not in names:
+        msg = "--frame puts the membrane on a frame: name it, as in 'gossamer build membrane --frame'."
+        raise FmuError(msg)
+    return ["framed_membrane" if name == "membrane" else name for name in names]
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:
@@ -154,20 +202,20 @@ def _numbers(text: str | None) -> tuple[float, ...] | None:
 
 
 def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> dict[str, Path]:  # noqa: ANN401
-    """Build FMUs into a folder, all of them if none is named; a build is reproducible, so it may be repeated."""
-    from gossamer_fmus import NAMES, build_all
+    """Build FMUs into a folder, those of the chain if none is named; a build is reproducible, so it may be repeated."""
+    from gossamer_fmus import CHAIN, NAMES, build_all
 
     for name in names or ():
         if name not in NAMES:
             msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
             raise FmuError(msg)
-    console = Console(stderr=True)
+    console = stderr()
     with model_errors(), console.status("building FMUs") as status:
 
         def progress(text: str) -> None:
             if console.is_terminal:
                 status.update(f"compiling {text}; a first time for a platform takes minutes")
             else:
-                typer.echo(f"compiling {text}", err=True)
+                note(f"compiling {text}")
 
-        return build_all(folder, names or NAMES, progress=progress, **options)
+        return build_all(folder, names or CHAIN, progress=progress, **options)

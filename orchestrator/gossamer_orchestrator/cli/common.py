@@ -1,25 +1,23 @@
-"""What commands share: folders, consoles, expected errors."""
+"""What commands share: folders, expected errors."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from ..errors import OrchestratorError
+from .command import note
 
 FMUS = Path("out/fmus")
 FmuFolder = Annotated[Path, typer.Option("--fmus", help="Folder of the FMUs that scenarios name.", metavar="FOLDER")]
-
-
-def wide(*, stderr: bool = False) -> Console:
-    """Return a console as wide as its terminal, or 160 columns where there is none."""
-    return Console(stderr=stderr, width=None if (sys.stderr if stderr else sys.stdout).isatty() else 160)
+Results = Annotated[
+    Path,
+    typer.Argument(help="Folder of a run, or its results.nc or results.csv.", metavar="RESULTS", show_default=False),
+]
 
 
 @contextmanager
@@ -65,4 +63,4 @@ def print_kinds(what: str, paths: Iterable[Path]) -> None:
     kinds: dict[str, list[str]] = {}
     for path in dict.fromkeys(paths):
         kinds.setdefault(describe_fmu(path), []).append(path.stem)
-    typer.echo(f"{what}: " + "; ".join(f"{', '.join(names)} ({kind})" for kind, names in kinds.items()), err=True)
+    note(f"{what}: " + "; ".join(f"{', '.join(names)} ({kind})" for kind, names in kinds.items()))

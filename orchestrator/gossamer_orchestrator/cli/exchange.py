@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..scenario.shipped import find_scenario
+from .command import Result, show
 from .common import FMUS, FmuFolder, keep_inputs, print_kinds
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ def export(
     scenario: Annotated[str, typer.Argument(help="A scenario file, or the name of one that is shipped.")],
     out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.ssp by default.", metavar="FILE")] = None,
     fmus: FmuFolder = FMUS,
-) -> None:
+) -> Result:
     """Write a scenario and its FMUs as one .ssp for other tools.
 
     System Structure and Parameterization is the standard in which co-simulation tools exchange connected FMUs. Prints the
@@ -34,7 +35,7 @@ def export(
     """
     from ..exchange.ssp.writer import export_ssp
 
-    _write(export_ssp, scenario, fmus, out, ".ssp")
+    return _write(export_ssp, scenario, fmus, out, ".ssp")
 
 
 def container(
@@ -42,7 +43,7 @@ def container(
     out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.fmu by default.", metavar="FILE")] = None,
     fmus: FmuFolder = FMUS,
     fmi: Annotated[int, typer.Option(help="FMI version of the container, 2 or 3.", min=2, max=3)] = 2,
-) -> None:
+) -> Result:
     """Merge a scenario and its FMUs into one FMU.
 
     Its inputs are those that the scenario gives a value. Its outputs are those that no component receives and those that are
@@ -56,10 +57,12 @@ def container(
     """
     from ..exchange.container import build_container
 
-    _write(partial(build_container, fmi=fmi), scenario, fmus, out, ".fmu")
+    return _write(partial(build_container, fmi=fmi), scenario, fmus, out, ".fmu")
 
 
-def _write(write: Callable[[Scenario, Path, Path], Path], text: str, fmus: Path, out: Path | None, ending: str) -> None:
+def _write(
+    write: Callable[[Scenario, Path, Path], Path], text: str, fmus: Path, out: Path | None, ending: str
+) -> Result:
     """Write a scenario, which is not overwritten, as another kind of file; print its path and what it holds."""
     from ..exchange.open import open_scenario
 
@@ -68,5 +71,6 @@ def _write(write: Callable[[Scenario, Path, Path], Path], text: str, fmus: Path,
     with open_scenario(path) as opened:
         packed = [opened.fmu_path(component, fmus) for component in opened.components]
         keep_inputs([path, *packed], [target])
-        typer.echo(write(opened, fmus, target))
+        show(written := write(opened, fmus, target))
         print_kinds("packed", packed)
+    return Result({"file": written})

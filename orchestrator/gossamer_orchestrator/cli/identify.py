@@ -8,22 +8,27 @@ from __future__ import annotations
 
 import inspect
 import sys
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
-from typer.core import TyperCommand
+from rich.console import Console
 
 from ..errors import OrchestratorError
-from .common import keep_inputs, model_errors, wide
-from .identify_report import print_result, progress_of
+from .command import Command, Result, as_options, show, stderr
+from .common import keep_inputs, model_errors
 from .recognised import print_recognised
+
+if TYPE_CHECKING:
+    from gossamer_models.fitting import Record
+    from gossamer_models.identify import Identified
 
 
 @cache
-def field_options() -> list[Any]:
-    """Return the options of columns and of models, as typer makes them."""
+def field_parameters() -> dict[str, inspect.Parameter]:
+    """Return the options of columns and of models, as parameters of a function."""
     from gossamer_models.fitting import Columns
     from gossamer_models.identify import SETTINGS, options
 
@@ -35,35 +40,28 @@ def field_options() -> list[Any]:
             having = [each for each in SETTINGS if field.name in {other.name for other in options(each)}]
             defaults = {each.FAMILY: getattr(each, field.name) for each in having}
             declared[field.name] = parameter(owner, field, defaults, panel if len(having) < 2 else None)
-    return as_options(declared)
+    return declared
 
 
-class CommandWithFields(TyperCommand):
-    """A command that has, besides its own options, those that ``fields`` gives; their values are in ``ctx.obj`` by name."""
+class CommandWithFields(Command):
+    """A command that has the options that ``declared`` gives besides its own; their values are in ``ctx.obj`` by name."""
 
-    fields = staticmethod(field_options)
+    declared = staticmethod(field_parameters)
 
     def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401
         """Return all options."""
         *own, help_option = super().get_params(ctx)
-        return [*own, *self.fields(), help_option]
+        return [*own, *_made(self.declared), help_option]
 
     def invoke(self, ctx: Any) -> Any:  # noqa: ANN401
         """Call the command."""
-        ctx.obj = {each.name: ctx.params.pop(each.name) for each in self.fields()}
+        ctx.obj = {name: ctx.params.pop(name) for name in self.declared()}
         return super().invoke(ctx)
 
 
-def as_options(declared: dict[str, inspect.Parameter]) -> list[Any]:
-    """Return the options that typer makes of the parameters of a function."""
-    command = typer.Typer(add_completion=False)
-
-    @command.command()
-    def only_options() -> None:
-        """Stand for the signature below."""
-
-    only_options.__signature__ = inspect.Signature(list(declared.values()))  # type: ignore[attr-defined]
-    return list(typer.main.get_command(command).params)
+@cache
+def _made(declared: Callable[[], dict[str, inspect.Parameter]]) -> list[Any]:
+    return as_options(declared())
 
 
 def parameter(owner: type, field: Any, defaults: dict[str, Any], panel: str | None) -> inspect.Parameter:  # noqa: ANN401
@@ -103,7 +101,9 @@ def identify(
         str | None,
         typer.Option(help="One of those above; auto if no option of a model is given, else preisach.", metavar="NAME"),
     ] = None,
-    budget: Annotated[float, typer.Option(help="Seconds for the choice of auto.", min=1.0)] = 60.0,
+    budget: Annotated[
+        float | None, typer.Option(help="Seconds for the choice of auto; 60 if not given.", min=1.0)
+    ] = None,
     train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
     full_scale: Annotated[
         float | None, typer.Option(help="Strain [1] at the end of the range; the largest if not given.")
@@ -123,7 +123,7 @@ def identify(
     ] = False,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
     pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
-) -> None:
+) -> Result:
     """Identify a sensor from measured strain and resistance.
 
     Says first what it read: columns, units, ranges, sampling, gaps. Prints the paths of the artifact, of predicted and
@@ -154,6 +154,63 @@ def identify(
     """
     import shlex
 
+    names = {str(path): path.name for path in (*files, out)} | {f"--out={out}": f"--out={out.name}"}
+    result, chosen, paths = identify_given(
+        files,
+        ctx.obj,
+        shlex.join(["gossamer", *(names.get(argument, argument) for argument in sys.argv[1:])]),
+        print_recognised,
+        out=out,
+        model=model,
+        budget=budget,
+        train=train,
+        full_scale=full_scale,
+        rest_resistance=rest_resistance,
+        weights=weights,
+        own_scales=own_scales,
+        origin=origin,
+        pictures=pictures,
+    )
+    from .identify_report import print_result, result_as_json
+
+    console = stderr()
+    print_result(console, result, rest_of(result, rest_resistance))
+    for sentence in result.remarks:
+        console.print(sentence, style="yellow", markup=False)
+    for path in paths:
+        show(path)
+    return Result({"artifact": out, "files": paths[1:], **result_as_json(result, chosen)})
+
+
+def identify_given(
+    files: list[Path],
+    fields: dict[str, Any],
+    command: str,
+    show_records: Callable[[Console, Sequence[Record]], None],
+    *,
+    out: Path,
+    model: str | None,
+    budget: float | None,
+    weights: str | None,
+    pictures: bool,
+    **more: Any,  # noqa: ANN401
+) -> tuple[Identified, str, list[Path]]:
+    """Identify a sensor with the options of the command; return the result, its model, and the files, the artifact first.
+
+    Parameters
+    ----------
+    files : list of Path
+        Records.
+    fields : dict
+        Options of columns and of models, by name; those that are None or False are not given.
+    command : str
+        For the provenance of the artifact.
+    show_records : callable
+        Shows what was recognised in the records, before anything is fitted.
+    out, model, budget, weights, pictures, **more
+        The command's own.
+    """
+    from gossamer_models.automatic import BUDGET
     from gossamer_models.fitting import Columns
     from gossamer_models.fitting.options import numbers
     from gossamer_models.identify import (
@@ -166,20 +223,23 @@ def identify(
         settings_for,
     )
 
+    from .identify_report import progress_of
+
     keep_inputs(files, [out])
-    console = wide(stderr=True)
+    console = stderr()
     readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
     chosen = {
         name: _read(name, value, readers.get(name))
-        for name, value in ctx.obj.items()
+        for name, value in fields.items()
         if value is not None and value is not False
     }
     columns = {each.name: chosen.pop(each.name) for each in options(Columns) if each.name in chosen}
-    names = {str(path): path.name for path in (*files, out)} | {f"--out={out}": f"--out={out.name}"}
-    command = shlex.join(["gossamer", *(names.get(argument, argument) for argument in sys.argv[1:])])
     model = model or ("preisach" if chosen else AUTO)
     if model == AUTO and chosen:
         msg = f"--model auto chooses {', '.join(chosen)} itself. Leave the option out, or name another model."
+        raise OrchestratorError(msg)
+    if model != AUTO and budget is not None:
+        msg = f"--budget is the time for the choice of --model auto, and {model} chooses nothing. Leave one of the two out."
         raise OrchestratorError(msg)
     settings: Any = AUTO
     if model != AUTO:
@@ -190,27 +250,23 @@ def identify(
             files,
             columns=Columns(**columns),
             weights=None if weights is None else _read("weights", weights, numbers),
-            train=train,
             settings=settings,
-            budget=budget,
-            own_scales=own_scales,
-            full_scale=full_scale,
-            rest_resistance=rest_resistance,
+            budget=BUDGET if budget is None else budget,
             command=command,
-            origin=origin,
             progress=say,
             advance=advance,
-            recognised=lambda records: print_recognised(console, records),
+            recognised=lambda records: show_records(console, records),
+            **more,
         )
         result.fit.artifact.write(out)
         drawn = save_predictions(result, out.with_suffix(""))
         drawn += save_pictures(result, out.with_suffix("")) if pictures else []
-    known = "given" if rest_resistance is not None else "fitted"
-    print_result(console, result, f"{known} {result.fit.rest_resistance:.6g} ohm at rest")
-    for sentence in result.remarks:
-        console.print(sentence, style="yellow", markup=False)
-    for path in (out, *drawn):
-        typer.echo(path)
+    return result, model, [out, *drawn]
+
+
+def rest_of(result: Identified, given: float | None) -> str:
+    """Say from which resistance changes count."""
+    return f"{'fitted' if given is None else 'given'} {result.fit.rest_resistance:.6g} ohm at rest"
 
 
 def _read(name: str, value: Any, reader: Any) -> Any:  # noqa: ANN401

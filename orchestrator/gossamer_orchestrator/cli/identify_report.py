@@ -1,33 +1,67 @@
-"""What ``gossamer identify`` shows: a progress bar or a line, and tables of errors, rivals and trials."""
+"""What ``gossamer identify`` shows: progress, and tables of errors, rivals and trials."""
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from ..run.progress import ProgressBar
+
+logger = logging.getLogger(__name__)
 SHOWN = 6  # trials of each stage, the best ones
 
 
 @contextmanager
 def progress_of(console: Console, *, bar: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float, str], None]]]:
     """Show progress; yield what to call with a sentence, and with the share that is done and a sentence."""
-    if not bar:
-        with console.status("reading the records") as status:
-            yield status.update, lambda _share, text: status.update(text)
-        return
-    columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=console, transient=True) as shown:
-        task = shown.add_task("reading the records", total=1.0)
-        yield (
-            lambda text: shown.update(task, description=text),
-            lambda share, text: shown.update(task, completed=share, description=text),
-        )
+    with ProgressBar("identify", console) as shown:
+
+        def say(text: str) -> None:
+            logger.info("%s", text)
+            shown.update(text=f"{text},")
+
+        def advance(share: float, text: str) -> None:
+            say(text)
+            if bar:
+                shown.update(share, 1.0)
+
+        yield say, advance
+
+
+def result_as_json(result: Any, model: str) -> dict[str, Any]:  # noqa: ANN401
+    """Return an ``Identified`` as JSON; NRMSE over the range of the record [%], E1 of the change from rest [%]."""
+    names = ("value", "low", "high")
+    return {
+        "model": model,
+        "rest_resistance_ohm": result.fit.rest_resistance,
+        "errors": [
+            {
+                "record": e.record,
+                "stretch": e.stretch,
+                "samples": e.samples,
+                "e1_percent": e.e1,
+                "resistance_nrmse_percent": e.nrmse,
+                "strain_nrmse_percent": e.strain_nrmse,
+            }
+            for e in result.errors
+        ],
+        "standings": [
+            {
+                "record": each.record,
+                "model": each.model,
+                "resistance_nrmse_percent": each.forward and dict(zip(names, each.forward, strict=True)),
+                "strain_nrmse_percent": each.strain and dict(zip(names, each.strain, strict=True)),
+            }
+            for each in result.standings
+        ],
+        "remarks": result.remarks,
+    }
 
 
 def print_result(console: Console, result: Any, rest: str) -> None:  # noqa: ANN401

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-Results = Annotated[
-    Path,
-    typer.Argument(help="Folder of a run, or its results.nc or results.csv.", metavar="RESULTS", show_default=False),
-]
+from .command import Result, note, show
+from .common import Results
 
 
-def report(results: Results) -> None:
+def report(results: Results) -> Result:
     """Write report.html, the page of a run, from its results.
 
     One file that opens from disk in any browser, without a network or a server: the verdict, the membrane in 3-D, damage,
@@ -24,27 +19,33 @@ def report(results: Results) -> None:
 
         gossamer report out/damage_begins
     """
-    typer.echo(make_page(results))
+    show(page := make_page(results))
+    return Result({"page": page})
 
 
-def view(results: Results) -> None:
+def view(results: Results) -> Result:
     """Open the page of a run in the browser; write it first if it is not there, or older than the results.
 
     For example:
 
         gossamer view out/damage_begins
     """
+    path = newest_page(results)
+    show(path)
+    if not webbrowser.open(path.resolve().as_uri()):
+        note(f"No browser could be started. Open {path} in one.")
+    return Result({"page": path})
+
+
+def newest_page(results: Path) -> Path:
+    """Return the page of a run; write it first if it is not there, or older than the results."""
     from ..results.files import CSV, NETCDF, UNFINISHED_NETCDF
     from ..results.report import PAGE
 
     folder = _folder(results)
     path, recorded = folder / PAGE, [folder / name for name in (NETCDF, UNFINISHED_NETCDF, CSV)]
     latest = max((each.stat().st_mtime for each in recorded if each.is_file()), default=0.0)
-    if not path.is_file() or path.stat().st_mtime < latest:
-        make_page(results)
-    typer.echo(path)
-    if not webbrowser.open(path.resolve().as_uri()):
-        typer.echo(f"No browser could be started. Open {path} in one.", err=True)
+    return path if path.is_file() and path.stat().st_mtime >= latest else make_page(results)
 
 
 def make_page(results: Path) -> Path:

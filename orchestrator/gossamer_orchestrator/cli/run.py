@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,15 +12,16 @@ import typer
 from ..errors import OrchestratorError, ResultsError
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
-from .common import FMUS, FmuFolder, wide
-from .watch import LiveWatch
+from .command import INVALID, Result, note, show, stderr
+from .common import FMUS, FmuFolder
+from .pictures import every_so_many
+from .watch import LARGE, LiveWatch
 
 if TYPE_CHECKING:
     import xarray as xr
 
 DEMO = "damage_begins"
 WATCHED = "watch.json"
-LARGEST_PICTURE = 200_000  # points
 
 
 def run(
@@ -73,7 +76,7 @@ def run(
     csv: Annotated[
         bool | None, typer.Option(help="Write results.csv; by default if it has at most 10 million values.")
     ] = None,
-) -> None:
+) -> Result:
     """Run a scenario.
 
     Writes results.nc, results.csv, pictures and report.html, the page of the run, and prints their paths. The FMUs run in a
@@ -94,18 +97,10 @@ def run(
 
         gossamer run my_scenario.toml --resume
     """
-    from ..scenario.changes import read_changes
-
-    if watched and resume:
-        msg = "--watch must see a run from its start. Resume it without --watch, then use 'gossamer watch' on its results."
-        raise OrchestratorError(msg)
-    path = find_scenario(scenario)
-    name = f"{path.stem}_ssp" if path.suffix == ".ssp" else path.stem  # not over those of the scenario it was made of
-    folder = Path("out") / name if out is None else out
     options = {
         "step": step,
         "stop": stop,
-        "values": read_changes(values or []),
+        "values": values,
         "master": master,
         "limit": limit,
         "strict": strict,
@@ -113,12 +108,12 @@ def run(
         "resume": resume,
         "csv": csv,
     }
-    _run(path, fmus, folder, pictures=pictures, watched=watched, **options)
+    return _run(scenario, out, fmus, pictures=pictures, watched=watched, **options)
 
 
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for FMUs, results and pictures.", metavar="FOLDER")] = Path("out"),
-) -> None:
+) -> Result:
     """Build the FMUs, and find damage that begins during a run.
 
     Two zones of a membrane lose stiffness half way through the run. Four sensors with noisy resistance, four estimators and
@@ -130,71 +125,121 @@ def demo(
         gossamer demo
     """
     build_fmus(out / "fmus")
-    _run(find_scenario(DEMO), out / "fmus", out / DEMO, pictures=True, watched=True)
+    return _run(DEMO, out / DEMO, out / "fmus", pictures=True, watched=True)
+
+
+def simulate(
+    scenario: str,
+    out: Path | None,
+    fmus: Path,
+    *,
+    values: list[str] | None = None,
+    watched: bool = False,
+    resume: bool = False,
+    **options: Any,  # noqa: ANN401
+) -> tuple[xr.Dataset, Path]:
+    """Run a scenario with the options of the command; return its results and their folder."""
+    from ..run.progress import ProgressBar
+    from ..run.runner import run_scenario
+    from ..scenario.changes import read_changes
+
+    if watched and resume:
+        msg = "--watch must see a run from its start. Resume it without --watch, then use 'gossamer watch' on its results."
+        raise OrchestratorError(msg)
+    path = find_scenario(scenario)
+    name = f"{path.stem}_ssp" if path.suffix == ".ssp" else path.stem  # not over those of the scenario it was made of
+    folder = Path("out") / name if out is None else out
+    options |= {
+        "values": read_changes(values or []),
+        "resume": resume,
+        "observers": [LiveWatch(folder / WATCHED)] if watched else [],
+    }
+    return run_scenario(path, fmus, folder, progress=ProgressBar(path.stem, stderr()), **options), folder
 
 
 def _run(
-    scenario: Path,
+    scenario: str,
+    out: Path | None,
     fmus: Path,
-    out: Path,
     *,
     pictures: bool,
     watched: bool,
     **options: Any,  # noqa: ANN401
-) -> None:
-    """Run one scenario, write everything, and print what was judged and which page to open."""
+) -> Result:
+    """Run one scenario, write everything, and return what was judged; say which page to open."""
     from ..results.files import CSV, NETCDF
-    from ..run.progress import ProgressBar
-    from ..run.runner import run_scenario
+    from ..results.report import PAGE
 
-    observers = [LiveWatch(out / WATCHED)] if watched else []
     try:
-        data = run_scenario(scenario, fmus, out, observers=observers, progress=ProgressBar(scenario.stem), **options)
+        data, out = simulate(scenario, out, fmus, watched=watched, **options)
     except KeyboardInterrupt as error:
         for text in ("Interrupted.", *getattr(error, "__notes__", ())):
             typer.echo(text, err=True)
         raise typer.Exit(130) from None
-    for name in (NETCDF, CSV, *[WATCHED] * watched):
-        if (out / name).is_file():
-            typer.echo(out / name)
-    page = _draw(data, out) if pictures else None
-    _print_judgements(data)
-    if page is not None:
-        typer.echo(f"Open {page}, or type 'gossamer view {out}'.", err=True)
+    files = [out / name for name in (NETCDF, CSV, *[WATCHED] * watched) if (out / name).is_file()]
+    for path in files:
+        show(path)
+    drawn = draw(data, out, note) if pictures else []
+    for path in drawn:
+        show(path)
+    found = _judged(data)
+    if watched and (out / WATCHED).is_file():
+        found["watch"] = json.loads((out / WATCHED).read_text(encoding="utf-8"))
+        found["valid"] = found["valid"] is not False and found["watch"]["misfit"][-1] <= LARGE
+    if out / PAGE in drawn:
+        note(f"Open {out / PAGE}, or type 'gossamer view {out}'.")
+    about = {
+        "scenario": find_scenario(scenario),
+        "ended": data.attrs["ended"],
+        "stop_s": float(data["time"][-1]),
+        "wall_time_s": float(data.attrs["wall_time"]),
+        "files": [*files, *drawn],
+    }
+    return Result(about | found, INVALID if found["valid"] is False else 0)
 
 
-def _draw(data: xr.Dataset, out: Path) -> Path | None:
-    """Draw pictures and write the page of a run, and print their paths; a page that cannot be written ends no run."""
+def draw(data: xr.Dataset, out: Path, say: Callable[[str], None]) -> list[Path]:
+    """Draw pictures and write the page of a run; return their paths. A page that cannot be written ends no run."""
     from ..results.plots import save_pictures
     from ..results.report import write_report
 
-    stride = -(-data.sizes["time"] // LARGEST_PICTURE)
-    if stride > 1:
-        typer.echo(f"Pictures are drawn of every {stride}th recorded point.", err=True)
-    for path in save_pictures(data.isel(time=slice(None, None, stride)), out):
-        typer.echo(path)
+    paths = save_pictures(every_so_many(data, say), out)
     try:
-        page = write_report(data, out)
+        paths.append(write_report(data, out))
     except ResultsError as error:
-        typer.echo(str(error), err=True)
-        return None
-    typer.echo(page)
-    return page
+        say(str(error))
+    return paths
 
 
-def _print_judgements(data: xr.Dataset) -> None:
-    """Print the judgements as tables on stderr, if there is a detector."""
+def _judged(data: xr.Dataset) -> dict[str, Any]:
+    """Return the judgements of the detector, and print them as tables on stderr; nothing where there is none."""
     from ..results.judgements import doubts, windows
     from ..results.tables import history_table, zone_table
 
-    console = wide(stderr=True)
+    console = stderr()
     try:
         ended = windows(data)
     except ResultsError:
-        return
+        return {"valid": None, "judgements": [], "doubts": []}
     if len(ended) > 1:
         console.print(history_table(ended))
     for judgement in [window for window in ended if window.valid][-1:]:
         console.print(zone_table(judgement))
-    for sentence in doubts(data, ended):
+    sentences = doubts(data, ended)
+    for sentence in sentences:
         console.print(sentence, style="bold yellow", highlight=False)
+    return {
+        "valid": ended[-1].valid if ended else None,
+        "judgements": [
+            {
+                "time_s": window.time,
+                "valid": window.valid,
+                "damage": window.estimated,
+                "deviation": window.deviation,
+                "true_damage": window.true,
+                **({window.likeness: window.likeness_value} if window.likeness else {}),
+            }
+            for window in ended
+        ],
+        "doubts": sentences,
+    }

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from ..scenario.shipped import find_scenario
-from .common import FMUS, FmuFolder, keep_inputs, wide
+from .command import Result, show, stderr
+from .common import FMUS, FmuFolder, keep_inputs, model_errors
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -38,21 +40,85 @@ def sweep(
     step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
     stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
     workers: Annotated[int | None, typer.Option(help="Runs at once; as many as cores by default.", min=1)] = None,
-) -> None:
+    scheduler: Annotated[
+        str | None, typer.Option(help="Run on the Dask cluster of this scheduler, tcp://host:8786.", metavar="URL")
+    ] = None,
+    plot: Annotated[
+        str | None,
+        typer.Option(
+            help="Variable to draw, one panel per case, such as membrane.deflection; damage if there is a detector, else "
+            "the first that was recorded.",
+            metavar="NAME",
+        ),
+    ] = None,
+    pictures: Annotated[bool, typer.Option(help="Draw the picture.")] = True,
+) -> Result:
     """Run a scenario with many values.
 
-    Writes a folder per case with what gossamer run writes, a table cases.csv, and sweep.zarr, which xarray opens with
-    everything along the dimension case. The same command again runs what is missing.
+    Writes a folder per case with what gossamer run writes; a table cases.csv; sweep.zarr, which xarray opens with everything
+    along the dimension case; and sweep.png with a panel per case. The same command again runs what is missing. A cluster
+    needs this version of Gossamer and the same folders on all its machines.
 
     For example:
 
         gossamer sweep damaged --set "membrane.damage[1]=0:0.5:6"
 
         gossamer sweep damage_begins --set "sensor?.rest_strain=0.01:0.03:5" --set seed=1:20 --out out/noise
-    """
-    from rich.progress import MofNCompleteColumn, Progress
 
-    from ..run.sweep import TABLE, combine, is_finished, make_cases, read_ranges, run_sweep
+        gossamer sweep damaged --set "membrane.damage[1]=0:0.5:6" --scheduler tcp://192.168.0.5:8786
+    """
+    from ..run.sweep import is_finished
+
+    try:
+        cases, ended, folder, files = run_cases(
+            scenario,
+            ranges,
+            out,
+            fmus,
+            step=step,
+            stop=stop,
+            workers=workers,
+            scheduler=scheduler,
+            plot=plot,
+            pictures=pictures,
+        )
+    except KeyboardInterrupt as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(130) from None
+    stderr().print(case_table(cases, ended))
+    for file in files:
+        show(file)
+    found = [
+        {"case": case.number, "values": case.values, "folder": folder / case.name, "ended": text}
+        for case, text in zip(cases, ended, strict=True)
+    ]
+    return Result({"files": files, "cases": found}, 0 if all(map(is_finished, ended)) else 1)
+
+
+def run_cases(
+    scenario: str,
+    ranges: list[str],
+    out: Path | None,
+    fmus: Path,
+    *,
+    step: float | None,
+    stop: float | None,
+    workers: int | None,
+    scheduler: str | None,
+    plot: str | None,
+    pictures: bool,
+) -> tuple[list[Case], list[str], Path, list[Path]]:
+    """Run a sweep with the options of the command; return cases, how each ended, the folder, and the files of all cases.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        It was interrupted; the message says how to go on.
+    """
+    from ..results.plots.cases import save_cases
+    from ..run.gathered import TABLE, combine, write_table
+    from ..run.progress import ProgressBar
+    from ..run.sweep import make_cases, on_cores, read_ranges, run_sweep
 
     path = find_scenario(scenario)
     folder = Path("out") / f"{path.stem}_sweep" if out is None else out
@@ -61,29 +127,41 @@ def sweep(
     numbers = {"--step": step, "--stop": stop}
     options = [f"{key}={value!r}" for key, value in numbers.items() if value is not None]
     command = ["run", str(path.absolute()), "--fmus", str(fmus.absolute()), "--no-pictures", "--no-csv", *options]
-    console = Console(stderr=True)
-    bar = Progress(
-        *Progress.get_default_columns(), MofNCompleteColumn(), console=console, disable=not console.is_terminal
-    )
-    shown = bar.add_task(path.stem, total=len(cases))
+    spread = partial(on_cores, workers=workers) if scheduler is None else partial(_on_cluster, scheduler=scheduler)
+    bar = ProgressBar(path.stem, stderr())
     try:
         with bar:
             ended = run_sweep(
-                cases, command, folder, workers=workers, progress=lambda done, _: bar.update(shown, completed=done)
+                cases,
+                command,
+                folder,
+                spread=spread,
+                progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"),
             )
     except KeyboardInterrupt:
-        typer.echo(f"Interrupted; finished cases are kept in {folder}. Run the same command again to go on.", err=True)
-        raise typer.Exit(130) from None
-    store = combine(cases, folder)
-    wide(stderr=True).print(_table(cases, ended))
-    typer.echo(folder / TABLE)
-    if store is not None:
-        typer.echo(store)
-    if not all(map(is_finished, ended)):
-        raise typer.Exit(1)
+        msg = f"Interrupted; finished cases are kept in {folder}. Run the same command again to go on."
+        raise KeyboardInterrupt(msg) from None
+    files = [write_table(cases, ended, folder)]
+    if (store := combine(cases, folder)) is not None:
+        files.append(store)
+        if pictures:
+            varied = [name for name in cases[0].values if len({str(case.values[name]) for case in cases}) > 1]
+            files += save_cases(store, folder, plot, varied)
+    return cases, ended, folder, files
 
 
-def _table(cases: Sequence[Case], ended: Sequence[str]) -> Table:
+def _on_cluster(
+    function: Callable[[Case], tuple[int, str]], cases: Sequence[Case], scheduler: str
+) -> Iterator[tuple[int, str]]:
+    """Call a function with each case on the Dask cluster of a scheduler."""
+    from gossamer_models.campaign.cluster import on_cluster
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
+    with model_errors():
+        yield from on_cluster(function, cases, scheduler)
+
+
+def case_table(cases: Sequence[Case], ended: Sequence[str]) -> Table:
     """Return a table of the first cases and of those that failed."""
     from rich.markup import escape
     from rich.table import Table

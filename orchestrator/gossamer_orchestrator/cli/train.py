@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from ..errors import OrchestratorError, ScenarioError
 from ..names import suggest
 from ..scenario.shipped import find_scenario, shipped_scenarios
-from .common import keep_inputs, model_errors, wide
+from .command import Result, show, stderr
+from .common import keep_inputs, model_errors
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+logger = logging.getLogger(__name__)
 NOMINAL = "detector_nominal"
+UNITS = {"all zones": "% damage", "damaged zones": "% damage"}  # the others are shares
 DRIFT = 2  # steps that cover how the phase of the load drifts from window to window
 
 
@@ -60,7 +63,7 @@ def train(
         float | None, typer.Option(help="Length of a window [s]; 0.2532 or what the scenario says.", metavar="SECONDS")
     ] = None,
     epochs: Annotated[int | None, typer.Option(help="Passes through the cases; 150 by default.", min=1)] = None,
-) -> None:
+) -> Result:
     """Train a detector on simulated damage.
 
     Runs the campaign first if that has not been done, which takes many minutes; the training itself takes some. What varies
@@ -78,36 +81,36 @@ def train(
 
         gossamer train multiple_noisy --kind thesis
     """
-    from rich.progress import Progress
-
-    console = wide(stderr=True)
     if kind is Kind.THESIS:
         if window is not None or epochs is not None:
             msg = (
                 "--window and --epochs are not for --kind thesis, whose windows and networks are fixed. Leave them out."
             )
             raise OrchestratorError(msg)
-        _train_thesis(source or "single", out, console)
-        return
+        return _train_thesis(source or "single", out)
     keep_inputs([Path(source or NOMINAL)], [out])
     network: Network = "neuro-fuzzy" if kind is Kind.NEURO_FUZZY else "perceptron"
     from gossamer_models.assessment.after_training import held_out_errors
     from gossamer_models.detector.posterior_settings import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
+    from ..run.progress import ProgressBar
+
     with model_errors():
-        data, name, length = _data(source or NOMINAL, console)
+        data, name, length = _data(source or NOMINAL)
         length = window or length
         samples = Training().samples if length is None else 4 * max(round(length / float(data["time"][0])) // 4, 1)
         windows = min(Training().windows, max(data.sizes["time"] // samples, 1))
         training = Training(network=network, samples=samples, windows=windows)
         if epochs is not None:
             training = replace(training, epochs=epochs)
+        logger.info(
+            "%s: %d cases, windows of %d samples, %d epochs", name, data.sizes["case"], samples, training.epochs
+        )
         end = "" if kind is Kind.NEURO_FUZZY else f"_{kind}"
         path = out or Path("out/detector") / f"{name}{end}.json"
-        with Progress(console=console, disable=not console.is_terminal) as progress:
-            task = progress.add_task("training", total=1.0)
-            artifact = train_posterior(data, training, lambda done: progress.update(task, completed=done))
+        with ProgressBar("training", stderr()) as bar:
+            artifact = train_posterior(data, training, lambda done: bar.update(done, 1.0))
         command = f"gossamer train {name} --kind {kind} --epochs {training.epochs}"
         artifact = replace(
             artifact,
@@ -115,15 +118,16 @@ def train(
             provenance={"command": command, **artifact.provenance},
         )
         artifact.write(path)
-    console.print(_table(artifact.held_out))
-    typer.echo(path)
+    stderr().print(_table(artifact.held_out))
+    show(path)
+    return Result({"artifact": path, "held_out": artifact.held_out, "units": UNITS})
 
 
-def _data(source: str, console: Console) -> tuple[xr.Dataset, str, float | None]:
+def _data(source: str) -> tuple[xr.Dataset, str, float | None]:
     """Return the campaign of a source, run if need be, its name, and the length of a window that a scenario states [s]."""
     from gossamer_models.campaign import read_campaign, run_campaign
-    from rich.progress import Progress
 
+    from ..run.progress import ProgressBar
     from .campaign_file import load_campaign
     from .described_file import locating
 
@@ -138,9 +142,8 @@ def _data(source: str, console: Console) -> tuple[xr.Dataset, str, float | None]
         file = find_scenario(source, "campaign")
         wanted, text = load_campaign(file)
     path = Path("out/campaigns") / f"{file.stem}.zarr"
-    with locating(text), Progress(console=console, disable=not console.is_terminal) as progress:
-        task = progress.add_task("simulating damage", total=wanted.count)
-        run_campaign(wanted, path, progress=lambda done, total: progress.update(task, completed=done, total=total))
+    with locating(text), ProgressBar("simulating damage", stderr()) as bar:
+        run_campaign(wanted, path, progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"))
     return read_campaign(path), file.stem, length
 
 
@@ -177,23 +180,26 @@ def _campaign_of(file: Path, nominal: Campaign) -> tuple[Campaign, float | None]
     return replace(nominal, membrane=replace(nominal.membrane, parameters=constants), stop=steps * nominal.step), length
 
 
-def _train_thesis(name: str, out: Path | None, console: Console) -> None:
+def _train_thesis(name: str, out: Path | None) -> Result:
     from gossamer_models.assessment.after_training import thesis_errors
     from gossamer_models.detector.thesis_training import TRAININGS, train_detector
+
+    from ..run.progress import ProgressBar
 
     if name not in TRAININGS:
         msg = f"the thesis has no training {name!r}. {suggest(name, TRAININGS)}"
         raise OrchestratorError(msg)
     path = out or Path("out/detector") / f"{name}_damage.json"
-    with model_errors(), console.status("simulating and training"):
+    with model_errors(), ProgressBar("simulating and training", stderr()):
         artifact = train_detector(TRAININGS[name])
         artifact.write(path)
         found = thesis_errors(artifact, noisy=TRAININGS[name].noisy)
     rows: dict[str, dict[str, float]] = {}
     for cases, (ours, printed) in found.items():
         rows |= {cases: ours, f"{cases}: the thesis": printed}
-    console.print(_table(rows))
-    typer.echo(path)
+    stderr().print(_table(rows))
+    show(path)
+    return Result({"artifact": path, "held_out": rows, "units": UNITS})
 
 
 def _table(found: dict[str, dict[str, float]]) -> Table:

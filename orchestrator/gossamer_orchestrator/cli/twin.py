@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from gossamer_files import replacing
-from rich.console import Console
 
+from .command import INVALID, Result, show, stderr
 from .common import keep_inputs, model_errors
 from .twin_options import (
     ElementsOption,
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
     from gossamer_models.twin import Answer
     from rich.table import Table
 
+logger = logging.getLogger(__name__)
 NUISANCES = "offset"
+UNITS = {"damage": "1", "deviation": "1", "probability": "1", "covariance": "1", "phase": "rad", "pressure": "Pa"}
 
 
 def twin(
@@ -51,8 +54,8 @@ def twin(
     out: Annotated[
         Path | None, typer.Option(help="JSON file to write; twin.json beside the record by default.", metavar="FILE")
     ] = None,
-) -> None:
-    """Fit a simulation to a record and print the damage of each zone.
+) -> Result:
+    """Fit a simulation to a record: the damage of each zone, with its standard deviation.
 
     The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or resistance[1] to
     resistance[4]; empty cells are gaps. Results of a run bring the parameters of the membrane and of the sensors along.
@@ -63,16 +66,54 @@ def twin(
 
         gossamer twin measured.csv --fit offset,amplitude,frequency,damping --params pressure_amplitude=9500
     """
+    console = stderr()
+    answer, path = fit_twin(
+        record,
+        fit=fit,
+        kind=kind,
+        noise=noise,
+        stop=stop,
+        params=params,
+        sensor=sensor,
+        elements=elements,
+        order=order,
+        sparse=sparse,
+        out=out,
+    )
+    console.print(zone_table(answer))
+    console.print(summary(answer), highlight=False)
+    for doubt in answer.doubts:
+        console.print(f"{doubt[0].upper()}{doubt[1:]}.", style="bold yellow", highlight=False)
+    show(path)
+    return Result({"file": path, **answer.as_json(), "units": UNITS}, 0 if answer.valid else INVALID)
+
+
+def fit_twin(
+    record: Path,
+    *,
+    fit: str | None,
+    kind: str | None,
+    noise: float | None,
+    stop: float | None,
+    params: list[str] | None,
+    sensor: Path | None,
+    elements: int,
+    order: int,
+    sparse: bool,
+    out: Path | None,
+) -> tuple[Answer, Path]:
+    """Fit a simulation to a record with the options of the command; return the answer and the file it was written to."""
     from gossamer_models.twin import Twin
 
     from .twin_record import find_record, sensor_of
 
-    console = Console(stderr=True)
+    console = stderr()
     path = beside(record, "twin.json") if out is None else out
     keep_inputs([file_of(record), sensor], [path])
     with model_errors():
         with console.status("reading"):
             found = find_record(record, kind, noise, stop, params or [])
+        logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
         default = () if found.record.kind == "resistance" else (NUISANCES,)
         nuisances = default if fit is None else tuple(name.strip() for name in fit.split(",") if name.strip() != "none")
         with console.status("compiling, then fitting"):
@@ -85,13 +126,10 @@ def twin(
                 nuisances=nuisances,
                 sparse=sparse,
             ).fit(found.record)
+        logger.info("%d simulations for %d values", answer.simulations, answer.samples)
         with replacing(path) as unfinished:
             unfinished.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
-    console.print(zone_table(answer))
-    console.print(_summary(answer), highlight=False)
-    for doubt in answer.doubts:
-        console.print(f"{doubt[0].upper()}{doubt[1:]}.", style="bold yellow", highlight=False)
-    typer.echo(path)
+    return answer, path
 
 
 def zone_table(answer: Answer) -> Table:
@@ -107,7 +145,8 @@ def zone_table(answer: Answer) -> Table:
     return table
 
 
-def _summary(answer: Answer) -> str:
+def summary(answer: Answer) -> str:
+    """Say whether an answer is valid, and what else was fitted."""
     verdict = "valid" if answer.valid else "NOT valid"
     lines = [f"{verdict}: chi2 per sample {answer.chi2_per_sample:.3f}, bound {answer.chi2_bound:.3f}"]
     for name, (value, deviation) in answer.nuisances.items():

@@ -12,6 +12,7 @@ from gossamer_files import replacing
 from rich.console import Console
 
 from ..errors import OrchestratorError
+from .command import INVALID, Result, is_quiet, show, stderr
 from .common import keep_inputs, model_errors
 from .twin_options import (
     ElementsOption,
@@ -36,6 +37,7 @@ LEAST_WINDOW = 20  # samples
 ROUNDING = 1e-9
 LARGE = 2.0  # chi2 per sample of a window that the twin does not explain
 FALSE_ALARMS = 1e-5
+UNITS = {"alarms": "s", "onset": "s", "onset_deviation": "s", "damage": "1", "deviation": "1", "misfit": "1"}
 
 
 def watch(
@@ -53,7 +55,7 @@ def watch(
     out: Annotated[
         Path | None, typer.Option(help="JSON file to write; watch.json beside the record by default.", metavar="FILE")
     ] = None,
-) -> None:
+) -> Result:
     """Watch a record as if it arrived live: raise an alarm when damage begins, then say when and where.
 
     The record begins, undamaged, when the load sets in. After each window the running twin tests whether damage explains the
@@ -65,7 +67,7 @@ def watch(
     """
     from .twin_record import find_record
 
-    console = Console(stderr=True)
+    console = stderr()
     path = beside(record, "watch.json") if out is None else out
     keep_inputs([file_of(record), sensor], [path])
     with model_errors():
@@ -79,7 +81,8 @@ def watch(
         report = _Report(console)
         for first in range(0, found.record.samples - samples + 1, samples):
             report.take(watching.advance(found.record.values[:, first : first + samples]))
-    typer.echo(report.end(path))
+    show(report.end(path))
+    return Result({"file": path, **report.content, "units": UNITS}, 0 if report.explained else INVALID)
 
 
 class LiveWatch:
@@ -94,7 +97,7 @@ class LiveWatch:
     """
 
     def __init__(self, out: Path, window: float = 0.05) -> None:
-        self._out, self._window = out, window
+        self._out, self._window, self._quiet = out, window, is_quiet()
         self._watching: Watch | None = None
         self._report: _Report | None = None
         self._due = window * (1.0 - ROUNDING)  # [s] after the start
@@ -107,7 +110,7 @@ class LiveWatch:
         self._out.unlink(missing_ok=True)  # of an earlier run
         self._recorder = Recorder(simulation.plan)
         self._recorder.begin(simulation)
-        self._report = _Report(Console(stderr=True))
+        self._report = _Report(Console(stderr=True, quiet=self._quiet))
 
     def sample(self, simulation: Simulation) -> None:
         """Judge a window when it is complete, and forget it."""
@@ -150,10 +153,14 @@ class _Report:
         self._alarms: list[float] = []
         self._findings: list[Finding] = []
         self.misfits: list[float] = []
+        self._times: list[float] = []
+        self._scores: list[float] = []
 
     def take(self, judged: Window) -> None:
         """Print an alarm or a finding."""
         self.misfits.append(judged.misfit)
+        self._times.append(judged.time)
+        self._scores.append(judged.statistic)
         if judged.alarm:
             self._alarms.append(judged.time)
             text = f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.3g} times its mean"
@@ -166,17 +173,27 @@ class _Report:
         """Print a summary, write the file and return its path."""
         alarms, windows = len(self._alarms), len(self.misfits)
         self._console.print(f"{alarms} alarm{'s' * (alarms != 1)} in {windows} windows", highlight=False)
-        if self.misfits[-1] > LARGE:
+        if not self.explained:
             text = (
                 f"The twin does not explain the last window: chi2 per sample is {self.misfits[-1]:.3g}. Check load, "
                 "damping, sensors and noise."
             )
             self._console.print(text, style="bold yellow", highlight=False)
+        with replacing(path) as unfinished:
+            unfinished.write_text(json.dumps(self.content, indent=1) + "\n", encoding="utf-8")
+        return path
+
+    @property
+    def explained(self) -> bool:
+        """Whether the twin explains the last window."""
+        return self.misfits[-1] <= LARGE
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """What is in the file."""
         findings = [{name: _plain(value) for name, value in asdict(each).items()} for each in self._findings]
         content = {"alarms": self._alarms, "findings": findings, "misfit": self.misfits}
-        with replacing(path) as unfinished:
-            unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        return path
+        return content | {"time": self._times, "score": self._scores}
 
 
 def _samples(window: float, found: Found) -> int:

@@ -1,8 +1,8 @@
 """A membrane on a frame as a module of Basilisk: the spacecraft shakes it and feels it.
 
-Needs Basilisk, ``pip install gossamer[basilisk]``. Symbols, in body axes: ``a`` acceleration of the body's origin by all forces but
-gravity [m/s2], ``w`` angular velocity [rad/s], ``w_dot`` angular acceleration [rad/s2]; ``W`` force [N] and torque [N m] of the
-membrane; ``h`` step [s].
+Needs Basilisk, ``pip install gossamer[basilisk]``. Symbols, in body axes: ``a`` acceleration of the body's origin by
+all forces but gravity [m/s2], ``w`` angular velocity [rad/s], ``w_dot`` angular acceleration [rad/s2]; ``W`` force [N]
+and torque [N m] of the membrane; ``h`` step [s].
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ from ..fmi.file import FmuFile
 from ..fmi.instances import start_instance
 from .debt import Array, Debt, from_mrp, turn
 
-_MOTION = [f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)]
+_MOTION = [
+    f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)
+]
 _REACTION = [f"{name}[{k}]" for name in ("force", "torque") for k in (1, 2, 3)]
 _HELD = [
     "held_mass",
@@ -58,7 +60,11 @@ class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  #
     """
 
     def __init__(
-        self, path: Path, vehicle: Any, parameters: Mapping[str, float] | None = None, component: str = ""  # noqa: ANN401
+        self,
+        path: Path,
+        vehicle: Any,  # noqa: ANN401
+        parameters: Mapping[str, float] | None = None,
+        component: str = "",
     ) -> None:
         super().__init__()
         self.ModelTag = component or "membrane"
@@ -67,8 +73,8 @@ class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  #
         missing = [name for name in (*_MOTION, *_REACTION, *_HELD) if self._prefix + name not in self._file.variables]
         if missing:
             msg = (
-                f"{path} is no membrane on a frame: it has no variable {self._prefix + missing[0]!r}. Build framed_membrane; of "
-                "a container, name the membrane with component= and record its force, torque and held_ variables."
+                f"{path} is no membrane on a frame: it has no variable {self._prefix + missing[0]!r}. Build "
+                "framed_membrane; of a container, name the membrane with component= and record all of its variables."
             )
             raise FmuError(msg)
         self._instance = start_instance(self._file, self.ModelTag)
@@ -117,7 +123,7 @@ class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  #
 
     @property
     def owed(self) -> Array:
-        """Impulse [N s] and angular impulse [N m s] that the spacecraft has not received yet, in inertial axes, shape (6,)."""
+        """Impulse [N s] and angular impulse [N m s] on the way to the spacecraft, in inertial axes, shape (6,)."""
         return self._debt.owed
 
     def read(self, *names: str) -> Array:

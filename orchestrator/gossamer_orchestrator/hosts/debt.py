@@ -1,8 +1,9 @@
 r"""Impulse that one body owes another, where force arrives one step late.
 
-Symbols: ``R`` matrix that turns body axes to inertial ones; ``w`` angular velocity [rad/s] and ``w_dot`` angular acceleration
-[rad/s2] of the body, in body axes; ``W`` force [N] and torque about the body's origin [N m] in body axes, shape (6,); ``J`` impulse
-[N s] and angular impulse about the origin [N m s] in inertial axes, shape (6,); ``h`` step [s].
+Symbols: ``R`` matrix that turns body axes to inertial ones; ``w`` angular velocity [rad/s] and ``w_dot`` angular
+acceleration [rad/s2] of the body, in body axes; ``W`` force [N] and torque about the body's origin [N m] in body axes,
+shape (6,); ``J`` impulse [N s] and angular impulse about the origin [N m s] in inertial axes, shape (6,); ``h`` step
+[s].
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ class Debt:
     Attributes
     ----------
     owed : ndarray, shape (6,)
-        Impulse [N s] and angular impulse about the body's origin [N m s] that the appendage gave and the body has not received, or
-        has received too much, in inertial axes.
+        Impulse [N s] and angular impulse about the body's origin [N m s] that the appendage gave and the body has not
+        received, or has received too much, in inertial axes.
 
     Notes
     -----
@@ -66,7 +67,10 @@ class Debt:
             Its length, and that of the next [s].
         """
         back = h / 2.0 * w - h**2 / 4.0 * w_dot
-        half, mean = R @ turn(-back), R @ turn(-back - h**2 / 12.0 * w_dot)
+        half, W_mean = R @ turn(-back), _skew(w - h / 2.0 * w_dot)
+        mean = (
+            R @ turn(-back - h**2 / 12.0 * w_dot) @ (np.eye(3) + h**2 / 24.0 * W_mean @ W_mean)
+        )  # of the axes over the step
         self.owed = self.owed + h * (_both(half, W) - _both(mean, self._applied))
         self._applied = W + _both((R @ turn(h / 2.0 * w)).T, self.owed) / h
         return self._applied

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 NETCDF, CSV = "results.nc", "results.csv"
+MESSAGES = "messages.txt"  # warnings of the run, a line each
 UNFINISHED_NETCDF, RESUME = "unfinished.nc", "unfinished.npz"
 CSV_VALUES = 10_000_000  # above, a CSV file is written on demand only
 _CSV_BYTES = 20  # a value, at most

@@ -34,6 +34,7 @@ from . import checkpoint
 from .finite import FiniteCheck
 from .master import Observer, Simulation
 from .position import COMPONENT, open_position
+from .shapes import ShapeRecorder
 from .stream import Shared, Stream, check_space
 
 POSITION, WAITING = "position", "waiting"  # files in the temporary folder
@@ -128,7 +129,7 @@ def _run(task: Task, report: Report) -> None:
             if card is not None:
                 checkpoint.restore(simulation, card, arrays)
             try:
-                simulation.run([stream, FiniteCheck(strict=task.strict), *observers])
+                simulation.run([stream, FiniteCheck(strict=task.strict), ShapeRecorder(plan, task.out), *observers])
             except OrchestratorError as error:
                 report(error=_describe(error))
             except KeyboardInterrupt:

@@ -360,6 +360,12 @@ class Simulation:
         self.position[COMPONENT] = -1
         return states
 
+    def serialize_one(self, name: str) -> bytes:
+        """Return the state of the FMU of one component at the present communication point."""
+        state = self._called(name).instance.serialize()
+        self.position[COMPONENT] = -1
+        return state
+
     def deserialize(self, states: Sequence[bytes]) -> None:
         """Bring all FMUs to the states that ``serialize`` returned."""
         for member, state in zip(self.members, states, strict=True):

@@ -1,15 +1,19 @@
-"""Show the progress of a run: simulated time, rate and remaining time. Quiet without a terminal."""
+"""Show how far a task is: a bar with elapsed and remaining time on a terminal or in a notebook, elsewhere a line in 10 s."""
 
 from __future__ import annotations
 
-import time
+import threading
+from datetime import timedelta
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.text import Text
+
+EVERY = 10.0  # [s] from line to line where there is no terminal
 
 
 class ProgressBar:
-    """A bar on stderr.
+    """A bar on stderr, or lines; it begins with the first call of ``update`` or ``show``, or with a ``with`` block.
 
     Parameters
     ----------
@@ -25,17 +29,44 @@ class ProgressBar:
             TextColumn("{task.description}"),
             BarColumn(),
             TaskProgressColumn(),
-            TextColumn("t = {task.fields[now]:.4f} s, {task.fields[rate]:.3g} simulated s per s, remaining"),
-            TimeRemainingColumn(),
+            TextColumn("{task.fields[text]}", markup=False),
+            TimeElapsedColumn(),
+            _Remaining(),
             console=self._console,
-            auto_refresh=False,
-            disable=not self._console.is_terminal,
+            disable=not (self._console.is_terminal or self._console.is_jupyter),
         )
-        self._task = self._progress.add_task(label, now=0.0, rate=0.0)
-        self._begun = self._first = 0.0
+        self._task = self._progress.add_task(label, total=None, text="", first=0.0)
+        self._begun = False
+        self._first: float | None = None  # time of a run when its bar began [s]
+        self._ended = threading.Event()
+        self._lines: threading.Thread | None = None
+
+    def __enter__(self) -> ProgressBar:
+        self._begin()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def update(self, done: float | None = None, total: float | None = None, text: str | None = None) -> None:
+        """Say how far the task is.
+
+        Parameters
+        ----------
+        done, total : float or None
+            What is done, and all of it, in any unit; None leaves what was said last.
+        text : str or None
+            What stands behind the bar; None leaves what was said last.
+        """
+        self._begin()
+        task = self._progress.tasks[0]
+        if task.total is None and total is not None:  # what an earlier program did tells nothing of the speed
+            task.fields["first"] = task.completed = done or 0.0
+        text = task.fields["text"] if text is None else text
+        self._progress.update(self._task, completed=done, total=total, text=text)
 
     def show(self, tick: int, ticks: int, seconds: float) -> None:
-        """Draw the bar.
+        """Say how far a run is.
 
         Parameters
         ----------
@@ -44,14 +75,56 @@ class ProgressBar:
         seconds : float
             Present time [s].
         """
-        now = time.perf_counter()
-        if not self._begun:
-            self._begun, self._first = now, seconds
-            self._progress.start()
-        rate = (seconds - self._first) / max(now - self._begun, 1e-9)
-        self._progress.update(self._task, completed=tick, total=ticks, now=seconds, rate=rate)
-        self._progress.refresh()
+        self._begin()
+        if self._first is None:
+            self._first = seconds
+        rate = (seconds - self._first) / max(self._progress.tasks[0].elapsed or 0.0, 1e-9)
+        self.update(tick, ticks, f"t = {seconds:.4f} s, {rate:.3g} simulated s per s,")
 
     def stop(self) -> None:
-        """Leave the bar as it was drawn last."""
+        """Leave the bar as it is now."""
+        if self._begun and self._console.is_jupyter:
+            self._progress.refresh()  # rich draws the end on terminals only
         self._progress.stop()
+        self._ended.set()
+        if self._lines is not None:
+            self._lines.join()
+
+    def _begin(self) -> None:
+        if self._begun:
+            return
+        self._begun = True
+        self._progress.reset(self._task)
+        self._progress.start()
+        if self._progress.disable and not self._console.quiet:
+            self._lines = threading.Thread(target=self._print_lines, daemon=True)
+            self._lines.start()
+
+    def _print_lines(self) -> None:
+        while not self._ended.wait(EVERY):
+            task = self._progress.tasks[0]
+            share = "" if task.total is None else f"{task.percentage:.0f} %"
+            parts = (share, str(task.fields["text"]).rstrip(","), f"{_clock(task.elapsed)} elapsed")
+            text = ", ".join(part for part in (*parts, _remaining(task)) if part)
+            self._console.print(f"{task.description}: {text}", markup=False, highlight=False, soft_wrap=True)
+
+
+class _Remaining(ProgressColumn):
+    """The time that remains."""
+
+    def render(self, task: Task) -> Text:
+        """Return it as a text."""
+        left = _remaining(task)
+        return Text(f"elapsed, {left}" if left else "elapsed")
+
+
+def _remaining(task: Task) -> str:
+    """Say how long the task still takes at the mean speed so far: what ends in lumps has no present speed."""
+    done = task.completed - task.fields["first"]
+    if task.total is None or done <= 0.0 or task.elapsed is None:
+        return ""
+    return f"{_clock(task.elapsed * (task.total - task.completed) / done)} remaining"
+
+
+def _clock(seconds: float | None) -> str:
+    return str(timedelta(seconds=round(seconds or 0.0)))

@@ -22,10 +22,12 @@ from ..results.files import (
     save_csv,
     values_in,
 )
+from ..results.shapes import settle_shapes
 from ..scenario.schema import Given, Scenario
 from .child import WAITING, Task
 from .folders import locked, scratch
 from .master import Observer
+from .messages import Messages
 from .position import DIVIDED
 from .process import Process
 from .progress import ProgressBar
@@ -114,6 +116,7 @@ def run_scenario(
             stack.callback(_remove_empty, folder)
         make_folder(folder)
         stack.enter_context(locked(folder))
+        messages = stack.enter_context(Messages())
         task = Task(
             scenario=scenario if isinstance(scenario, Scenario) else Path(scenario),
             fmus=Path(fmus),
@@ -138,6 +141,8 @@ def run_scenario(
         error = process.error
         try:
             last = _settle(process, folder, temporary, time.perf_counter() - begun)
+            if last is not None:
+                messages.save(folder)
         except ResultsError as late:
             if error is None:
                 raise
@@ -172,14 +177,17 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     if not file.count:
         file.close()
         unfinished.unlink()
+        settle_shapes(folder, kept=False)
         return None
     error = process.error
     reason = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
     file.end(reason if error is not None else process.ended, wall_time, process.position[DIVIDED])
     last = file.last_time()
+    logger.info("%d communication points until t = %.9g s in %.1f s", file.count, last, wall_time)
     file.close()
     if not (isinstance(error, ResultsError) and (folder / NETCDF).exists()):
         unfinished.replace(folder / NETCDF)
+        settle_shapes(folder, kept=True)
     return last
 
 

@@ -1,36 +1,38 @@
 """A scenario run many times with other values: a run per case, each in a folder of its own, so nothing finished is lost.
 
 Cases are numbered from 1 in the order of all combinations, the last value fastest. The folder holds ``case_0001`` and so on,
-each what ``gossamer run`` writes; a table ``cases.csv``; and ``sweep.zarr`` with everything along a dimension ``case``.
+each what ``gossamer run`` writes; see ``gathered`` for what is made of them.
 """
 
 from __future__ import annotations
 
-import csv
 import itertools
 import json
+import logging
 import os
-import shutil
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
-import xarray as xr
 from gossamer_files import replacing
 
 from ..errors import ResultsError, ScenarioError, writing
-from ..results.files import NETCDF, load_results, make_folder
+from ..results.files import load_results, make_folder
 from ..scenario.changes import read_changes
 from ..scenario.schema import Given
 from .folders import locked
 
 MOST_CASES = 100_000
-TABLE, STORE, PLAN = "cases.csv", "sweep.zarr", "sweep.json"
+PLAN = "sweep.json"
+
+logger = logging.getLogger(__name__)
+_running: set[subprocess.Popen[str]] = set()  # on this machine
 
 
 def is_finished(ended: str) -> bool:
@@ -110,12 +112,33 @@ def make_cases(ranges: Mapping[str, Sequence[Given]]) -> list[Case]:
     return [Case(number, dict(zip(ranges, values, strict=True))) for number, values in enumerate(combined, start=1)]
 
 
+def run_case(command: Sequence[str], out: Path, case: Case) -> tuple[int, str]:
+    """Run a case in a process of its own, here or on another machine; return its number and how it ended."""
+    texts = [f"--set={name}={json.dumps(value)}" for name, value in case.values.items()]
+    module = [sys.executable, "-P", "-m", "gossamer_orchestrator", "--quiet"]
+    with subprocess.Popen(
+        [*module, *command, *texts, "--out", str(out / case.name)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        _running.add(process)
+        _, said = process.communicate()
+        _running.discard(process)
+    ended = _ended(out / case.name)
+    return case.number, ended if is_finished(ended) else " ".join(said.split()) or f"exit code {process.returncode}"
+
+
+Spread: TypeAlias = Callable[[Callable[[Case], tuple[int, str]], Sequence[Case]], Iterable[tuple[int, str]]]
+
+
 def run_sweep(
     cases: Sequence[Case],
     command: Sequence[str],
     out: Path,
     *,
-    workers: int | None = None,
+    spread: Spread,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> list[str]:
     """Run the cases that have no complete results yet, several at once.
@@ -127,9 +150,9 @@ def run_sweep(
     command : sequence of str
         Arguments of ``gossamer`` for a run, but values and folder: ``["run", "damaged", "--no-pictures"]``.
     out : Path
-        Folder of the sweep.
-    workers : int or None
-        Runs at once; None for one per core.
+        Folder of the sweep; on a cluster one that all machines see.
+    spread : callable
+        Calls a function with each case, several at once, and yields what it returns: ``on_cores``, or a cluster.
     progress : callable
         Called with the number of finished and of all cases.
 
@@ -143,68 +166,35 @@ def run_sweep(
     ResultsError
         The folder holds another sweep, or cannot be written.
     """
+    out = out.absolute()
     make_folder(out)
     with locked(out):
         _keep_plan(out, cases, command)
         ended = {case.number: _ended(out / case.name) for case in cases}
         waiting = [case for case in cases if not is_finished(ended[case.number])]
-        progress(len(cases) - len(waiting), len(cases))
-        running: set[subprocess.Popen[str]] = set()
-        stop = threading.Event()
-
-        def run(case: Case) -> tuple[int, str]:
-            if stop.is_set():
-                return case.number, ""
-            texts = [f"--set={name}={json.dumps(value)}" for name, value in case.values.items()]
-            arguments = [
-                sys.executable,
-                "-P",
-                "-m",
-                "gossamer_orchestrator",
-                *command,
-                *texts,
-                "--out",
-                str(out / case.name),
-            ]
-            with subprocess.Popen(
-                arguments, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-            ) as process:
-                running.add(process)
-                _, said = process.communicate()
-                running.discard(process)
-            if process.returncode == 0:
-                return case.number, _ended(out / case.name)
-            return case.number, " ".join(said.split()) or f"exit code {process.returncode}"
-
-        with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-            try:
-                for future in as_completed([pool.submit(run, case) for case in waiting]):
-                    number, text = future.result()
-                    ended[number] = text
-                    progress(sum(map(bool, ended.values())), len(cases))
-            except BaseException:
-                stop.set()
-                for process in list(running):
-                    process.terminate()
-                raise
-        texts = [ended[case.number] for case in cases]
-        _write_table(out, cases, texts)
-    return texts
+        done = len(cases) - len(waiting)
+        progress(done, len(cases))
+        for number, text in spread(partial(run_case, command, out), waiting):
+            logger.info("case %d: %s", number, text)
+            ended[number] = text
+            done += 1
+            progress(done, len(cases))
+        return [ended[case.number] for case in cases]
 
 
-def combine(cases: Sequence[Case], out: Path) -> Path | None:
-    """Write what the cases recorded to a Zarr store with a dimension ``case``; return it, None without any results."""
-    there = [case for case in cases if (out / case.name / NETCDF).is_file()]
-    if not there:
-        return None
-    each = [load_results(out / case.name).chunk() for case in there]
-    data = xr.concat(each, "case", join="outer", combine_attrs="drop_conflicts")
-    data = data.assign_coords(case=[case.number for case in there])
-    values = {name: ("case", np.array([_cell(case.values[name]) for case in there])) for name in cases[0].values}
-    shutil.rmtree(out / STORE, ignore_errors=True)
-    with writing(out / STORE, ResultsError):
-        data.assign_coords(values).to_zarr(out / STORE, mode="w", consolidated=False)
-    return out / STORE
+def on_cores(
+    function: Callable[[Case], tuple[int, str]], cases: Sequence[Case], workers: int | None = None
+) -> Iterator[tuple[int, str]]:
+    """Call a function with each case, several at once on this machine, one per core by default."""
+    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
+        try:
+            for future in as_completed([pool.submit(function, case) for case in cases]):
+                yield future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in list(_running):
+                process.terminate()
+            raise
 
 
 def _ended(folder: Path) -> str:
@@ -225,15 +215,3 @@ def _keep_plan(out: Path, cases: Sequence[Case], command: Sequence[str]) -> None
         raise ResultsError(msg)
     with writing(path, ResultsError), replacing(path) as new:
         new.write_text(json.dumps(plan), encoding="utf-8")
-
-
-def _write_table(out: Path, cases: Sequence[Case], ended: Sequence[str]) -> None:
-    with writing(out / TABLE, ResultsError), replacing(out / TABLE) as new, new.open("w", newline="") as file:
-        rows = csv.writer(file)
-        rows.writerow(["case", *cases[0].values, "ended"])
-        for case, text in zip(cases, ended, strict=True):
-            rows.writerow([case.number, *map(_cell, case.values.values()), text])
-
-
-def _cell(value: Given) -> bool | int | float | str:
-    return json.dumps(value) if isinstance(value, list) else value

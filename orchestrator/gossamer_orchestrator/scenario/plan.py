@@ -169,6 +169,11 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
             recorded=_by_type(recorded, fmu),
         )
 
+    logger.info(
+        "%d steps of %g s, %s, %d columns recorded", scenario.ticks, scenario.step, scenario.master, len(columns)
+    )
+    for name in order:
+        logger.info("%s: %s, FMI %s", name, files[name].path.name, files[name].description.fmiVersion)
     return Plan(
         scenario=scenario,
         components=tuple(plan_component(name) for name in order),

@@ -1,19 +1,20 @@
-"""Find scenario and campaign files: shipped with an installed package, beside it in a checkout, or anywhere else."""
+"""Find files of scenarios, campaigns and membranes: shipped, beside the package in a checkout, or anywhere else."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Literal
 
-from ..errors import ScenarioError
+from ..errors import ScenarioError, writing
 from ..names import suggest
 
-Kind = Literal["scenario", "campaign"]
+Kind = Literal["scenario", "campaign", "membrane"]
+NEW = Path(__file__).with_name("new.toml")
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def shipped_scenarios(kind: Kind = "scenario") -> dict[str, Path]:
-    """Return the shipped scenario or campaign files by name."""
+    """Return the shipped files of a kind by name."""
     for folder in (_PACKAGE / f"{kind}s", _PACKAGE.parent / f"{kind}s"):
         if folder.is_dir():
             return {path.stem: path for path in sorted(folder.glob("*.toml"))}
@@ -21,7 +22,7 @@ def shipped_scenarios(kind: Kind = "scenario") -> dict[str, Path]:
 
 
 def find_scenario(text: str, kind: Kind = "scenario") -> Path:
-    """Return the file of a path or of the name of a shipped scenario or campaign.
+    """Return the file of a path or of the name of a shipped one.
 
     Raises
     ------
@@ -36,3 +37,23 @@ def find_scenario(text: str, kind: Kind = "scenario") -> Path:
         return shipped[path.stem]
     msg = f"there is no {kind} file {text!r}, and no shipped {kind} of that name. {suggest(text, shipped)}"
     raise ScenarioError(msg)
+
+
+def write_new(path: Path) -> Path:
+    """Write a scenario with a comment on every table and key, and return its path.
+
+    Raises
+    ------
+    ScenarioError
+        There is such a file already, or it cannot be written.
+    """
+    text = NEW.read_text(encoding="utf-8").replace("{name}", path.stem).replace("{file}", str(path))
+    try:
+        with writing(path, ScenarioError), path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except ScenarioError as error:
+        if isinstance(error.__cause__, FileExistsError):
+            msg = f"{path} is there already. Take another name, or remove it."
+            raise ScenarioError(msg) from None
+        raise
+    return path

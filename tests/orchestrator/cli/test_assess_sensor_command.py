@@ -58,7 +58,7 @@ def test_what_cannot_be_assessed_is_said_in_one_message(folder):
     for arguments, message in (
         (["absent.json", "other.csv"], "cannot read the artifact"),
         (["sensor.json", "absent.csv"], "cannot read"),
-        (["sensor.json", "other.csv", "--compensator", "oracle"], "there is no compensation method 'oracle'"),
+        (["sensor.json", "other.csv", "--compensator", "oracle"], "Choose one of inverse, estimator, filter, exact."),
         (["sensor.json", "other.csv", "--strain-unit", "1"], "column 'Dehnung' is in 1, but the row of units says %"),
         (["sensor.json", "other.csv", "--stretch", "900:"], "no sample lies in '900:'"),
     ):

@@ -159,7 +159,12 @@ def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
 
 def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
     for arguments, message in (
-        ([str(measured), "--model", "neural"], "there is no model 'neural'"),
+        ([str(measured), "--model", "neural"], "there is no model 'neural'; choose one of auto, preisach"),
+        (
+            [str(measured), "--model", "preisach", "--budget", "9"],
+            "--budget is the time for the choice of --model auto",
+        ),
+        ([str(measured), "--modes", "3", "--budget", "9"], "and preisach chooses nothing"),
         ([str(measured), "--model", "auto", "--modes", "3"], "--model auto chooses modes itself"),
         ([str(measured), "--train", "900:"], "no sample lies in '900:'"),
         ([str(measured), "--tau", "soon"], "cannot read --tau 'soon' as numbers"),

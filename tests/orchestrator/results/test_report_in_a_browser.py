@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from gossamer_orchestrator.fmi.shape import Surface
 from gossamer_orchestrator.results.report import write_report
+from gossamer_orchestrator.results.shapes import create_shapes
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
@@ -84,6 +86,45 @@ def test_the_slider_moves_every_picture_and_nothing_is_amiss(browser, report):
         "Plotly.relayout(page.figures.filter(f => f.timed)[0].div, {'xaxis.range[0]': 1, 'xaxis.range[1]': 3})"
     )
     page.wait_for_function("page.figures.filter(f => f.timed).every(f => f.div.layout.xaxis.range[1] === 3)")
+    assert troubles == []
+    page.close()
+
+
+def test_a_membrane_on_a_mesh_moves_with_the_slider_in_every_colour(browser, data, tmp_path):
+    data = data.drop_vars("membrane.w")
+    half = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [2.0, 0.0, 0.0]])
+    surface = Surface(
+        nodes=half,
+        faces=np.array([[0, 1, 2, 3], [1, 4, 2, -1]]),
+        element=np.arange(2),
+        region=np.zeros(2, dtype=int),
+        zone=np.arange(2),
+        poisson_ratio=np.array([0.3]),
+        direction=np.array([[1.0, 0.0, 0.0]]),
+        sensor_points=np.array([[0.1, 0.1, 0.0]]),
+        sensor_directions=np.array([[1.0, 0.0, 0.0]]),
+    )
+    moved = half * [0.99, 0.8, 1.0] + [0.0, 0.0, 0.5]  # shorter along both: slack
+    file = create_shapes(tmp_path / "shapes.nc", {"membrane": surface}, 0.0, {"membrane": (half, np.zeros((1, 3)))})
+    file.append(np.concatenate([[9.0], moved.ravel(), np.zeros(3)])[None])
+    file.close()
+    (tmp_path / "messages.txt").write_text("warning: the membrane <is> strange\n", encoding="utf-8")
+    troubles: list[str] = []
+    page = opened(browser, write_report(data, tmp_path).as_uri(), troubles, viewport={"width": 1400, "height": 900})
+    page.set_default_timeout(PATIENCE)
+    assert "warning: the membrane <is> strange" in page.inner_text(".messages")
+    skin = "page.figures[0].div.data[0]"
+    assert page.evaluate(f"Array.from({skin}.z)") == pytest.approx([0.5] * 5)
+    assert page.evaluate("page.figures[0].div.data[5].x.length") == 2  # both faces are marked
+    for choice, top in (("strain", -0.01), ("mark", 2.0), ("estimated", 20.0), ("true", 30.0)):
+        page.select_option("[aria-label='Colour of the membrane']", choice)
+        page.wait_for_function(f"{skin}.intensitymode === 'cell' && {skin}.intensity.length === 3")
+        page.wait_for_function(f"Math.abs(Math.max(...{skin}.intensity) - {top}) < 1e-4")
+    page.focus("#instant")
+    page.keyboard.press("Home")
+    page.evaluate("page.figures.forEach(moveFigure)")
+    assert page.evaluate(f"Array.from({skin}.z)") == [0.0] * 5
+    assert page.evaluate("page.figures[0].div.data[5].x.length") == 0
     assert troubles == []
     page.close()
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import csv
+import json
 
+import numpy as np
 import pytest
 import xarray as xr
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.results.plots.cases import plot_cases
 from gossamer_orchestrator.run.sweep import make_cases, read_ranges
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 SCENARIO = """
@@ -24,10 +28,10 @@ inputs = { u = 1.0 }
 def call(fmus, tmp_path):
     (tmp_path / "s.toml").write_text(SCENARIO)
 
-    def sweep(*ranges, out="out"):
+    def sweep(*ranges, out="out", more=()):
         options = [f"--set={each}" for each in ranges]
         return CliRunner().invoke(
-            app, ["sweep", str(tmp_path / "s.toml"), "--fmus", str(fmus), "--out", str(tmp_path / out), *options]
+            app, ["sweep", str(tmp_path / "s.toml"), "--fmus", str(fmus), "--out", str(tmp_path / out), *options, *more]
         )
 
     return sweep
@@ -72,16 +76,86 @@ def test_a_sweep_gathers_its_cases_and_goes_on_where_it_was_ended(call, tmp_path
     assert data["one.y"].sel(case=3).values == pytest.approx([0.0, 0.3, 0.6, 0.9])
     assert data["one.u"].values.tolist() == [1, 2, 3]
     with (tmp_path / "out/cases.csv").open() as file:
-        assert list(csv.reader(file)) == [
-            ["case", "one.u", "ended"],
-            *([str(u), str(u), "complete"] for u in (1, 2, 3)),
-        ]
+        head, *rows = csv.reader(file)
+    assert head == ["case", "one.u", "ended", "last one.u [1]", "last one.y [1]"]
+    assert [row[:3] for row in rows] == [[str(u), str(u), "complete"] for u in (1, 2, 3)]
+    assert [float(row[4]) for row in rows] == pytest.approx([0.3, 0.6, 0.9])
     kept = (tmp_path / "out/case_0001/results.nc").stat()
     (tmp_path / "out/case_0002/results.nc").unlink()
     assert call("one.u=1,2,3").exit_code == 0
     assert (tmp_path / "out/case_0001/results.nc").stat() == kept
     assert (tmp_path / "out/case_0002/results.nc").is_file()
     assert "holds another sweep" in call("one.u=1,2").stderr
+
+
+def test_a_sweep_draws_a_panel_per_case_of_what_is_asked_for(call, tmp_path):
+    done = call("one.u=1,2,3", more=["--plot", "one.y", "--json"])
+    assert done.exit_code == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["files"] == [str(tmp_path / "out" / name) for name in ("cases.csv", "sweep.zarr", "sweep.png")]
+    assert [case["values"] for case in found["cases"]] == [{"one.u": u} for u in (1, 2, 3)]
+    assert {case["ended"] for case in found["cases"]} == {"complete"}
+    assert "no case recorded 'one.z'. Did you mean 'one.y'?" in call("one.u=1,2,3", more=["--plot", "one.z"]).stderr
+
+
+def test_the_panels_show_the_cases_and_share_their_axes():
+    values = np.arange(12.0).reshape(3, 4)
+    coordinates = {"case": [1, 2, 5], "time": [0.0, 0.1, 0.2, 0.3], "one.u": ("case", [0.5, 1.0, 2.0])}
+    data = xr.DataArray(values, coordinates, ("case", "time"), name="one.y", attrs={"units": "m"})
+    figure = Figure()
+    plot_cases(data, ["one.u"], figure)
+    drawn = [ax for ax in figure.axes if ax.lines]
+    assert [ax.get_title() for ax in drawn] == ["1: u=0.5", "2: u=1", "5: u=2"]
+    assert [ax.lines[0].get_ydata().tolist() for ax in drawn] == values.tolist()
+    assert len({ax.get_ylim() for ax in drawn}) == 1
+    assert figure.get_suptitle() == "one.y [m]"
+
+
+def test_of_an_array_with_many_elements_the_last_values_are_bars():
+    """The second case ended before the last time: its last values are those before."""
+    values = np.arange(2 * 3 * 16.0).reshape(2, 3, 16)
+    values[1, 2] = np.nan
+    coordinates = {"case": [1, 2], "time": [0.0, 0.1, 0.2], "zone": range(1, 17)}
+    figure = Figure()
+    valid = xr.DataArray([[0, 0, 1], [0, 0, np.nan]], {k: coordinates[k] for k in ("case", "time")}, ("case", "time"))
+    plot_cases(xr.DataArray(values, coordinates, ("case", "time", "zone"), name="d.damage"), [], figure, valid)
+    drawn = [[bar.get_height() for bar in ax.patches] for ax in figure.axes if ax.patches]
+    assert drawn == [values[0, 2].tolist(), values[1, 1].tolist()]
+    assert [[text.get_text() for text in ax.texts] for ax in figure.axes if ax.patches] == [[], ["not valid"]]
+    assert figure.get_suptitle() == "last d.damage [1]"
+
+
+def test_of_many_cases_some_are_drawn_and_the_title_says_so():
+    data = xr.DataArray(np.zeros((100, 2)), {"case": range(1, 101), "time": [0.0, 1.0]}, ("case", "time"), name="y")
+    figure = Figure()
+    plot_cases(data, [], figure)
+    assert sum(bool(ax.lines) for ax in figure.axes) == 34
+    assert figure.get_suptitle() == "y [1], every 3th of 100 cases"
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+# The worker is in this process here; Dask's profiler seems to hold frames of its threads, and their arrays, when files close
+@pytest.mark.filterwarnings("ignore:Cannot close a netcdf_file")
+def test_a_sweep_runs_on_a_cluster_of_dask(call, tmp_path, monkeypatch):
+    """One scheduler and one worker, in threads of this process: every case arrives, and it was run there."""
+    distributed = pytest.importorskip("distributed", reason="clusters need the extra 'campaign'")
+    monkeypatch.setattr("gossamer_orchestrator.run.sweep.on_cores", None)
+    monkeypatch.setattr("gossamer_models.campaign.cluster.SCHEDULER_PATIENCE", 120.0)  # on a machine that is busy too
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None, protocol="tcp"
+    ) as cluster:
+        done = call("one.u=1,2", more=["--scheduler", cluster.scheduler_address, "--no-pictures"])
+    assert done.exit_code == 0, done.stderr
+    data = xr.open_zarr(tmp_path / "out/sweep.zarr", consolidated=False)
+    assert data["one.y"].isel(time=-1).values == pytest.approx([0.3, 0.6])
+
+
+def test_a_scheduler_that_is_not_there_is_named(call, monkeypatch):
+    pytest.importorskip("distributed", reason="clusters need the extra 'campaign'")
+    monkeypatch.setattr("gossamer_models.campaign.cluster.SCHEDULER_PATIENCE", 1.0)
+    done = call("one.u=1", more=["--scheduler", "tcp://127.0.0.1:9"])
+    assert (done.exit_code, done.stdout) == (1, "")
+    assert "there is no Dask scheduler at tcp://127.0.0.1:9" in done.stderr
 
 
 def test_a_case_that_fails_is_said_and_the_others_are_kept(call, tmp_path):

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from gossamer_fmus import build_all
+from gossamer_models.identify import identify_files, settings_for
 from gossamer_orchestrator import judge, load_results, load_scenario, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from studies.specimen.files import write_datasets
 
 
 @pytest.fixture
@@ -19,6 +23,12 @@ def real_fmus(built) -> Path:
 @pytest.mark.parametrize("name", sorted(shipped_scenarios()))
 def test_a_shipped_scenario_fits_the_fmus(name, real_fmus):
     plan = make_plan(load_scenario(shipped_scenarios()[name]), real_fmus)
+    if name == "own_sensor":
+        assert [c.name for c in plan.components] == ["membrane", "sensor1", "sensor4", "estimator1", "estimator4"]
+        return
+    if "hub" in plan.scenario.components:
+        assert [c.name for c in plan.components] == ["hub", "membrane"]
+        return
     assert len(plan.components) == 10
     assert len(plan.files) == 4  # compensators are exact, or estimators
     assert [c.name for c in plan.components][-1] == "detector"
@@ -49,6 +59,45 @@ def test_damage_that_begins_half_way_is_seen_through_noise_in_the_windows_after_
         error = np.abs(judgement.estimated - judgement.true)[damaged]
         assert (error < np.maximum(4.0 * judgement.deviation[damaged], 0.01)).all()
         assert error.max() < 0.04
+
+
+def test_in_service_nothing_but_what_instruments_see_is_recorded_and_the_damage_is_found(built):
+    """30 % in zone 10 from 0.4 s on: within the second window, which is no judgement; the later ones find it."""
+    data = run_scenario(shipped_scenarios()["in_service"], built("native")["sensor"].parent)
+    assert {str(name).partition(".")[0] for name in data.data_vars} == {
+        *(f"estimator{k}" for k in range(1, 5)),
+        "detector",
+    }
+    found = windows(data)
+    assert [judgement.valid for judgement in found] == [True, False, True, True]
+    assert found[0].estimated.max() == 0.0
+    for judgement in found[2:]:
+        assert np.isnan(judgement.true).all()
+        assert set(np.flatnonzero(judgement.estimated) + 1) == {10}
+        assert judgement.estimated[9] == pytest.approx(0.3, abs=0.01)
+
+
+def test_the_sensor_of_the_tutorial_measures_the_slow_membrane_within_its_range(tmp_path, built):
+    """The commands of the README, then the shipped scenario: 0.11 and 0.09 % of the range when this was written."""
+    write_datasets(tmp_path)
+    record = tmp_path / "synthetic_dataset_1.csv"
+    found = identify_files([record], train="0:200", settings=settings_for("preisach", modes=7, relaxations=7))
+    found.fit.artifact.write(tmp_path / "sensor.json")
+    build_all(tmp_path, ["sensor", "estimator"], artifact=tmp_path / "sensor.json")
+    shutil.copy(built("native")["membrane"], tmp_path)
+    data = run_scenario(shipped_scenarios()["own_sensor"], tmp_path)
+    range_of_sensor = 0.075
+    assert 0.8 * range_of_sensor < float(data["membrane.strain"].max()) < range_of_sensor
+    late, begun = 24, 50
+    for k in (1, 4):
+        assert not data[f"sensor{k}.saturated"].any()
+        assert not data[f"estimator{k}.saturated"].any()
+        assert float(data[f"estimator{k}.delay"][-1]) == pytest.approx(late * 0.1)
+        true = data["membrane.strain"].to_numpy()[begun:-late, k - 1]
+        error = data[f"estimator{k}.strain"].to_numpy()[begun + late :] - true
+        deviation = data[f"estimator{k}.strain_deviation"].to_numpy()[begun + late :]
+        assert np.sqrt(np.mean(error**2)) < 0.002 * range_of_sensor
+        assert np.sqrt(np.mean((error / deviation) ** 2)) < 1.0
 
 
 def test_native_fmus_and_those_that_run_in_python_give_the_same_thousand_steps(built):

@@ -29,8 +29,8 @@ MOST_WEIGHT = 10.0  # times the least one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OwnScale:
-    """Scale of one record.
+class RelativeScale:
+    """Scale of one record relative to the first one.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ def align(
     settings: PreisachSettings | None = None,
     *,
     full_scale: float,
-) -> tuple[tuple[Record, ...], tuple[OwnScale, ...]]:
+) -> tuple[tuple[Record, ...], tuple[RelativeScale, ...]]:
     """Return records at the scale of the first one, weighted by their noise, and the scale of each.
 
     Parameters
@@ -93,7 +93,7 @@ def align(
                     "out, or fit it alone."
                 )
                 raise DataError(msg)
-            scales[k] = OwnScale(offset=float(measured.mean() - gain * predicted.mean()), gain=gain)
+            scales[k] = RelativeScale(offset=float(measured.mean() - gain * predicted.mean()), gain=gain)
         for k in own:
             left = (fit.predicted[k] - present[k].resistance)[train[k]]
             errors[k] = 0.5 * float(np.mean(np.diff(left) ** 2))
@@ -106,16 +106,16 @@ def align(
     return aligned, tuple(scales)
 
 
-def _first_guess(record: Record, first: Record, rows: Rows, first_rows: Rows) -> OwnScale:
+def _first_guess(record: Record, first: Record, rows: Rows, first_rows: Rows) -> RelativeScale:
     """Return the scale that gives equal slopes over strain and equal levels; none without training samples."""
     if record is first or not rows.any():
-        return OwnScale()
+        return RelativeScale()
     slopes, levels = [], []
     for r, k in ((record, rows), (first, first_rows)):
         slope, level = np.polyfit(r.strain[k], r.resistance[k], 1)
         slopes.append(float(slope))
         levels.append(float(level))
     if slopes[0] <= 0.0 or slopes[1] <= 0.0:
-        return OwnScale()
+        return RelativeScale()
     gain = slopes[0] / slopes[1]
-    return OwnScale(offset=levels[0] - gain * levels[1], gain=gain)
+    return RelativeScale(offset=levels[0] - gain * levels[1], gain=gain)

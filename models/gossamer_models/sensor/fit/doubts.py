@@ -48,17 +48,25 @@ def parameters(fit: PreisachFit) -> tuple[tuple[Parameter, ...], Matrix]:
     ), C
 
 
-def doubts(fit: PreisachFit) -> tuple[str, ...]:
-    """Return what a user should know of a fit and can do something about, one sentence each, each only where it is true."""
+def doubts(fit: PreisachFit, *, chosen: bool = False) -> tuple[str, ...]:
+    """Return what a user should know of a fit and can do something about, one sentence each, each only where it is true.
+
+    Parameters
+    ----------
+    fit : PreisachFit
+        The fit.
+    chosen : bool
+        Whether its settings were chosen automatically: then what other settings would mend was tried, and cannot be set.
+    """
     sentences = []
-    if not fit.solutions[0].converged:
+    if not chosen and not fit.solutions[0].converged:
         sentences.append(
             f"The fit was still improving after {fit.solutions[0].iterations} steps. Take more starts, or fewer modes or "
             "relaxations."
         )
     sentences.append(_least_rest(fit))
     reached = start_errors(fit)
-    if max(reached[: len(fit.solutions) // 2 + 1]) > APART * reached[0]:
+    if not chosen and max(reached[: len(fit.solutions) // 2 + 1]) > APART * reached[0]:
         sentences.append(
             f"The {len(reached)} starts ended at {', '.join(f'{each:.3g}' for each in reached)} % of the fitted range: the "
             "fit has local minima, and another may be better. Take more starts (--starts), or preisach-hats: it has fewer."
@@ -68,14 +76,16 @@ def doubts(fit: PreisachFit) -> tuple[str, ...]:
             "The errors include the relaxation from before a record began. FMUs start at rest and do not include it."
         )
     else:
-        sentences += [sentence for k, rows in enumerate(fit.train) if rows.any() for sentence in _at_start(fit, k)]
+        trained = [k for k, rows in enumerate(fit.train) if rows.any()]
+        sentences += [sentence for k in trained for sentence in _at_start(fit, k, chosen=chosen)]
     held = [_held(record, rows) for record, rows in zip(fit.records, fit.train, strict=True) if rows.any()]
     if fit.settings.relaxations and fit.settings.eta[0] < fit.settings.eta[1] and max(held) < LEAST_HOLD:
         sentences.append(
             f"The strain is at rest for {100.0 * max(held):.1f} % of the training stretch: without holds, the data do "
             "not separate eta from slow relaxation. Add a hold to the record, or treat eta as an assumption."
         )
-    sentences.append(_alike(fit))
+    if not chosen:
+        sentences.append(_alike(fit))
     return tuple(filter(None, sentences))
 
 
@@ -104,20 +114,20 @@ def _least_rest(fit: PreisachFit) -> str:
     )
 
 
-def _at_start(fit: PreisachFit, k: int) -> tuple[str, ...]:
+def _at_start(fit: PreisachFit, k: int, *, chosen: bool) -> tuple[str, ...]:
     """Say that a record began before the sensor was at rest, or unstrained with another resistance, where it is so."""
     record, rows = fit.records[k], fit.train[k]
     doubted = rest_doubt(record, fit.rest_resistance, fit.full_scale, RESTED, REST_ADVICE)
     share = still_relaxing(record.time[rows], (fit.predicted[k] - record.resistance)[rows])
-    if share > RELAXING:
-        relaxing = (
-            f"{record.name} was still relaxing when it began: decays from there explain {share:.0%} of the squared error of "
-            "the fitted stretch. Fit them too (--earlier)."
-        )
-        lower, upper = fit.solver.problem.lower, fit.solver.problem.upper
-        given = lower[fit.names.index("y0[1]")] == upper[fit.names.index("y0[1]")]
-        return (relaxing, doubted) if given else (relaxing,)
-    return (doubted,)
+    if share <= RELAXING:
+        return (doubted,)
+    lower, upper = fit.solver.problem.lower, fit.solver.problem.upper
+    given = lower[fit.names.index("y0[1]")] == upper[fit.names.index("y0[1]")]
+    relaxing = (
+        f"{record.name} was still relaxing when it began: decays from there explain {share:.0%} of the squared error of "
+        "the fitted stretch. Fit them too (--earlier)."
+    )
+    return ("" if chosen else relaxing, doubted if given else "")
 
 
 def still_relaxing(time: Vector, residual: Vector) -> float:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from ...arrays import Matrix, Rows, Vector
 from ...fitting.constrained import GaussNewton, Solution
 from ...fitting.errors import Errors, stretch_errors
-from ...fitting.records import Record, check_rest, strain_range
+from ...fitting.records import Record, check_rest, noise_of, strain_range
 from ..artifact import DirectInverse, Scales, SensorArtifact
 from .inverse import inverse_settings, turn
 from .normalise import normalised_output, normalised_sensor
@@ -151,6 +151,8 @@ def fit_preisach(
             rest_resistance=y0 * unit, full_scale_resistance_change=rise * unit, full_scale_strain=full_scale
         )
         artifact = replace(artifact, scales=scales)
+    noise = noise_of(*(r.resistance[rows] for r, rows in zip(records, train, strict=True))) / (rise * unit)
+    artifact = replace(artifact, noise=noise)
     earlier = weights(x).v
     alone = tuple(unit * (y0 + rise * normalised_output(artifact, s)) for s in regression.stretches)
     fit = PreisachFit(
@@ -215,7 +217,7 @@ def _direct_inverse(stretches: tuple[Stretch, ...], y0: float, rise: float, forw
     settings = inverse_settings(turned, forward)
     fit = fit_preisach(turned.records, turned.train, settings, full_scale=1.0, positive_rest=False)
     return DirectInverse(
-        law=replace(fit.artifact, scales=None),
+        law=replace(fit.artifact, scales=None, noise=None),
         lowest=turned.lowest,
         highest=turned.highest,
         offset=fit.rest_resistance,

@@ -4,7 +4,7 @@ To add a plot, write its function in the file of its theme, and its page in ``PA
 """
 
 from .damage import plot_damage_history, plot_damage_map
-from .deflection import plot_deflection, plot_deflection_history
+from .deflection import plot_deflection, plot_deflection_history, plot_shape
 from .save import save_pictures
 from .sensors import plot_sensor_loop, plot_strain, plot_strain_error
 
@@ -14,6 +14,7 @@ __all__ = [
     "plot_deflection",
     "plot_deflection_history",
     "plot_sensor_loop",
+    "plot_shape",
     "plot_strain",
     "plot_strain_error",
     "save_pictures",

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from ...errors import ResultsError
 from ..judgements import doubts, judge, true_damage, windows
 from ..roles import find, need
-from .axes import COLORS, GREY, axes_or_new, side
+from .axes import COLORS, GREY, axes_or_new, side, time_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,23 +33,49 @@ def plot_damage_map(
     ax : matplotlib.axes.Axes, optional
         Where to draw.
     """
-    judgement, (length, unit) = judge(data), side(data)
-    ax = axes_or_new(ax)
+    judgement = judge(data)
     percent = 100.0 * (judgement.true if which == "true" else judgement.estimated)
-    n, bars = round(percent.size**0.5), 100.0 * judgement.deviation
-    top = max(50.0, 100.0 * float(np.fmax(judgement.true, judgement.estimated).max()))
+    bars = np.full(percent.shape, math.nan) if which == "true" else 100.0 * judgement.deviation
+    top = 100.0 * float(np.fmax(judgement.true, judgement.estimated).max())
+    ax = plot_zones(percent, bars, side(data), top=top, ax=ax)
+    ax.set_title(f"{which.capitalize()} damage [%] at t = {judgement.time:.4f} s")
+    return ax
+
+
+def plot_zones(
+    percent: NDArray[np.float64],
+    bars: NDArray[np.float64],
+    size: tuple[float, str],
+    *,
+    top: float = 50.0,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw damage of the zones as numbers: zone 1 at the origin, x to the right.
+
+    Parameters
+    ----------
+    percent, bars : numpy.ndarray, shape (zones,)
+        Damage and its standard deviation [%]; not a number where there is none.
+    size : tuple of float and str
+        Side of the membrane and its unit.
+    top : float
+        Largest damage of the colours [%]; at least 50.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
+    """
+    ax, (length, unit) = axes_or_new(ax), size
+    n, top = round(percent.size**0.5), max(50.0, top)
     extent = (0.0, length, 0.0, length)
     ax.imshow(percent.reshape(n, n), origin="lower", extent=extent, vmin=0.0, vmax=top, cmap="Blues")
-    size = length / n
+    width = length / n
     for zone, value in enumerate(percent):
-        x, y = (zone % n + 0.5) * size, (zone // n + 0.5) * size
+        x, y = (zone % n + 0.5) * width, (zone // n + 0.5) * width
         color = "white" if value > 0.55 * top else "black"
-        deviation = "" if which == "true" or np.isnan(bars[zone]) else f"\n$\\pm$ {bars[zone]:.1f}"
+        deviation = "" if np.isnan(bars[zone]) else f"\n$\\pm$ {bars[zone]:.1f}"
         ax.text(x, y, f"{value:.1f}{deviation}", ha="center", va="center", color=color, fontsize=11)
-        ax.text(x - 0.46 * size, y + 0.46 * size, f"{zone + 1}", ha="left", va="top", color=color, fontsize=8)
+        ax.text(x - 0.46 * width, y + 0.46 * width, f"{zone + 1}", ha="left", va="top", color=color, fontsize=8)
     ticks = np.linspace(0.0, length, n + 1)
-    title = f"{which.capitalize()} damage [%] at t = {judgement.time:.4f} s"
-    ax.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]", title=title, xticks=ticks, yticks=ticks)
+    ax.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]", title="Damage [%]", xticks=ticks, yticks=ticks)
     ax.grid(color=GREY, alpha=0.6, lw=0.8)
     return ax
 
@@ -65,8 +92,7 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     ended = windows(data)
     t, e = 100.0 * true.to_numpy(), 100.0 * estimated.to_numpy()
     bars = 200.0 * data.get(f"{detector}.deviation", math.nan * estimated).to_numpy()  # two standard deviations
-    if ended:
-        e[time < ended[0].time] = math.nan  # nothing is known before the first judgement
+    e[time < (ended[0].time if ended else math.inf)] = math.nan  # nothing is known before the first judgement
     damaged = list(np.flatnonzero(t.max(axis=0) > 0.0))
     largest = np.nan_to_num(e).max(axis=0)
     suspects = [z for z in np.argsort(-largest) if z not in damaged and largest[z] > 3.0]
@@ -89,6 +115,7 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
         ax.axvline(window.time, color=GREY, lw=0.6, ls=":")
     ax.set(xlabel="time [s]", ylabel="damage [%]", title="Damage over time; a dotted line ends a window")
     ax.set_xlim(time[0], time[-1] + 0.03 * (time[-1] - time[0]))  # room for the last judgement
+    time_axis(ax)
     ax.set_ylim(-1.0, max(10.0, 1.15 * float(max(t.max(), np.nan_to_num(e).max()))))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=4)
     return ax
@@ -100,6 +127,7 @@ def _damage(data: xr.Dataset, figure: Figure) -> None:
     for ax in left:
         plot_damage_map(data, "true", ax=ax)
     plot_damage_map(data, "estimated", ax=right)
+    figure.colorbar(right.images[0], ax=[*left, right], shrink=0.8, label="damage [%]")
     if not windows(data)[-1].valid:
         figure.supxlabel(doubts(data, windows(data))[0], fontsize=9)
 

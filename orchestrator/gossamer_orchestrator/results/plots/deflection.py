@@ -1,4 +1,4 @@
-"""Plots of the membrane's deflection."""
+"""Plots of the membrane's deflection, of a square one from above and of one on a mesh in space."""
 
 from __future__ import annotations
 
@@ -8,9 +8,17 @@ import numpy as np
 import xarray as xr
 
 from ..roles import find, need
-from .axes import COLORS, axes_or_new, side
+from ..shapes import ShapeHistory
+from ..surface import TAUT, face_strains
+from .axes import COLORS, GREY, axes_or_new, side, time_axis
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from mpl_toolkits.mplot3d import Axes3D
+
+    Page = tuple[Callable[[xr.Dataset, "Figure"], None], tuple[float, float]]
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -52,7 +60,59 @@ def plot_deflection_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes
     ax.plot(time[k], values[k], "o", color=COLORS[1], ms=5)
     ax.set(xlabel="time [s]", ylabel="deflection [mm]", title=f"Centre: {values[k]:.1f} mm at t = {time[k]:.4f} s")
     ax.margins(x=0.02, y=0.1)
+    time_axis(ax)
     return ax
+
+
+def plot_shape(history: ShapeHistory, *, ax: Axes3D | None = None) -> Axes3D:
+    """Draw a membrane on a mesh at its largest displacement, coloured by it; faces that wrinkle have orange edges."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        ax = plt.figure().add_subplot(projection="3d")
+    surface = history.surface
+    size = 1e3 * np.linalg.norm(history.places - surface.nodes, axis=2)
+    k = int(np.argmax(size.max(axis=1)))
+    places, colours = (
+        history.places[k],
+        ScalarMappable(Normalize(0.0, max(float(size[k].max()), 1e-12)), colormaps["viridis"]),
+    )
+    corners = np.where(surface.faces < 0, surface.faces[:, [2]], surface.faces)  # a triangle's last corner twice
+    mark = face_strains(surface, places, history.eigenstrain[k]).mark
+    for some, edge, width in ((mark == TAUT, GREY, 0.1), (mark != TAUT, COLORS[1], 0.8)):
+        if some.any():
+            paint = colours.to_rgba(size[k][corners[some]].mean(axis=1))
+            ax.add_collection3d(
+                Poly3DCollection(places[corners[some]], facecolors=paint, edgecolors=edge, linewidths=width)
+            )
+    low, high = places.min(axis=0), places.max(axis=0)
+    room = np.maximum(0.02 * float((high - low).max()), 0.05 * (high - low))
+    ax.set(xlim=(low[0] - room[0], high[0] + room[0]), ylim=(low[1] - room[1], high[1] + room[1]))
+    ax.set(zlim=(low[2] - room[2], high[2] + room[2]), xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    ax.set_box_aspect(high - low + 2.0 * room, zoom=1.2)
+    ax.locator_params(nbins=4)
+    wrinkled = f"; {np.mean(mark != TAUT):.0%} of the faces wrinkle (orange edges)" if (mark != TAUT).any() else ""
+    ax.set_title(f"Displacement [mm] at t = {history.time[k]:.4f} s{wrinkled}")
+    ax.figure.colorbar(colours, ax=ax, shrink=0.6, pad=0.1)
+    return ax
+
+
+def shape_pages(shapes: Mapping[str, ShapeHistory]) -> dict[str, Page]:
+    """Return a page for each membrane on a mesh, by file name: ``deflection``, of several with their names."""
+
+    def page(history: ShapeHistory) -> Callable[[xr.Dataset, Figure], None]:
+        def draw(_: xr.Dataset, figure: Figure) -> None:
+            plot_shape(history, ax=figure.add_subplot(projection="3d"))
+
+        return draw
+
+    one = len(shapes) == 1
+    return {"deflection" if one else f"deflection_{name}": (page(each), (9.0, 6.5)) for name, each in shapes.items()}
 
 
 def _deflection(data: xr.Dataset, figure: Figure) -> None:

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from ...errors import ResultsError
 from ..judgements import windows
 from ..roles import compensators, find, need, sensors
-from .axes import COLORS, axes_or_new
+from .axes import COLORS, axes_or_new, time_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
+
+LEAST_ERROR = 1e-9  # [%] less is drawn as that
 
 
 def plot_sensor_loop(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) -> Axes:
@@ -61,17 +63,20 @@ def plot_strain(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) ->
     ax.margins(x=0.0)
     low, high = ax.get_ylim()
     ax.set_ylim(low, high + 0.15 * (high - low))
+    time_axis(ax)
     return ax
 
 
 def plot_strain_error(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) -> Axes:
-    """Draw compensated minus true strain at one sensor over time, in percent of the true strain's range."""
+    """Draw the error of the compensated strain at one sensor over time, in percent of the true range, on a log scale."""
     time, true, compensated, span = _true_and_compensated(data, sensor)
-    ax, percent = axes_or_new(ax), 100.0 * (compensated - true) / span
-    ax.plot(time, percent, color=COLORS[0], lw=0.8)
-    top = max(1.1 * float(np.abs(percent).max()), 1e-3)  # less is a line at zero
-    ax.set(xlabel="time [s]", ylabel="error [%]", ylim=(-top, top))
+    ax, percent = axes_or_new(ax), 100.0 * np.abs(compensated - true) / span
+    ax.plot(time, np.maximum(percent, LEAST_ERROR), color=COLORS[0], lw=0.8)
+    top = max(2.0 * float(percent.max()), 10.0 * LEAST_ERROR)
+    low = max(0.5 * float(np.quantile(percent, 0.02)), 1e-4 * top, 0.5 * LEAST_ERROR)
+    ax.set(xlabel="time [s]", ylabel="|error| [%]", yscale="log", ylim=(low, top))
     ax.margins(x=0.0)
+    time_axis(ax)
     return ax
 
 

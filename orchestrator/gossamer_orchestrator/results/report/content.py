@@ -20,7 +20,10 @@ from ..columns import LIKENESS
 from ..judgements import Judgement, changes, true_damage, windows
 from ..plots.axes import side
 from ..roles import compensators, find_all, sensors
+from ..shapes import ShapeHistory, load_shapes
 from .membrane import membrane_mesh
+from .spectra import spectrogram, spectrum
+from .surface import surface_content
 from .thin import Pixels
 
 FRAMES = 240  # instants of the slider
@@ -47,18 +50,18 @@ def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[
         Where ``watch.json`` may be.
     """
     time, pixels = data["time"].to_numpy(), Pixels(data.sizes["time"])
-    heights = next((data[f"{name}.w"] for name in find_all(data, "membrane")[:1] if f"{name}.w" in data), None)
-    size = 1 if heights is None else int(np.prod(heights.shape[1:]))
-    count = max(2, min(FRAMES, NUMBERS // size))
-    rows = np.unique(np.linspace(0, len(time) - 1, count).round().astype(int))
+    membrane = next(iter(find_all(data, "membrane")), "")
+    heights = data.get(f"{membrane}.w")
+    history = load_shapes(folder).get(membrane)
+    rows, shown = _instants(time, heights, history)
     curves, readers = _sensor_curves(data)
-    centre = f"{next(iter(find_all(data, 'membrane')), '')}.deflection"
+    centre = f"{membrane}.deflection"
     covered = {"deflection": _reader(centre)} if centre in data else {}
     others = _other_scalars(data, judged=bool(ended))
     t, lines = _thin_all(data, time, pixels, curves | covered | others)
     for number, reader in readers.items():
         reader |= _loops(data, time, ended, reader)
-        reader |= _at_rows(data, rows, reader)
+        reader |= _at_rows(data, rows, reader) | _strain_spectrogram(data, time, reader)
         errors, more = _errors(data, time, pixels, reader)
         reader |= errors
         reader["curves"] = {key.split("/")[1]: lines[key] for key in curves if key.startswith(f"{number}/")} | more
@@ -79,10 +82,26 @@ def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[
             if name not in constant
         ],
         "constant": constant,
-        "membrane": None if heights is None else membrane_mesh(heights, rows, side(data)),
+        "membrane": None if heights is None else membrane_mesh(data, membrane, rows, side(data)),
+        "surface": None if history is None else surface_content(history, shown),
         "damage": _damage(data, time, ended),
         "watch": read_watch(folder),
     }
+
+
+def _instants(
+    time: Array, heights: xr.DataArray | None, history: ShapeHistory | None
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Choose the rows of the slider's instants, and the shapes of a membrane on a mesh then."""
+    if history is not None:
+        surface = history.surface
+        count = max(2, min(FRAMES, NUMBERS // (surface.nodes.size + 2 * len(surface.faces))))
+        shown = np.unique(np.linspace(0, len(history.time) - 1, count).round().astype(int))
+        after = np.searchsorted(time, history.time[shown] - 1e-9 * (time[-1] - time[0]))
+        return np.minimum(after, len(time) - 1), shown
+    size = 1 if heights is None else 2 * int(np.prod(heights.shape[1:]))
+    rows = np.linspace(0, len(time) - 1, max(2, min(FRAMES, NUMBERS // size))).round().astype(int)
+    return np.unique(rows), np.zeros(0, dtype=np.intp)
 
 
 def windows_of(data: xr.Dataset) -> list[Judgement]:
@@ -117,6 +136,8 @@ def _sensor_curves(data: xr.Dataset) -> tuple[dict[str, Curve], dict[int, dict[s
         for number, name in found.items():
             readers.setdefault(number, {})[role] = name
     strains = data.get(f"{membrane}.strain")
+    if not readers and strains is not None and strains.ndim == 2:
+        readers = {int(number): {} for number in strains[strains.dims[1]].to_numpy()}  # a membrane alone
     for number, reader in sorted(readers.items()):
         sensor, late = reader.get("sensor", ""), reader.get("compensator", "")
         if strains is not None and strains.ndim == 2 and number in strains[strains.dims[1]].to_numpy():
@@ -198,17 +219,18 @@ def _loops(data: xr.Dataset, time: Array, ended: Sequence[Judgement], reader: di
         part = data.isel(time=rows)
         strain, resistance = (read(part) for read in pair)
         loop: dict[str, Any] = {"name": name, "strain": strain, "resistance": resistance}
-        loops.append(loop | _spectrum(time[rows], resistance))
+        loops.append(loop | spectrum(time[rows], resistance))
     return {"loops": loops}
 
 
-def _spectrum(time: Array, values: Array) -> dict[str, Any]:
-    """Return the amplitudes of evenly sampled values under Hann's window, without their mean."""
-    if len(time) < 64 or np.ptp(np.diff(time)) > 1e-6 * (time[1] - time[0]) + 1e-12 or not np.isfinite(values).all():
+def _strain_spectrogram(data: xr.Dataset, time: Array, reader: dict[str, Any]) -> dict[str, Any]:
+    """Return the spectrogram of the true strain of a sensor, of the compensated one if there is no other."""
+    late = f"{reader.get('compensator', '')}.strain"
+    if "strain" not in reader and late not in data:
         return {}
-    hann = np.hanning(len(values))
-    amplitudes = np.abs(np.fft.rfft(hann * (values - values.mean()))) * 2.0 / hann.sum()
-    return {"frequency": np.fft.rfftfreq(len(values), time[1] - time[0])[1:], "amplitude": amplitudes[1:]}
+    read = _reader(*reader["strain"]) if "strain" in reader else _reader(late)
+    found = spectrogram(time, np.concatenate([read(data.isel(time=rows)) for rows in Pixels(len(time)).parts()]))
+    return {"spectrogram": found} if found else {}
 
 
 def _at_rows(data: xr.Dataset, rows: NDArray[np.intp], reader: dict[str, Any]) -> dict[str, Any]:

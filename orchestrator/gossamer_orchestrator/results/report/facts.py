@@ -6,15 +6,18 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from ..files import MESSAGES
 from ..judgements import Judgement
 from .verdict import found_zones
 
 SHOWN_WINDOWS = 60
+SHOWN_MESSAGES = 40
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]], caption: str, *, row_heads: bool = True) -> str:
@@ -52,6 +55,17 @@ def run_table(data: xr.Dataset, content: Mapping[str, Any]) -> str:
     if text := known.get("scenario"):
         rows.append(("SHA-256 of the scenario", hashlib.sha256(str(text).encode()).hexdigest()))
     return table((), rows, "The run")
+
+
+def messages(folder: Path) -> str:
+    """Return the warnings of the run, if there were any."""
+    try:
+        texts = (folder / MESSAGES).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return ""
+    lines = "".join(f"<li>{escape(text)}</li>" for text in texts[:SHOWN_MESSAGES])
+    more = f"<p>{len(texts) - SHOWN_MESSAGES} more are in {MESSAGES}.</p>" if len(texts) > SHOWN_MESSAGES else ""
+    return f'<h3 id="messages">Messages of the run</h3><ul class="messages">{lines}</ul>{more}' if texts else ""
 
 
 def _every(steps: int) -> str:

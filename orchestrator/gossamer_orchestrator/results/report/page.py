@@ -28,7 +28,7 @@ from .verdict import make_verdict
 
 PAGE = "report.html"
 ASSETS = Path(__file__).with_name("assets")
-SCRIPTS = ("unpack.js", "figures.js", "membrane.js", "damage.js", "sensors.js", "main.js")
+SCRIPTS = ("unpack.js", "figures.js", "membrane.js", "surface.js", "damage.js", "sensors.js", "main.js")
 
 
 def write_report(data: xr.Dataset, folder: Path) -> Path:
@@ -75,6 +75,7 @@ def _page(data: xr.Dataset, folder: Path) -> str:
         components=facts.components(data),
         connections=facts.connections(data),
         scenario=facts.scenario(data),
+        messages=facts.messages(folder),
         judgements=facts.judgement_tables(ended),
         constants=_constants(content["constant"]),
         thinning=_thinning(content),

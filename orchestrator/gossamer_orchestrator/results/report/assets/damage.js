@@ -32,7 +32,7 @@ function addDamage() {
   if (!damage) return;
   const found = damage.windows, known = damage.true;
   const count = (found ? found.estimated : known.values)[0].length, side = Math.round(Math.sqrt(count));
-  if (side * side === count) addMap(found, known, side);
+  if (side * side === count && !page.content.surface) addMap(found, known, side);
   addBars(found, known, count);
   addHistory(damage, found, known, count);
   if (found) addLikeness(found);
@@ -143,6 +143,22 @@ function addHistory(damage, found, known, count) {
       if (alarms.length) data.push({ type: "scatter", mode: "lines", x: [null], y: [null], name: "alarm, twin", line: { color: colors.alarm, width: 2, dash: "dashdot" } });
       const shapes = alarms.map((x) => ({ type: "line", xref: "x", yref: "paper", x0: x, x1: x, y0: 0, y1: 1, line: { color: colors.alarm, width: 2, dash: "dashdot" } }));
       return { data, more: { shapes, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "damage [%]", { rangemode: "tozero" }), hovermode: "closest" } };
+    },
+  });
+}
+
+// chi2 of the twin per sample, and its score of new damage, at the end of each of its windows.
+function addTwin() {
+  const { time, misfit, score, alarms } = page.content.watch || {};
+  if (!time || !time.length) return;
+  addFigure({
+    title: "Misfit of the digital twin", timed: true, note: "At the end of each of its windows: chi2 per sample, 1 where it explains the record, and the score of new damage over its mean.",
+    make(colors) {
+      const mode = time.length > MOST_MARKERS ? "lines" : "lines+markers";
+      const line = (y, name, color) => ({ type: "scatter", mode, x: time, y, name, line: { color } });
+      const shapes = (alarms || []).map((x) => ({ type: "line", xref: "x", yref: "paper", x0: x, x1: x, y0: 0, y1: 1, line: { color: colors.alarm, width: 2, dash: "dashdot" } }));
+      return { data: [line(misfit, "chi2 per sample", colors.lines[0]), line(score, "score of new damage", colors.lines[1])],
+        more: { shapes, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "[1]", { type: "log", exponentformat: "power" }) } };
     },
   });
 }

@@ -68,8 +68,9 @@ async function main() {
 }
 
 function addPictures() {
-  addMembrane();
+  if (page.content.surface) addSurface(); else addMembrane();
   addDamage();
+  addTwin();
   addDeflection();
   addSensors();
   addOthers();

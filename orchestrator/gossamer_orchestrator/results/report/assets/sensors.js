@@ -18,7 +18,7 @@ function addSensors() {
   if (!usable.length) return;
   heading("Sensors");
   const select = element("select", { id: "sensor" });
-  usable.forEach((each, k) => select.append(element("option", { value: `${k}` }, `${each.number}: ${[each.sensor, each.compensator].filter(Boolean).join(", ")}`)));
+  usable.forEach((each, k) => select.append(element("option", { value: `${k}` }, [`${each.number}`, ...[[each.sensor, each.compensator].filter(Boolean).join(", ")].filter(Boolean)].join(": "))));
   document.getElementById("pictures").append(element("p", { class: "picker" }, element("label", { for: "sensor" }, "Sensor "), select));
   const some = (...names) => usable.some((each) => names.some((name) => each.curves[name]));
   const figures = [];
@@ -67,6 +67,15 @@ function addSensors() {
       return { data, more: { xaxis: axis(colors, "strain [1]"), yaxis: axis(colors, "resistance [Ω]") } };
     },
     move(div, instant) { Plotly.restyle(div, marker(instant), [div.data.length - 1]); },
+  });
+  if (usable.some((each) => each.spectrogram)) add({
+    title: "Spectrogram of the strain", timed: true, note: "Decimal logarithm of the amplitude, under Hann's window, without the mean.",
+    label: "Amplitude of the strain over time and frequency.",
+    make(colors) {
+      const found = chosen().spectrogram, data = found ? [{ type: "heatmap", x: found.time, y: found.frequency, z: found.level, colorscale: "Viridis",
+        zmin: Math.max(bottom(found.level), -10), colorbar: { title: { text: "log₁₀" }, thickness: 12 }, hovertemplate: "%{x:.4g} s, %{y:.4g} Hz: 10^%{z:.2f}<extra></extra>" }] : [];
+      return { data, more: { hovermode: "closest", xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "frequency [Hz]") } };
+    },
   });
   if (usable.some((each) => (each.loops || []).some((loop) => loop.frequency))) add({
     title: "Spectrum of the resistance", note: "Amplitudes under Hann's window, without the mean.",

@@ -1,0 +1,20 @@
+"""Where to put the sensors of a membrane: by the Fisher information of the damage of its zones."""
+
+from .check import Check
+from .placing import NOISE, Placement, Placing, place_sensors
+from .plots import plot_placement, save_picture
+from .square import square_structure
+from .tables import sensors_text, write_csv
+
+__all__ = [
+    "NOISE",
+    "Check",
+    "Placement",
+    "Placing",
+    "place_sensors",
+    "plot_placement",
+    "save_picture",
+    "sensors_text",
+    "square_structure",
+    "write_csv",
+]

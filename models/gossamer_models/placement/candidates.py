@@ -1,0 +1,136 @@
+r"""Where sensors may be, and what they read from the nodes.
+
+Symbols: ``G`` gauges, ``S`` their samples, ``N`` nodes; ``e1``, ``e2`` axes in the surface at a point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+
+from ..arrays import Matrix, Vector
+from ..errors import ParameterError
+from ..mesh_membrane import Sensor, Structure
+from ..mesh_membrane.gauges import Gauge, gauge, shape_functions
+
+ANGLES = (0.0, 90.0, 45.0, -45.0)  # [degrees] from the first axis
+_PLACES = {
+    True: [(s, t) for t in (-0.25, 0.25) for s in (-0.25, 0.25)],
+    False: [(1.0 / 3.0, 1.0 / 3.0)],
+}  # quadrilaterals, triangles
+_BEYOND = 1e-6  # how far a gauge may reach beyond an edge, shares of the size
+
+
+@dataclass(frozen=True, eq=False)
+class Gauges:
+    """Many gauges at once.
+
+    Attributes
+    ----------
+    sensors : tuple of Sensor
+        Where they are, G of them.
+    lines : sparse array, shape (S, N)
+        Weights of the node positions that give a unit line along each sample.
+    means : sparse array, shape (G, S)
+        Weights of the samples in each gauge.
+    """
+
+    sensors: tuple[Sensor, ...]
+    lines: scipy.sparse.csr_array
+    means: scipy.sparse.csr_array
+
+    def strain(self, x: Matrix) -> Matrix:
+        """Return the nominal strain [1], shape (G, n), from node positions [m], shape (N, 3, n)."""
+        became = (self.lines @ x.reshape(len(x), -1)).reshape(-1, *x.shape[1:])
+        return np.asarray(self.means @ np.sqrt(np.sum(became**2, axis=1)) - 1.0)
+
+    def only(self, which: list[int]) -> Gauges:
+        """Return some of the gauges."""
+        means = self.means[which]
+        return Gauges(tuple(self.sensors[k] for k in which), self.lines, means)
+
+
+def stacked(sensors: tuple[Sensor, ...], gauges: list[Gauge], nodes: int) -> Gauges:
+    """Put gauges together."""
+    if not gauges:
+        return Gauges((), scipy.sparse.csr_array((0, nodes)), scipy.sparse.csr_array((0, 0)))
+    lines = scipy.sparse.csr_array(scipy.sparse.vstack([found.lines for found in gauges]))
+    means = scipy.sparse.csr_array(scipy.sparse.block_diag([found.weights[None] for found in gauges]))
+    return Gauges(sensors, lines, means)
+
+
+def candidates(structure: Structure, points: int, gauge_length: float = 0.0) -> Gauges:
+    """Spread gauges over a surface: some points, four directions at each.
+
+    Parameters
+    ----------
+    structure : Structure
+        The membrane.
+    points : int
+        Most points. They are taken from four inner points of every quadrilateral and the middle of every triangle, each the
+        farthest from those before.
+    gauge_length : float
+        Length over which gauges read the mean [m]; those that reach beyond an edge are left out.
+
+    Returns
+    -------
+    Gauges
+        The directions are the material's first axis, the one across, and those half-way between.
+
+    Raises
+    ------
+    ParameterError
+        No gauge of this length fits.
+    """
+    mesh = structure.mesh
+    place, e1, e2 = _frames(structure)
+    sensors, found = [], []
+    for k in _far_apart(place, points):
+        for angle in np.deg2rad(ANGLES):
+            along = np.cos(angle) * e1[k] + np.sin(angle) * e2[k]
+            one = gauge(mesh, place[k], along, gauge_length)
+            if one.away <= _BEYOND * mesh.size:
+                point, direction = _three(place[k]), _three(along)
+                sensors.append(Sensor(point=point, direction=direction, gauge_length=gauge_length))
+                found.append(one)
+    if not found:
+        msg = f"no gauge of {gauge_length:g} m fits on the membrane. Give a shorter --gauge-length."
+        raise ParameterError(msg)
+    return stacked(tuple(sensors), found, len(mesh.nodes))
+
+
+def _three(values: Vector) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in np.where(np.abs(values) < 1e-12, 0.0, values))
+    return x, y, z
+
+
+def _frames(structure: Structure) -> tuple[Matrix, Matrix, Matrix]:
+    """Return points and the two axes there, of all elements, each of shape (places, 3)."""
+    rows = []
+    for block, elements in zip(structure.mesh.blocks, structure.elements, strict=True):
+        axis = np.array([r.direction for r in structure.setup.regions])[structure.region[elements.combination]]
+        for st in _PLACES[block.order > 0]:
+            N, D = shape_functions(block.order, np.array(st))
+            X = structure.mesh.nodes[block.elements]
+            T = np.einsum("ma,nmi->nai", D, X)
+            normal = np.cross(T[:, 0], T[:, 1])
+            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+            e1 = axis - np.sum(axis * normal, axis=1, keepdims=True) * normal
+            steep = np.linalg.norm(e1, axis=1) < 1e-6 * np.linalg.norm(axis, axis=1)  # the axis is the normal
+            e1[steep] = T[steep, 0]
+            e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
+            rows.append((N @ X, e1, np.cross(normal, e1)))
+    place, e1, e2 = (np.concatenate(part) for part in zip(*rows, strict=True))
+    return place, e1, e2
+
+
+def _far_apart(place: Matrix, count: int) -> list[int]:
+    """Choose points, each the farthest from those before; the first is nearest to the middle of all."""
+    kept = [int(np.argmin(np.linalg.norm(place - place.mean(axis=0), axis=1)))]
+    away = np.linalg.norm(place - place[kept[0]], axis=1)
+    while len(kept) < min(count, len(place)):
+        kept.append(int(np.argmax(away)))
+        away = np.minimum(away, np.linalg.norm(place - place[kept[-1]], axis=1))
+    return sorted(kept)

@@ -1,0 +1,142 @@
+r"""Fits to simulated noisy records, beside what the information predicts of them.
+
+Symbols: ``x`` unknowns, ``C`` predicted covariance of the damages, ``L`` its Cholesky factor, ``e`` errors of the fits, so
+that :math:`L^{-1} e` are independent numbers of variance 1.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Matrix, Rows, Vector
+from ..twin.descent import descend
+from ..twin.least_squares import Point, check_derivatives, points_at
+from .candidates import Gauges
+from .information import FACTOR, THRESHOLD, covariance, weigh
+from .simulation import Report, Simulation, quiet
+
+DAMAGE = 0.3  # of every zone [1]: so far from zero that the bounds of a fit do not hold it back
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """How deviations that were predicted compare with those of fits.
+
+    Attributes
+    ----------
+    records : int
+        Fits.
+    predicted, observed : ndarray, shape (Z,)
+        Deviations of the damages [1]: predicted there, and root of the mean square of the errors.
+    spread : float
+        Mean square of the errors in units of the predicted covariance [1], all zones together: 1 if it is right.
+    spread_error : float
+        Standard deviation of ``spread`` from the number of records.
+    false_alarms, found : float
+        Shares of all zones of all records [1]: above the threshold without damage beside that of the truth, and with a90
+        beside it. Each fit serves for both, since damage only moves its estimate.
+    """
+
+    records: int
+    predicted: Vector
+    observed: Vector
+    spread: float
+    spread_error: float
+    false_alarms: float
+    found: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether ``spread`` is within three of its deviations of 1."""
+        return abs(self.spread - 1.0) <= 3.0 * self.spread_error
+
+
+class _Records:
+    """The least-squares problem of the twin for gauges anywhere; one record at a time."""
+
+    def __init__(self, simulation: Simulation, gauges: Gauges, sigma: float, truth: Vector) -> None:
+        self._simulation, self._gauges, self._sigma = simulation, gauges, sigma
+        self.low, self.high = simulation.low, simulation.high
+        self.prior = np.r_[np.zeros(simulation.zones), np.ones(len(simulation.nuisances))]
+        self._truth = truth
+        self.history, J = simulation.derivatives(truth, gauges)
+        self.J = self._weighed(J).T
+        self.y = self._weighed(self.history[None])[0]
+
+    def read(self, history: Matrix) -> None:
+        """Take the next record, shape (gauges, samples)."""
+        self.y = self._weighed(history[None])[0]
+
+    def points(self, x: Matrix) -> list[Point]:
+        """Simulate rows of unknowns."""
+        at_truth = len(x) == 1 and np.array_equal(x[0], self._truth)  # where every fit starts
+        predicted = self.history[None] if at_truth else self._simulation.histories(x, self._gauges)
+        return points_at(x, predicted, self.y - self._weighed(predicted), self.prior)
+
+    def derivatives(self, point: Point, free: Rows) -> Matrix:
+        """Return the derivatives of the weighed predictions by the free unknowns."""
+        if np.array_equal(point.x, self._truth):
+            return self.J[:, free]
+        _, J = self._simulation.derivatives(point.x, self._gauges)
+        return check_derivatives(self._weighed(J).T[:, free])
+
+    def _weighed(self, histories: Matrix) -> Matrix:
+        return weigh(histories, self._sigma).reshape(len(histories), -1)
+
+
+def check(
+    simulation: Simulation, gauges: Gauges, sigma: float, records: int, *, seed: int = 1, report: Report = quiet
+) -> Check:
+    """Fit damages to records of a damaged membrane with noise.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Membrane and load.
+    gauges : Gauges
+        The sensors.
+    sigma : float
+        Standard deviation of the noise [1], which is uniform and not negative, as in the thesis.
+    records : int
+        How many.
+    seed : int
+        Of the noise.
+    report : callable
+        Called with what is done and how many records of how many.
+
+    Returns
+    -------
+    Check
+
+    Notes
+    -----
+    The search is that of the twin, over damages and nuisances together. It starts at the truth, so it tells how far noise
+    moves the minimum, not whether a search from elsewhere finds it. The true nuisances are at the middle of their prior;
+    that makes errors smaller than predicted only where a record tells less of them than the prior does.
+    """
+    truth = np.r_[np.full(simulation.zones, DAMAGE), np.zeros(len(simulation.nuisances))]
+    problem = _Records(simulation, gauges, sigma, truth)
+    zones = simulation.zones
+    C = covariance(problem.J.T @ problem.J, zones)
+    random = np.random.default_rng(seed)
+    free = np.ones(len(truth), dtype=bool)
+    errors = np.empty((records, zones))
+    for k in range(records):
+        noise = random.random(problem.history.shape) * sigma * math.sqrt(12.0)
+        problem.read(problem.history + noise)
+        errors[k] = descend(problem, truth, free).point.x[:zones] - truth[:zones]
+        report("fits", k + 1, records)
+    predicted = np.sqrt(np.diag(C))
+    whitened = np.linalg.solve(np.linalg.cholesky(C), errors.T)
+    return Check(
+        records=records,
+        predicted=predicted,
+        observed=np.sqrt(np.mean(errors**2, axis=0)),
+        spread=float(np.mean(whitened**2)),
+        spread_error=math.sqrt(2.0 / whitened.size),
+        false_alarms=float(np.mean(errors > THRESHOLD * predicted)),
+        found=float(np.mean(errors + FACTOR * predicted > THRESHOLD * predicted)),
+    )

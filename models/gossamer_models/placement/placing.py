@@ -1,0 +1,184 @@
+"""Choose sensors for a membrane, and compare them with those it has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+
+from ..arrays import Vector
+from ..errors import ParameterError
+from ..mesh_membrane import Sensor, Structure
+from .candidates import Gauges, candidates, stacked
+from .check import Check, check
+from .choice import choose
+from .information import deviations, information, smallest_damage
+from .simulation import Report, Simulation, quiet
+
+NOISE = 0.02 / math.sqrt(12.0)  # of the thesis: uniform from 0 to 0.02 of strain
+STEP, STOP = 3e-4, 0.3  # [s], as the twin compares them
+STILL = 1e-12  # change of strain [1] that is none
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placement:
+    """Sensors, and what they let be found.
+
+    Attributes
+    ----------
+    sensors : tuple of Sensor
+        Where they are.
+    deviation : ndarray, shape (zones,)
+        Standard deviation of each zone's damage [1] with all other zones, load, damping and offsets unknown.
+    check : Check or None
+        Fits to simulated records.
+    """
+
+    sensors: tuple[Sensor, ...]
+    deviation: Vector
+    check: Check | None = None
+
+    @property
+    def a90(self) -> Vector:
+        """Damage [1] of each zone that is detected in 90 % of cases at 5 % false alarms, shape (zones,)."""
+        return smallest_damage(self.deviation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placing:
+    """What ``place_sensors`` found.
+
+    Attributes
+    ----------
+    structure : Structure
+        The membrane.
+    own : Placement or None
+        Its own sensors.
+    chosen : Placement
+        Those chosen.
+    candidates : int
+        How many gauges there were to choose from.
+    noise : float
+        Standard deviation [1] of each sample.
+    simulations : int
+        Cases that were simulated.
+    """
+
+    structure: Structure
+    own: Placement | None
+    chosen: Placement
+    candidates: int
+    noise: float
+    simulations: int
+
+
+def place_sensors(
+    structure: Structure,
+    load: Mapping[str, float],
+    count: int = 4,
+    *,
+    noise: float = NOISE,
+    points: int = 64,
+    step: float = STEP,
+    stop: float = STOP,
+    gauge_length: float = 0.0,
+    records: int = 0,
+    report: Report = quiet,
+) -> Placing:
+    """Choose points and directions of sensors by what their histories tell about the damage of every zone.
+
+    Parameters
+    ----------
+    structure : Structure
+        The membrane, with zones; its own sensors are among the candidates.
+    load : mapping of str to float
+        Parameters and inputs that differ from their start values; the built-in pressure must act.
+    count : int
+        Sensors to choose.
+    noise : float
+        Standard deviation [1] of the white noise of each sample.
+    points : int
+        Most points among the candidates, four directions at each.
+    step, stop : float
+        Time between samples, and length of a record from the moment that the load sets in [s].
+    gauge_length : float
+        Of the candidates [m].
+    records : int
+        Records to check each placement with; 0 for none.
+    report : callable
+        Called with what is done, and how many of how many.
+
+    Returns
+    -------
+    Placing
+
+    Raises
+    ------
+    ParameterError
+        A number makes no sense, or nothing moves.
+    ConvergenceError
+        A simulation fails.
+
+    Notes
+    -----
+    All is linear about the undamaged membrane. The model is taken to be exact: what a finer mesh would add is left out.
+    """
+    samples = _samples(noise, step, stop)
+    simulation = Simulation(structure, load, step, samples)
+    spread = candidates(structure, points, gauge_length)
+    own = structure.setup.sensors
+    n_own, n_nodes = len(own), len(structure.mesh.nodes)
+    every = _joined(stacked(own, list(structure.gauges), n_nodes), spread)
+    healthy = np.zeros(len(simulation.low))
+    strain, J = simulation.derivatives(healthy, every, report)
+    if np.ptp(strain, axis=1).max() <= STILL:
+        msg = (
+            "no strain changes while it is recorded, so it tells nothing. Let the built-in pressure act, for instance "
+            "--set pressure_amplitude=100 --set pressure_frequency=5, on a setup with a load of kind 'pressure'."
+        )
+        raise ParameterError(msg)
+    I = information(J, noise)
+
+    def placement(which: list[int], name: str) -> Placement:
+        gauges = every.only(which)
+
+        def show(_: str, done: int, total: int) -> None:
+            report(f"fits, {name} sensors", done, total)
+
+        found = check(simulation, gauges, noise, records, report=show) if records else None
+        return Placement(
+            sensors=gauges.sensors, deviation=deviations(I[which].sum(axis=0), simulation.zones), check=found
+        )
+
+    kept = choose(I, simulation.zones, count)
+    return Placing(
+        structure=structure,
+        own=placement(list(range(n_own)), "own") if n_own else None,
+        chosen=placement(kept, "chosen"),
+        candidates=len(every.sensors),
+        noise=noise,
+        simulations=simulation.simulations,
+    )
+
+
+def _samples(noise: float, step: float, stop: float) -> int:
+    for name, value in (("noise", noise), ("step", step), ("stop", stop)):
+        if not 0.0 < value < math.inf:
+            msg = f"--{name} is {value:g}. Write a positive number."
+            raise ParameterError(msg)
+    samples = math.floor(stop / step * (1.0 + 1e-12))
+    if not 2 <= samples <= 1_000_000:
+        msg = f"a record of {stop:g} s at steps of {step:g} s has {samples} samples. Choose 2 to 1000000 of them."
+        raise ParameterError(msg)
+    return samples
+
+
+def _joined(first: Gauges, second: Gauges) -> Gauges:
+    if not first.sensors:
+        return second
+    lines = scipy.sparse.csr_array(scipy.sparse.vstack([first.lines, second.lines]))
+    means = scipy.sparse.csr_array(scipy.sparse.block_diag([first.means, second.means]))
+    return Gauges(first.sensors + second.sensors, lines, means)

@@ -1,0 +1,21 @@
+from gossamer_orchestrator import FmuError as FmuError
+from gossamer_orchestrator import OrchestratorError as OrchestratorError
+from gossamer_orchestrator import ResultsError as ResultsError
+from gossamer_orchestrator import ScenarioError as ScenarioError
+from gossamer_orchestrator import SimulationError as SimulationError
+
+from .chain import build as build
+from .chain import run as run
+from .chain import sweep as sweep
+from .chain import verify as verify
+from .chain import view as view
+from .learning import assess as assess
+from .learning import identify as identify
+from .learning import twin as twin
+from .results import Assessment as Assessment
+from .results import Identification as Identification
+from .results import Run as Run
+from .results import Sweep as Sweep
+from .results import TwinAnswer as TwinAnswer
+from .results import Verification as Verification
+from .work import load as load

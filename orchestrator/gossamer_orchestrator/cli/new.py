@@ -1,0 +1,34 @@
+"""``gossamer new``: a scenario to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import ScenarioError
+from .command import Result, note, show
+
+
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the scenario, or file to write; NAME.toml by default.")],
+) -> Result:
+    """Write a scenario of your own, with a comment on every table and key.
+
+    It runs as it is: a membrane that loses stiffness, noisy sensors that lose samples, estimators and the detector. Prints
+    its path. A file that is there is not overwritten.
+
+    For example:
+
+        gossamer new mine && gossamer build && gossamer run mine.toml
+    """
+    from ..scenario.shipped import write_new
+
+    path = Path(name) if name.endswith(".toml") else Path(f"{name}.toml")
+    if not path.stem.isidentifier():
+        msg = f"{path.stem!r} is no name of a scenario. Take letters, digits and _."
+        raise ScenarioError(msg)
+    show(write_new(path))
+    note(f"Build the FMUs with 'gossamer build', then run it with 'gossamer run {path}'.")
+    return Result({"file": path})

@@ -1,0 +1,163 @@
+r"""The shape of a membrane on a mesh, read from the resources of its FMU and from its serialized state.
+
+Symbols: ``N`` nodes, ``n`` faces, ``R`` regions, ``K`` sensors. An FMU that can be drawn holds two files: ``shape.npz``, the
+nodes, faces and what moves them, and ``state.json``, where variables and states lie among the bytes of a state.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import FmuError
+from .file import FmuFile
+
+logger = logging.getLogger(__name__)
+
+SHAPE, STATE = "shape.npz", "state.json"
+_KNOWN = {SHAPE: ("gossamer.shape", 1), STATE: ("gossamer.state", 1)}
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A membrane as faces, without its motion.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (N, 3)
+        Places without strain [m].
+    faces : ndarray of int, shape (n, 4)
+        Nodes of each face; the last of a triangle is -1.
+    element, region, zone : ndarray of int, shape (n,)
+        What each face belongs to, from 0; zone -1 where damage does not act.
+    poisson_ratio : ndarray, shape (R,)
+        Of the regions [1].
+    direction : ndarray, shape (R, 3)
+        Projected on the surface, the first axis of the eigenstrain.
+    sensor_points, sensor_directions : ndarray, shape (K, 3)
+        Where the sensors are [m], and along what they measure.
+    """
+
+    nodes: Array
+    faces: Integers
+    element: Integers
+    region: Integers
+    zone: Integers
+    poisson_ratio: Array
+    direction: Array
+    sensor_points: Array
+    sensor_directions: Array
+
+
+class Shape:
+    """How to read the shape of a membrane from the state of its FMU.
+
+    Parameters
+    ----------
+    files : dict
+        Arrays of ``shape.npz``.
+    layout : dict
+        Content of ``state.json``.
+
+    Attributes
+    ----------
+    surface : Surface
+        What does not change.
+    """
+
+    def __init__(self, files: dict[str, Any], layout: dict[str, int]) -> None:
+        self._files, self._layout = files, {name: int(layout[name]) for name in ("values", "n_values", "x", "n_x")}
+        integers = {name: files[name].astype(np.int64) for name in ("faces", "element", "region", "zone")}
+        floats = ("nodes", "poisson_ratio", "direction", "sensor_points", "sensor_directions")
+        self.surface = Surface(**integers, **{name: files[name].astype(float) for name in floats})
+        nodes, faces = self.surface.nodes, self.surface.faces
+        first, count = (int(value) for value in files["q"])
+        if (
+            nodes.ndim != 2
+            or nodes.shape[1] != 3
+            or count != nodes.size
+            or first < 0
+            or first + count > self._layout["n_x"]
+        ):
+            msg = "its nodes do not fit the states"
+            raise ValueError(msg)
+        if (
+            faces.ndim != 2
+            or faces.shape[1] != 4
+            or faces.max(initial=0) >= len(nodes)
+            or faces[:, :3].min(initial=0) < 0
+        ):
+            msg = "its faces name nodes that it lacks"
+            raise ValueError(msg)
+
+    def read(self, state: bytes) -> tuple[Array, Array]:
+        """Return the places of the nodes, shape (N, 3) [m], and the eigenstrain of the regions, shape (R, 3) [1].
+
+        Parameters
+        ----------
+        state : bytes
+            A serialized state of the FMU.
+
+        Notes
+        -----
+        The eigenstrain is what the material strains beyond the geometry, by prestress and cooling: along the first axis,
+        across, and shear.
+
+        Raises
+        ------
+        FmuError
+            The state is shorter than the FMU says.
+        """
+        values, x = self._doubles(state, "values", "n_values"), self._doubles(state, "x", "n_x")
+        files, (first, count) = self._files, self._files["q"]
+        nodes = self.surface.nodes + x[first : first + count].reshape(-1, 3)
+        for way, by in zip(files["ways"], files["moved_by"], strict=True):
+            nodes += (values[by] if by >= 0 else 1.0) * way
+        E, nu, S = values[files["youngs_modulus"]], self.surface.poisson_ratio, files["prestress"]
+        warm = np.where(files["temperature"] >= 0, files["thermal_expansion"] * values[files["temperature"]], 0.0)
+        along, across = ((S[:, a] - nu * S[:, 1 - a]) / E - warm for a in range(2))
+        return nodes, np.column_stack([along, across, (1.0 + nu) * S[:, 2] / E])
+
+    def _doubles(self, state: bytes, place: str, count: str) -> Array:
+        begin, size = self._layout[place], self._layout[count]
+        if len(state) < begin + 8 * size:
+            msg = (
+                f"the state of the FMU is {len(state)} bytes, too short for the {size} numbers at byte {begin} that its "
+                f"{STATE} names. Build it again, or write frames = 0 under [record]."
+            )
+            raise FmuError(msg)
+        return np.frombuffer(state, np.float64, size, begin)
+
+
+def read_shape(file: FmuFile) -> Shape | None:
+    """Read the shape of an FMU; None if it has none, or its state cannot be serialized; a warning if it cannot be read."""
+    folder = file.folder() / "resources"
+    if not ((folder / SHAPE).is_file() and (folder / STATE).is_file() and file.interface.canSerializeFMUstate):
+        return None
+    try:
+        return _read(folder)
+    except (OSError, ValueError, KeyError, TypeError, IndexError, BadZipFile) as error:
+        logger.warning("%s: its shape cannot be read, so none is recorded: %s", file.path, error)
+        return None
+
+
+def _read(folder: Path) -> Shape | None:
+    layout = json.loads((folder / STATE).read_text(encoding="utf-8"))
+    with np.load(folder / SHAPE, allow_pickle=False) as opened:
+        files = dict(opened)
+    cards = {SHAPE: json.loads(str(files.pop("card"))), STATE: layout}
+    for name, card in cards.items():
+        if (found := (card["schema"], card["version"])) != _KNOWN[name]:
+            msg = f"{name} is {found[0]!r} version {found[1]}, not {_KNOWN[name][0]!r} version {_KNOWN[name][1]}"
+            raise ValueError(msg)
+    return Shape(files, layout)

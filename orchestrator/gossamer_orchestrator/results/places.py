@@ -1,0 +1,96 @@
+"""Where on the membrane the recorded values belong: zones, nodes and sensors as coordinates of a dataset.
+
+Symbols: ``x``, ``y`` from the corner of the stretched square at the origin [m]; a row of zones runs along x, row 1 at y = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from .plots.axes import side
+from .report.membrane import SENSORS
+from .roles import find_all
+
+BY_ZONE = {"membrane": ("damage",), "detector": ("damage", "deviation", "probability", "index")}
+
+
+def with_places(data: xr.Dataset) -> xr.Dataset:
+    """Give results the places of zones, sensors and nodes.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Results, as ``load_results`` gives them, or those of a sweep, with a dimension ``case``.
+
+    Returns
+    -------
+    xarray.Dataset
+        The same values. What the membrane and the detectors give by zone has a dimension ``zone``, from 1, with coordinates
+        ``row``, ``column`` and the centre ``zone_x``, ``zone_y``; the membrane's strain a dimension ``sensor`` with
+        ``sensor_x``, ``sensor_y``; its deflection ``w`` the dimensions ``x`` and ``y``. What was recorded of some places
+        only keeps its own dimensions, and so does a second membrane. Places are in parts of the side, of unit 1, where the
+        results do not say how long it is.
+    """
+    membrane = next(iter(find_all(data, "membrane")), "")
+    zones = [f"{name}.{v}" for role, names in BY_ZONE.items() for name in find_all(data, role) for v in names]
+    of_zones = [name for name in zones if name in data and len(_places(data[name])) == 1]
+    count = max((data[name].shape[-1] for name in of_zones), default=0)
+    width, (length, unit) = math.isqrt(count), side(data)
+    metres = {"units": unit if unit == "m" else "1"}
+    changed: dict[str, xr.Variable] = {}
+    coordinates: dict[str, Any] = {}
+    for name in of_zones:
+        if width**2 == count and _is_whole(data[name], count):
+            changed[name] = _renamed(data[name], "zone")
+    if changed:
+        coordinates |= zone_places(width, length, metres)
+        coordinates["zone"] = ("zone", np.arange(1, count + 1), {"long_name": "zone"})
+    strain = f"{membrane}.strain"
+    if strain in data and len(_places(data[strain])) == 1 and _is_whole(data[strain], len(SENSORS)):
+        changed[strain] = _renamed(data[strain], "sensor")
+        coordinates["sensor"] = ("sensor", np.arange(1, len(SENSORS) + 1), {"long_name": "sensor"})
+        for axis, values in zip("xy", zip(*SENSORS, strict=True), strict=True):
+            described = metres | {"long_name": f"{axis} of the sensor"}
+            coordinates[f"sensor_{axis}"] = ("sensor", length / 3.0 * np.array(values), described)
+    heights = f"{membrane}.w"
+    if heights in data and len(_places(data[heights])) == 2 and _is_whole(data[heights]):
+        changed[heights] = _renamed(data[heights], "x", "y")
+        for axis, nodes in zip("xy", data[heights].shape[-2:], strict=True):
+            described = metres | {"long_name": f"{axis} of the node"}
+            coordinates[axis] = (axis, length * np.arange(1, nodes + 1) / (nodes + 1), described)
+    unused = {dim for name in changed for dim in _places(data[name])}
+    unused -= {dim for name in data.data_vars if name not in changed for dim in data[name].dims}
+    rest = data.drop_vars([*changed, *(dim for dim in unused if dim in data.coords)])
+    return rest.assign(changed).assign_coords(coordinates)[list(data.data_vars)]
+
+
+def zone_places(width: int, length: float, units: dict[str, str]) -> dict[str, Any]:
+    """Return row, column and centre of the zones of a square with ``width`` zones along a side, for a dimension ``zone``."""
+    row, column = np.divmod(np.arange(width**2), width)
+    return {
+        "row": ("zone", row + 1, {"long_name": "row of the zone, 1 at y = 0"}),
+        "column": ("zone", column + 1, {"long_name": "column of the zone, 1 at x = 0"}),
+        "zone_x": ("zone", length * (column + 0.5) / width, units | {"long_name": "x of the centre of the zone"}),
+        "zone_y": ("zone", length * (row + 0.5) / width, units | {"long_name": "y of the centre of the zone"}),
+    }
+
+
+def _places(array: xr.DataArray) -> tuple[Hashable, ...]:
+    return tuple(dim for dim in array.dims if dim not in ("case", "time"))
+
+
+def _is_whole(array: xr.DataArray, count: int | None = None) -> bool:
+    """Tell whether all places, from 1, were recorded: ``count`` of them, where it is known."""
+    labels = [array[dim].to_numpy() for dim in _places(array)]
+    return all(np.array_equal(each, np.arange(1, len(each) + 1)) and count in (None, len(each)) for each in labels)
+
+
+def _renamed(array: xr.DataArray, *dims: str) -> xr.Variable:
+    variable = array.variable.copy(deep=False)  # values on the disk stay there
+    variable.dims = (*(dim for dim in array.dims if dim not in _places(array)), *dims)
+    return variable

@@ -1,0 +1,98 @@
+"""A membrane on a mesh as triangles, its zones and its sensors, at the instants of the slider.
+
+Symbols: ``N`` nodes, ``n`` faces, ``T`` triangles, ``F`` instants.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...fmi.shape import Array, Integers, Surface
+from ..shapes import ShapeHistory
+from ..surface import face_strains
+
+SEEN = 0.1  # of its size: how far a membrane that moves less is drawn
+
+
+def surface_content(history: ShapeHistory, shown: NDArray[np.intp]) -> dict[str, Any]:
+    """Return a membrane and its motion.
+
+    Parameters
+    ----------
+    history : ShapeHistory
+        Its shapes.
+    shown : numpy.ndarray, shape (F,)
+        Which of them.
+
+    Returns
+    -------
+    dict
+        ``places`` (F, 3 N) [m], moved by ``factor`` times their displacement; ``deflection`` (F, N), its size [m];
+        ``triangles`` (T, 3) and ``face``, the face of each; ``zone`` of each face, -1 for none, and how many ``zones``;
+        ``strain`` and ``mark`` (F, n) as ``face_strains``; ``borders``, for each zone the nodes of its edge in pairs,
+        the last those of the whole membrane; ``labels``, a node in the middle of each zone; ``sensors``, the node
+        beside each and ``offsets`` from it.
+    """
+    surface, nodes = history.surface, history.surface.nodes
+    away = history.places[shown] - nodes
+    deflection = np.linalg.norm(away, axis=2)
+    found = [face_strains(surface, history.places[k], history.eigenstrain[k]) for k in shown]
+    factor = _factor(float(deflection.max()), float(np.ptp(nodes, axis=0).max()))
+    triangles, face = _triangles(surface)
+    zones = int(surface.zone.max(initial=-1)) + 1
+    beside = [int(np.argmin(np.linalg.norm(nodes - point, axis=1))) for point in surface.sensor_points]
+    return {
+        "places": (nodes + factor * away).reshape(len(shown), -1),
+        "factor": factor,
+        "deflection": deflection,
+        "triangles": triangles,
+        "face": face,
+        "zone": surface.zone,
+        "zones": zones,
+        "strain": np.stack([each.largest for each in found]),
+        "mark": np.stack([each.mark for each in found]).astype(float),
+        "borders": [_border(surface.faces[some]) for some in [*(surface.zone == z for z in range(zones)), slice(None)]],
+        "labels": [_middle(surface, z) for z in range(zones)],
+        "sensors": beside,
+        "offsets": (surface.sensor_points - nodes[beside]).tolist(),
+    }
+
+
+def _factor(most: float, size: float) -> float:
+    """Return 1, or a round number that lets a small motion be seen."""
+    if most <= 0.0 or most >= SEEN / 2.0 * size:
+        return 1.0
+    wanted = SEEN * size / most
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))
+
+
+def _triangles(surface: Surface) -> tuple[Integers, Integers]:
+    faces, number = surface.faces, np.arange(len(surface.faces))
+    quad = faces[:, 3] >= 0
+    return np.concatenate([faces[:, :3], faces[quad][:, [0, 2, 3]]]), np.concatenate([number, number[quad]])
+
+
+def _border(faces: Integers) -> list[int]:
+    """Return the sides that belong to one of some faces only, as pairs of nodes."""
+    quad = faces[:, 3] >= 0
+    rings = [(faces[quad], (0, 1, 2, 3)), (faces[~quad], (0, 1, 2))]
+    sides = np.concatenate(
+        [ring[:, [a, b]] for ring, order in rings for a, b in zip(order, (*order[1:], 0), strict=True)]
+    )
+    _, first, count = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
+    pairs: list[int] = sides[first[count == 1]].ravel().tolist()
+    return pairs
+
+
+def _middle(surface: Surface, zone: int) -> int:
+    """Return the node of a zone nearest to its middle; -1 if it has no faces."""
+    some = surface.faces[surface.zone == zone]
+    if not len(some):
+        return -1
+    members = np.unique(some[some >= 0])
+    places: Array = surface.nodes[members]
+    return int(members[np.argmin(np.linalg.norm(places - places.mean(axis=0), axis=1))])

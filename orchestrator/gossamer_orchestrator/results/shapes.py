@@ -1,0 +1,170 @@
+"""The shapes of the membranes of a run on disk: ``shapes.nc``, netCDF 3, beside ``results.nc``.
+
+For each membrane on a mesh, ``NAME.shape`` over time, node and axis holds the places of the nodes [m] at some instants, and
+``NAME.eigenstrain`` the strain beyond the geometry. ``NAME.nodes``, ``NAME.faces`` and so on are its ``Surface``. As with
+``results.nc``, ``unfinished_shapes.nc`` takes the place of ``shapes.nc`` while a run goes on, and is whole at any time.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import ResultsError, writing
+from ..fmi.shape import Array, Surface
+from .files import UNFINISHED_NETCDF, has_rows
+from .netcdf import GrowingFile, Layout
+
+SHAPES, UNFINISHED_SHAPES = "shapes.nc", "unfinished_shapes.nc"
+SCHEMA, VERSION = "gossamer.shapes", 1
+_DIMS = {  # of what a surface holds, besides its name
+    "nodes": ("node", "axis"),
+    "faces": ("face", "corner"),
+    "element": ("face",),
+    "region": ("face",),
+    "zone": ("face",),
+    "poisson_ratio": ("region",),
+    "direction": ("region", "axis"),
+    "sensor_points": ("sensor", "axis"),
+    "sensor_directions": ("sensor", "axis"),
+}
+_SHARED = {"axis": 3, "corner": 4}
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeHistory:
+    """The shapes of one membrane.
+
+    Attributes
+    ----------
+    surface : Surface
+        What does not change.
+    time : ndarray, shape (frames,)
+        Instants [s].
+    places : ndarray, shape (frames, N, 3)
+        Places of the nodes [m].
+    eigenstrain : ndarray, shape (frames, R, 3)
+        Strain of the regions beyond the geometry [1]: along the first axis, across, shear.
+    """
+
+    surface: Surface
+    time: Array
+    places: Array
+    eigenstrain: Array
+
+
+Frame = Mapping[str, tuple[Array, Array]]
+
+
+def pack_frame(time: float, frame: Frame) -> Array:
+    """Return an instant as a row of the file."""
+    return np.concatenate([[time], *[part.ravel() for pair in frame.values() for part in pair]])
+
+
+def create_shapes(path: Path, surfaces: Mapping[str, Surface], time: float, frame: Frame) -> GrowingFile:
+    """Start a file with its first instant; raise ``ResultsError`` if the disk does not take it."""
+    from scipy.io import netcdf_file
+
+    with writing(path, ResultsError), netcdf_file(path, "w", version=2) as file:
+        file.schema, file.version_of_schema = SCHEMA, VERSION
+        file.createDimension("time", None)
+        for name, size in _SHARED.items():
+            file.createDimension(name, size)
+        for name, surface in surfaces.items():
+            sizes = {"node": len(surface.nodes), "face": len(surface.faces), "region": len(surface.poisson_ratio)}
+            sizes["sensor"] = len(surface.sensor_points)
+            for dim, size in sizes.items():
+                if size:  # 0 would be unlimited
+                    file.createDimension(f"{name}_{dim}", size)
+            for what, dims in _DIMS.items():
+                values = getattr(surface, what)
+                if values.size:
+                    named = tuple(dim if dim in _SHARED else f"{name}_{dim}" for dim in dims)
+                    file.createVariable(f"{name}.{what}", "i4" if values.dtype.kind == "i" else "f8", named)[:] = values
+        file.createVariable("time", "f8", ("time",))[0] = time
+        file.variables["time"].units = "s"
+        for name, (places, eigenstrain) in frame.items():
+            shape = file.createVariable(f"{name}.shape", "f8", ("time", f"{name}_node", "axis"))
+            shape[0], shape.units = places, "m"
+            strain = file.createVariable(f"{name}.eigenstrain", "f8", ("time", f"{name}_region", "axis"))
+            strain[0], strain.units = eigenstrain, "1"
+    return GrowingFile(path, _layout(path, pack_frame(time, frame).size))
+
+
+def reopen_shapes(path: Path, width: int, count: int) -> GrowingFile:
+    """Continue a file whose instants are so many numbers, after so many of them; raise ``ResultsError`` if it has fewer."""
+    file = GrowingFile(path, _layout(path, width))
+    if file.count < count:
+        file.close()
+        msg = f"{path} does not fit the state to resume from. Run it from its start, without --resume."
+        raise ResultsError(msg)
+    file.cut(count)
+    return file
+
+
+def _layout(path: Path, width: int) -> Layout:
+    """Find the first record: all that a file holds behind its header are records."""
+    with writing(path, ResultsError), path.open("rb") as file:
+        count = int.from_bytes(file.read(8)[4:], "big")
+    begin = os.path.getsize(path) - 8 * width * max(count, 1)  # noqa: PTH202
+    return Layout(begin, width, list(range(width)), {})
+
+
+def settle_shapes(folder: Path, *, kept: bool) -> None:
+    """Give the shapes of a run that has ended their name, or remove those of an earlier one."""
+    with writing(folder / SHAPES, ResultsError):
+        if kept and (folder / UNFINISHED_SHAPES).is_file():
+            (folder / UNFINISHED_SHAPES).replace(folder / SHAPES)
+            return
+        (folder / UNFINISHED_SHAPES).unlink(missing_ok=True)
+        if kept:
+            (folder / SHAPES).unlink(missing_ok=True)
+
+
+def load_shapes(results: Path) -> dict[str, ShapeHistory]:
+    """Read the shapes beside results, by the names of the membranes; none if there are none.
+
+    Parameters
+    ----------
+    results : Path
+        Folder of a run, or one of its files.
+
+    Raises
+    ------
+    ResultsError
+        The file cannot be read, or another program wrote it.
+    """
+    folder = results if results.is_dir() else results.parent
+    unfinished = folder / UNFINISHED_NETCDF
+    last = UNFINISHED_SHAPES if unfinished.is_file() and has_rows(unfinished) else SHAPES
+    path = folder / last
+    if not path.is_file():
+        return {}
+    from scipy.io import netcdf_file
+
+    try:
+        with netcdf_file(path, "r", mmap=False) as file:
+            known = (getattr(file, "schema", b""), int(getattr(file, "version_of_schema", 0)))
+            arrays = {
+                name: np.array(variable.data, variable.data.dtype.newbyteorder("="))
+                for name, variable in file.variables.items()
+            }
+    except (OSError, ValueError, TypeError, IndexError) as error:
+        msg = f"cannot read shapes from {path}: {error}. Run the scenario again."
+        raise ResultsError(msg) from error
+    if known != (SCHEMA.encode(), VERSION):
+        msg = f"{path} is no file of shapes, version {VERSION}, of this program. Run the scenario again."
+        raise ResultsError(msg)
+    names = [name.removesuffix(".shape") for name in arrays if name.endswith(".shape")]
+    return {name: _history(arrays, name) for name in names}
+
+
+def _history(arrays: Mapping[str, Any], name: str) -> ShapeHistory:
+    empty = np.zeros((0, 3))
+    surface = Surface(**{field.name: arrays.get(f"{name}.{field.name}", empty) for field in fields(Surface)})
+    return ShapeHistory(surface, arrays["time"], arrays[f"{name}.shape"], arrays[f"{name}.eigenstrain"])

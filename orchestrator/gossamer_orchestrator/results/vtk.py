@@ -1,0 +1,130 @@
+"""Results for ParaView: of each membrane a file ``NAME.pvd`` that names one ``NAME_0000.vtu`` for each instant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import xarray as xr
+from gossamer_files import replacing
+from numpy.typing import NDArray
+
+from ..errors import ResultsError, writing
+from ..fmi.shape import Array, Surface
+from .files import make_folder
+from .judgements import windows
+from .roles import find_all
+from .shapes import ShapeHistory
+from .square import square_history
+from .surface import face_strains
+
+
+def export_vtk(data: xr.Dataset, shapes: Mapping[str, ShapeHistory], folder: Path, frames: int = 60) -> list[Path]:
+    """Write the shapes of all membranes of a run.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Results.
+    shapes : mapping of str to ShapeHistory
+        As ``load_shapes`` reads them; square membranes are drawn from their deflections ``w``.
+    folder : Path
+        Where to write; made if needed.
+    frames : int
+        Instants of square membranes, at most.
+
+    Returns
+    -------
+    list of Path
+        The ``.pvd`` files.
+
+    Raises
+    ------
+    ResultsError
+        There is no membrane to draw, meshio is not installed, or the folder cannot be written.
+    """
+    histories = dict(shapes)
+    rows = np.unique(np.linspace(0, data.sizes["time"] - 1, max(frames, 1)).round().astype(int))
+    for name in find_all(data, "membrane"):
+        if name not in histories and f"{name}.w" in data:
+            histories[name] = square_history(data, name, rows)
+    if not histories:
+        msg = (
+            "no membrane can be drawn: the run recorded no shapes of one on a mesh ([record] frames), and no deflections "
+            "'membrane.w' of a square one. Record them and run it again."
+        )
+        raise ResultsError(msg)
+    try:
+        import meshio  # noqa: F401
+    except ModuleNotFoundError:
+        msg = (
+            "files for ParaView need meshio, which is not installed. Install it with 'pip install \"gossamer[mesh]\"'."
+        )
+        raise ResultsError(msg) from None
+    make_folder(folder)
+    return [_write(data, name, history, folder) for name, history in histories.items()]
+
+
+def _write(data: xr.Dataset, name: str, history: ShapeHistory, folder: Path) -> Path:
+    path = folder / f"{name}.pvd"
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
+    collection = ElementTree.SubElement(root, "Collection")
+    for old in folder.glob(f"{name}_*.vtu"):  # of an earlier export, which may have had more
+        old.unlink()
+    for k, time in enumerate(history.time):
+        file = folder / f"{name}_{k:04d}.vtu"
+        with writing(file, ResultsError), replacing(file) as new:
+            _mesh(data, name, history, k).write(new, file_format="vtu")
+        ElementTree.SubElement(collection, "DataSet", timestep=repr(float(time)), part="0", file=file.name)
+    with writing(path, ResultsError), replacing(path) as new:
+        ElementTree.ElementTree(root).write(new, encoding="utf-8", xml_declaration=True)
+    return path
+
+
+def _mesh(data: xr.Dataset, name: str, history: ShapeHistory, k: int):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    """Return an instant as meshio has it."""
+    import meshio
+
+    surface, places = history.surface, history.places[k]
+    strains = face_strains(surface, places, history.eigenstrain[k])
+    of_faces: dict[str, NDArray[Any]] = {
+        "zone": surface.zone + 1,
+        "region": surface.region + 1,
+        "element": surface.element + 1,
+        "largest_strain": strains.largest,
+        "wrinkle": strains.mark,
+    }
+    of_faces |= {what: _on_faces(surface, values) for what, values in _damages(data, name, float(history.time[k]))}
+    triangle = surface.faces[:, 3] < 0
+    blocks = [("quad", ~triangle, 4), ("triangle", triangle, 3)]
+    return meshio.Mesh(
+        places,
+        [(kind, surface.faces[some, :corners]) for kind, some, corners in blocks if some.any()],
+        point_data={"displacement": places - surface.nodes},
+        cell_data={what: [values[some] for _, some, _ in blocks if some.any()] for what, values in of_faces.items()},
+    )
+
+
+def _on_faces(surface: Surface, values: Array) -> Array:
+    """Spread values of the zones over the faces; not a number where no zone is, or none of that number."""
+    return np.append(values, np.nan)[np.where(surface.zone < len(values), surface.zone, -1)]
+
+
+def _damages(data: xr.Dataset, membrane: str, time: float) -> Iterator[tuple[str, Array]]:
+    """Give the true damage of the zones at a time, and that of the last valid judgement before it, as far as recorded."""
+    if f"{membrane}.damage" in data:
+        row = int(np.searchsorted(data["time"].to_numpy(), time * (1.0 + 1e-12) + 1e-12, side="right")) - 1
+        yield "true_damage", data[f"{membrane}.damage"].isel(time=max(row, 0)).to_numpy().ravel()
+    if membrane != next(iter(find_all(data, "membrane")), None):
+        return
+    try:
+        ended = windows(data)
+    except ResultsError:
+        return
+    valid = [window for window in ended if window.valid and window.time <= time + 1e-12]
+    if ended:
+        estimated = valid[-1].estimated if valid else np.full_like(ended[0].estimated, np.nan)
+        yield "estimated_damage", estimated

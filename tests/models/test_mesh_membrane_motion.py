@@ -1,0 +1,189 @@
+"""Motion of membranes from a mesh: frequencies in closed form, the square of the thesis, scaled inertia, limits."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from gossamer_models import Stepper
+from gossamer_models.membrane import membrane_model
+from gossamer_models.mesh_membrane import Load, Region, Sensor, Setup, Support, Zone, make_structure, surface_mesh
+from gossamer_models.mesh_membrane.equations import MeshForces, rows
+from oracles.meshes import disc, meshed, rectangle, started
+from scipy.special import jn_zeros
+
+SIDE, MOVED = 0.588, 0.006
+
+
+@pytest.mark.parametrize(("n", "order"), [(8, 1), (4, 4)])
+def test_the_square_of_the_thesis_as_a_mesh_is_the_membrane_of_the_thesis(n, order):
+    zones = {
+        f"zone{4 * j + i + 1}": (
+            lambda x, y, z, i=i, j=j: (np.floor(4.0 * x / SIDE) == i) & (np.floor(4.0 * y / SIDE) == j)
+        )
+        for j in range(4)
+        for i in range(4)
+    }
+    rim = {"rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > SIDE - 1e-9)}
+    file = meshed([rectangle(SIDE, SIDE)], n, faces=zones, edges=rim)
+    stretch = 1.0 + 2.0 * MOVED / SIDE
+    _, mesh, _ = started(
+        file,
+        order=order,
+        mass_damping=20.0,
+        regions=(Region(youngs_modulus=1e7, poisson_ratio=0.33, density=1100.0, thickness=1e-3),),
+        supports=(Support(group="rim", stretch=(stretch, stretch, 1.0), centre=(SIDE / 2, SIDE / 2, 0.0)),),
+        zones=tuple(Zone(group=name) for name in zones),
+        sensors=tuple(
+            Sensor(point=(SIDE * a / 3, SIDE * b / 3, 0.0), direction=(0.0, 1.0, 0.0)) for b in (1, 2) for a in (1, 2)
+        ),
+    )
+    square = Stepper(membrane_model(n, order))
+    mesh.reset()
+    for model in (mesh, square):
+        model.set("pressure_amplitude", 1e4)
+        model.set("damage[6]", 0.3)
+        model.initialize()
+    for _ in range(1500):
+        for model in (mesh, square):
+            model.step(5e-5)  # one internal step of both, whose limits differ
+        for k in range(4):
+            assert mesh.get(f"strain[{k + 1}]") == pytest.approx(square.get(f"strain[{k + 1}]"), abs=1e-12)
+    assert square.get("strain[1]") > 0.03
+
+
+def triangle(n, kind):
+    """Mesh an equilateral triangle of unit side as three quadrilateral patches around its middle."""
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(3.0) / 2.0]])
+    middle = corners.mean(axis=0)
+
+    def patch(k):
+        points = corners[k], (corners[k] + corners[(k + 1) % 3]) / 2.0, middle, (corners[k] + corners[k - 1]) / 2.0
+
+        def place(s, t):
+            shares = (1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t
+            x, y = sum(share[None] * point[:, None, None] for share, point in zip(shares, points, strict=True))
+            return x, y, 0.0 * s
+
+        return place
+
+    def on_rim(x, y, z):
+        return (y < 1e-9) | (np.sqrt(3.0) * x - y < 1e-9) | (np.sqrt(3.0) * (1.0 - x) - y < 1e-9)
+
+    return meshed([patch(k) for k in range(3)], n, edges={"rim": on_rim}, kind=kind)
+
+
+def frequencies(file, order):
+    """Return the lowest angular frequencies of transverse motion over the wave speed, from the linearised forces."""
+    stress, modulus, nu, density, h = 1e6, 3e9, 0.3, 1400.0, 2e-5
+    film = Region(
+        youngs_modulus=modulus, poisson_ratio=nu, density=density, thickness=h, prestress=(stress, stress, 0.0)
+    )
+    structure = make_structure(
+        Setup(order=order, regions=(film,), supports=(Support(group="rim"),)), surface_mesh(file, order)
+    )
+    x, one = ca.MX.sym("x", structure.free.size), ca.MX.ones(1)
+    strain = 2.0 * stress * (1.0 - nu) / modulus * one
+    assert rows(structure.setup) == ("D", "pressure", "along", "across", "shear")
+    shared = ca.vertcat(modulus * h / (1.0 - nu**2) * one, 0.0, strain, strain, 0.0)
+    tangent = ca.Function("tangent", [x], [ca.jacobian(MeshForces(structure).forces(x, shared).f, x)])
+    free = np.flatnonzero(structure.free.reshape(-1, 3)[:, 2])
+    K = -tangent(structure.mesh.nodes.ravel()).sparse().toarray()[np.ix_(3 * free + 2, 3 * free + 2)]
+    root = np.sqrt(structure.mass[free])
+    return np.sqrt(np.linalg.eigvalsh(K / root[:, None] / root)[:3] * density / stress)
+
+
+@pytest.mark.parametrize(
+    ("kind", "order", "sizes", "rate"), [("quad", 1, (4, 8), 2), ("triangle", 1, (4, 8), 2), ("quad9", 4, (1, 2), 4)]
+)
+def test_a_disc_has_the_frequencies_of_bessel_functions(kind, order, sizes, rate):
+    exact = np.concatenate([jn_zeros(0, 1), np.repeat(jn_zeros(1, 1), 2)]) / 0.5
+    rim = {"rim": lambda x, y, z: np.hypot(x, y) > 0.5 - 1e-9}
+    errors = [np.abs(frequencies(meshed(disc(0.5), n, edges=rim, kind=kind), order) / exact - 1.0) for n in sizes]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(np.full(3, rate), abs=0.12)
+    assert errors[1].max() < 4e-3
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle"])
+def test_an_equilateral_triangle_has_the_frequencies_of_lame(kind):
+    exact = 4.0 * np.pi / 3.0 * np.sqrt([3.0, 7.0, 7.0])  # m^2 + m n + n^2
+    errors = [np.abs(frequencies(triangle(n, kind), 1) / exact - 1.0) for n in (4, 8)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(np.full(3, 2.0), abs=0.2)
+
+
+def test_an_equilateral_triangle_of_order_6_has_the_frequencies_of_lame():
+    exact = 4.0 * np.pi / 3.0 * np.sqrt([3.0, 7.0, 7.0])
+    assert frequencies(triangle(1, "quad"), 6) == pytest.approx(exact, rel=1e-4)
+
+
+def test_scaled_inertia_along_the_surface_takes_a_tenth_of_the_steps_and_keeps_transverse_motion():
+    """A sail of 10 m, 2.5 um and 7 kPa for one period of its first frequency, after light falls on it; factor 100."""
+    side, stress = 10.0, 7e3
+    rim = {"rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > side - 1e-9)}
+    file = meshed([rectangle(side, side)], 8, edges=rim)
+    film = Region(
+        youngs_modulus=2.5e9, poisson_ratio=0.34, density=1400.0, thickness=2.5e-6, prestress=(stress, stress, 0.0)
+    )
+    histories, steps = [], []
+    for factor in (1.0, 100.0):
+        structure, model, _ = started(file, inplane_mass=factor, regions=(film,), supports=(Support(group="rim"),))
+        middle = int(np.argmin(np.abs(structure.mesh.nodes - [side / 2, side / 2, 0.0]).sum(axis=1)))
+        model.set("pressure", 1e-5)
+        history = []
+        for _ in range(64):
+            model.step(0.1)
+            history.append(model.x[3 * middle + 2])
+        histories.append(np.array(history))
+        steps.append(model.get("max_step"))
+    assert np.ptp(histories[0]) > 5e-3
+    assert steps[1] > 9.0 * steps[0]
+    assert np.linalg.norm(histories[1] - histories[0]) < 1.5e-3 * np.linalg.norm(histories[0])
+
+
+WARNING = "The run goes on; this is logged once."
+
+
+def test_a_membrane_that_starts_beyond_its_validity_says_so_once():
+    """A micrometre of film at 10 kPa, found by initialization; a moved edge; a slack corner."""
+    rim = {"rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > 1.0 - 1e-9)}
+    file = meshed([rectangle(1.0, 1.0)], 4, edges=rim)
+
+    def warnings(thickness=1e-3, pressure=0.0, stretch=1.0):
+        said = []
+        film = Region(youngs_modulus=1e7, poisson_ratio=0.3, density=1e3, thickness=thickness)
+        _, model, _ = started(
+            file,
+            said.append,
+            mass_damping=20.0,
+            regions=(film,),
+            supports=(Support(group="rim", stretch=(stretch, stretch, 1.0)),),
+            loads=(Load(name="pressure", start=pressure),),
+        )
+        before = list(said)
+        model.step(1e-5)
+        assert said == before
+        assert all(text.endswith(WARNING) for text in said)
+        return [text.split("'")[1] for text in said]
+
+    assert warnings(stretch=1.02) == []
+    assert warnings(stretch=0.9) == ["compressed_share"]
+    assert warnings(stretch=1.7) == ["largest_strain"]
+    assert warnings(stretch=10.0) == ["largest_strain", "displacement_ratio"]
+    assert warnings(thickness=1e-6, pressure=1e4) == ["largest_strain", "displacement_ratio"]
+
+
+def test_the_square_membrane_says_so_too():
+    """It starts from the stretched plane, so what pressure does to a micrometre of film shows while it moves."""
+    said = []
+    square = Stepper(membrane_model(4, 1), edge_displacement=1000.0)
+    square.warn = said.append
+    square.initialize()
+    assert [text.split("'")[1] for text in said] == ["largest_strain"]
+    said.clear()
+    square.reset()
+    square.set("thickness", 1e-6)
+    square.set("edge_displacement", 0.006)
+    square.set("pressure", 1e4)
+    square.initialize()
+    assert said == []
+    for _ in range(10):
+        square.step(1e-4)
+    assert [text.split("'")[1] for text in said] == ["largest_strain", "deflection_ratio"]

@@ -1,0 +1,219 @@
+"""Statics of membranes from a mesh, found by initialization, against closed forms, series and published values."""
+
+import numpy as np
+import pytest
+from gossamer_models.mesh_membrane import Edge, Gas, Load, Region, Sensor, Support, surface_mesh
+from gossamer_models.mesh_membrane.gauges import gauge
+from oracles.meshes import ball, disc, meshed, rectangle, started, tube
+from scipy.optimize import brentq, fsolve
+
+E, NU, H = 1e7, 0.3, 1e-3
+FILM = Region(youngs_modulus=E, poisson_ratio=NU, density=1000.0, thickness=H)
+SIDES = {
+    "left": lambda x, y, z: x < 1e-9,
+    "right": lambda x, y, z: x > 1.0 - 1e-9,
+    "bottom": lambda x, y, z: y < 1e-9,
+    "top": lambda x, y, z: y > 1.0 - 1e-9,
+    "rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > 1.0 - 1e-9),
+}
+RIM = (Support(group="rim"),)
+
+
+def square(n, kind="quad", **groups):
+    return meshed([rectangle(1.0, 1.0)], n, edges=SIDES, kind=kind, **groups)
+
+
+def test_point_loads_on_a_prestressed_square_bend_it_as_in_kratos():
+    """KratosMultiphysics, StructuralMechanicsApplication, test of a prestressed membrane under point loads."""
+    file = meshed(
+        [rectangle(4.0, 4.0)],
+        10,
+        points={
+            "rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > 4.0 - 1e-9),
+            "all": lambda x, y, z: x < 9.0,
+        },
+    )
+    film = Region(youngs_modulus=100.0, poisson_ratio=0.3, density=1.0, thickness=1.0, prestress=(100.0, 100.0, 0.0))
+    force = Load(name="force", kind="force", groups=("all",), direction=(0.0, 0.0, -1.0), start=80.0)
+    structure, _, q = started(file, regions=(film,), supports=RIM, loads=(force,))
+    for x, expected in ((2.0, -2.6369332), (1.6, -2.5046271)):
+        node = np.argmin(np.hypot(structure.mesh.nodes[:, 0] - x, structure.mesh.nodes[:, 1] - 2.0))
+        assert q[node, 2] == pytest.approx(expected, abs=1e-7)
+
+
+def hencky(load, poisson_ratio):
+    """Return the deflection over the radius of a disc under p a/(E h): H. Hencky, Zeitschrift fuer Mathematik und Physik 63,
+    311-317, 1915, for small slopes. The radial force over E h is the series of b_n r^2n, r from 0 to 1."""
+
+    def series(b0):
+        b, inverse = [b0], [1.0 / b0]
+        for n in range(1, 40):
+            square = sum(inverse[k] * inverse[n - 1 - k] for k in range(n))
+            b.append(-(load**2) * square / (8.0 * 2 * n * (2 * n + 2)))
+            inverse.append(-sum(b[k] * inverse[n - k] for k in range(1, n + 1)) / b0)
+        return np.array(b), np.array(inverse)
+
+    n = np.arange(40)
+    size = load ** (2.0 / 3.0)
+    b0 = brentq(lambda b0: series(b0)[0] @ (2 * n + 1 - poisson_ratio), 0.3 * size, size)
+    return load / 2.0 * series(b0)[1] @ (1.0 / (2 * n + 2))
+
+
+def test_a_disc_under_pressure_bulges_as_henckys_series_beside_its_slope():
+    """14.357 mm at 0.5 kPa by the series; the rest grows with the square of the slope, which the series neglects."""
+    a, h, modulus, nu = 0.07, 0.3e-3, 3.05e6, 0.45
+    rim = {"rim": lambda x, y, z: np.hypot(x, y) > a - 1e-9}
+    file = meshed(disc(a), 2, edges=rim, kind="quad9")
+    film = Region(youngs_modulus=modulus, poisson_ratio=nu, density=1000.0, thickness=h)
+
+    def deflection(pressure):
+        load = Load(name="pressure", start=pressure)
+        return started(file, order=3, regions=(film,), supports=RIM, loads=(load,))[2][:, 2].max()
+
+    pressures = 500.0 / 1.5 ** np.array([0.0, 3.0, 6.0])  # slopes, which go with the cube root, by factors of 1.5
+    w = np.array([deflection(p) for p in pressures])
+    assert w[0] == pytest.approx(14.357e-3, rel=0.015)
+    beyond = w / a / [hencky(p * a / (modulus * h), nu) for p in pressures] - 1.0
+    assert 0.004 < beyond[0] < 0.012
+    first, second = -np.diff(beyond)  # without the error of the mesh, which is the same at every load
+    assert first / second == pytest.approx(1.5**2, rel=0.1)
+
+
+def inflated_tube(n, kind, order, load="pressure"):
+    """Errors of radius and length of a tube under pressure with a line tension at its end; those of a membrane are exact."""
+    radius, length, p, tension = 0.5, 1.0, 1e3, 400.0
+    D = E * H / (1.0 - NU**2)
+
+    def balance(stretch):
+        hoop, axial = (stretch**2 - 1.0) / 2.0
+        pushed = (
+            p * radius * (np.prod(stretch) if load == "pressure" else 1.0)
+        )  # on the current area or on the reference's
+        return [D * (hoop + NU * axial) * stretch[0] - pushed, D * (axial + NU * hoop) * stretch[1] - tension]
+
+    around, along = fsolve(balance, [1.04, 1.02], xtol=1e-13)
+    lines = {
+        "x0": lambda x, y, z: np.abs(x) < 1e-9,
+        "y0": lambda x, y, z: np.abs(y) < 1e-9,
+        "bottom": lambda x, y, z: z < 1e-9,
+        "top": lambda x, y, z: z > length - 1e-9,
+    }
+    structure, _, q = started(
+        meshed([tube(radius, length)], n, edges=lines, kind=kind),
+        order=order,
+        regions=(FILM,),
+        supports=(Support(group="x0", fixed="x"), Support(group="y0", fixed="y"), Support(group="bottom", fixed="z")),
+        edges=(Edge(group="top", tension=tension),),
+        loads=(Load(name="pressure", kind=load, start=p),),
+    )
+    x = structure.mesh.nodes + q
+    return max(np.abs(np.hypot(x[:, 0], x[:, 1]) / (radius * around) - 1.0).max(), abs(x[:, 2].max() / length - along))
+
+
+def test_a_tube_under_pressure_and_tension_carries_hoop_and_axial_stress():
+    errors = [inflated_tube((n, 2), "quad", 1) for n in (16, 32)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
+    errors = [inflated_tube((n, 1), "quad9", 4) for n in (16, 32)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.1, abs=0.2)  # the file's surface is quadratic
+    assert inflated_tube((40, 1), "quad9", 4) < 1e-6
+
+
+def test_a_dead_pressure_keeps_direction_and_area_of_the_reference_shape():
+    assert inflated_tube((16, 1), "quad9", 4, "dead_pressure") < 5e-5
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.4])
+def test_a_balloon_obeys_the_gas_law(exponent):
+    """To rounding by its own volume, and near the closed form of a sphere by its radius."""
+    radius, p, ambient, amount = 0.5, 200.0, 1e3, 1.3
+    axes = {axis: (lambda x, y, z, i=i: np.abs((x, y, z)[i]) > radius - 1e-9) for i, axis in enumerate("xyz")}
+    _structure, model, _ = started(
+        meshed(ball(radius), 2, points=axes, kind="quad9"),
+        order=2,
+        mass_damping=200.0,
+        regions=(Region(youngs_modulus=1e6, poisson_ratio=NU, density=1000.0, thickness=H),),
+        supports=tuple(Support(group=axis, fixed="xyz".replace(axis, "")) for axis in axes),
+        loads=(),
+        gas=Gas(pressure=p, ambient=ambient, exponent=exponent),
+    )
+    before = model.get("volume")
+    assert model.get("gas_pressure") == p
+    model.set("gas_amount", amount)
+    for _ in range(600):
+        model.step(1e-3)
+    filled = (p + ambient) * amount * (before / model.get("volume")) ** exponent - ambient
+    assert model.get("gas_pressure") == pytest.approx(filled, rel=1e-10)
+
+    def tension(stretch):
+        return 1e6 * H / (1.0 - NU) * (stretch**2 - 1.0) / 2.0
+
+    start = brentq(lambda k: p * radius * k - 2.0 * tension(k), 1.0, 1.5)
+    end = brentq(
+        lambda k: ((p + ambient) * amount * (start / k) ** (3.0 * exponent) - ambient) * radius * k - 2.0 * tension(k),
+        1.0,
+        1.5,
+    )
+    assert (model.get("volume") / before) ** (1.0 / 3.0) == pytest.approx(end / start, rel=2e-3)
+
+
+def test_a_film_that_cools_shrinks_where_free_and_is_stressed_where_held():
+    expansion, cold = 2e-5, -100.0
+    film = Region(youngs_modulus=E, poisson_ratio=NU, density=1e3, thickness=H, thermal_expansion=expansion)
+    gauge = (Sensor(point=(0.4, 0.6, 0.0), direction=(1.0, 0.0, 0.0)),)
+    free = (Support(group="left", fixed="xz"), Support(group="bottom", fixed="yz"), Support(group="rim", fixed="z"))
+    _, model, _ = started(square(2), regions=(film,), supports=free, sensors=gauge)
+    model.reset()
+    model.set("temperature[1]", cold)
+    model.initialize()
+    assert model.get("strain[1]") == pytest.approx(np.sqrt(1.0 + 2.0 * expansion * cold) - 1.0, rel=1e-9)
+
+    a, p = 0.5, 1e-3
+    file = meshed(disc(a), 2, edges={"rim": lambda x, y, z: np.hypot(x, y) > a - 1e-9}, kind="quad9")
+    _, model, _ = started(file, order=4, regions=(film,), supports=RIM)
+    model.reset()
+    model.set("temperature[1]", cold)
+    model.set("pressure", p)
+    model.initialize()
+    tension = H * E * expansion * -cold / (1.0 - NU)
+    assert model.get("displacement") == pytest.approx(p * a**2 / (4.0 * tension), rel=2e-3)
+
+
+def test_a_strip_under_edge_tension_carries_uniaxial_stress():
+    tension = 300.0
+    held = (Support(group="left", fixed="xz"), Support(group="bottom", fixed="y"), Support(group="right", fixed="z"))
+    for kind, order in (("quad", 1), ("triangle", 1), ("quad9", 3)):
+        structure, _, q = started(
+            square(2, kind), order=order, regions=(FILM,), supports=held, edges=(Edge(group="right", tension=tension),)
+        )
+        stretch = brentq(lambda k: E * H * (k**2 - 1.0) / 2.0 * k - tension, 1.0, 1.1)
+        assert structure.mesh.nodes[:, 0] + q[:, 0] == pytest.approx(structure.mesh.nodes[:, 0] * stretch, abs=1e-9)
+
+
+@pytest.mark.parametrize("reflectivity", [0.0, 1.0, 0.9])
+def test_light_pushes_a_flat_plate_as_absorbed_and_mirrored_light_does(reflectivity):
+    """From the other side too, and whatever the length of the given direction."""
+    angle, pressure = 0.6, 9.1e-6
+    for side in (1.0, -1.0):
+        u = np.array([np.sin(angle), 0.0, side * np.cos(angle)])
+        light = Load(name="sun", kind="light", direction=tuple(0.5 * u), reflectivity=reflectivity)
+        structure, model, _ = started(square(4), regions=(FILM,), supports=RIM, loads=(light,))
+        model.set("sun", pressure)
+        h = 1e-6
+        model.step(h)
+        v = model.x[structure.free.size : 2 * structure.free.size][structure.free].reshape(-1, 3)
+        absorbed = (1.0 - reflectivity) * np.cos(angle) * u
+        mirrored = reflectivity * 2.0 * np.cos(angle) ** 2 * np.array([0.0, 0.0, side])
+        expected = pressure * (absorbed + mirrored) * h / (1000.0 * H)
+        assert v == pytest.approx(np.tile(expected, (len(v), 1)), rel=1e-5, abs=1e-5 * np.abs(expected).max())
+
+
+def test_a_gauge_with_a_length_reads_the_mean_of_the_strain_along_it():
+    """In a linear strain field, and across the border of elements of triangles, where strain jumps."""
+    mesh = surface_mesh(square(3, "quad9"), 2)
+    X = mesh.nodes
+    x = np.column_stack([X[:, 0] + 0.05 * X[:, 0] ** 2, X[:, 1], X[:, 2]])  # strain 0.1 X
+    for length in (0.0, 0.25, 0.5):
+        found = gauge(mesh, np.array([0.4, 0.35, 0.0]), np.array([2.0, 0.0, 0.0]), length)
+        assert found.away < 1e-12
+        read = found.weights @ np.linalg.norm(found.lines @ x, axis=1) - 1.0
+        assert read == pytest.approx(0.04, abs=1e-12)

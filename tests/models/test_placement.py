@@ -1,0 +1,205 @@
+"""Placement of sensors: information, choice, and fits that show what was predicted."""
+
+import tomllib
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from gossamer_models import ParameterError
+from gossamer_models.membrane import MembraneParams
+from gossamer_models.mesh_membrane import MeshFile, Region, Setup, Support, Zone, make_structure, surface_mesh
+from gossamer_models.mesh_membrane.gauges import gauge
+from gossamer_models.placement import NOISE, place_sensors, save_picture, sensors_text, square_structure, write_csv
+from gossamer_models.placement.candidates import ANGLES, candidates, stacked
+from gossamer_models.placement.choice import choose
+from gossamer_models.placement.information import THRESHOLD, deviations, information, smallest_damage
+from gossamer_models.placement.simulation import Simulation
+from gossamer_models.twin.forward import Forward
+from gossamer_models.twin.nuisances import OFFSET
+from scipy.stats import norm
+
+ELEMENTS, ORDER, STEP, STOP = 4, 1, 3e-4, 0.15
+LOAD = {name: asdict(MembraneParams())[name] for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}
+MIRRORED = np.arange(16).reshape(4, 4)[:, ::-1].ravel()  # zones after x is turned round
+
+
+@pytest.fixture(scope="module")
+def square():
+    return square_structure(ELEMENTS, ORDER)
+
+
+@pytest.fixture(scope="module")
+def found(square):
+    pytest.importorskip("ziglang", reason="hundreds of simulations need the compiler")
+    return place_sensors(square, LOAD, 4, points=16, step=STEP, stop=STOP, records=8)
+
+
+def own_gauges(structure):
+    return stacked(structure.setup.sensors, list(structure.gauges), len(structure.mesh.nodes))
+
+
+def test_information_is_that_of_noise_with_an_unknown_offset():
+    """The definition: J^T S^-1 J with the covariance S of white noise and a common offset."""
+    J = np.random.default_rng(3).normal(size=(5, 2, 40))
+    S = 0.01**2 * np.eye(40) + OFFSET**2
+    direct = np.array([J[:, g] @ np.linalg.solve(S, J[:, g].T) for g in range(2)])
+    np.testing.assert_allclose(information(J, 0.01), direct, rtol=1e-8)
+
+
+def test_nuisances_are_taken_out_by_the_schur_complement():
+    A = np.random.default_rng(4).normal(size=(9, 6))
+    total = 1e4 * A.T @ A
+    nuisance = np.linalg.inv(total[4:, 4:] + np.eye(2))
+    direct = np.linalg.inv(total[:4, :4] - total[:4, 4:] @ nuisance @ total[4:, :4])
+    np.testing.assert_allclose(deviations(total, 4) ** 2, np.diag(direct), rtol=1e-6)
+
+
+def test_a90_is_found_in_nine_of_ten_cases():
+    a90 = smallest_damage(np.array([0.01]))[0]
+    assert norm.sf(THRESHOLD) == pytest.approx(0.05, rel=1e-12)
+    assert norm.sf(THRESHOLD * 0.01, loc=a90, scale=0.01) == pytest.approx(0.9, rel=1e-12)
+    assert smallest_damage(np.array([np.inf]))[0] == 0.95
+
+
+def test_the_choice_takes_the_best_gauge_of_each_zone():
+    """Gauges that tell of one zone each: the best pair is known."""
+    strength = np.array([[50.0, 0.0], [80.0, 0.0], [0.0, 70.0], [0.0, 60.0]])
+    I = np.array([np.diag(row**2) for row in strength])
+    assert sorted(choose(I, 2, 2)) == [1, 2]
+
+
+def test_the_choice_does_not_depend_on_the_order_of_candidates():
+    random = np.random.default_rng(5)
+    J = 30.0 * random.normal(size=(12, 3, 4))
+    I = np.einsum("gat,gbt->gab", np.swapaxes(J, 1, 2), np.swapaxes(J, 1, 2))
+    shuffled = random.permutation(12)
+    assert set(shuffled[choose(I[shuffled], 4, 3)]) == set(choose(I, 4, 3))
+
+
+def test_more_sensors_never_know_less():
+    J = 30.0 * np.random.default_rng(6).normal(size=(12, 4, 3))
+    I = J @ np.swapaxes(J, 1, 2)
+    worst = [deviations(I[choose(I, 4, count)].sum(axis=0), 4).max() for count in (2, 3, 5, 8)]
+    assert all(np.diff(worst) < 0.0)
+
+
+def test_candidates_lie_in_the_membrane_with_four_directions_each(square):
+    spread = candidates(square, 16)
+    assert len(spread.sensors) == 16 * len(ANGLES)
+    points = np.unique([sensor.point for sensor in spread.sensors], axis=0)
+    distances = np.linalg.norm(points[:, None] - points, axis=2) + np.eye(16)
+    assert distances.min() > 0.1 * square.mesh.size
+    assert np.linalg.norm([sensor.direction for sensor in spread.sensors], axis=1) == pytest.approx(1.0)
+    assert candidates(square, 10**6).sensors[-1]  # no more points than there are
+    with pytest.raises(ParameterError, match=r"no gauge of 2 m fits"):
+        candidates(square, 16, gauge_length=2.0)
+
+
+def test_gauges_in_all_directions_read_a_homogeneous_stretch(square):
+    stretch = np.array([[1.02, 0.01], [0.0, 0.97]])
+    x = square.mesh.nodes.copy()
+    x[:, :2] = x[:, :2] @ stretch.T
+    spread = candidates(square, 5)
+    expected = [np.linalg.norm(stretch @ sensor.direction[:2]) - 1.0 for sensor in spread.sensors]
+    np.testing.assert_allclose(spread.strain(x[:, :, None])[:, 0], expected, atol=1e-13)
+
+
+def test_histories_are_those_of_the_membrane_of_the_twin(square):
+    """The other membrane model, compiled for the twin."""
+    pytest.importorskip("ziglang", reason="the twin needs the compiler")
+    damage = np.zeros((2, 16))
+    damage[1, [2, 9]] = 0.2, 0.4
+    simulation = Simulation(square, LOAD, STEP, 100)
+    x = np.hstack([damage, np.zeros((2, 2))])
+    twin = Forward(ELEMENTS, ORDER, MembraneParams()).strain(damage, {}, None, 100, STEP)
+    np.testing.assert_allclose(simulation.histories(x, own_gauges(square)), twin, atol=1e-9)
+    assert simulation.nuisances == ("amplitude", "damping")
+
+
+def test_mirrored_sensors_know_mirrored_zones_equally_well(found):
+    a90 = found.own.a90
+    np.testing.assert_allclose(a90, a90[MIRRORED], rtol=1e-2)
+    assert 0.0 < a90.min() < a90.max() < 0.95
+
+
+def test_the_worst_zone_is_better_known_with_the_chosen_sensors(found):
+    assert found.candidates == 4 + 16 * 4
+    assert len(set(found.chosen.sensors)) == 4
+    assert found.chosen.a90.max() < 0.8 * found.own.a90.max()
+
+
+def test_fits_to_noisy_records_scatter_as_predicted(found):
+    for placement in (found.own, found.chosen):
+        check = placement.check
+        assert check.records == 8
+        assert check.spread == pytest.approx(1.0, abs=4.0 * check.spread_error)
+        # 128 estimates: four deviations of a share of 0.05 and of 0.9
+        assert check.false_alarms == pytest.approx(0.05, abs=0.08)
+        assert check.found == pytest.approx(0.9, abs=0.11)
+
+
+def test_the_text_places_the_same_gauges(found, square):
+    tables = tomllib.loads(sensors_text(found))["sensors"]
+    assert len(tables) == 4
+    for table, sensor in zip(tables, found.chosen.sensors, strict=True):
+        again, first = (
+            gauge(square.mesh, np.array(point), np.array(direction), 0.0).lines.toarray()
+            for point, direction in ((table["point"], table["direction"]), (sensor.point, sensor.direction))
+        )
+        np.testing.assert_allclose(again, first, atol=1e-9)
+
+
+def test_table_and_picture_are_written(found, tmp_path):
+    write_csv(found, tmp_path / "zones.csv")
+    rows = [line.split(",") for line in (tmp_path / "zones.csv").read_text().splitlines()]
+    assert rows[0][:4] == ["zone", "group", "own deviation [1]", "own a90 [1]"]
+    np.testing.assert_allclose([float(row[5]) for row in rows[1:]], found.chosen.a90, rtol=1e-5)
+    save_picture(found, tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_what_makes_no_sense_is_refused(square):
+    no_zones = replace(square, setup=replace(square.setup, zones=()))
+    with pytest.raises(ParameterError, match=r"the setup has no zones"):
+        place_sensors(no_zones, LOAD)
+    with pytest.raises(ParameterError, match=r"--noise is 0"):
+        place_sensors(square, LOAD, noise=0.0)
+    with pytest.raises(ParameterError, match=r"has 0 samples"):
+        place_sensors(square, LOAD, step=1.0)
+    with pytest.raises(ParameterError, match=r"no parameter or input 'wind'"):
+        place_sensors(square, {"wind": 1.0})
+    with pytest.raises(ParameterError, match=r"choose 1 to 3 sensors among 3 candidates, not 4"):
+        choose(np.tile(np.eye(2), (3, 1, 1)), 2, 4)
+
+
+def test_a_membrane_at_rest_tells_nothing(square):
+    with pytest.raises(ParameterError, match=r"--set pressure_amplitude=100"):
+        place_sensors(square, {}, points=2, stop=0.006)
+
+
+def test_the_noise_is_that_of_the_thesis():
+    drawn = np.random.default_rng(0).uniform(0.0, 0.02, 10**6).std()
+    assert drawn == pytest.approx(NOISE, rel=2e-3)
+
+
+def test_candidates_on_a_tilted_sheet_of_triangles_lie_in_it():
+    normal = np.array([0.0, -0.6, 0.8])
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.8, 0.6], [0.0, 0.8, 0.6]])
+    file = MeshFile(
+        name="sheet",
+        nodes=corners,
+        quadrilaterals=np.zeros((0, 4), dtype=np.int64),
+        triangles=np.array([[0, 1, 2], [0, 2, 3]]),
+        faces={"all": np.arange(2)},
+        edges={},
+        points={"corners": np.arange(4)},
+    )
+    steel = Region(youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0, thickness=1e-3, direction=tuple(normal))
+    setup = Setup(regions=(steel,), supports=(Support(group="corners"),), zones=(Zone(group="all"),))
+    spread = candidates(make_structure(setup, surface_mesh(file)), 10)
+    assert len(spread.sensors) == 2 * len(ANGLES)  # the material's axis is the normal, so a side takes its place
+    directions = np.array([sensor.direction for sensor in spread.sensors])
+    np.testing.assert_allclose(directions @ normal, 0.0, atol=1e-12)
+    np.testing.assert_allclose([np.dot(sensor.point, normal) for sensor in spread.sensors], 0.0, atol=1e-12)
+    grown = (1.0 + 0.03) * corners
+    np.testing.assert_allclose(spread.strain(grown[:, :, None]), 0.03, atol=1e-12)

@@ -1,0 +1,194 @@
+"""Options of all commands: one JSON document, quiet, messages, a log file; exit codes; lines of progress."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+import xarray as xr
+from gossamer_orchestrator import OrchestratorError, ProgressBar
+from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.cli.command import INVALID, Command, Group, Result, as_json, note, show, stderr
+from rich.console import Console
+from typer.testing import CliRunner
+
+GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
+
+
+@pytest.fixture
+def call():
+    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture
+def run(call, fmus, tmp_path):
+    (tmp_path / "g.toml").write_text(GAIN)
+    return lambda *more: call(
+        "run", tmp_path / "g.toml", "--fmus", fmus, "--out", tmp_path / "out", "--no-pictures", *more
+    )
+
+
+def test_every_command_has_the_common_options(call):
+    group = typer.main.get_command(app)
+    assert isinstance(group, Group)
+    for name, command in group.commands.items():
+        assert isinstance(command, Command), name
+        assert call(name, "--help").stdout.count("--log-file") == 1, name
+
+
+def test_json_is_the_only_thing_on_stdout(run, tmp_path):
+    result = run("--json")
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert found["ended"] == "complete"
+    assert found["stop_s"] == pytest.approx(1.0)
+    assert found["wall_time_s"] > 0.0
+    assert found["files"] == [str(tmp_path / "out" / name) for name in ("results.nc", "results.csv")]
+    assert (found["valid"], found["judgements"], found["doubts"]) == (None, [], [])
+
+
+def test_common_options_may_stand_before_the_command(call, fmus):
+    before, behind = call("--json", "info", fmus / "bounded.fmu"), call("info", fmus / "bounded.fmu", "--json")
+    assert before.stdout == behind.stdout
+    variables = {each["variable"]: each for each in json.loads(before.stdout)["variables"]}
+    assert variables["factor"]["unit"] == "m"
+    assert float(variables["factor"]["max"]) == 10.0
+
+
+def test_quiet_leaves_the_answer_and_errors(run, call, fmus, tmp_path):
+    result = run("--quiet")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout.split() == [str(tmp_path / "out" / name) for name in ("results.nc", "results.csv")]
+    assert "no shipped scenario of that name" in call("run", "damagd", "--quiet").stderr
+
+
+def test_a_log_file_is_appended_to_with_what_was_done_and_how_it_ended(run, call, tmp_path):
+    file = tmp_path / "log.txt"
+    assert run("--log-file", file).stderr == run().stderr
+    assert call("run", "damagd", "--log-file", file).exit_code == 1
+    text = file.read_text(encoding="utf-8")
+    assert text.count("INFO gossamer_orchestrator.cli.command: gossamer ") == 2
+    assert text.count("INFO gossamer_orchestrator.cli.command: done in ") == 1
+    assert "11 communication points" in text
+    assert "ScenarioError: there is no scenario file 'damagd'" in text
+    assert "cannot write" in call("info", "x.fmu", "--log-file", tmp_path / "none" / "log.txt").stderr
+
+
+def test_verbose_says_what_is_done_and_leaves_the_loggers_as_they_were(run):
+    before = logging.getLogger("gossamer_orchestrator").level, list(logging.getLogger().handlers)
+    result = run("-v")
+    for text in ("10 steps of 0.1 s", "g: gain.fmu", "done in"):
+        assert text in result.stderr
+    assert (logging.getLogger("gossamer_orchestrator").level, list(logging.getLogger().handlers)) == before
+
+
+@pytest.mark.parametrize(("valid", "code"), [((1.0, 1.0), 0), ((0.0, 1.0), 0), ((1.0, 0.0), INVALID)])
+def test_an_invalid_last_judgement_has_an_exit_code_of_its_own(call, fmus, tmp_path, monkeypatch, valid, code):
+    """A detector that ends two windows, at 0.5 s and 1 s; the code is that of the last one."""
+    time, ended = np.linspace(0.0, 1.0, 11), np.array([0] * 5 + [1] * 5 + [2])
+    damage, told = np.outer(ended, np.ones(16)) / 10.0, np.array([0.0, *valid])[ended]
+    columns = {"detector.damage": (("time", "zone"), damage), "detector.valid": ("time", told)}
+    data = xr.Dataset(columns, {"time": time}, {"ended": "complete", "wall_time": 0.1})
+    monkeypatch.setattr("gossamer_orchestrator.run.runner.run_scenario", lambda *_, **__: data)
+    (tmp_path / "g.toml").write_text(GAIN)
+    result = call("run", tmp_path / "g.toml", "--out", tmp_path / "out", "--no-pictures", "--json")
+    assert result.exit_code == code, result.stderr
+    found = json.loads(result.stdout)
+    assert found["valid"] is (code == 0)
+    assert [each["valid"] for each in found["judgements"]] == [each > 0.5 for each in valid]
+    assert found["judgements"][1] == {
+        "time_s": 1.0,
+        "valid": valid[1] > 0.5,
+        "damage": [0.2] * 16,
+        "deviation": [None] * 16,
+        "true_damage": [None] * 16,
+    }
+
+
+def test_what_json_cannot_hold_becomes_what_it_can():
+    @dataclass
+    class Point:
+        x: float
+        where: Path
+
+    assert as_json({"a": np.array([1.0, np.nan]), "b": Point(np.inf, Path("x")), 3: (True, None)}) == {
+        "a": [1.0, None],
+        "b": {"x": None, "where": "x"},
+        "3": [True, None],
+    }
+
+
+def test_a_command_prints_its_result_alone_and_an_error_not_as_json():
+    own = typer.Typer(cls=Group)
+
+    @own.command(cls=Command)
+    def works() -> Result:
+        show("a path")
+        note("a note")
+        stderr().print("a table")
+        return Result({"time_s": 1.5}, 3)
+
+    @own.command(cls=Command)
+    def fails() -> Result:
+        raise OrchestratorError("there is no such thing")
+
+    invoke = CliRunner().invoke
+    plain, asked = invoke(own, ["works"]), invoke(own, ["works", "--json"])
+    assert (plain.exit_code, plain.stdout, plain.stderr) == (3, "a path\n", "a note\na table\n")
+    assert (asked.exit_code, json.loads(asked.stdout), asked.stderr) == (3, {"time_s": 1.5}, "a note\na table\n")
+    assert invoke(own, ["works", "--quiet"]).stderr == ""
+    failed = invoke(own, ["fails", "--json"])
+    assert (failed.exit_code, failed.stdout, failed.stderr) == (1, "", "there is no such thing\n")
+
+
+def test_progress_is_a_line_now_and_then_where_there_is_no_terminal(monkeypatch):
+    monkeypatch.setattr("gossamer_orchestrator.run.progress.EVERY", 0.05)
+    file = io.StringIO()
+    with ProgressBar("training", Console(file=file, width=40)) as bar:
+        bar.update(1.0, 4.0, "1 of 4 cases,")
+        time.sleep(0.3)
+        bar.update(2.0)
+        time.sleep(0.3)
+    lines = file.getvalue().splitlines()
+    assert lines[0].startswith("training: 25 %, 1 of 4 cases, 0:00:00 elapsed")
+    assert lines[-1].startswith("training: 50 %, 1 of 4 cases, ")
+    time.sleep(0.2)
+    assert file.getvalue().splitlines() == lines  # none after the end
+
+
+def test_what_remains_is_at_the_mean_speed_and_without_what_was_done_before(monkeypatch):
+    """Two of eight were there; two more took 100 s together, so the last four take 200 s."""
+    monkeypatch.setattr("gossamer_orchestrator.run.progress.EVERY", 0.05)
+    file = io.StringIO()
+    with ProgressBar("sweep", Console(file=file)) as bar:
+        task = bar._progress.tasks[0]
+        task.start_time, task._get_time = 0.0, lambda: 100.0
+        bar.update(2, 8)
+        bar.update(4)
+        time.sleep(0.2)
+    assert file.getvalue().splitlines()[-1] == "sweep: 50 %, 0:01:40 elapsed, 0:03:20 remaining"
+
+
+def test_a_bar_on_a_terminal_shows_the_elapsed_time():
+    file = io.StringIO()
+    with ProgressBar("training", Console(file=file, force_terminal=True, width=120)) as bar:
+        bar.update(1.0, 4.0)
+    assert "25%" in file.getvalue()
+    assert "elapsed" in file.getvalue()
+
+
+def test_quiet_progress_prints_nothing(monkeypatch):
+    monkeypatch.setattr("gossamer_orchestrator.run.progress.EVERY", 0.01)
+    for terminal in (True, False):
+        file = io.StringIO()
+        with ProgressBar("training", Console(file=file, quiet=True, force_terminal=terminal)) as bar:
+            bar.update(1.0, 4.0)
+            time.sleep(0.05)
+        assert file.getvalue() == ""

@@ -1,0 +1,118 @@
+"""``gossamer place-sensors``: a setup and its mesh in; a table, a picture and sensors out."""
+
+import csv
+import json
+import tomllib
+
+import numpy as np
+import pytest
+from gossamer_orchestrator.cli import app
+from typer.testing import CliRunner
+
+pytest.importorskip("meshio", reason="a mesh file needs the extra mesh")
+
+SETUP = """\
+mesh = "square.inp"
+mass_damping = 20.0
+
+[[regions]]
+youngs_modulus = 1e7
+poisson_ratio = 0.33
+density = 1100.0
+thickness = 1e-3
+
+[[supports]]
+group = "rim"
+stretch = [1.02, 1.02, 1.0]
+
+[[zones]]
+group = "left"
+
+[[zones]]
+group = "right"
+"""
+SENSOR = """
+[[sensors]]
+point = [0.3, 0.25, 0.0]
+direction = [0.0, 1.0, 0.0]
+"""
+LOAD = ("--set", "pressure_amplitude=1000", "--set", "pressure_frequency=8", "--stop", "0.06", "--points", "4")
+
+
+@pytest.fixture
+def setup(tmp_path):
+    """A sail of 4 x 4 quadrilaterals in two zones, held at its rim."""
+    node = np.arange(1, 26).reshape(5, 5)
+    quads = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], axis=-1).reshape(-1, 4)
+    rim = sorted({*node[0], *node[-1], *node[:, 0], *node[:, -1]})
+    lines = ["*NODE"]
+    lines += [f"{n}, {0.15 * ((n - 1) % 5)}, {0.15 * ((n - 1) // 5)}, 0.0" for n in node.ravel()]
+    lines += ["*ELEMENT, TYPE=S4", *(", ".join(map(str, (k + 1, *quad))) for k, quad in enumerate(quads))]
+    for name, first in (("left", 0), ("right", 2)):
+        lines += [f"*ELSET, ELSET={name}", ", ".join(str(k + 1) for k in range(16) if k % 4 - first in (0, 1))]
+    lines += ["*NSET, NSET=rim", ", ".join(map(str, rim))]
+    (tmp_path / "square.inp").write_text("\n".join(lines) + "\n")
+    path = tmp_path / "sail.toml"
+    path.write_text(SETUP)
+    return path
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["place-sensors", *(str(a) for a in arguments)])
+
+
+def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
+    pytest.importorskip("ziglang", reason="the simulations need the compiler for their speed")
+    setup.write_text(SETUP + SENSOR)
+    result = call(setup, *LOAD, "--count", 2, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    for name in ("placement.csv", "placement.png", "sensors.toml"):
+        assert str(tmp_path / "out" / name) in result.stdout.splitlines()
+    with (tmp_path / "out" / "placement.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["group"] for row in rows] == ["left", "right"]
+    worst = {name: max(float(row[f"{name} a90 [1]"]) for row in rows) for name in ("own", "chosen")}
+    assert worst["chosen"] < worst["own"]
+    assert "worst" in result.stderr
+
+    text = (tmp_path / "out" / "sensors.toml").read_text()
+    assert len(tomllib.loads(text)["sensors"]) == 2
+    setup.write_text(SETUP + "\n" + text)
+    again = call(setup, *LOAD, "--count", 2, "--out", tmp_path / "again", "--check", 1, "--json")
+    assert again.exit_code == 0, again.output
+    content = json.loads(again.stdout)
+    taken = content["own"]["a90"]
+    assert content["zones"] == ["left", "right"]
+    assert content["chosen"]["check"]["records"] == 1
+    np.testing.assert_allclose(taken, [float(row["chosen a90 [1]"]) for row in rows], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--set", "pressure_amplitude"], "write a name and a number"),
+        (["--set", "wind=1"], "no parameter or input 'wind'"),
+        (["--stop", "0"], "--stop is 0"),
+    ],
+)
+def test_a_mistake_is_one_sentence(setup, tmp_path, arguments, message):
+    result = call(setup, *arguments, "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    assert message in result.stderr
+    assert "Traceback" not in result.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_mesh_needs_its_setup(tmp_path):
+    result = call("--mesh", tmp_path / "square.inp")
+    assert result.exit_code == 1
+    assert "--mesh needs a setup" in result.stderr
+
+
+def test_the_setup_is_not_overwritten(setup):
+    kept = setup.with_name("sensors.toml")
+    kept.write_text(SETUP)
+    result = call(kept, "--out", kept.parent)
+    assert result.exit_code == 1
+    assert "would overwrite" in result.stderr
+    assert kept.read_text() == SETUP

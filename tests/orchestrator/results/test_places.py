@@ -1,0 +1,70 @@
+"""Results know where zones, sensors and nodes are on the membrane."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from gossamer_orchestrator import judge
+from gossamer_orchestrator.results.places import with_places
+
+SIDE = 0.588 + 2 * 0.006
+
+
+@pytest.fixture
+def whole(data):
+    """The made-up results, of a membrane whose size is known."""
+    parameters = {"side_length": 0.588, "edge_displacement": 0.006}
+    data.attrs["fmus"] = json.dumps({"membrane": {"model": "membrane", "parameters": parameters}})
+    nodes = np.arange(1, 8)
+    return data.assign_coords(w_i=nodes, w_j=nodes, index_index=np.arange(1, 17))
+
+
+def test_zones_have_rows_and_columns_from_the_corner_x_first(whole):
+    placed = with_places(whole)
+    assert placed["membrane.damage"].dims == placed["detector.damage"].dims == ("time", "zone")
+    zone = placed["zone"].sel(zone=7)
+    assert (int(zone["row"]), int(zone["column"])) == (2, 3)
+    assert (float(zone["zone_x"]), float(zone["zone_y"])) == pytest.approx((SIDE * 2.5 / 4, SIDE * 1.5 / 4))
+    assert zone["zone_x"].attrs["units"] == "m"
+
+
+def test_nodes_have_x_and_y_and_sensors_a_place_in_thirds(whole):
+    placed = with_places(whole)
+    w = placed["membrane.w"]
+    assert w.dims == ("time", "x", "y")
+    assert w["x"].to_numpy() == pytest.approx(SIDE * np.arange(1, 8) / 8)
+    assert float(w.isel(time=2).sel(x=SIDE / 2, y=SIDE / 8, method="nearest")) == whole["membrane.w"][2, 3, 0]
+    second = placed["membrane.strain"].sel(sensor=2)
+    assert (float(second["sensor_x"]), float(second["sensor_y"])) == pytest.approx((2 * SIDE / 3, SIDE / 3))
+
+
+def test_values_names_and_judgements_are_as_before(whole):
+    placed = with_places(whole)
+    assert list(placed.data_vars) == list(whole.data_vars)
+    assert placed.attrs == whole.attrs
+    for name in whole.data_vars:
+        assert np.array_equal(placed[name].to_numpy(), whole[name].to_numpy())
+        assert placed[name].attrs == whole[name].attrs
+    assert not {"damage_index", "strain_index", "w_i"} & set(placed.dims)
+    assert judge(placed).estimated.tolist() == judge(whole).estimated.tolist()
+
+
+def test_a_side_that_is_not_known_counts_as_one(whole):
+    del whole.attrs["fmus"]
+    x = with_places(whole)["x"]
+    assert (float(x[3]), x.attrs["units"]) == (0.5, "1")
+
+
+def test_some_zones_alone_keep_their_own_dimension(whole):
+    some = with_places(whole.isel(damage_index=slice(1, 4)))
+    assert some["membrane.damage"].dims == ("time", "damage_index")
+    assert some["damage_index"].to_numpy().tolist() == [2, 3, 4]
+
+
+def test_cases_of_a_sweep_keep_their_dimension(whole):
+    both = whole.expand_dims(case=[1, 2])
+    placed = with_places(both.assign_coords(time=whole["time"]))
+    assert placed["membrane.damage"].dims == ("case", "time", "zone")
+    assert placed["membrane.w"].dims == ("case", "time", "x", "y")

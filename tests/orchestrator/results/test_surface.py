@@ -1,0 +1,181 @@
+"""Strain and wrinkles of faces, and files for ParaView."""
+
+from __future__ import annotations
+
+import json
+from io import BytesIO
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from gossamer_models import Stepper
+from gossamer_orchestrator import ResultsError
+from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.fmi.shape import Shape, Surface
+from gossamer_orchestrator.results.files import save_results
+from gossamer_orchestrator.results.shapes import ShapeHistory, create_shapes
+from gossamer_orchestrator.results.square import square_history
+from gossamer_orchestrator.results.surface import SLACK, TAUT, WRINKLED, face_strains
+from gossamer_orchestrator.results.vtk import export_vtk
+from sails import sail_file, sail_model
+from typer.testing import CliRunner
+
+from .test_report import Page, numbers
+
+
+def surface(nu: float = 0.3) -> Surface:
+    """The sail of the tests as a surface, flat, with a zone on its left."""
+    file = sail_file()
+    faces = np.concatenate([file.quadrilaterals, np.column_stack([file.triangles, np.full(8, -1)])])
+    n = len(faces)
+    return Surface(
+        nodes=file.nodes * [1.0, 1.0, 0.0],
+        faces=faces,
+        element=np.arange(n),
+        region=np.zeros(n, dtype=int),
+        zone=np.where(np.arange(n) < 4, 0, -1),
+        poisson_ratio=np.array([nu]),
+        direction=np.array([[1.0, 0.0, 0.0]]),
+        sensor_points=np.zeros((0, 3)),
+        sensor_directions=np.zeros((0, 3)),
+    )
+
+
+def deformed(nodes, F):
+    """Deform in the plane by F and turn in space by a rotation."""
+    turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    return (nodes[:, :2] @ np.asarray(F).T) @ turn[:, :2].T + [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("F", [[[1.1, 0.0], [0.0, 0.95]], [[1.0, 0.3], [0.1, 1.2]]])
+def test_an_even_strain_is_found_in_every_face(F):
+    """The largest principal stretch is the largest singular value."""
+    plain = surface()
+    found = face_strains(plain, deformed(plain.nodes, F), np.zeros((1, 3)))
+    assert found.largest == pytest.approx(np.full(12, np.linalg.svd(F)[1][0] - 1.0), abs=1e-14)
+
+
+def test_faces_wrinkle_where_hooke_s_law_asks_for_compression():
+    """Across, E2 = -nu E1 is the border; without any tension a face is slack; eigenstrain moves the border."""
+    plain, E1 = surface(), 0.02
+    for E2, eigen, mark in (
+        (-0.3 * E1 + 1e-6, [0.0, 0.0, 0.0], TAUT),
+        (-0.3 * E1 - 1e-6, [0.0, 0.0, 0.0], WRINKLED),
+        (-0.3 * E1 - 1e-6, [0.0, 2e-6, 0.0], TAUT),
+        (-0.3 * E1 + 1e-6, [-1e-5, 0.0, 0.0], WRINKLED),
+        (0.0, [0.0, 0.0, 0.05], WRINKLED),
+    ):
+        F = np.diag(np.sqrt(1.0 + 2.0 * np.array([E1, E2])))
+        assert set(face_strains(plain, deformed(plain.nodes, F), np.array([eigen])).mark) == {mark}
+    F = np.diag([0.99, 0.98])
+    assert set(face_strains(plain, deformed(plain.nodes, F), np.zeros((1, 3))).mark) == {SLACK}
+    assert set(face_strains(plain, plain.nodes, np.zeros((1, 3))).mark) == {TAUT}
+
+
+@pytest.mark.parametrize("pull", [0.2, -0.05])
+def test_strain_and_marks_are_those_that_the_model_states(pull):
+    """In triangles strain is even, so its largest and the area of the marked ones are those of the equations."""
+    model = sail_model(squares_left=0)
+    stepper = Stepper(model, pull=pull)
+    stepper.initialize()
+    files = dict(np.load(BytesIO(model.resources["shape.npz"])))
+    layout = {"values": 29, "n_values": len(model.variables), "x": 29 + 8 * len(model.variables), "n_x": model.n_states}
+    shape = Shape(files, layout)  # as a Python FMU states it
+    places, eigenstrain = shape.read(stepper.state)
+    found = face_strains(shape.surface, places, eigenstrain)
+    assert found.largest.max() == pytest.approx(stepper.get("largest_strain"), abs=1e-13)
+    a, b, c = (files["nodes"][files["faces"][:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    share = stepper.get("compressed_share")
+    assert share > 0.1
+    assert area[found.mark > 0].sum() / area.sum() == pytest.approx(share, abs=1e-13)
+
+
+@pytest.fixture
+def known(data):
+    """Results of a square membrane whose parameters are recorded."""
+    for name, value in (("side_length", 0.588), ("edge_displacement", 0.006), ("poisson_ratio", 0.33)):
+        data[f"membrane.{name}"] = ("time", np.full(10, value))
+    return data.assign_attrs(schema="gossamer.results", version=1)
+
+
+def test_the_square_is_a_surface_of_its_deflections(known):
+    rows = np.array([1, 5])
+    history = square_history(known, "membrane", rows)
+    places = history.places.reshape(2, 9, 9, 3)
+    assert places[:, 1:-1, 1:-1, 2] == pytest.approx(known["membrane.w"].to_numpy()[rows])
+    assert places[:, -1, :, 0] == pytest.approx(0.6)
+    assert not places[:, 0, :, 2].any()
+    middle = history.places[0][history.surface.faces].mean(axis=1)
+    assert (history.surface.zone == 4 * (middle[:, 1] // 0.15).astype(int) + (middle[:, 0] // 0.15).astype(int)).all()
+    flat = face_strains(history.surface, history.places[0] * [1.0, 1.0, 0.0], history.eigenstrain[0])
+    assert flat.largest == pytest.approx(0.012 / 0.588)
+    with pytest.raises(ResultsError, match="do not state side_length"):
+        square_history(known.drop_vars("membrane.side_length"), "membrane", rows)
+
+
+def test_paraview_files_hold_places_damage_and_strain(known, tmp_path):
+    meshio = pytest.importorskip("meshio", reason="files for ParaView need meshio")
+    save_results(known, tmp_path)
+    result = CliRunner().invoke(app, ["export-vtk", str(tmp_path), "--frames", "4"])
+    assert result.stdout == f"{tmp_path / 'vtk/membrane.pvd'}\n"
+    sets = ElementTree.parse(tmp_path / "vtk/membrane.pvd").getroot()[0]
+    assert [float(each.get("timestep")) for each in sets] == [0.0, 3.0, 6.0, 9.0]
+    first, *_, last = [meshio.read(tmp_path / "vtk" / each.get("file")) for each in sets]
+    history = square_history(known, "membrane", np.array([9]))
+    assert last.points == pytest.approx(history.places[0], abs=1e-15)
+    assert last.point_data["displacement"] == pytest.approx(history.places[0] - history.surface.nodes, abs=1e-15)
+    cells = {name: values[0] for name, values in last.cell_data.items()}
+    assert (cells["zone"] == history.surface.zone + 1).all()
+    assert cells["true_damage"] == pytest.approx(np.where(cells["zone"] == 2, 0.3, 0.0))
+    assert cells["estimated_damage"] == pytest.approx(np.select([cells["zone"] == 2, cells["zone"] == 7], [0.2, 0.04]))
+    strains = face_strains(history.surface, history.places[0], history.eigenstrain[0])
+    assert cells["largest_strain"] == pytest.approx(strains.largest, abs=1e-15)
+    assert (cells["wrinkle"] == strains.mark).all()
+    assert np.isnan(first.cell_data["estimated_damage"][0]).all()  # nothing is judged yet
+
+
+def test_a_mesh_of_both_kinds_is_read_back(known, tmp_path):
+    meshio = pytest.importorskip("meshio", reason="files for ParaView need meshio")
+    plain = surface()
+    places = np.stack([deformed(plain.nodes, [[1.1, 0.0], [0.0, 0.9]]), deformed(plain.nodes, np.eye(2))])
+    history = ShapeHistory(plain, np.array([5.0, 6.0]), places, np.zeros((2, 1, 3)))
+    (path,) = export_vtk(known.drop_vars("membrane.w"), {"membrane": history}, tmp_path)
+    mesh = meshio.read(path.with_name("membrane_0000.vtu"))
+    assert {block.type: len(block.data) for block in mesh.cells} == {"quad": 4, "triangle": 8}
+    assert mesh.points == pytest.approx(places[0], abs=1e-15)
+    assert np.concatenate(mesh.cell_data["wrinkle"]).tolist() == [WRINKLED] * 12
+    zone, true = (np.concatenate(mesh.cell_data[name]) for name in ("zone", "true_damage"))
+    assert zone.tolist() == [1] * 4 + [0] * 8
+    assert np.isnan(true).tolist() == [False] * 4 + [True] * 8
+    with pytest.raises(ResultsError, match="no membrane can be drawn"):
+        export_vtk(known.drop_vars("membrane.w"), {}, tmp_path)
+
+
+def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
+    plain = surface()
+    data = known.drop_vars("membrane.w")
+    places = [plain.nodes + np.array([0.0, 0.0, 0.001 * k]) for k in range(3)]
+    file = create_shapes(tmp_path / "shapes.nc", {"membrane": plain}, 0.0, {"membrane": (places[0], np.zeros((1, 3)))})
+    for time, each in ((4.0, places[1]), (9.0, places[2])):
+        file.append(np.concatenate([[time], each.ravel(), np.zeros(3)])[None])
+    file.close()
+    save_results(data, tmp_path)
+    assert CliRunner().invoke(app, ["report", str(tmp_path)]).exit_code == 0
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    content = json.loads(page.unpacked("data"))
+    drawn = content["surface"]
+    assert numbers(content["frames"]).tolist() == [0.0, 4.0, 9.0]
+    assert numbers(drawn["deflection"])[:, 0] == pytest.approx([0.0, 1e-3, 2e-3], rel=1e-6)
+    assert drawn["factor"] == 100.0  # 2 mm of 2 m are drawn as a tenth
+    assert numbers(drawn["places"])[-1].reshape(-1, 3)[:, 2] == pytest.approx(0.2)
+    assert len(drawn["triangles"]) == 16
+    assert [len(pairs) for pairs in drawn["borders"]] == [
+        16,
+        24,
+    ]  # two nodes of each side around the zone, and around all
+    result = CliRunner().invoke(app, ["plot", str(tmp_path), "--format", "svg", "--out", str(tmp_path / "svg")])
+    names = {line.rpartition("/")[2] for line in result.stdout.splitlines()}
+    assert "deflection.svg" in names
+    assert (tmp_path / "svg/deflection.svg").read_text(encoding="utf-8").startswith("<?xml")
+    assert CliRunner().invoke(app, ["plot", str(tmp_path), "--format", "bmp"]).exit_code == 1
