@@ -1,11 +1,12 @@
 # make demo   build the FMUs, run the demo, leave results and pictures in out/
 # make test   every check and test, on a machine with nothing but Python >= 3.11 and make
+# make site   the site, out/site/index.html; opens from disk
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: demo test test-basilisk bench goldens docs figures lock clean
+.PHONY: demo test test-basilisk site bench goldens docs figures lock clean
 
 demo: $(STAMP)
 	$(BIN)/gossamer demo
@@ -16,6 +17,9 @@ test: $(STAMP)
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 	$(BIN)/pytest --numprocesses auto --dist loadfile
+
+site: $(STAMP)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict  # with --quiet it would count no warning
 
 # Basilisk takes 270 MB, so it has an environment of its own and is not among the pinned packages.
 test-basilisk: $(STAMP)
@@ -30,6 +34,7 @@ bench: $(STAMP)
 
 docs: demo
 	cp out/damage_begins/damage_history.png docs/demo.png
+	$(BIN)/python docs/make_motion.py
 
 goldens: $(STAMP)
 	$(BIN)/pytest tests/fmus --rewrite-goldens
@@ -49,7 +54,7 @@ $(STAMP): constraints.txt pyproject.toml
 
 # Needs uv (pip install uv); hatchling and editables are pinned too because the build runs without isolation.
 lock:
-	printf "hatchling\neditables\n" | uv pip compile --universal --python-version 3.11 --extra campaign --extra mesh --extra native --extra notebook --extra dev --generate-hashes --no-annotate \
+	printf "hatchling\neditables\n" | uv pip compile --universal --python-version 3.11 --extra campaign --extra mesh --extra native --extra notebook --extra docs --extra dev --generate-hashes --no-annotate \
 	    --no-header --no-emit-index-url --no-emit-find-links pyproject.toml - -o constraints.txt
 
 clean:

@@ -79,7 +79,7 @@ def detector_model(
     Returns
     -------
     StepModel
-        Inputs strain[1..4] [1]; outputs damage[1..16] [1], index[1..16] [1], similarity [1], valid [1].
+        Inputs ``strain[1..4]`` [1]; outputs ``damage[1..16]``, ``index[1..16]``, ``similarity``, ``valid`` [1].
 
     Notes
     -----

@@ -51,7 +51,8 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     Returns
     -------
     StepModel
-        Inputs strain[1..4] [1]; outputs damage[1..16], deviation[1..16], probability[1..16], misfit, risk and valid [1].
+        Inputs ``strain[1..4]`` [1]; outputs ``damage[1..16]``, ``deviation[1..16]``, ``probability[1..16]``, ``misfit``,
+        ``risk`` and ``valid`` [1].
 
     Notes
     -----

@@ -1,0 +1,51 @@
+// The membrane of the start page: plotly draws the pictures of motion.js one after another, to scale.
+(() => {
+  const SIDE = 0.588; // [m]
+  const place = document.getElementById("membrane"), button = document.getElementById("membrane-button");
+  const time = document.getElementById("membrane-time");
+  if (!place || typeof Plotly === "undefined") return;
+  const inside = Math.sqrt(motion.w[0].length), nodes = inside + 2;
+  const along = Array.from({ length: nodes }, (_, i) => (SIDE * i) / (nodes - 1));
+  const top = Math.max(...motion.w.flat().map(Math.abs)) / 10; // [mm]
+  // Rows of equal y, as plotly wants them; the edge is fixed.
+  const surface = (k) => along.map((_, j) => along.map((_, i) => {
+    const edge = i === 0 || j === 0 || i === nodes - 1 || j === nodes - 1;
+    return edge ? 0 : motion.w[k][(i - 1) * inside + (j - 1)] / 10;
+  }));
+  const stride = (nodes - 1) / 4; // four zones along a side, an element each
+  const line = (z, points) => ({
+    x: points.map((p) => p && along[p[0]]), y: points.map((p) => p && along[p[1]]), z: points.map((p) => p && z[p[1]][p[0]] + 0.01 * top),
+  });
+  const walk = (from, to) => Array.from({ length: Math.max(Math.abs(to[0] - from[0]), Math.abs(to[1] - from[1])) + 1 }, (_, n) =>
+    [from[0] + n * Math.sign(to[0] - from[0]), from[1] + n * Math.sign(to[1] - from[1])]);
+  const grid = [];
+  for (let n = 0; n < nodes; n += stride) grid.push(...walk([n, 0], [n, nodes - 1]), null, ...walk([0, n], [nodes - 1, n]), null);
+  const outlines = Object.keys(motion.damage).flatMap((zone) => {
+    const i = stride * ((zone - 1) % 4), j = stride * Math.floor((zone - 1) / 4), corners = [[i, j], [i + stride, j], [i + stride, j + stride], [i, j + stride], [i, j]];
+    return [...corners.slice(1).flatMap((corner, n) => walk(corners[n], corner)), null];
+  });
+  const damaged = (k) => (k >= motion.onset ? outlines : [null]);
+  const dark = document.body.getAttribute("data-md-color-scheme") === "slate";
+  const narrow = place.clientWidth < 500, far = narrow ? 1.3 : 0.85;
+  const z = surface(0), plain = { visible: false };
+  Plotly.newPlot(place, [
+    { type: "surface", x: along, y: along, z, cmin: -top, cmax: top, colorscale: "Viridis", hoverinfo: "skip", showscale: !narrow, colorbar: { title: { text: "mm" }, thickness: 10, len: 0.6 } },
+    { type: "scatter3d", mode: "lines", ...line(z, grid), line: { color: dark ? "#cfd6dd" : "#3d4650", width: 2 }, hoverinfo: "skip" },
+    { type: "scatter3d", mode: "lines", ...line(z, damaged(0)), line: { color: "#D55E00", width: 8 }, hoverinfo: "skip" },
+  ], {
+    paper_bgcolor: "rgba(0,0,0,0)", font: { color: dark ? "#cfd6dd" : "#3d4650" }, showlegend: false, margin: { l: 0, r: 0, t: 0, b: 0 },
+    scene: { xaxis: plain, yaxis: plain, zaxis: { ...plain, range: [-1.1 * top, 1.1 * top] }, aspectmode: "manual", aspectratio: { x: 1, y: 1, z: (2.2 * top) / (1e3 * SIDE) },
+      camera: { eye: { x: -0.7 * far, y: -1.3 * far, z: 0.6 * far }, center: { x: 0, y: 0, z: 0 } } },
+  }, { displayModeBar: false, responsive: true });
+  let picture = 0, moving = !window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const show = () => {
+    const heights = surface(picture), lines = line(heights, grid), marks = line(heights, damaged(picture));
+    Plotly.restyle(place, { x: [along, lines.x, marks.x], y: [along, lines.y, marks.y], z: [heights, lines.z, marks.z] });
+    const state = picture < motion.onset ? "no damage" : "zones " + Object.keys(motion.damage).join(" and ") + " are damaged";
+    time.textContent = (1e3 * motion.time * picture).toFixed(0) + " ms, " + state;
+    button.textContent = moving ? "Pause" : "Play";
+  };
+  button.addEventListener("click", () => { moving = !moving; show(); });
+  setInterval(() => { if (moving && !document.hidden) { picture = (picture + 1) % motion.w.length; show(); } }, 80);
+  show();
+})();

@@ -1,0 +1,39 @@
+"""What the README says of the detector on other meshes than the one that it was trained on."""
+
+import pytest
+from gossamer_models import Stepper
+from gossamer_models.detector import posterior_model
+from gossamer_models.membrane import membrane_model
+
+STEP = 3e-4
+STRAINS = [f"strain[{i}]" for i in range(1, 5)]
+
+
+def judged(elements, order, damage):
+    """Damages [1] of the zones and ``valid`` after the first window."""
+    membrane, detector = Stepper(membrane_model(elements, order), **damage), Stepper(posterior_model())
+    membrane.initialize()
+    for name in STRAINS:
+        detector.set(name, membrane.get(name))
+    detector.initialize()
+    for _ in range(844):
+        membrane.step(STEP)
+        for name in STRAINS:
+            detector.set(name, membrane.get(name))
+        detector.step(STEP)
+    return [detector.get(f"damage[{zone}]") for zone in range(1, 17)], detector.get("valid") == 1.0
+
+
+@pytest.mark.parametrize(("elements", "order"), [(4, 6), (8, 4)])
+def test_a_finer_spectral_mesh_does_the_detector_little_harm(elements, order):
+    found, valid = judged(elements, order, {"damage[1]": 0.3})
+    assert valid
+    assert found[0] == pytest.approx(0.3, abs=0.015)
+    assert max(found[1:]) < 0.015
+
+
+@pytest.mark.parametrize("elements", [8, 16])
+def test_a_bilinear_mesh_looks_damaged_to_the_detector_and_is_not_valid(elements):
+    found, valid = judged(elements, 1, {})
+    assert not valid
+    assert 0.25 < max(found) < 0.35

@@ -1,0 +1,77 @@
+"""Commands and snippets of the site's tutorials run as they are printed, one after another, and end where they say."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = ROOT / "docs" / "site"
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def walk(page, folder, opened=None):
+    """Do what a reader of a tutorial does; return the names that its Python blocks leave behind.
+
+    ``gossamer view`` opens its page with a program of ours, which writes down what it opened.
+    """
+    text = (PAGES / "tutorials" / page).read_text(encoding="utf-8")
+    variables = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    if opened:
+        variables["BROWSER"] = f"{sys.executable} {opened} %s"
+    names = {}
+    for language, block in BLOCK.findall(text):
+        if language == "sh":
+            for line in block.splitlines():
+                subprocess.run(shlex.split(line), cwd=folder, env=variables, check=True)
+        elif language == "toml":
+            (folder / re.search(r"Write this file as `(\w+\.toml)`", text)[1]).write_text(block, encoding="utf-8")
+        else:
+            assert language == "python"
+            exec(block, names)
+    return names
+
+
+def test_every_block_says_what_it_is():
+    for page in PAGES.rglob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        assert len(BLOCK.findall(text)) == len(re.findall("^```", text, re.MULTILINE)) / 2, page
+    assert not [page for page in PAGES.glob("*.md") if BLOCK.findall(page.read_text(encoding="utf-8"))]
+
+
+def test_the_first_run_finds_the_damage_and_moves_it(tmp_path, monkeypatch):
+    import xarray as xr
+
+    monkeypatch.chdir(tmp_path)
+    browser = tmp_path / "browser.py"
+    browser.write_text("import pathlib, sys; pathlib.Path('opened').write_text(sys.argv[1])", encoding="utf-8")
+    names = walk("first_run.md", tmp_path, browser)
+    assert names["found"] == pytest.approx(0.40, abs=0.01)
+    assert names["deviation"] < 0.01
+    assert (tmp_path / "opened").read_text(encoding="utf-8").endswith("out/damaged/report.html")
+    with xr.open_dataset("out/other/results.nc", engine="scipy") as other:
+        found = other["detector.damage"].isel(time=-1)
+        assert float(found.sel(damage_index=7)) == pytest.approx(0.25, abs=0.01)
+        assert float(found.sel(damage_index=1)) < 0.01
+
+
+def test_the_own_sensor_recovers_the_strain_of_another_record(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "docs").symlink_to(ROOT / "docs", target_is_directory=True)
+    names = walk("own_sensor.md", tmp_path)
+    stated = float(
+        re.search(r"It prints (\d\.\d) %", (PAGES / "tutorials/own_sensor.md").read_text(encoding="utf-8"))[1]
+    )
+    assert 100.0 * names["in_full_scale"] == pytest.approx(stated, abs=0.1)
+    assert f"{stated} % of full scale" in capsys.readouterr().out
+
+
+def test_the_membrane_in_python_is_judged(capsys):
+    names = walk("python.md", None)
+    assert names["damage"][5] == pytest.approx(0.3, abs=0.01)
+    assert max(names["damage"][:5] + names["damage"][6:]) < 0.01
+    assert "zone 6: 30.0 % damage, valid: True" in capsys.readouterr().out
