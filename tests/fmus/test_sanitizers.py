@@ -64,12 +64,13 @@ def fuzzer(compiler, flags, fmi, sources):
     return program
 
 
-@pytest.mark.parametrize("name", FMUS)
+# the framed membrane has no C of its own but what CasADi writes, and takes five minutes
+@pytest.mark.parametrize("name", [name for name in FMUS if name != "framed_membrane"])
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_random_calls_touch_no_foreign_memory_leak_nothing_and_leave_no_trace_where_refused(
     compiler, sources, fmi, name
 ):
-    calls = 1000 if name == "membrane" else 4000
+    calls = 500 if name == "membrane" else 4000
     done = run(fuzzer(compiler, MEMORY, fmi, sources(fmi, name)), calls, 1, 1)
     assert done.returncode == 0, done.stderr
     _, steps, refused = done.stdout.split()

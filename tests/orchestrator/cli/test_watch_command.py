@@ -85,7 +85,7 @@ def test_the_observer_hands_every_sample_to_the_twin_once(built, monkeypatch, tm
     class Twin:
         def advance(self, values):
             taken.append(values)
-            return SimpleNamespace(misfit=1.0, alarm=False, finding=None)
+            return SimpleNamespace(time=0.0, misfit=1.0, statistic=0.0, alarm=False, finding=None)
 
     monkeypatch.setattr(sys.modules[LiveWatch.__module__], "_begin", lambda *_: Twin())
     recorder = Recorder(plan)
