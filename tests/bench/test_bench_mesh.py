@@ -1,0 +1,103 @@
+"""A membrane on a mesh as C: its step beside the square membrane's of the same elements, and what 10,000 elements take."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy import fmi2
+from gossamer_fmus.build import build_fmu
+from gossamer_fmus.c_code import sources
+from gossamer_models.membrane import membrane_model
+from gossamer_models.mesh_membrane import (
+    Region,
+    Setup,
+    Support,
+    Zone,
+    make_structure,
+    mesh_membrane_model,
+    surface_mesh,
+)
+from oracles.meshes import meshed, rectangle
+
+SIDE, MOVED = 0.588, 0.006
+PAGE = Path(__file__)
+
+
+def square(n, order=1):
+    """Return the membrane of the thesis on a mesh of n x n elements."""
+    stretch = 1.0 + 2.0 * MOVED / SIDE
+    zones = {
+        f"zone{4 * j + i + 1}": (lambda x, y, z, i=i, j=j: (4.0 * x // SIDE == i) & (4.0 * y // SIDE == j))
+        for j in range(4)
+        for i in range(4)
+    }
+    rim = {"rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > SIDE - 1e-9)}
+    setup = Setup(
+        order=order,
+        regions=(Region(youngs_modulus=1e7, poisson_ratio=0.33, density=1100.0, thickness=1e-3),),
+        supports=(Support(group="rim", stretch=(stretch, stretch, 1.0), centre=(SIDE / 2, SIDE / 2, 0.0)),),
+        zones=tuple(Zone(group=zone) for zone in zones),
+    )
+    return make_structure(setup, surface_mesh(meshed([rectangle(SIDE, SIDE)], n, faces=zones, points=rim), order))
+
+
+def step_cost(path, folder, repeats):
+    """Return the cost of one internal step [us of CPU]: the fastest of many batches of parts of a step."""
+    description = fmpy.read_model_description(str(path))
+    unpacked = fmpy.extract(str(path), str(folder))
+    slave = fmi2.FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=unpacked,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="benchmark",
+    )
+    slave.instantiate()
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    component, h = ctypes.c_void_p(slave.component), ctypes.c_double(1e-6)
+    step, best = slave.dll["fmi2DoStep"], float("inf")
+    for _ in range(30):
+        begin = time.process_time()
+        for _ in range(repeats):
+            step(component, ctypes.c_double(0.0), h, 0)
+        best = min(best, (time.process_time() - begin) / repeats)
+    slave.freeInstance()
+    return 1e6 * best
+
+
+@pytest.mark.parametrize(("n", "order", "target"), [(8, 1, 2.5), (32, 1, 3.0), (4, 4, None)])
+def test_step_beside_the_square_membrane(n, order, target, tmp_path):
+    square_fmu = build_fmu(membrane_model(n, order, compiled=True), tmp_path / "square", native=True)
+    mesh_fmu = build_fmu(mesh_membrane_model(square(n, order), compiled=True), tmp_path / "mesh", PAGE, native=True)
+    repeats = 200_000 // (n * order) ** 2
+    costs = [
+        step_cost(path, tmp_path / f"unpacked_{path.parent.name}", repeats)
+        for path in (square_fmu, mesh_fmu, square_fmu)
+    ]
+    ratio = min(costs[0], costs[2]) / costs[1]
+    asked = "" if target is None else f" (target {target:g})"
+    print(
+        f"\n{n} x {n} elements of order {order}: square {min(costs[0], costs[2]):.2f} us a step, on a mesh "
+        f"{costs[1]:.2f} us, {ratio:.2f} times as fast{asked}"
+    )
+
+
+def test_ten_thousand_elements(tmp_path):
+    costs = {}
+    for n in (8, 32, 64, 100):
+        begin = time.perf_counter()
+        structure = square(n)
+        model = mesh_membrane_model(structure, compiled=True)
+        path = build_fmu(model, tmp_path / str(n), PAGE, native=True)
+        built, size = time.perf_counter() - begin, sum(map(len, sources(model, "", 2).values()))
+        costs[n] = step_cost(path, tmp_path / f"unpacked{n}", max(5, 200_000 // n**2))
+        print(
+            f"\n{n * n} elements: {costs[n]:.1f} us a step, {1e3 * costs[n] / n**2:.0f} ns an element; "
+            f"C {size / 1e3:.0f} KB (target 200), built in {built:.1f} s (target 15)"
+        )
