@@ -1,4 +1,4 @@
-"""Momentum and angular momentum of a hub and the membrane that it carries, from the results of a run.
+"""Vectors of a running model, and momenta of a hub and the membrane that it carries, from the results of a run.
 
 Symbols: ``R`` attitude as a matrix, ``O``, ``V`` place [m] and velocity [m/s] of the hub's origin, in inertial axes;
 ``P`` momentum [kg m/s] and ``L`` angular momentum about the inertial origin [kg m2/s], one row per time.
@@ -7,6 +7,17 @@ Symbols: ``R`` attitude as a matrix, ``O``, ``V`` place [m] and velocity [m/s] o
 from dataclasses import dataclass
 
 import numpy as np
+
+
+def put(stepper, name, values):
+    """Set a vector."""
+    for k, value in enumerate(values, 1):
+        stepper.set(f"{name}[{k}]", float(value))
+
+
+def get(stepper, name, size=3):
+    """Read a vector."""
+    return np.array([stepper.get(f"{name}[{k}]") for k in range(1, size + 1)])
 
 
 def column(data, name):

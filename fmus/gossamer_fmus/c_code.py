@@ -80,7 +80,7 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
     """Write the table of variables and all sizes as C."""
     parameters, inputs, results = model.slices()
     digest = ", ".join(f"0x{byte:02x}" for byte in bytes.fromhex(model.digest)[:16])
-    sizes = {
+    sizes: dict[str, int | str] = {
         "N_VARIABLES": len(model.variables),
         "N_PARAMETERS": parameters.stop,
         "N_INPUTS": inputs.stop - inputs.start,

@@ -13,7 +13,7 @@ from pathlib import Path
 import casadi as ca
 import gossamer_models.batch
 from gossamer_models.batch.code import safe_for_lanes
-from gossamer_models.element_loop import ElementLoop, Tables
+from gossamer_models.element_loop import LANES, ElementLoop, Tables
 
 FILE = "tables.bin"
 _FUNCTION = r"static int {name}\(const casadi_real\*\* arg, [^)]*\) \{{"
@@ -34,14 +34,17 @@ def loop_sources(tables: Tables) -> dict[str, bytes]:
     return files
 
 
-def table_sizes(tables: Tables) -> dict[str, int]:
-    """Return the macros of ``tables.h``."""
+def table_sizes(tables: Tables) -> dict[str, int | str]:
+    """Return the macros of ``tables.h`` and ``loop.h``."""
     content = tables.content()
     places = sum(loop.places().size for loop in tables.loops)
     return {
         "N_NUMBERS": (len(content) - 4 * places) // 8,
         "N_PLACES": places,
+        "N_POSITIONS": 3 * tables.loops[0].n_nodes,
+        "TABLES_FILE": f'"{FILE}"',
         "TABLES_CHECKSUM": zlib.crc32(content),
+        "LANES": LANES,
     }
 
 
@@ -73,7 +76,6 @@ def _loops(tables: Tables) -> str:
     """Write the table of loops, and the sizes that hold for all of them."""
     loops = tables.loops
     sizes = {
-        "N_POSITIONS": 3 * (1 + max(int(loop.nodes.max()) for loop in loops)),
         "MOST_NODES": max(loop.nodes.shape[1] for loop in loops),
         "MOST_SHARED": max(loop.function.nnz_in(1) for loop in loops),
         "MOST_OWN": max(loop.own.shape[1] for loop in loops),

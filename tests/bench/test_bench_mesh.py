@@ -7,43 +7,15 @@ import time
 from pathlib import Path
 
 import fmpy
-import numpy as np
 import pytest
 from fmpy import fmi2
 from gossamer_fmus.build import build_fmu
 from gossamer_fmus.c_code import sources
 from gossamer_models.membrane import membrane_model
-from gossamer_models.mesh_membrane import (
-    Region,
-    Setup,
-    Support,
-    Zone,
-    make_structure,
-    mesh_membrane_model,
-    surface_mesh,
-)
-from oracles.meshes import meshed, rectangle
+from gossamer_models.mesh_membrane import mesh_membrane_model
+from gossamer_models.placement.square import square_structure
 
-SIDE, MOVED = 0.588, 0.006
 PAGE = Path(__file__)
-
-
-def square(n, order=1):
-    """Return the membrane of the thesis on a mesh of n x n elements."""
-    stretch = 1.0 + 2.0 * MOVED / SIDE
-    zones = {
-        f"zone{4 * j + i + 1}": (lambda x, y, z, i=i, j=j: (4.0 * x // SIDE == i) & (4.0 * y // SIDE == j))
-        for j in range(4)
-        for i in range(4)
-    }
-    rim = {"rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > SIDE - 1e-9)}
-    setup = Setup(
-        order=order,
-        regions=(Region(youngs_modulus=1e7, poisson_ratio=0.33, density=1100.0, thickness=1e-3),),
-        supports=(Support(group="rim", stretch=(stretch, stretch, 1.0), centre=(SIDE / 2, SIDE / 2, 0.0)),),
-        zones=tuple(Zone(group=zone) for zone in zones),
-    )
-    return make_structure(setup, surface_mesh(meshed([rectangle(SIDE, SIDE)], n, faces=zones, points=rim), order))
 
 
 def step_cost(path, folder, repeats):
@@ -74,7 +46,9 @@ def step_cost(path, folder, repeats):
 @pytest.mark.parametrize(("n", "order", "target"), [(8, 1, 2.5), (32, 1, 3.0), (4, 4, None)])
 def test_step_beside_the_square_membrane(n, order, target, tmp_path):
     square_fmu = build_fmu(membrane_model(n, order, compiled=True), tmp_path / "square", native=True)
-    mesh_fmu = build_fmu(mesh_membrane_model(square(n, order), compiled=True), tmp_path / "mesh", PAGE, native=True)
+    mesh_fmu = build_fmu(
+        mesh_membrane_model(square_structure(n, order), compiled=True), tmp_path / "mesh", PAGE, native=True
+    )
     repeats = 200_000 // (n * order) ** 2
     costs = [
         step_cost(path, tmp_path / f"unpacked_{path.parent.name}", repeats)
@@ -92,7 +66,7 @@ def test_ten_thousand_elements(tmp_path):
     costs = {}
     for n in (8, 32, 64, 100):
         begin = time.perf_counter()
-        structure = square(n)
+        structure = square_structure(n, 1)
         model = mesh_membrane_model(structure, compiled=True)
         path = build_fmu(model, tmp_path / str(n), PAGE, native=True)
         built, size = time.perf_counter() - begin, sum(map(len, sources(model, "", 2).values()))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flight import matrix
+from flight import get, matrix, put
 from gossamer_models import Stepper
 from gossamer_models.hub import hub_model
 from gossamer_models.membrane import MembraneParams, membrane_model
@@ -10,15 +10,6 @@ from oracles.membrane import energy_function, equations
 
 H = 3e-4
 RELEASE = 0.02  # [s], until then gas of 1 kPa is between hub and membrane
-
-
-def put(stepper, name, values):
-    for k, value in enumerate(values, 1):
-        stepper.set(f"{name}[{k}]", float(value))
-
-
-def get(stepper, name, size=3):
-    return np.array([stepper.get(f"{name}[{k}]") for k in range(1, size + 1)])
 
 
 def reaction(membrane):

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from flight import matrix
+from flight import get, matrix, put
 from gossamer_models import ConvergenceError, Stepper
 from gossamer_models.membrane import MembraneParams, membrane_model
 from oracles.membrane import energy_function, equations, membrane, started
@@ -18,15 +18,6 @@ RATE, FREQUENCY, SHAKE = 3.0, 40.0, np.array([20.0, -10.0, 60.0])  # rad/s, rad/
 @pytest.fixture(scope="module")
 def model():
     return membrane_model(4, 1, frame=True)
-
-
-def put(stepper, name, values):
-    for k, value in enumerate(values, 1):
-        stepper.set(f"{name}[{k}]", float(value))
-
-
-def get(stepper, name, size=3):
-    return np.array([stepper.get(f"{name}[{k}]") for k in range(1, size + 1)])
 
 
 def rate(t):

@@ -6,7 +6,6 @@
 
    Symbols: x positions of all nodes, d what elements share (a column per combination), own what one element has alone. */
 
-#define LANES 4
 #include "lanes.h"
 #undef casadi_real
 #define casadi_real lanes

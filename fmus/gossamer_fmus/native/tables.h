@@ -6,7 +6,6 @@
 
 #include <stdatomic.h>
 
-#define TABLES_FILE "tables.bin"
 #define TABLES_SIZE ((size_t)N_NUMBERS * sizeof(double) + (size_t)N_PLACES * sizeof(int32_t))
 
 static double *tables;

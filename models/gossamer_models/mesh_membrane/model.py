@@ -125,12 +125,8 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
             across[axis::3] = _products(a, t["normals"])
         return t["free"] * (a / k + (1.0 - 1.0 / k) * t["normals"] * across)
 
-    def gas_pressure(x: ca.MX, u: Values, start: ca.MX) -> ca.MX:
-        if setup.gas is None:
-            return ca.MX(0.0)
-        shrunk = all_volume(start, start) / all_volume(equations.volume(x), start)
-        filled = (setup.gas.pressure + setup.gas.ambient) * u.gas_amount
-        return filled * shrunk**setup.gas.exponent - setup.gas.ambient
+    def filled(u: Values) -> ca.MX:  # pressure of the gas at its volume of the start, with the ambient one
+        return (setup.gas.pressure + setup.gas.ambient) * u.gas_amount if setup.gas else ca.MX(0.0)
 
     def all_volume(bounded: ca.MX, start: ca.MX) -> ca.MX:  # with what lies behind an open surface
         given = setup.gas.volume if setup.gas else None
@@ -143,11 +139,14 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
         keep, gain = (1.0 - drag) / (1.0 + drag), h / (1.0 + drag)
 
         def pulled(at: ca.MX) -> tuple[Forces, ca.MX, ca.MX]:
-            gas = gas_pressure(at, u, x.volume)
+            if setup.gas is None:
+                found = all_forces(at, u, p, built_in, ca.MX(0.0))
+                return found, with_dead_loads(found.f, u), ca.MX(0.0)
+            V = all_volume(equations.volume(at), x.volume)
+            inside = filled(u) * (all_volume(x.volume, x.volume) / V) ** setup.gas.exponent
+            gas = inside - setup.gas.ambient
             found = all_forces(at, u, p, built_in, gas)
-            if setup.gas is not None:
-                stiffness = setup.gas.exponent * (gas + setup.gas.ambient) / all_volume(equations.volume(at), x.volume)
-                found = replace(found, rate=found.rate + stiffness * _gas_mobility(structure))
+            found = replace(found, rate=found.rate + setup.gas.exponent * inside / V * _gas_mobility(structure))
             return found, with_dead_loads(found.f, u), gas
 
         phase = phase_end - ca.floor(phase_end)
@@ -171,20 +170,17 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
         by_symbol = SimpleNamespace(**{symbol.name(): symbol for symbol, _ in given})
         if column is not None:
             given.append((column, column))
-        start = ca.MX(0.0)
-        if setup.gas is not None:
-            start = (setup.gas.pressure + setup.gas.ambient) * u.gas_amount - setup.gas.ambient
-            given.append((ca.MX.sym("start"), start))
+        ambient = setup.gas.ambient if setup.gas else 0.0
+        start = filled(u) - ambient
 
         # masses of its own, so that neither a small element nor a stiff region nor inplane_mass delays the others
-        inside = ca.MX(0.0) if setup.gas is None else given[-1][0]
-        shared, names = _shared(structure, by_symbol, by_symbol, ca.MX(0.0), inside), rows(setup)
+        shared, names = _shared(structure, by_symbol, by_symbol, ca.MX(0.0), filled(by_symbol) - ambient), rows(setup)
         stiffer = ca.mmax(by_symbol.youngs_modulus / ca.DM([r.youngs_modulus for r in setup.regions]))
         parts = [ca.fabs(shared[names.index(name), :]) for name in ("along", "across", "shear") if name in names]
         strained = ca.mmax(sum(parts)) if parts else 0.0
 
         def balance(q: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-            found = all_forces(positions(q, by_symbol), by_symbol, by_symbol, ca.MX(0.0), inside)
+            found = equations.forces(positions(q, by_symbol), shared)
             f = with_dead_loads(found.f, by_symbol) - (0.0 if frame else weight(by_symbol))
             strain = ca.fmax(found.strain, 0.0)
             rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
@@ -196,13 +192,13 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
         at = positions(q, u)
         found = all_forces(at, u, p, ca.MX(0.0), start)
         phase = p.pressure_phase / (2.0 * np.pi)
-        filled = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
+        V = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
         phase -= ca.floor(phase)
         if frame:
             ride = rider(u, p).start(q, found, with_dead_loads(found.f, u), start, u)
-            motion = Motion(q, ride.s, phase, filled, ride.frame)
+            motion = Motion(q, ride.s, phase, V, ride.frame)
             return motion, results(motion, u, p, found, start) | ride.results
-        motion = Motion(q, ca.MX.zeros(n), phase, filled, ca.MX.zeros(0))
+        motion = Motion(q, ca.MX.zeros(n), phase, V, ca.MX.zeros(0))
         return motion, results(motion, u, p, found, start)
 
     def results(motion: Motion, u: Values, p: Values, found: Forces, gas: ca.MX) -> dict[str, ca.MX]:
@@ -324,10 +320,10 @@ def _gas_mobility(structure: Structure) -> float:
     return float(np.sum(moves * areas**2 / structure.mass[:, None]))
 
 
-def _force_scale(structure: Structure) -> ca.MX:
+def _force_scale(structure: Structure) -> float:
     """Return the force [N] that an element of mean size takes to double its length, or a little for rounding far out."""
     size = max(float(np.sqrt(structure.areas.mean())), 0.05 * float(np.abs(structure.mesh.nodes).max()))
-    return ca.MX(max(r.youngs_modulus * r.thickness for r in structure.setup.regions) * size)
+    return max(r.youngs_modulus * r.thickness for r in structure.setup.regions) * size
 
 
 def _gauge_strain(x: ca.MX, gauge: Gauge) -> ca.MX:
