@@ -39,8 +39,8 @@ def view(results: Results) -> Result:
 
 def newest_page(results: Path) -> Path:
     """Return the page of a run; write it first if it is not there, or older than the results."""
+    from ..pages import PAGE
     from ..results.files import CSV, NETCDF, UNFINISHED_NETCDF
-    from ..results.report import PAGE
 
     folder = _folder(results)
     path, recorded = folder / PAGE, [folder / name for name in (NETCDF, UNFINISHED_NETCDF, CSV)]

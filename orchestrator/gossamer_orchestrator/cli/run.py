@@ -167,8 +167,8 @@ def _run(
     **options: Any,  # noqa: ANN401
 ) -> Result:
     """Run one scenario, write everything, and return what was judged; say which page to open."""
+    from ..pages import PAGE
     from ..results.files import CSV, NETCDF
-    from ..results.report import PAGE
 
     try:
         data, out = simulate(scenario, out, fmus, watched=watched, **options)

@@ -13,10 +13,10 @@ import pytest
 import xarray as xr
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.pages.thin import Pixels
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.results.report import write_report
-from gossamer_orchestrator.results.report.thin import Pixels
 from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner

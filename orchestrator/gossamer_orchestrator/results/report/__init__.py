@@ -1,5 +1,5 @@
-"""A page of a run: one HTML file that opens from disk, without a network or a server."""
+"""The page of a run."""
 
-from .page import PAGE, write_report
+from .page import write_report
 
-__all__ = ["PAGE", "write_report"]
+__all__ = ["write_report"]

@@ -16,6 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...errors import ResultsError
+from ...pages.thin import Pixels
 from ..columns import LIKENESS
 from ..judgements import Judgement, changes, true_damage, windows
 from ..plots.axes import side
@@ -24,7 +25,6 @@ from ..shapes import ShapeHistory, load_shapes
 from .membrane import membrane_mesh
 from .spectra import spectrogram, spectrum
 from .surface import surface_content
-from .thin import Pixels
 
 FRAMES = 240  # instants of the slider
 NUMBERS = 600_000  # of all frames of the membrane, at most

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -12,24 +12,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ...pages import folded, table
 from ..files import MESSAGES
 from ..judgements import Judgement
 from .verdict import found_zones
 
 SHOWN_WINDOWS = 60
 SHOWN_MESSAGES = 40
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[object]], caption: str, *, row_heads: bool = True) -> str:
-    """Return a table in HTML; the first cell of each row is its heading."""
-    lines = [f"<table><caption>{escape(caption)}</caption>"]
-    if head:
-        lines.append("<thead><tr>" + "".join(f'<th scope="col">{escape(text)}</th>' for text in head) + "</tr></thead>")
-    lines.append("<tbody>")
-    for first, *rest in rows:
-        begin = f'<th scope="row">{escape(str(first))}</th>' if row_heads else f"<td>{escape(str(first))}</td>"
-        lines.append(f"<tr>{begin}" + "".join(f"<td>{escape(str(cell))}</td>" for cell in rest) + "</tr>")
-    return '<div class="wide">' + "\n".join(lines) + "</tbody></table></div>"
 
 
 def run_table(data: xr.Dataset, content: Mapping[str, Any]) -> str:
@@ -85,7 +74,7 @@ def components(data: xr.Dataset) -> str:
         lines += [(v, str(x), "scenario") for v, x in start.items() if v not in values]
         if lines:
             inner = table(("name", "value", "set by"), lines, f"Parameters and start values of {name}")
-            parts.append(f"<details><summary>{escape(name)}: {len(lines)} values</summary>{inner}</details>")
+            parts.append(folded(f"{name}: {len(lines)} values", inner))
     return "\n".join(parts)
 
 
@@ -95,13 +84,13 @@ def connections(data: xr.Dataset) -> str:
     if not pairs:
         return ""
     inner = table(("from", "to"), pairs, "Connections", row_heads=False)
-    return f"<details><summary>{len(pairs)} connections</summary>{inner}</details>"
+    return folded(f"{len(pairs)} connections", inner)
 
 
 def scenario(data: xr.Dataset) -> str:
     """Return the scenario's text."""
     text = data.attrs.get("scenario")
-    return f"<details><summary>The scenario file</summary><pre>{escape(str(text))}</pre></details>" if text else ""
+    return folded("The scenario file", f"<pre>{escape(str(text))}</pre>") if text else ""
 
 
 def judgement_tables(ended: Sequence[Judgement]) -> str:
@@ -120,7 +109,7 @@ def judgement_tables(ended: Sequence[Judgement]) -> str:
             row += [f"{100 * last.deviation[z]:.2f}"] * certain
             rows.append(row)
         inner = table(head, rows, f"Damage of every zone at t = {last.time:.4f} s")
-        parts.append(f"<details><summary>Damage in numbers</summary>{inner}</details>")
+        parts.append(folded("Damage in numbers", inner))
     likeness = ended[-1].likeness or "similarity"
     head = ["t [s]", "damaged zones", *["mean abs. error [%]"] * known, likeness, "valid"]
     rows = []
@@ -131,4 +120,4 @@ def judgement_tables(ended: Sequence[Judgement]) -> str:
         rows.append([*row, f"{window.likeness_value:.3g}", "yes" if window.valid else "no"])
     more = f", the last {SHOWN_WINDOWS} of {len(ended)}" if len(ended) > SHOWN_WINDOWS else ""
     inner = table(head, rows, f"Windows of the detector{more}")
-    return "\n".join([*parts, f"<details><summary>{len(ended)} windows</summary>{inner}</details>"])
+    return "\n".join([*parts, folded(f"{len(ended)} windows", inner)])

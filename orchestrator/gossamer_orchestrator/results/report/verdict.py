@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ...pages.page import Kind
 from ..judgements import Judgement, doubts
 from ..tables import LEAST_SHOWN
 
@@ -22,15 +23,15 @@ class Verdict:
 
     Attributes
     ----------
-    kind : str
-        "damage", "healthy", "invalid" or "none".
+    kind : {"damage", "healthy", "invalid", "none"}
+        As a ``Page`` has it.
     sentence : str
         The verdict.
     more : list of str
         What else is known: the truth, the alarm, reasons to doubt.
     """
 
-    kind: str
+    kind: Kind
     sentence: str
     more: list[str]
 

@@ -1,4 +1,4 @@
-// Unpack, draw one picture after the other, and let the slider move them.
+// The pictures of a run, and the slider that moves them.
 function setInstant(instant) {
   const { frames } = page.content, slider = document.getElementById("instant");
   page.instant = Math.max(0, Math.min(frames.length - 1, instant));
@@ -30,43 +30,6 @@ function prepareSlider() {
   setInstant(page.content.frames.length - 1);
 }
 
-async function drawAll() {
-  const seen = new IntersectionObserver((entries) => {
-    for (const entry of entries) {
-      const figure = page.figures.find((each) => each.div === entry.target);
-      figure.visible = entry.isIntersecting;
-      if (figure.visible) moveFigure(figure);
-    }
-  });
-  const order = [...page.figures.filter((each) => !each.slow), ...page.figures.filter((each) => each.slow)];
-  for (const figure of order) {
-    await draw(figure);
-    seen.observe(figure.div);
-    await new Promise((resolve) => setTimeout(resolve));
-  }
-}
-
-async function main() {
-  const status = document.getElementById("status");
-  try {
-    const [library, data] = await Promise.all([unpack("library"), unpack("data")]);
-    document.head.append(element("script", {}, library));
-    page.content = JSON.parse(data, numbers);
-    addPictures();
-    prepareSlider();
-    status.textContent = "";
-    await drawAll();
-    const redraw = () => page.figures.forEach(draw);
-    darkness.addEventListener("change", redraw);
-    addEventListener("beforeprint", () => { page.printing = true; redraw(); });
-    addEventListener("afterprint", () => { page.printing = false; redraw(); });
-    document.body.dataset.ready = "yes";
-  } catch (error) {
-    status.textContent = `The pictures cannot be drawn: ${error.message} The tables below are complete.`;
-    throw error;
-  }
-}
-
 function addPictures() {
   if (page.content.surface) addSurface(); else addMembrane();
   addDamage();
@@ -74,6 +37,5 @@ function addPictures() {
   addDeflection();
   addSensors();
   addOthers();
+  prepareSlider();
 }
-
-main();

@@ -35,8 +35,9 @@ function heading(text) {
   document.getElementById("pictures").append(element("h2", {}, text));
 }
 
-// A figure is drawn anew by `make`, moved to the slider's time by `move`; `timed` figures have time on the x axis.
-function addFigure({ title, note, label, make, move, timed, tall, broad, control, slow }) {
+// A figure is drawn anew by `make`, moved to the slider's time by `move`; `timed` figures have time on the x axis, with a
+// line at the slider's time; those that are `linked` by the same word are zoomed together.
+function addFigure({ title, note, label, make, move, timed, linked, tall, broad, control, slow }) {
   const number = page.figures.length;
   const caption = element("figcaption", { id: `caption${number}` }, title);
   if (control) caption.append(control);
@@ -44,7 +45,7 @@ function addFigure({ title, note, label, make, move, timed, tall, broad, control
   const div = element("div", { class: `plot ${tall ? "tall" : broad ? "broad" : ""}`, role: "img", "aria-label": label || title });
   const figure = element("figure", { "aria-labelledby": `caption${number}`, class: broad ? "broad" : "" }, caption, div);
   document.getElementById("pictures").append(figure);
-  const added = { div, make, move, timed, slow, visible: false, drawn: false, at: -1 };
+  const added = { div, make, move, timed, linked: timed ? "time" : linked, slow, visible: false, drawn: false, at: -1 };
   page.figures.push(added);
   return added;
 }
@@ -56,9 +57,6 @@ function axis(colors, text, more) {
 
 // The layout of a figure; a timed one begins its shapes with the line at the slider's time.
 function layout(figure, colors, more) {
-  const time = page.content.frames[page.instant];
-  const line = { type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1,
-                 line: { color: colors.ink, width: 1.2, dash: "dot" } };
   const narrow = window.innerWidth < 600;
   const base = {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: colors.ink, size: 12, family: "system-ui, sans-serif" },
@@ -68,7 +66,9 @@ function layout(figure, colors, more) {
   };
   const made = { ...base, ...more };
   if (!figure.timed) return made;
-  const { start, end } = page.content;
+  const { start, end, frames } = page.content, time = frames[page.instant];
+  const line = { type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1,
+                 line: { color: colors.ink, width: 1.2, dash: "dot" } };
   made.shapes = [line, ...(made.shapes || [])];
   made.xaxis = { ...made.xaxis, range: [start, end] };
   return made;
@@ -79,28 +79,28 @@ async function draw(figure) {
   const { data, more } = figure.make(colors);
   const settings = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
   await Plotly.react(figure.div, data, layout(figure, colors, more), settings);
-  if (!figure.drawn && figure.timed) figure.div.on("plotly_relayout", (change) => link(figure, change));
+  if (!figure.drawn && figure.linked) figure.div.on("plotly_relayout", (change) => link(figure, change));
   figure.drawn = true;
   figure.at = figure.timed ? page.instant : -1;
   moveFigure(figure);
 }
 
-// Zoom in one picture over time zooms all.
+// Zoom in one picture zooms all that are linked with it.
 function link(source, change) {
   if (page.linking) return;
   let range = null;
   if ("xaxis.range[0]" in change) range = { "xaxis.range": [change["xaxis.range[0]"], change["xaxis.range[1]"]] };
-  else if (change["xaxis.autorange"]) range = { "xaxis.range": [page.content.start, page.content.end] };
+  else if (change["xaxis.autorange"]) range = source.timed ? { "xaxis.range": [page.content.start, page.content.end] } : { "xaxis.autorange": true };
   if (!range) return;
   page.linking = true;
-  const others = page.figures.filter((each) => each.timed && each.drawn && each !== source);
+  const others = page.figures.filter((each) => each.linked === source.linked && each.drawn && each !== source);
   Promise.all(others.map((each) => Plotly.relayout(each.div, range))).finally(() => { page.linking = false; });
 }
 
 function moveFigure(figure) {
   if (!figure.drawn || figure.at === page.instant) return;
   figure.at = page.instant;
-  const time = page.content.frames[page.instant];
+  const time = page.content.frames && page.content.frames[page.instant];
   if (figure.timed) Plotly.relayout(figure.div, { "shapes[0].x0": time, "shapes[0].x1": time });
   if (figure.move) figure.move(figure.div, page.instant, time);
 }
