@@ -5,6 +5,7 @@ Symbols: ``m`` cases, ``n`` steps, ``h`` step [s].
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
@@ -95,7 +96,8 @@ class Running:
         """
         m, n, _ = damage.shape
         inputs = {name: damage[:, :, k] for k, name in enumerate(DAMAGES)}
-        run = self._membrane.run(n, h, inputs=inputs, state=repeated(place.membrane, m))
+        state = repeated(place.membrane, m)
+        run = self._membrane.run(n, h, inputs=inputs, state=state, workers=os.cpu_count() or 1)
         if self._sensors is None:
             return run.results, Place(_first(run.state, 1), None)
         resistance, state = self._sensors.read(run.results, h, place.sensors)
