@@ -90,14 +90,17 @@ class MembraneEquations:
         """
         x, E, nu, load, scale = self._element_arguments(q, damage, pressure, p)
         if self._compiled:
-            f, wave, strain = element_force_function(self.element).map(E.numel(), [False, False, True, True])(
-                x, E, nu, load
-            )
+            f, wave, strain = self._element_forces(x, E, nu, load)
         else:
             positions = ca.vertsplit(x, len(self.element.nodes))
             f, wave, strain = ca.cse([*element_force(positions, self.element, E, nu, load)])
         row, size = (self._place, 3 * len(self.mesh.nodes)) if everywhere else (self._row, self.n_q)
         return scale * sum_at(row.reshape(-1), ca.vec(f), size), ca.mmax(wave), ca.mmax(strain)
+
+    @cached_property
+    def _element_forces(self) -> ca.Function:
+        """The loop over elements, one object, so that C has its code once."""
+        return element_force_function(self.element).map(len(self.mesh.elements), [False, False, True, True])
 
     @cached_property
     def force(self) -> ca.Function:
