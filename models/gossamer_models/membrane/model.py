@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ..errors import ParameterError
+from ..shape import SHAPE
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, local, output
 from .assembly import MembraneEquations
@@ -22,6 +23,7 @@ from .mesh import N_ZONES, ZONES_PER_SIDE
 from .mounted import Force, MountedMembrane
 from .params import PARAMETERS
 from .prestress import prestress
+from .shape import square_shape
 from .stability import max_step_expression
 from .strain import SENSOR_POINTS, sensor_strains_expression
 
@@ -157,24 +159,26 @@ def membrane_model(
             "max_step": max_step_expression(mesh, wave, p),
         }
 
+    variables = (
+        *PARAMETERS,
+        *(FRAME_PARAMETERS if frame else ()),
+        *((*PRESSURE, *FRAME_INPUTS, *DAMAGE) if frame else INPUTS),
+        *OUTPUTS,
+        *(FRAME_OUTPUTS if frame else ()),
+        *LOCALS,
+    )
     return StepModel.written(
         name="membrane",
         description="Prestressed square membrane with damage zones, "
         f"{elements_per_side} x {elements_per_side} elements of order {order}"
         + ("" if law == "st_venant_kirchhoff" else f", law {law}")
         + (", on a frame that flies" if frame else ""),
-        variables=(
-            *PARAMETERS,
-            *(FRAME_PARAMETERS if frame else ()),
-            *((*PRESSURE, *FRAME_INPUTS, *DAMAGE) if frame else INPUTS),
-            *OUTPUTS,
-            *(FRAME_OUTPUTS if frame else ()),
-            *LOCALS,
-        ),
+        variables=variables,
         init=init,
         step=step,
         step_limit="max_step",
         restarted=RESTARTED if frame else 0,
+        resources={SHAPE: square_shape(equations.mesh, variables)},
         advice="Check the prestress (edge_displacement against side_length), damage, pressure and "
         + (
             "the motion of the frame, and that mount_x does not lie along mount_normal"

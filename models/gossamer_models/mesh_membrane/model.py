@@ -19,6 +19,7 @@ from ..element_loop import Tables
 from ..membrane.frame import RESTARTED, FrameState
 from ..membrane.stability import STEPS_PER_CYCLE
 from ..mistakes import Mistake, raise_any
+from ..shape import SHAPE
 from ..step_model import StepModel
 from ..variables import Values
 from .equations import Forces, MeshForces, rows
@@ -26,7 +27,7 @@ from .gauges import Gauge
 from .interface import mesh_variables
 from .relaxation import relax
 from .riding import Rider
-from .shape import SHAPE, shape_file
+from .shape import mesh_shape
 from .structure import Structure
 
 STEP_FRACTION = 0.6  # of the stable step
@@ -229,7 +230,7 @@ def mesh_membrane_model(structure: Structure, *, frame: bool = False, compiled: 
         init=init,
         step=step,
         step_limit="max_step",
-        resources={SHAPE: shape_file(structure, variables)},
+        resources={SHAPE: mesh_shape(structure, variables)},
         restarted=RESTARTED if frame else 0,
         advice="Check supports, prestress, loads and damage: the membrane may be stretched beyond any use, or no "
         "equilibrium was found to start from.",

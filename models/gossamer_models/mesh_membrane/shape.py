@@ -1,28 +1,19 @@
-r"""What a viewer needs to draw a membrane on a mesh from a state of its model, as a file.
-
-Symbols: ``N`` nodes, ``n`` faces that are drawn, ``S`` supports that move nodes, ``R`` regions, ``K`` sensors. The
-place of a node is :math:`x = X + q + \sum_s m_s w_s`: ``nodes``, the displacements at the places ``q`` of the state,
-and of each support its ``ways`` times the variable in ``moved_by``, or times one.
-"""
+"""The shape of a membrane on a mesh, for programs that draw it."""
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..arrays import Vector
+from ..shape import faces_of, shape_file
 from ..variables import Variable
 from .mesh import Block, Integers
 from .structure import Structure
 
-SHAPE = "shape.npz"
-SCHEMA, VERSION = "gossamer.shape", 1
 
-
-def shape_file(structure: Structure, variables: Sequence[Variable]) -> bytes:
+def mesh_shape(structure: Structure, variables: Sequence[Variable]) -> bytes:
     """Describe the shape of a membrane.
 
     Parameters
@@ -31,17 +22,6 @@ def shape_file(structure: Structure, variables: Sequence[Variable]) -> bytes:
         The membrane.
     variables : sequence of Variable
         Table of its model, whose state begins with the displacements of all nodes.
-
-    Returns
-    -------
-    bytes
-        An NPZ file; the same structure gives the same bytes. Its arrays: ``card`` (schema, version and name as JSON);
-        ``nodes`` (N, 3) [m]; ``faces`` (n, 4), nodes of quadrilaterals and, with -1 as the last, of triangles;
-        ``element``, ``region`` and ``zone`` (n,) from 0, zone -1 where damage does not act; ``q`` (2,), place and
-        number of the displacements in the state; ``ways`` (S, N, 3) [m] and ``moved_by`` (S,), numbers of variables or
-        -1; ``youngs_modulus`` and ``temperature`` (R,), numbers of variables or -1; ``poisson_ratio`` [1],
-        ``thermal_expansion`` [1/K] (R,); ``prestress`` [Pa] and ``direction`` (R, 3); ``sensor_points`` [m] and
-        ``sensor_directions`` (K, 3).
     """
     setup, mesh = structure.setup, structure.mesh
     number = {variable.name: i for i, variable in enumerate(variables)}
@@ -55,39 +35,35 @@ def shape_file(structure: Structure, variables: Sequence[Variable]) -> bytes:
     ways = structure.ways.reshape(-1, len(mesh.nodes), 3)
     moving = [s for s, way in enumerate(ways) if way.any()]
     regions = setup.regions
-    arrays = {
-        "card": np.array(json.dumps({"schema": SCHEMA, "version": VERSION, "name": setup.title or mesh.name})),
-        "nodes": mesh.nodes,
-        "faces": np.concatenate(faces).astype(np.int32),
-        "element": element.astype(np.int32),
-        "region": structure.region[combination].astype(np.int32),
-        "zone": structure.zone[combination].astype(np.int32),
-        "q": np.array([0, mesh.nodes.size]),
-        "ways": ways[moving],
-        "moved_by": _integers([number.get(setup.supports[s].motion, -1) for s in moving]),
-        "youngs_modulus": _integers([number[f"youngs_modulus[{i + 1}]"] for i in range(len(regions))]),
-        "temperature": _integers([number.get(f"temperature[{i + 1}]", -1) for i in range(len(regions))]),
-        "poisson_ratio": np.array([region.poisson_ratio for region in regions]),
-        "thermal_expansion": np.array([region.thermal_expansion for region in regions]),
-        "prestress": np.array([region.prestress for region in regions]),
-        "direction": np.array([region.direction for region in regions]),
-        "sensor_points": _rows([sensor.point for sensor in setup.sensors]),
-        "sensor_directions": _rows([sensor.direction for sensor in setup.sensors]),
-    }
-    file = io.BytesIO()
-    np.savez(file, **arrays)
-    return file.getvalue()
+    return shape_file(
+        setup.title or mesh.name,
+        nodes=mesh.nodes,
+        faces=np.concatenate(faces).astype(np.int32),
+        element=element.astype(np.int32),
+        region=structure.region[combination].astype(np.int32),
+        zone=structure.zone[combination].astype(np.int32),
+        size=-1,
+        q=0,
+        moving=np.arange(len(mesh.nodes)),
+        ways=ways[moving],
+        moved_by=_integers([number.get(setup.supports[s].motion, -1) for s in moving]),
+        youngs_modulus=_integers([number[f"youngs_modulus[{i + 1}]"] for i in range(len(regions))]),
+        temperature=_integers([number.get(f"temperature[{i + 1}]", -1) for i in range(len(regions))]),
+        poisson_from=_integers([-1] * len(regions)),
+        poisson_ratio=np.array([region.poisson_ratio for region in regions]),
+        thermal_expansion=np.array([region.thermal_expansion for region in regions]),
+        prestress=np.array([region.prestress for region in regions]),
+        direction=np.array([region.direction for region in regions]),
+        sensor_points=_rows([sensor.point for sensor in setup.sensors]),
+        sensor_directions=_rows([sensor.direction for sensor in setup.sensors]),
+    )
 
 
 def _faces(block: Block) -> Integers:
     """Return the faces of elements: a triangle, or the quadrilaterals between neighbouring nodes."""
     if block.order == 0:
         return np.column_stack([block.elements, np.full(len(block.elements), -1)])
-    side = block.order + 1
-    s, t = np.meshgrid(np.arange(block.order), np.arange(block.order))
-    first = (t * side + s).ravel()
-    corners = np.column_stack([first, first + 1, first + side + 1, first + side])
-    return block.elements[:, corners].reshape(-1, 4)
+    return faces_of(block.elements, block.order)
 
 
 def _integers(values: Sequence[int]) -> Integers:

@@ -1,4 +1,4 @@
-r"""The shape of a membrane on a mesh, read from the resources of its FMU and from its serialized state.
+r"""The shape of a membrane, read from the resources of its FMU and from its serialized state.
 
 Symbols: ``N`` nodes, ``n`` faces, ``R`` regions, ``K`` sensors. An FMU that can be drawn holds two files: ``shape.npz``, the
 nodes, faces and what moves them, and ``state.json``, where variables and states lie among the bytes of a state.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -22,7 +22,7 @@ from .file import FmuFile
 logger = logging.getLogger(__name__)
 
 SHAPE, STATE = "shape.npz", "state.json"
-_KNOWN = {SHAPE: ("gossamer.shape", 1), STATE: ("gossamer.state", 1)}
+_KNOWN = {SHAPE: ("gossamer.shape", 2), STATE: ("gossamer.state", 1)}
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -68,26 +68,21 @@ class Shape:
         Arrays of ``shape.npz``.
     layout : dict
         Content of ``state.json``.
-
-    Attributes
-    ----------
-    surface : Surface
-        What does not change.
     """
 
     def __init__(self, files: dict[str, Any], layout: dict[str, int]) -> None:
         self._files, self._layout = files, {name: int(layout[name]) for name in ("values", "n_values", "x", "n_x")}
         integers = {name: files[name].astype(np.int64) for name in ("faces", "element", "region", "zone")}
         floats = ("nodes", "poisson_ratio", "direction", "sensor_points", "sensor_directions")
-        self.surface = Surface(**integers, **{name: files[name].astype(float) for name in floats})
-        nodes, faces = self.surface.nodes, self.surface.faces
-        first, count = (int(value) for value in files["q"])
+        self._surface = Surface(**integers, **{name: files[name].astype(float) for name in floats})
+        nodes, faces = self._surface.nodes, self._surface.faces
+        first, moving = int(files["q"]), files["moving"]
         if (
             nodes.ndim != 2
             or nodes.shape[1] != 3
-            or count != nodes.size
+            or not 0 <= moving.min(initial=0) <= moving.max(initial=0) < len(nodes)
             or first < 0
-            or first + count > self._layout["n_x"]
+            or first + 3 * len(moving) > self._layout["n_x"]
         ):
             msg = "its nodes do not fit the states"
             raise ValueError(msg)
@@ -99,6 +94,18 @@ class Shape:
         ):
             msg = "its faces name nodes that it lacks"
             raise ValueError(msg)
+
+    def surface(self, state: bytes) -> Surface:
+        """Return what does not change during a run, with the size of the membrane and its material in a state."""
+        values, files = self._doubles(state, "values", "n_values"), self._files
+        size = _value(values, files["size"], 1.0)
+        known = self._surface
+        return replace(
+            known,
+            nodes=size * known.nodes,
+            sensor_points=size * known.sensor_points,
+            poisson_ratio=_value(values, files["poisson_from"], known.poisson_ratio),
+        )
 
     def read(self, state: bytes) -> tuple[Array, Array]:
         """Return the places of the nodes, shape (N, 3) [m], and the eigenstrain of the regions, shape (R, 3) [1].
@@ -119,14 +126,14 @@ class Shape:
             The state is shorter than the FMU says.
         """
         values, x = self._doubles(state, "values", "n_values"), self._doubles(state, "x", "n_x")
-        files, (first, count) = self._files, self._files["q"]
-        nodes = self.surface.nodes + x[first : first + count].reshape(-1, 3)
-        for way, by in zip(files["ways"], files["moved_by"], strict=True):
-            nodes += (values[by] if by >= 0 else 1.0) * way
-        E, nu, S = values[files["youngs_modulus"]], self.surface.poisson_ratio, files["prestress"]
-        warm = np.where(files["temperature"] >= 0, files["thermal_expansion"] * values[files["temperature"]], 0.0)
+        surface, files = self.surface(state), self._files
+        first, moving = int(files["q"]), files["moving"]
+        places = surface.nodes + np.tensordot(_value(values, files["moved_by"], 1.0), files["ways"], axes=1)
+        places[moving] += x[first : first + 3 * len(moving)].reshape(-1, 3)
+        E, nu, S = values[files["youngs_modulus"]], surface.poisson_ratio, files["prestress"]
+        warm = files["thermal_expansion"] * _value(values, files["temperature"], 0.0)
         along, across = ((S[:, a] - nu * S[:, 1 - a]) / E - warm for a in range(2))
-        return nodes, np.column_stack([along, across, (1.0 + nu) * S[:, 2] / E])
+        return places, np.column_stack([along, across, (1.0 + nu) * S[:, 2] / E])
 
     def _doubles(self, state: bytes, place: str, count: str) -> Array:
         begin, size = self._layout[place], self._layout[count]
@@ -137,6 +144,11 @@ class Shape:
             )
             raise FmuError(msg)
         return np.frombuffer(state, np.float64, size, begin)
+
+
+def _value(values: Array, number: Integers, otherwise: float | Array) -> Array:
+    """Return variables by number; where there is none, -1, something else."""
+    return np.where(number >= 0, values[number], otherwise)
 
 
 def read_shape(file: FmuFile) -> Shape | None:

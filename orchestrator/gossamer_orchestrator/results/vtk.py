@@ -18,11 +18,10 @@ from .files import make_folder
 from .judgements import windows
 from .roles import find_all
 from .shapes import ShapeHistory
-from .square import square_history
 from .surface import face_strains
 
 
-def export_vtk(data: xr.Dataset, shapes: Mapping[str, ShapeHistory], folder: Path, frames: int = 60) -> list[Path]:
+def export_vtk(data: xr.Dataset, shapes: Mapping[str, ShapeHistory], folder: Path) -> list[Path]:
     """Write the shapes of all membranes of a run.
 
     Parameters
@@ -30,11 +29,9 @@ def export_vtk(data: xr.Dataset, shapes: Mapping[str, ShapeHistory], folder: Pat
     data : xarray.Dataset
         Results.
     shapes : mapping of str to ShapeHistory
-        As ``load_shapes`` reads them; square membranes are drawn from their deflections ``w``.
+        As ``load_shapes`` reads them.
     folder : Path
         Where to write; made if needed.
-    frames : int
-        Instants of square membranes, at most.
 
     Returns
     -------
@@ -46,16 +43,8 @@ def export_vtk(data: xr.Dataset, shapes: Mapping[str, ShapeHistory], folder: Pat
     ResultsError
         There is no membrane to draw, meshio is not installed, or the folder cannot be written.
     """
-    histories = dict(shapes)
-    rows = np.unique(np.linspace(0, data.sizes["time"] - 1, max(frames, 1)).round().astype(int))
-    for name in find_all(data, "membrane"):
-        if name not in histories and f"{name}.w" in data:
-            histories[name] = square_history(data, name, rows)
-    if not histories:
-        msg = (
-            "no membrane can be drawn: the run recorded no shapes of one on a mesh ([record] frames), and no deflections "
-            "'membrane.w' of a square one. Record them and run it again."
-        )
+    if not shapes:
+        msg = "no membrane can be drawn: the run recorded no shapes. Run it again with [record] frames above 0."
         raise ResultsError(msg)
     try:
         import meshio  # noqa: F401
@@ -65,7 +54,7 @@ def export_vtk(data: xr.Dataset, shapes: Mapping[str, ShapeHistory], folder: Pat
         )
         raise ResultsError(msg) from None
     make_folder(folder)
-    return [_write(data, name, history, folder) for name, history in histories.items()]
+    return [_write(data, name, history, folder) for name, history in shapes.items()]
 
 
 def _write(data: xr.Dataset, name: str, history: ShapeHistory, folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Record the shapes of membranes on meshes at some instants of a run, from the states of their FMUs."""
+"""Record the shapes of membranes at some instants of a run, from the states of their FMUs."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class ShapeRecorder:
             return
         frame = self._frame(simulation)
         if self._file is None:
-            surfaces = {name: shape.surface for name, shape in self._shapes.items()}
+            surfaces = {name: shape.surface(simulation.serialize_one(name)) for name, shape in self._shapes.items()}
             self._file = create_shapes(self._path, surfaces, simulation.time, frame)
         else:
             self._file.append(pack_frame(simulation.time, frame)[None])

@@ -265,12 +265,12 @@ class Recording(Table):
     every : int
         Record each n-th communication point.
     frames : int
-        Instants, evenly spread over the run, at which the shapes of membranes on meshes are recorded; 0 for none.
+        Instants, evenly spread over the run, at which the shapes of membranes are recorded; 0 for none.
     """
 
     variables: list[str] | None = None
     every: int = Field(default=1, ge=1, le=int(MAX_STEPS))
-    frames: int = Field(default=60, ge=0, le=100_000)
+    frames: int = Field(default=240, ge=0, le=100_000)
 
 
 class Scenario(Table):

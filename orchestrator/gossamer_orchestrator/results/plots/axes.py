@@ -5,13 +5,13 @@ Colours are those of Okabe and Ito and of the maps viridis and cividis, which co
 
 from __future__ import annotations
 
+import json
 import math
 from typing import TYPE_CHECKING
 
 import xarray as xr
 
 from ..roles import find_all
-from ..square import square_parameters
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,6 +39,15 @@ def time_axis(ax: Axes) -> None:
 
 def side(data: xr.Dataset) -> tuple[float, str]:
     """Return the side of the stretched square and its unit; 1 and "side" if its parameters are not known."""
-    known = square_parameters(data, next(iter(find_all(data, "membrane")), ""))
+    known = _square_parameters(data, next(iter(find_all(data, "membrane")), ""))
     length = known.get("side_length", math.nan) + 2.0 * known.get("edge_displacement", math.nan)
     return (1.0, "side") if math.isnan(length) else (length, "m")
+
+
+def _square_parameters(data: xr.Dataset, membrane: str) -> dict[str, float]:
+    """Return the parameters of a square membrane that are recorded, or else stated by its FMU."""
+    known = dict(json.loads(data.attrs.get("fmus", "{}")).get(membrane, {}).get("parameters", {}))
+    for name in ("side_length", "edge_displacement"):
+        if f"{membrane}.{name}" in data.data_vars:
+            known[name] = float(data[f"{membrane}.{name}"][0])
+    return known

@@ -104,8 +104,9 @@ def plot_shape(history: ShapeHistory, *, ax: Axes3D | None = None) -> Axes3D:
     return ax
 
 
-def shape_pages(shapes: Mapping[str, ShapeHistory]) -> dict[str, Page]:
-    """Return a page for each membrane on a mesh, by file name: ``deflection``, of several with their names."""
+def shape_pages(data: xr.Dataset, shapes: Mapping[str, ShapeHistory]) -> dict[str, Page]:
+    """Return a page for each membrane that is not drawn from above, by file name: ``deflection``, of several with names."""
+    in_space = {name: history for name, history in shapes.items() if f"{name}.w" not in data}
 
     def page(history: ShapeHistory) -> Callable[[xr.Dataset, Figure], None]:
         def draw(_: xr.Dataset, figure: Figure) -> None:
@@ -113,8 +114,8 @@ def shape_pages(shapes: Mapping[str, ShapeHistory]) -> dict[str, Page]:
 
         return draw
 
-    one = len(shapes) == 1
-    return {"deflection" if one else f"deflection_{name}": (page(each), (9.0, 6.5)) for name, each in shapes.items()}
+    one = len(in_space) == 1
+    return {"deflection" if one else f"deflection_{name}": (page(each), (9.0, 6.5)) for name, each in in_space.items()}
 
 
 def _deflection(data: xr.Dataset, figure: Figure) -> None:

@@ -50,7 +50,7 @@ def save_pictures(data: xr.Dataset, folder: Path, form: str = "png", shapes: Pat
     folder.mkdir(parents=True, exist_ok=True)
     written: list[Path] = []
     reasons: list[str] = []
-    for name, (draw, size) in (PAGES | deflection.shape_pages(load_shapes(shapes or folder))).items():
+    for name, (draw, size) in (PAGES | deflection.shape_pages(data, load_shapes(shapes or folder))).items():
         begun = time.perf_counter()
         with mpl.rc_context(fname=STYLE):
             figure = Figure(figsize=size)

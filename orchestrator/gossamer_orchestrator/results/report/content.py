@@ -82,7 +82,8 @@ def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[
             if name not in constant
         ],
         "constant": constant,
-        "membrane": None if heights is None else membrane_mesh(data, membrane, rows, side(data)),
+        "square": heights is not None or history is None,
+        "membrane": None if heights is None or history is not None else membrane_mesh(data, membrane, rows, side(data)),
         "surface": None if history is None else surface_content(history, shown),
         "damage": _damage(data, time, ended),
         "watch": read_watch(folder),

@@ -32,7 +32,7 @@ function addDamage() {
   if (!damage) return;
   const found = damage.windows, known = damage.true;
   const count = (found ? found.estimated : known.values)[0].length, side = Math.round(Math.sqrt(count));
-  if (side * side === count && !page.content.surface) addMap(found, known, side);
+  if (side * side === count && page.content.square) addMap(found, known, side);
   addBars(found, known, count);
   addHistory(damage, found, known, count);
   if (found) addLikeness(found);

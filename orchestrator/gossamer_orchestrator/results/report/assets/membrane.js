@@ -31,7 +31,6 @@ function addMembrane() {
   }
   const choices = [];
   if (!mesh.flat) choices.push(["deflection", "deflection"]);
-  if (mesh.strain) choices.push(["strain", "largest strain"]);
   if (damage && squares && damage.windows) choices.push(["estimated", "estimated damage"]);
   if (damage && squares && damage.true) choices.push(["true", "true damage"]);
   const select = element("select", { "aria-label": "Colour of the membrane" });
@@ -74,7 +73,6 @@ function addMembrane() {
   };
   const intensity = (instant) => {
     if (select.value === "deflection") return Array.from(surface(instant), (value) => scale * value);
-    if (select.value === "strain") return Array.from(mesh.strain[instant]).flatMap((value) => [value, value]);
     const values = select.value === "true" ? trueAt(content.frames[instant]) : estimatedAt(content.frames[instant]);
     return cells.map((zone) => (values ? 100 * values[zone] : 0));
   };
@@ -90,15 +88,15 @@ function addMembrane() {
   };
   const figure = addFigure({
     title: "Membrane", tall: true, slow: true, control: select,
-    note: mesh.flat ? "Deflections of the nodes (membrane.w) are not recorded, so it is drawn flat." : "Heights are drawn larger than they are. Drag to turn; numbers are zones, dots sensors." + (mesh.strain ? " Strain is that of the deflection and an even stretch; motion within the plane is not recorded." : ""),
+    note: mesh.flat ? "Deflections of the nodes (membrane.w) are not recorded, so it is drawn flat." : "Heights have a scale of their own. Drag to turn; numbers are zones, dots sensors.",
     label: "The membrane in three dimensions, with zones, sensors and damaged zones marked; the tables below hold the numbers.",
     make(colors) {
-      const [lines, estimated, real] = parts(page.instant), deflected = select.value === "deflection", strained = select.value === "strain";
+      const [lines, estimated, real] = parts(page.instant), deflected = select.value === "deflection";
       const line = (found, more, name) => ({ type: "scatter3d", mode: "lines", ...found, line: more, name, hoverinfo: "skip" });
       const skin = { type: "mesh3d", x: X, y: Y, z: Array.from(surface(page.instant), (value) => scale * value), i: I, j: J, k: K,
-        intensity: intensity(page.instant), intensitymode: deflected ? "vertex" : "cell", cmin: deflected ? -top : strained ? bottom(mesh.strain) : 0, cmax: deflected ? top : strained ? largest(mesh.strain) : topDamage(),
-        colorscale: deflected ? "Viridis" : strained ? "Cividis" : damageScale(colors), flatshading: false, lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 },
-        colorbar: { title: { text: deflected ? "mm" : strained ? "strain" : "%" }, thickness: 12, len: 0.75, x: 1.0 }, hoverinfo: "skip", showscale: true };
+        intensity: intensity(page.instant), intensitymode: deflected ? "vertex" : "cell", cmin: deflected ? -top : 0, cmax: deflected ? top : topDamage(),
+        colorscale: deflected ? "Viridis" : damageScale(colors), flatshading: false, lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 },
+        colorbar: { title: { text: deflected ? "mm" : "%" }, thickness: 12, len: 0.75, x: 1.0 }, hoverinfo: "skip", showscale: true };
       const data = [skin, line(lines, { color: colors.dark ? "#cfd6dd" : "#3d4650", width: 2 }, "zones"),
         line(estimated, { color: "#D55E00", width: 7 }, "judged damaged"),
         line(real, { color: colors.dark ? "#ffffff" : "#000000", width: 4, dash: "dash" }, "truly damaged"),

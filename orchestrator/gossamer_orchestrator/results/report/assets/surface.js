@@ -103,7 +103,7 @@ function addSurface() {
   });
   const size = Math.max(...span.map(([low, high]) => high - low)) || 1;
   const figure = addFigure({
-    title: "Membrane", tall: true, broad: true, slow: true, control: select,
+    title: "Membrane", tall: true, broad: !page.content.square, slow: true, control: select,
     note: (mesh.factor === 1 ? "Drawn to scale." : `Displacements are drawn ${mesh.factor} times as large.`) + " Drag to turn; numbers are zones, dots sensors"
       + (marks ? ", crosses faces that wrinkle or are slack." : "; no face wrinkles."),
     label: "The membrane in three dimensions, with zones, sensors, wrinkles and damaged zones marked; the tables below hold the numbers.",
