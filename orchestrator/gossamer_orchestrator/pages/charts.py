@@ -119,6 +119,13 @@ def points(
     return trace if deviation is None else trace | {"error_y": {"array": np.asarray(deviation), "color": color}}
 
 
+def with_interval(trace: Trace, low: ArrayLike, high: ArrayLike, axis: str = "y") -> Trace:
+    """Return points or bars with intervals, from ``low`` to ``high`` along an axis, around their values."""
+    values = np.asarray(trace[axis], dtype=float)
+    ends = {"array": np.asarray(high) - values, "arrayminus": values - np.asarray(low), "symmetric": False}
+    return trace | {f"error_{axis}": ends | {"color": trace["marker"]["color"], "thickness": 1.2, "width": 3}}
+
+
 def bars(name: str, x: ArrayLike, y: ArrayLike, color: str = "@0") -> Trace:
     """Return bars; ``x`` may be words."""
     return {"type": "bar", "name": name, "x": np.asarray(x), "y": np.asarray(y), "marker": {"color": color}}
