@@ -1,9 +1,12 @@
-"""``gossamer report`` and ``gossamer view``: the page of a run."""
+"""``gossamer report``, the page of a run, and ``gossamer view``, any page."""
 
 from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from .command import Result, note, show
 from .common import Results
@@ -23,12 +26,25 @@ def report(results: Results) -> Result:
     return Result({"page": page})
 
 
-def view(results: Results) -> Result:
-    """Open the page of a run in the browser; write it first if it is not there, or older than the results.
+def view(
+    results: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder of a page or of a run, results.nc or results.csv, or a sensor that gossamer identify wrote.",
+            metavar="RESULTS",
+            show_default=False,
+        ),
+    ],
+) -> Result:
+    """Open a page in the browser: of a run, or of what another command found.
+
+    The page of a run is written first if it is not there, or older than the results.
 
     For example:
 
         gossamer view out/damage_begins
+
+        gossamer view out/mine/sensor.json
     """
     path = newest_page(results)
     show(path)
@@ -38,11 +54,23 @@ def view(results: Results) -> Result:
 
 
 def newest_page(results: Path) -> Path:
-    """Return the page of a run; write it first if it is not there, or older than the results."""
+    """Return a page; write that of a run first if it is not there, or older than the results.
+
+    Parameters
+    ----------
+    results : Path
+        Folder of a page or a run, a file in it, or an artifact whose page is in the folder of its name.
+
+    Raises
+    ------
+    ResultsError
+        There is neither a page nor results.
+    """
     from ..pages import PAGE
     from ..results.files import CSV, NETCDF, UNFINISHED_NETCDF
 
-    folder = _folder(results)
+    of_artifact = results.with_suffix("") / PAGE
+    folder = of_artifact.parent if results.is_file() and of_artifact.is_file() else _folder(results)
     path, recorded = folder / PAGE, [folder / name for name in (NETCDF, UNFINISHED_NETCDF, CSV)]
     latest = max((each.stat().st_mtime for each in recorded if each.is_file()), default=0.0)
     return path if path.is_file() and path.stat().st_mtime >= latest else make_page(results)
