@@ -79,7 +79,7 @@ def test_a_record_becomes_a_fractional_sensor_that_runs_as_its_model(measured, t
     result = CliRunner().invoke(app, ["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     names = ("predicted.csv", "loop.png", "history.png", "residual.png")
-    files = [out.with_suffix("") / f"measured_{name}" for name in names]
+    files = [out.with_suffix("") / name for name in (*(f"measured_{name}" for name in names), "report.html")]
     assert result.stdout.split() == [str(path) for path in (out, *files)]
     assert all(path.is_file() for path in files)
     told = " ".join(result.stderr.split())
