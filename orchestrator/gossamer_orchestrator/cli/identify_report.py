@@ -76,7 +76,7 @@ def error_table(result: Any, rest: str) -> Shown:  # noqa: ANN401
     caption = f"E1: sum of errors over sum of changes from the {rest}"
     starts = result.fit.artifact.provenance.get("starts ended at", "")
     if "," in starts:
-        caption += f"\nstarts ended at {starts} of the fitted range, regularisation included"
+        caption += f".\nStarts ended at {starts} of the fitted range, regularisation included"
     head = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
     rows = []
     for e in result.errors:
