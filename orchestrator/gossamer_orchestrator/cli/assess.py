@@ -144,9 +144,9 @@ def judge_given(
             recognised=lambda records: show_records(console, records),
             progress=lambda text: bar.update(text=text),
         )
+        seconds = time.perf_counter() - begun
         paths = save_judged(judged, out, pictures=pictures)
     if pictures:
-        seconds = time.perf_counter() - begun
         paths += save_page(lambda: _page(judged, sensor, files, stretch, seconds), out / PAGE)
     return judged, paths
 

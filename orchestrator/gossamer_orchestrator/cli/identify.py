@@ -270,9 +270,9 @@ def identify_given(
             recognised=lambda records: show_records(console, records),
             **more,
         )
+        seconds = time.perf_counter() - begun
         result.fit.artifact.write(out)
         drawn = save_predictions(result, out.with_suffix(""))
-        seconds = time.perf_counter() - begun
         drawn += save_pictures(result, out.with_suffix("")) if pictures else []
     if pictures:
         rest = rest_of(result, rest_resistance)

@@ -257,16 +257,18 @@ def test_a_verdict_claims_no_more_than_the_intervals_show():
     assert more[2].startswith("b.csv: Resistance is predicted with an error of 3.00 %")
 
 
-@pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (400, "dark")])
-def test_in_a_browser_the_pages_fit_zoom_together_and_ask_for_nothing(browser, identified, assessed, width, scheme):
-    for path, figures in ((identified[0] / "sensor" / "report.html", 8), (assessed[0] / "report.html", 8)):
-        troubles: list[str] = []
-        view = {"viewport": {"width": width, "height": 900}, "color_scheme": scheme}
-        page = opened(browser, path.as_uri(), troubles, **view)
-        assert page.locator("figure").count() == figures
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        over_time = "page.figures.filter((each) => each.linked)"
-        page.evaluate(f"Plotly.relayout({over_time}[0].div, {{'xaxis.range[0]': 10, 'xaxis.range[1]': 30}})")
-        page.wait_for_function(f"{over_time}.every((each) => each.div.layout.xaxis.range[1] === 30)")
-        assert troubles == []
-        page.close()
+@pytest.mark.parametrize(
+    ("name", "figures", "width", "scheme"), [("identified", 8, 1400, "light"), ("assessed", 8, 400, "dark")]
+)
+def test_in_a_browser_a_page_fits_zooms_together_and_asks_for_nothing(browser, request, name, figures, width, scheme):
+    (path,) = request.getfixturevalue(name)[0].rglob("report.html")
+    troubles: list[str] = []
+    view = {"viewport": {"width": width, "height": 900}, "color_scheme": scheme}
+    page = opened(browser, path.as_uri(), troubles, **view)
+    assert page.locator("figure").count() == figures
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    over_time = "page.figures.filter((each) => each.linked)"
+    page.evaluate(f"Plotly.relayout({over_time}[0].div, {{'xaxis.range[0]': 10, 'xaxis.range[1]': 30}})")
+    page.wait_for_function(f"{over_time}.every((each) => each.div.layout.xaxis.range[1] === 30)")
+    assert troubles == []
+    page.close()

@@ -101,15 +101,15 @@ def _map(title: str, trace: Trace, note: str, text: str) -> Chart:
 
 
 def _relaxation(artifact: SensorArtifact) -> list[Chart]:
-    """Return amplitudes over times of the relaxation terms, by what drives them; nothing without any."""
+    """Return amplitudes over times of the relaxation terms, by what drives them; one term stands in the table alone."""
+    if len(artifact.relaxation) < 2:
+        return []
     traces, said = [], []
     for k, name in enumerate(dict.fromkeys(map(_driven, artifact.relaxation))):
         here = [term for term in artifact.relaxation if _driven(term) == name]
         times, sizes = [_time(term) for term in here], [term.amplitude for term in here]
         traces.append(points(name, np.array(times), np.array(sizes), f"@{k}", size=9))
         said.append(f"{name}: amplitudes {min(sizes):.3g} to {max(sizes):.3g}.")
-    if len(artifact.relaxation) < 2:  # the table says it
-        return []
     return [
         Chart(
             section=SECTION,
