@@ -272,7 +272,7 @@ def view(
     Parameters
     ----------
     results : path
-        Folder of a page or of a run, results.nc or results.csv, or a sensor that gossamer identify wrote.
+        Folder of a page or of a run, results.nc or results.csv, or an artifact, such as a sensor.
 
     Returns
     -------

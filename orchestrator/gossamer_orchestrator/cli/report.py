@@ -8,8 +8,11 @@ from typing import Annotated
 
 import typer
 
+from ..errors import ResultsError
 from .command import Result, note, show
 from .common import Results
+
+STORES = (".json", ".zarr")  # have their page in a folder of their name
 
 
 def report(results: Results) -> Result:
@@ -30,7 +33,7 @@ def view(
     results: Annotated[
         Path,
         typer.Argument(
-            help="Folder of a page or of a run, results.nc or results.csv, or a sensor that gossamer identify wrote.",
+            help="Folder of a page or of a run, results.nc or results.csv, or an artifact, such as a sensor.",
             metavar="RESULTS",
             show_default=False,
         ),
@@ -59,18 +62,21 @@ def newest_page(results: Path) -> Path:
     Parameters
     ----------
     results : Path
-        Folder of a page or a run, a file in it, or an artifact whose page is in the folder of its name.
+        Folder of a page or a run, a file in it, or an artifact or a store whose page is in the folder of its name.
 
     Raises
     ------
     ResultsError
-        There is neither a page nor results.
+        There is neither a page nor results of a run.
     """
     from ..pages import PAGE
     from ..results.files import CSV, NETCDF, UNFINISHED_NETCDF
 
     of_artifact = results.with_suffix("") / PAGE
-    folder = of_artifact.parent if results.is_file() and of_artifact.is_file() else _folder(results)
+    folder = of_artifact.parent if results.suffix in STORES and of_artifact.is_file() else _folder(results)
+    if results.suffix in STORES and not (folder / PAGE).is_file():
+        msg = f"{results} has no page {of_artifact}. The command that wrote it writes one, unless --no-pictures forbids it."
+        raise ResultsError(msg)
     path, recorded = folder / PAGE, [folder / name for name in (NETCDF, UNFINISHED_NETCDF, CSV)]
     latest = max((each.stat().st_mtime for each in recorded if each.is_file()), default=0.0)
     return path if path.is_file() and path.stat().st_mtime >= latest else make_page(results)

@@ -204,6 +204,9 @@ def test_without_pictures_there_is_no_page(identified, tmp_path):
     assert answer.exit_code == 0, answer.output
     assert not (tmp_path / "sensor" / "report.html").exists()
     assert "Open " not in answer.stderr
+    answer = CliRunner().invoke(app, ["view", str(out)])
+    assert (answer.exit_code, answer.stdout) == (1, "")
+    assert f"{out} has no page" in answer.stderr
 
 
 def test_a_constant_eta_is_a_sentence_and_another_one_a_picture():
