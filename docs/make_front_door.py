@@ -67,7 +67,7 @@ FILES = {
                 'assert gossamer.verify("out/fmus/sensor.fmu").passed',
             ),
             "view": Words(
-                "Open the page of a run in the browser; write it first if it is missing or old.",
+                "Open a page in the browser; that of a run is written first if it is missing or old.",
                 "Path",
                 "The page.",
                 'gossamer.view("out/damaged")',

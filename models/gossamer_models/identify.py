@@ -24,7 +24,7 @@ from .fitting.tables import table_path, write_predictions
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
-from .replay import recover_strain
+from .replay import Recovered, recover_by_fit
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import determined, start_errors
@@ -57,8 +57,8 @@ class Identified:
         Training and test stretch of every record.
     remarks : tuple of str
         Repairs of the records, what the data do not determine, and baselines that are better.
-    recovered : tuple of ndarray, shape (m,)
-        Strain [1] that the compensator recovers from each record; empty for a model without one.
+    recovered : tuple of Recovered
+        What the compensator recovers from each record; empty for a model without one.
     trials : tuple of Trial
         What was tried, if the model was chosen automatically.
     standings : tuple of Standing
@@ -70,7 +70,7 @@ class Identified:
     fit: Fit
     errors: tuple[Errors, ...]
     remarks: tuple[str, ...] = ()
-    recovered: tuple[Vector, ...] = ()
+    recovered: tuple[Recovered, ...] = ()
     trials: tuple[Trial, ...] = ()
     standings: tuple[Standing, ...] = ()
     scales: tuple[RelativeScale, ...] = ()
@@ -83,8 +83,8 @@ class Identified:
         offset, gain = self.scales[k].offset, self.scales[k].gain
         return replace(record, resistance=offset + gain * record.resistance), offset + gain * predicted
 
-    def recovered_of(self, k: int) -> dict[str, Vector]:
-        """Return the strain recovered from record k by name of the compensator; nothing for a model without one."""
+    def recovered_of(self, k: int) -> dict[str, Recovered]:
+        """Return what is recovered from record k, by name; nothing for a model without a compensator."""
         return {"recovered": self.recovered[k]} if self.recovered else {}
 
 
@@ -248,12 +248,12 @@ def identify_files(
             )
             doubted = (chosen, *doubted)
         stated = _stated(fit)
-    errors, strains = fit.errors, tuple[Vector, ...]()
+    errors, recovered = fit.errors, tuple[Recovered, ...]()
     if isinstance(fit, PreisachFit):
         progress("recovering the strain")
-        strains = tuple(recover_strain(fit, record) for record in fit.records)
-        errors = _with_strain_errors(fit, strains)
-    table = standings(fit.records, fit.train, fit.predicted, strains or None)
+        recovered = tuple(recover_by_fit(fit, record) for record in fit.records)
+        errors = _with_strain_errors(fit, [found.strain for found in recovered])
+    table = standings(fit.records, fit.train, fit.predicted, [found.strain for found in recovered] or None)
     doubted = (*doubted, *defeats(table))
     provenance = {
         "data": ", ".join(record.name for record in records),
@@ -276,7 +276,7 @@ def identify_files(
     fit = replace(fit, artifact=artifact)
     remarks = (*repairs, *doubted)
     return Identified(
-        fit=fit, errors=errors, remarks=remarks, recovered=strains, trials=trials, standings=table, scales=scales
+        fit=fit, errors=errors, remarks=remarks, recovered=recovered, trials=trials, standings=table, scales=scales
     )
 
 
@@ -297,7 +297,8 @@ def save_pictures(result: Identified, folder: Path) -> list[Path]:
     fit = result.fit
     pictures: dict[str, Callable[[], Any]] = {}
     for k in range(len(fit.records)):
-        pictures |= record_pictures(*result.in_its_file(k), result.recovered_of(k), fit.train[k])
+        strains = {name: found.strain for name, found in result.recovered_of(k).items()}
+        pictures |= record_pictures(*result.in_its_file(k), strains, fit.train[k])
     if isinstance(fit, PreisachFit):
         pictures |= {name: partial(plot, fit.artifact) for name, plot in SENSOR_PICTURES.items()}
     return save_figures(pictures, folder)
@@ -307,7 +308,7 @@ def save_predictions(result: Identified, folder: Path) -> list[Path]:
     """Write predicted resistance and recovered strain of every record as CSV; return the paths."""
     fit, paths = result.fit, []
     for k, record in enumerate(fit.records):
-        columns = {f"{name} strain": strain for name, strain in result.recovered_of(k).items()}
+        columns = {f"{name} strain": found.strain for name, found in result.recovered_of(k).items()}
         path = table_path(folder, record.name)
         paths.append(write_predictions(path, *result.in_its_file(k), columns, fit.train[k]))
     return paths

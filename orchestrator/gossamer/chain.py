@@ -267,12 +267,12 @@ def verify(
 def view(
     results: str | PathLike[str],
 ) -> Path:
-    """Open the page of a run in the browser; write it first if it is missing or old.
+    """Open a page in the browser; that of a run is written first if it is missing or old.
 
     Parameters
     ----------
     results : path
-        Folder of a run, or its results.nc or results.csv.
+        Folder of a page or of a run, results.nc or results.csv, or an artifact, such as a sensor.
 
     Returns
     -------

@@ -66,7 +66,7 @@ def identify(
     files : path or sequence of path
         CSV files with a header line; each is a record of one sensor.
     out : path, default "out/identified/sensor.json"
-        File to write; pictures go beside it.
+        File to write; pictures and page go beside it.
     model : str or None
         One of those above; auto if no option of a model is given, else preisach.
     budget : float or None
@@ -84,7 +84,7 @@ def identify(
     origin : str, default "not stated"
         Where the data come from, for the provenance.
     pictures : bool, default True
-        Draw pictures of the fit.
+        Draw pictures of the fit, and write report.html, the page of them all.
     time : str or None
         Column of time; recognised if not given.
     strain : str or None
@@ -191,9 +191,9 @@ def assess(
     stretch : str, default "50%"
         First stretch of each record: 0:200 for seconds, 50% for a leading part.
     out : path, default "out/assessed"
-        Folder of predictions and pictures.
+        Folder of predictions, pictures and page.
     pictures : bool, default True
-        Draw pictures.
+        Draw pictures, and write report.html, the page of them all.
     time : str or None
         Column of time; recognised if not given.
     strain : str or None

@@ -167,6 +167,13 @@ class Sweep:
         console.print(case_table(self.cases, self.ended))
 
 
+def _page_of(files: Sequence[Path]) -> Path | None:
+    """Return the page among files, if there is one."""
+    from gossamer_orchestrator.pages import PAGE
+
+    return next((path for path in files if path.name == PAGE), None)
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Identification:
     """A sensor that was identified.
@@ -178,12 +185,12 @@ class Identification:
     result : gossamer_models.identify.Identified
         Fit, errors and remarks.
     records : dict of str to xarray.Dataset
-        By the name of the record: strain [1], resistance [ohm] and predicted resistance [ohm] over ``time`` [s], the
-        recovered strain [1] where the model has a compensator, and ``fitted``.
+        By the name of the record: strain [1], resistance [ohm] and predicted resistance [ohm] over ``time`` [s], and
+        ``fitted``; where the model has a compensator the recovered strain [1], and its stated ``deviation`` [1] if any.
     rest : str
         The resistance from which changes count, in words.
     files : list of Path
-        The artifact, predictions and pictures.
+        The artifact, predictions, pictures and page.
     """
 
     path: Path
@@ -191,6 +198,11 @@ class Identification:
     records: dict[str, xr.Dataset]
     rest: str
     files: list[Path]
+
+    @property
+    def page(self) -> Path | None:
+        """Page of the identification; None where none was written."""
+        return _page_of(self.files)
 
     @property
     def _verdict(self) -> str:
@@ -227,13 +239,18 @@ class Assessment:
     stretch : str
         First stretch of each record.
     files : list of Path
-        Predictions and pictures.
+        Predictions, pictures and page.
     """
 
     judged: tuple[Judged, ...]
     records: dict[str, xr.Dataset]
     stretch: str
     files: list[Path]
+
+    @property
+    def page(self) -> Path | None:
+        """Page of the assessment; None where none was written."""
+        return _page_of(self.files)
 
     @property
     def _verdict(self) -> str:

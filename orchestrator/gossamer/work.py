@@ -92,7 +92,7 @@ def sweep(scenario: str, ranges: list[str], out: Path | None, fmus: Path, **opti
 
 
 def view(results: Path) -> Path:
-    """Open the page of a run in the browser; return its path."""
+    """Open a page in the browser; return its path."""
     from gossamer_orchestrator.cli.report import newest_page
 
     path = newest_page(results)
@@ -111,10 +111,11 @@ def identify(files: list[Path], **given: Any) -> Identification:  # noqa: ANN401
     records = {}
     for k, rows in enumerate(result.fit.train):
         record, predicted = result.in_its_file(k)
-        recovered: dict[str, Any] = {
-            name: ("time", strain, {"units": "1"}) for name, strain in result.recovered_of(k).items()
-        }
-        records[record.name] = _histories(record, predicted).assign(recovered | {"fitted": ("time", rows)})
+        known: dict[str, Any] = {"fitted": rows}
+        for name, found in result.recovered_of(k).items():
+            known |= {name: found.strain} | ({} if found.deviation is None else {"deviation": found.deviation})
+        columns = {name: ("time", values, {"units": "1"}) for name, values in known.items()}
+        records[record.name] = _histories(record, predicted).assign(columns)
     rest = rest_of(result, given["rest_resistance"])
     return Identification(path=paths[0], result=result, records=records, rest=rest, files=paths)
 

@@ -18,6 +18,8 @@ CONFIDENCE = 0.9
 HERE = "this sensor"
 RIVALS = ("static cubic", "regression on lags")
 
+Interval = tuple[float, float, float]  # value, low end, high end
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
@@ -34,8 +36,8 @@ class Standing:
 
     record: str
     model: str
-    forward: tuple[float, float, float] | None
-    strain: tuple[float, float, float] | None
+    forward: Interval | None
+    strain: Interval | None
 
 
 def standings(
@@ -65,12 +67,16 @@ def standings(
 
     forward = {HERE: dict(enumerate(predicted))} | fitted(strain, R)
     back: dict[str, dict[int, Vector]] = {HERE: dict(enumerate(recovered or ()))} | fitted(R, strain)
+
+    def interval(measured: Vector, given: Vector | None, rows: Rows) -> Interval | None:
+        return None if given is None else error_interval(measured, given, rows)
+
     return tuple(
         Standing(
             record=record.name,
             model=model,
-            forward=_interval(R[k], forward[model].get(k), ~train[k]),
-            strain=_interval(strain[k], back[model].get(k), ~train[k]),
+            forward=interval(R[k], forward[model].get(k), ~train[k]),
+            strain=interval(strain[k], back[model].get(k), ~train[k]),
         )
         for k, record in enumerate(records)
         if not train[k].all()
@@ -96,10 +102,11 @@ def defeats(table: Sequence[Standing]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _interval(measured: Vector, predicted: Vector | None, rows: Rows) -> tuple[float, float, float] | None:
-    """Return the error and its interval of confidence; blocks are drawn whole, as errors of neighbours are alike."""
-    if predicted is None:
-        return None
+def error_interval(measured: Vector, predicted: Vector, rows: Rows) -> Interval:
+    """Return the NRMSE of some samples and the ends of its interval of 90 % confidence, in % of the measured range.
+
+    Blocks of samples are drawn whole, because errors of neighbours are alike.
+    """
     size = float(np.ptp(measured))
     blocks = np.array_split((predicted - measured)[rows] ** 2, BLOCKS)
     squares = np.array([block.sum() for block in blocks]), np.array([block.size for block in blocks])

@@ -89,8 +89,8 @@ class Judged:
         true = float(np.mean((found[rows] - self.record.strain[rows]) ** 2))
         return float(np.sqrt(np.mean(stated[rows] ** 2) / true)) if true > 0.0 else None
 
-    def sentences(self) -> tuple[str, ...]:
-        """Say how the record was repaired, whether the sensor knows it, and where the static cubic does better."""
+    def defeats(self) -> tuple[str, ...]:
+        """Say where the static cubic does better."""
         rows = self.stretches().get("judged", self.first)
         name, said = self.record.name, list[str]()
         if (cubic := self.forward(rows, self.cubic)) < (own := self.forward(rows)):
@@ -98,11 +98,18 @@ class Judged:
         for kind, each in self.recovered.items():
             if (cubic := self.strain(rows, self.cubic_strain)) < (own := self.strain(rows, each.strain)):
                 said.append(f"{name}: a cubic recovers strain better than {kind}, {cubic:.2f} to {own:.2f} %.")
-        if said and self.scales is None:
+        return tuple(said)
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say how the record was repaired, whether the sensor knows it, and where the static cubic does better."""
+        name, defeats = self.record.name, self.defeats()
+        said = [f"{name}: {text}." for text in self.record.repairs]
+        if self.known:
+            said.append(f"{name} is a record that the sensor was fitted to: its errors say little of others.")
+        said += defeats
+        if defeats and self.scales is None:
             said.append(f"{name}: its sensor may be mounted or drifted otherwise; find its own scales (--fit-scales).")
-        known = f"{name} is a record that the sensor was fitted to: its errors say little of others."
-        repairs = [f"{name}: {text}." for text in self.record.repairs]
-        return (*repairs, *([known] if self.known else []), *said)
+        return tuple(said)
 
 
 def judge_files(

@@ -23,9 +23,11 @@ ETA_SCALE = (0.9, 1.1)  # [1]
 TITLES = {"mu": "mu (the elastic line may exceed the scale)", "eta": "eta, the share of mu that a down-switch removes"}
 
 
-def plot_plane(artifact: SensorArtifact, name: str, *, ax: Axes | None = None) -> Axes:
-    """Draw ``mu`` or ``eta`` over the Preisach plane; the cell of line i and bin k lies in row k, column k - i."""
-    ax = axes_for(ax)
+def preisach_plane(artifact: SensorArtifact, name: str) -> Matrix:
+    """Return ``mu`` or ``eta`` over the Preisach plane, shape (N, N).
+
+    The cell of line i and bin k lies in row k, column k - i; not a number above the elastic line, and eta where mu is zero.
+    """
     mu, nu = artifact.tables()
     N = artifact.n_lines
     plane = np.full((N, N), np.nan)
@@ -33,7 +35,14 @@ def plot_plane(artifact: SensorArtifact, name: str, *, ax: Axes | None = None) -
     with np.errstate(divide="ignore", invalid="ignore"):
         values = mu if name == "mu" else np.where(mu > 0.0, nu / mu, np.nan)
     plane[k, k - line] = values[line, k]
-    off_line = plane[np.tril_indices(N, -1)]
+    return plane
+
+
+def plot_plane(artifact: SensorArtifact, name: str, *, ax: Axes | None = None) -> Axes:
+    """Draw ``mu`` or ``eta`` over the Preisach plane."""
+    ax = axes_for(ax)
+    plane = preisach_plane(artifact, name)
+    off_line = plane[np.tril_indices(artifact.n_lines, -1)]
     top = float(np.nanmax(off_line)) if np.isfinite(off_line).any() else 1.0
     low = None
     if name == "eta":  # keep meaningless differences out of the colours

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import time
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -11,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from .command import Result, show, stderr
-from .common import keep_inputs, model_errors
+from .command import Result, note, show, stderr
+from .common import keep_inputs, model_errors, save_page
 from .identify import CommandWithFields, parameter
 from .recognised import print_recognised
 
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from gossamer_models.fitting import Record
     from gossamer_models.review import Judged
     from rich.table import Table
+
+    from ..pages import Page
+    from .tables import Shown
 
 COMPENSATORS = "inverse (its direct one where it has one), exact, estimator, filter"
 
@@ -61,16 +65,16 @@ def assess(
     stretch: Annotated[
         str, typer.Option(help="First stretch of each record: 0:200 for seconds, 50% for a leading part.")
     ] = "50%",
-    out: Annotated[Path, typer.Option(help="Folder of predictions and pictures.", metavar="FOLDER")] = Path(
+    out: Annotated[Path, typer.Option(help="Folder of predictions, pictures and page.", metavar="FOLDER")] = Path(
         "out/assessed"
     ),
-    pictures: Annotated[bool, typer.Option(help="Draw pictures.")] = True,
+    pictures: Annotated[bool, typer.Option(help="Draw pictures, and write report.html, the page of them all.")] = True,
 ) -> Result:
     """Judge an identified sensor on other records, without fitting it.
 
     Says first what it read: columns, units, ranges, sampling, gaps. Prints errors of resistance and of recovered strain as a
-    table, and the paths of predicted and recovered values as CSV and of pictures. Beside the sensor stands a static cubic,
-    which is fitted to the first stretch of each record.
+    table, and the paths of predicted and recovered values as CSV, of pictures, and of report.html, the page to look at.
+    Beside the sensor stands a static cubic, which is fitted to the first stretch of each record.
 
     For example:
 
@@ -80,6 +84,8 @@ def assess(
 
         gossamer assess sensor.json other.csv --compensator inverse --compensator estimator --out out/mine
     """
+    from ..pages import PAGE
+
     judged, paths = judge_given(
         sensor,
         files,
@@ -99,6 +105,8 @@ def assess(
             console.print(sentence, style="yellow", markup=False)
     for path in paths:
         show(path)
+    if out / PAGE in paths:
+        note(f"Open {out / PAGE}, or type 'gossamer view {out}'.")
     remarks = [sentence for each in judged for sentence in each.sentences()]
     return Result({"files": paths, "errors": [row for each in judged for row in _errors(each)], "remarks": remarks})
 
@@ -120,10 +128,11 @@ def judge_given(
     from gossamer_models.fitting.tables import table_path
     from gossamer_models.review import judge_files, save_judged
 
+    from ..pages import PAGE
     from ..run.progress import ProgressBar
 
     keep_inputs([sensor, *files], [out, *(table_path(out, each.name) for each in files)])
-    console = stderr()
+    console, begun = stderr(), time.perf_counter()
     with model_errors(), ProgressBar("assess", console) as bar:
         judged = judge_files(
             sensor,
@@ -135,7 +144,18 @@ def judge_given(
             recognised=lambda records: show_records(console, records),
             progress=lambda text: bar.update(text=text),
         )
-        return judged, save_judged(judged, out, pictures=pictures)
+        seconds = time.perf_counter() - begun
+        paths = save_judged(judged, out, pictures=pictures)
+    if pictures:
+        paths += save_page(lambda: _page(judged, sensor, files, stretch, seconds), out / PAGE)
+    return judged, paths
+
+
+def _page(judged: tuple[Judged, ...], sensor: Path, files: list[Path], stretch: str, seconds: float) -> Page:
+    """Return the page of an assessment."""
+    from .pages.assess import assessment_page
+
+    return assessment_page(judged, sensor, files, shown_tables(judged, stretch), seconds)
 
 
 def _errors(judged: Judged) -> list[dict[str, Any]]:
@@ -158,36 +178,41 @@ def _errors(judged: Judged) -> list[dict[str, Any]]:
 
 
 def tables(judged: tuple[Judged, ...], stretch: str) -> list[Table]:
-    """Return the errors, and the scales where they were fitted, as tables."""
-    from rich.markup import escape
-    from rich.table import Table
+    """Return the errors, and the scales where they were fitted, as tables of the terminal."""
+    from .tables import printed
+
+    return [printed(each) for each in shown_tables(judged, stretch)]
+
+
+def shown_tables(judged: tuple[Judged, ...], stretch: str) -> list[Shown]:
+    """Return the errors, and the scales where they were fitted."""
+    from .tables import Shown
 
     fitted = judged[0].scales is not None
     first = (
         "fitted scales and the cubic know" if fitted else "the cubic knows; the sensor knows nothing of these records"
     )
-    errors = Table(
-        *("record", "stretch", "samples", "resistance", "by a cubic", "recovered by", "strain", "by a cubic"),
-        "stated / true deviation",
-        title="errors: NRMSE in % of range",
-        caption=f"The first stretch ({stretch}) of a record is what {first}.",
-    )
+    head = ("record", "stretch", "samples", "resistance", "by a cubic", "recovered by", "strain", "by a cubic")
+    errors: list[tuple[str, ...]] = []
     for each in judged:
         for name, rows in each.stretches().items():
+            left = (each.record.name, name, str(int(rows.sum())), f"{each.forward(rows):.2f}")
+            cubic = f"{each.forward(rows, each.cubic):.2f}"
             for k, (kind, found) in enumerate(each.recovered.items()):
                 ratio = each.deviation_ratio(rows, kind)
-                left = (escape(each.record.name), name, str(int(rows.sum())), f"{each.forward(rows):.2f}")
                 right = (kind, f"{each.strain(rows, found.strain):.2f}", f"{each.strain(rows, each.cubic_strain):.2f}")
-                errors.add_row(
-                    *((*left, f"{each.forward(rows, each.cubic):.2f}") if k == 0 else ("",) * 5),
-                    *right,
-                    "-" if ratio is None else f"{ratio:.2f}",
+                errors.append(
+                    ((*left, cubic) if k == 0 else ("",) * 5) + (*right, "-" if ratio is None else f"{ratio:.2f}")
                 )
-    if not fitted:
-        return [errors]
-    scales = Table("record", "gain, first", "last", "offset, first", "last", title="scales of each record in ohm")
-    for each in judged:
-        if (own := each.scales) is not None:
-            numbers = (own.gain[0], own.last_gain, own.offset[0], own.last_offset)
-            scales.add_row(escape(each.record.name), *(f"{number:.4g}" for number in numbers))
-    return [errors, scales]
+    caption = f"Errors: NRMSE in % of range. The first stretch ({stretch}) of a record is what {first}."
+    made = [Shown((*head, "stated / true deviation"), errors, caption)]
+    if fitted:
+        numbers = [
+            (each.record.name, (own.gain[0], own.last_gain, own.offset[0], own.last_offset))
+            for each in judged
+            if (own := each.scales) is not None
+        ]
+        scales = [(name, *(f"{number:.4g}" for number in four)) for name, four in numbers]
+        names = ("record", "gain, first", "last", "offset, first", "last")
+        made.append(Shown(names, scales, "Scales of each record in ohm."))
+    return made

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import logging
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..errors import OrchestratorError
 from .command import note
+
+if TYPE_CHECKING:
+    from ..pages import Page
+
+logger = logging.getLogger(__name__)
 
 FMUS = Path("out/fmus")
 FmuFolder = Annotated[Path, typer.Option("--fmus", help="Folder of the FMUs that scenarios name.", metavar="FOLDER")]
@@ -54,6 +60,20 @@ def keep_inputs(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -
             if same or output.resolve().is_relative_to(given.resolve()):
                 msg = f"{output} would overwrite {given}, which is an input. Name another place with --out."
                 raise OrchestratorError(msg)
+
+
+def save_page(describe: Callable[[], Page], path: Path) -> list[Path]:
+    """Write a page, the last of what a command writes; return its path.
+
+    Results are on the disk by then. Whatever goes wrong is a warning, and nothing is returned.
+    """
+    from ..pages import write_page
+
+    try:
+        return [write_page(describe(), path)]
+    except Exception as error:
+        logger.warning("%s was not written: %s: %s", path, type(error).__name__, error)
+        return []
 
 
 def print_kinds(what: str, paths: Iterable[Path]) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+import time
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -17,13 +18,15 @@ import typer
 from rich.console import Console
 
 from ..errors import OrchestratorError
-from .command import Command, Result, as_options, show, stderr
-from .common import keep_inputs, model_errors
+from .command import Command, Result, as_options, note, show, stderr
+from .common import keep_inputs, model_errors, save_page
 from .recognised import print_recognised
 
 if TYPE_CHECKING:
     from gossamer_models.fitting import Record
     from gossamer_models.identify import Identified
+
+    from ..pages import Page
 
 
 @cache
@@ -94,7 +97,7 @@ def parameter(owner: type, field: Any, defaults: dict[str, Any], panel: str | No
 def identify(
     ctx: typer.Context,
     files: Annotated[list[Path], typer.Argument(help="CSV files with a header line; each is a record of one sensor.")],
-    out: Annotated[Path, typer.Option(help="File to write; pictures go beside it.", metavar="FILE")] = Path(
+    out: Annotated[Path, typer.Option(help="File to write; pictures and page go beside it.", metavar="FILE")] = Path(
         "out/identified/sensor.json"
     ),
     model: Annotated[
@@ -122,12 +125,15 @@ def identify(
         ),
     ] = False,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
-    pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
+    pictures: Annotated[
+        bool, typer.Option(help="Draw pictures of the fit, and write report.html, the page of them all.")
+    ] = True,
 ) -> Result:
     """Identify a sensor from measured strain and resistance.
 
     Says first what it read: columns, units, ranges, sampling, gaps. Prints the paths of the artifact, of predicted and
-    recovered values as CSV, and of the pictures; errors on training and test stretches as a table.
+    recovered values as CSV, of the pictures, and of report.html, the page to look at; errors on training and test stretches
+    as a table.
 
     Models:
 
@@ -171,6 +177,7 @@ def identify(
         origin=origin,
         pictures=pictures,
     )
+    from ..pages import PAGE
     from .identify_report import print_result, result_as_json
 
     console = stderr()
@@ -179,6 +186,8 @@ def identify(
         console.print(sentence, style="yellow", markup=False)
     for path in paths:
         show(path)
+    if paths[-1].name == PAGE:
+        note(f"Open {paths[-1]}, or type 'gossamer view {paths[-1].parent}'.")
     return Result({"artifact": out, "files": paths[1:], **result_as_json(result, chosen)})
 
 
@@ -192,6 +201,7 @@ def identify_given(
     model: str | None,
     budget: float | None,
     weights: str | None,
+    rest_resistance: float | None,
     pictures: bool,
     **more: Any,  # noqa: ANN401
 ) -> tuple[Identified, str, list[Path]]:
@@ -207,7 +217,7 @@ def identify_given(
         For the provenance of the artifact.
     show_records : callable
         Shows what was recognised in the records, before anything is fitted.
-    out, model, budget, weights, pictures, **more
+    out, model, budget, weights, rest_resistance, pictures, **more
         The command's own.
     """
     from gossamer_models.automatic import BUDGET
@@ -223,10 +233,11 @@ def identify_given(
         settings_for,
     )
 
+    from ..pages import PAGE
     from .identify_report import progress_of
 
     keep_inputs(files, [out])
-    console = stderr()
+    console, begun = stderr(), time.perf_counter()
     readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
     chosen = {
         name: _read(name, value, readers.get(name))
@@ -250,6 +261,7 @@ def identify_given(
             files,
             columns=Columns(**columns),
             weights=None if weights is None else _read("weights", weights, numbers),
+            rest_resistance=rest_resistance,
             settings=settings,
             budget=BUDGET if budget is None else budget,
             command=command,
@@ -258,10 +270,21 @@ def identify_given(
             recognised=lambda records: show_records(console, records),
             **more,
         )
+        seconds = time.perf_counter() - begun
         result.fit.artifact.write(out)
         drawn = save_predictions(result, out.with_suffix(""))
         drawn += save_pictures(result, out.with_suffix("")) if pictures else []
+    if pictures:
+        rest = rest_of(result, rest_resistance)
+        drawn += save_page(lambda: _page(result, out, files, rest, seconds), out.with_suffix("") / PAGE)
     return result, model, [out, *drawn]
+
+
+def _page(result: Identified, out: Path, files: list[Path], rest: str, seconds: float) -> Page:
+    """Return the page of an identification."""
+    from .pages.identify import identification_page
+
+    return identification_page(result, out, files, rest, seconds)
 
 
 def rest_of(result: Identified, given: float | None) -> str:

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from ..run.progress import ProgressBar
+from .tables import Shown, printed
 
 logger = logging.getLogger(__name__)
 SHOWN = 6  # trials of each stage, the best ones
@@ -66,37 +66,43 @@ def result_as_json(result: Any, model: str) -> dict[str, Any]:  # noqa: ANN401
 
 def print_result(console: Console, result: Any, rest: str) -> None:  # noqa: ANN401
     """Print the tables of an ``Identified``; ``rest`` is the resistance from which changes count, in words."""
-    if result.trials:
-        console.print(_trials(result.trials))
+    for shown in (trial_table(result, SHOWN), error_table(result, rest), standing_table(result)):
+        if shown.rows:
+            console.print(printed(shown))
+
+
+def error_table(result: Any, rest: str) -> Shown:  # noqa: ANN401
+    """Return the errors on training and test stretches."""
     caption = f"E1: sum of errors over sum of changes from the {rest}"
     starts = result.fit.artifact.provenance.get("starts ended at", "")
     if "," in starts:
-        caption += f"\nstarts ended at {starts} of the fitted range, regularisation included"
-    headings = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
-    table = Table(*headings, caption=caption)
+        caption += f".\nStarts ended at {starts} of the fitted range, regularisation included"
+    head = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
+    rows = []
     for e in result.errors:
         recovered = "-" if e.strain_nrmse is None else f"{e.strain_nrmse:.3f}"
-        table.add_row(e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}", recovered)
-    console.print(table)
-    if result.standings:
-        caption = "NRMSE [% of range] on the test stretch; in brackets 90 % confidence from blocks of it"
-        table = Table("record", "model", "output", "recovered strain", caption=caption)
-        for each in result.standings:
-            table.add_row(each.record, each.model, _interval(each.forward), _interval(each.strain))
-        console.print(table)
+        rows.append((e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}", recovered))
+    return Shown(head, rows, caption)
 
 
-def _trials(trials: Any) -> Table:  # noqa: ANN401
+def standing_table(result: Any) -> Shown:  # noqa: ANN401
+    """Return the errors of the sensor beside those of its rivals."""
+    caption = "NRMSE [% of range] on the test stretch; in brackets 90 % confidence from blocks of it"
+    rows = [(each.record, each.model, _interval(each.forward), _interval(each.strain)) for each in result.standings]
+    return Shown(("record", "model", "output", "recovered strain"), rows, caption)
+
+
+def trial_table(result: Any, most: int) -> Shown:  # noqa: ANN401
+    """Return what an automatic choice tried, of each stage the best ones."""
     caption = "NRMSE [% of range] on the later part of the training stretch; at two cuts for the finalists"
-    table = Table("choice of", "tried", "error", "finalist", r"time \[s]", caption=caption)
-    for stage in dict.fromkeys(trial.stage for trial in trials):
-        here = [trial for trial in trials if trial.stage == stage]
-        known = sorted((t for t in here if math.isfinite(t.error)), key=lambda t: (not t.final, t.error))
-        for t in known[:SHOWN]:
-            table.add_row(t.stage, t.what, f"{t.error:.2f}", "yes" if t.final else "no", f"{t.seconds:.1f}")
-        if len(here) > SHOWN:
-            table.add_row(stage, f"and {len(here) - len(known[:SHOWN])} more", "", "", "")
-    return table
+    rows: list[tuple[str, ...]] = []
+    for stage in dict.fromkeys(trial.stage for trial in result.trials):
+        here = [trial for trial in result.trials if trial.stage == stage]
+        known = sorted((t for t in here if math.isfinite(t.error)), key=lambda t: (not t.final, t.error))[:most]
+        rows += [(t.stage, t.what, f"{t.error:.2f}", "yes" if t.final else "no", f"{t.seconds:.1f}") for t in known]
+        if len(here) > len(known):
+            rows.append((stage, f"and {len(here) - len(known)} more", "", "", ""))
+    return Shown(("choice of", "tried", "error", "finalist", "time [s]"), rows, caption)
 
 
 def _interval(numbers: tuple[float, float, float] | None) -> str:

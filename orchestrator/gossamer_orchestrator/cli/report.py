@@ -1,12 +1,18 @@
-"""``gossamer report`` and ``gossamer view``: the page of a run."""
+"""``gossamer report``, the page of a run, and ``gossamer view``, any page."""
 
 from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
+from typing import Annotated
 
+import typer
+
+from ..errors import ResultsError
 from .command import Result, note, show
 from .common import Results
+
+STORES = (".json", ".zarr")  # have their page in a folder of their name
 
 
 def report(results: Results) -> Result:
@@ -23,12 +29,25 @@ def report(results: Results) -> Result:
     return Result({"page": page})
 
 
-def view(results: Results) -> Result:
-    """Open the page of a run in the browser; write it first if it is not there, or older than the results.
+def view(
+    results: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder of a page or of a run, results.nc or results.csv, or an artifact, such as a sensor.",
+            metavar="RESULTS",
+            show_default=False,
+        ),
+    ],
+) -> Result:
+    """Open a page in the browser: of a run, or of what another command found.
+
+    The page of a run is written first if it is not there, or older than the results.
 
     For example:
 
         gossamer view out/damage_begins
+
+        gossamer view out/mine/sensor.json
     """
     path = newest_page(results)
     show(path)
@@ -38,11 +57,26 @@ def view(results: Results) -> Result:
 
 
 def newest_page(results: Path) -> Path:
-    """Return the page of a run; write it first if it is not there, or older than the results."""
+    """Return a page; write that of a run first if it is not there, or older than the results.
+
+    Parameters
+    ----------
+    results : Path
+        Folder of a page or a run, a file in it, or an artifact or a store whose page is in the folder of its name.
+
+    Raises
+    ------
+    ResultsError
+        There is neither a page nor results of a run.
+    """
     from ..pages import PAGE
     from ..results.files import CSV, NETCDF, UNFINISHED_NETCDF
 
-    folder = _folder(results)
+    of_artifact = results.with_suffix("") / PAGE
+    folder = of_artifact.parent if results.suffix in STORES and of_artifact.is_file() else _folder(results)
+    if results.suffix in STORES and not (folder / PAGE).is_file():
+        msg = f"{results} has no page {of_artifact}. The command that wrote it writes one, unless --no-pictures forbids it."
+        raise ResultsError(msg)
     path, recorded = folder / PAGE, [folder / name for name in (NETCDF, UNFINISHED_NETCDF, CSV)]
     latest = max((each.stat().st_mtime for each in recorded if each.is_file()), default=0.0)
     return path if path.is_file() and path.stat().st_mtime >= latest else make_page(results)

@@ -1,6 +1,6 @@
 """Pages of results: one HTML file each that opens from disk, without a network or a server."""
 
-from .charts import SCRIPT, Chart, band, bars, curve, drawn, heat, points
+from .charts import SCRIPT, Chart, band, bars, curve, drawn, heat, points, with_interval
 from .page import PAGE, Page, write_page
 from .tables import folded, table
 
@@ -17,5 +17,6 @@ __all__ = [
     "heat",
     "points",
     "table",
+    "with_interval",
     "write_page",
 ]

@@ -66,7 +66,7 @@ def drawn(charts: Sequence[Chart]) -> dict[str, Any]:
 
 
 def curve(name: str, x: ArrayLike, y: ArrayLike, color: str = "@0", **more: Any) -> Trace:  # noqa: ANN401
-    """Return a curve; of many points the smallest and the largest in each of some thousand parts that follow each other.
+    """Return a curve; of many points those of the smallest and the largest value in each of some thousand parts in a row.
 
     Parameters
     ----------
@@ -119,6 +119,13 @@ def points(
     return trace if deviation is None else trace | {"error_y": {"array": np.asarray(deviation), "color": color}}
 
 
+def with_interval(trace: Trace, low: ArrayLike, high: ArrayLike, axis: str = "y") -> Trace:
+    """Return points or bars with intervals, from ``low`` to ``high`` along an axis, around their values."""
+    values = np.asarray(trace[axis], dtype=float)
+    ends = {"array": np.asarray(high) - values, "arrayminus": values - np.asarray(low), "symmetric": False}
+    return trace | {f"error_{axis}": ends | {"color": trace["marker"]["color"], "thickness": 1.2, "width": 3}}
+
+
 def bars(name: str, x: ArrayLike, y: ArrayLike, color: str = "@0") -> Trace:
     """Return bars; ``x`` may be words."""
     return {"type": "bar", "name": name, "x": np.asarray(x), "y": np.asarray(y), "marker": {"color": color}}
@@ -132,12 +139,22 @@ def heat(x: ArrayLike, y: ArrayLike, z: ArrayLike, label: str, **more: Any) -> T
 
 
 def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return fewer points: of a curve over time smallest and largest of each pixel, of any other every so many."""
+    """Return fewer points: of a curve over time smallest and largest of each pixel, of a loop those of x and of y."""
     pixels = Pixels(len(x))
     if pixels.stride == 1:
         return x, y
     if (np.diff(x) > 0.0).all():
         parts = [(pixels.times(x[rows]), pixels.thin(y[rows])) for rows in pixels.parts()]
         return np.concatenate([time for time, _ in parts]), np.concatenate([values for _, values in parts])
-    stride = -(-pixels.stride // 2)
-    return x[::stride], y[::stride]
+    rows = _turns(x, y, 2 * pixels.stride)
+    return x[rows], y[rows]
+
+
+def _turns(x: Array, y: Array, length: int) -> NDArray[np.intp]:
+    """Return the rows of the smallest and the largest x and y of every so many points, in their order along the curve."""
+    rows = np.arange(-(-len(x) // length) * length).clip(max=len(x) - 1).reshape(-1, length)
+    found = []
+    for values in (x[rows], y[rows]):
+        known = np.isfinite(values)
+        found += [np.where(known, values, np.inf).argmin(axis=1), np.where(known, values, -np.inf).argmax(axis=1)]
+    return np.unique(np.take_along_axis(rows, np.column_stack(found), axis=1))

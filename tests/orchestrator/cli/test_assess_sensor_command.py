@@ -28,8 +28,9 @@ def test_another_record_is_read_judged_and_drawn(folder):
     result = CliRunner().invoke(app, ["assess", *arguments, "--fit-scales", "--out", str(out)])
     assert result.exit_code == 0, result.output
     names = ("predicted.csv", "loop.png", "history.png", "residual.png", "strain.png", "strain_residual.png")
-    assert result.stdout.split() == [str(out / f"other_{name}") for name in names]
-    assert all((out / f"other_{name}").is_file() for name in names)
+    files = [out / name for name in (*(f"other_{name}" for name in names), "report.html")]
+    assert result.stdout.split() == [str(path) for path in files]
+    assert all(path.is_file() for path in files)
     told = result.stderr
     assert told.index("UTF-16, semicolons") < told.index("NRMSE")  # what was read stands before any result
     for text in (

@@ -1,5 +1,7 @@
 """The command ``gossamer identify``: from a CSV file to FMUs, and what it says on the way."""
 
+import re
+
 import fmpy
 import numpy as np
 import pytest
@@ -50,7 +52,7 @@ def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
 
 def test_without_options_of_a_model_it_is_chosen_and_build_takes_the_compensator_that_won(measured, tmp_path):
     out = tmp_path / "sensor.json"
-    result = CliRunner().invoke(app, ["identify", str(measured), "--budget", "1", "--no-pictures", "--out", str(out)])
+    result = CliRunner().invoke(app, ["identify", str(measured), "--budget", "1", "--out", str(out)])
     assert result.exit_code == 0, result.output
     told = " ".join(result.stderr.split())
     for words in (
@@ -63,6 +65,8 @@ def test_without_options_of_a_model_it_is_chosen_and_build_takes_the_compensator
         "is in no training stretch",
     ):
         assert words in told
+    page = (tmp_path / "sensor" / "report.html").read_text(encoding="utf-8")
+    assert re.search(r"<summary>\d+ trials of the automatic choice</summary>", page)
     artifact = SensorArtifact.read(out)
     assert artifact.compensator in ("inverse", "estimator", "filter")
     built = CliRunner().invoke(app, ["build", "compensator", "filter", "--artifact", str(out), "--out", str(tmp_path)])
@@ -79,7 +83,7 @@ def test_a_record_becomes_a_fractional_sensor_that_runs_as_its_model(measured, t
     result = CliRunner().invoke(app, ["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     names = ("predicted.csv", "loop.png", "history.png", "residual.png")
-    files = [out.with_suffix("") / f"measured_{name}" for name in names]
+    files = [out.with_suffix("") / name for name in (*(f"measured_{name}" for name in names), "report.html")]
     assert result.stdout.split() == [str(path) for path in (out, *files)]
     assert all(path.is_file() for path in files)
     told = " ".join(result.stderr.split())

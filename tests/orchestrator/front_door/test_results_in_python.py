@@ -133,6 +133,8 @@ def test_an_identified_sensor_has_its_records_and_is_a_path(sensor, measured):
     assert test == pytest.approx(next(each.nrmse for each in sensor.result.errors if each.stretch == "test"))
     assert "The resistance is predicted with an error" in words(sensor._repr_html_())
     assert "data:image/png" in sensor._repr_html_()
+    assert sensor.page == measured.parent / "sensor" / "report.html"
+    assert sensor.page.is_file()
 
 
 def test_a_sensor_is_judged_on_other_records(sensor, measured, tmp_path):
@@ -141,6 +143,7 @@ def test_a_sensor_is_judged_on_other_records(sensor, measured, tmp_path):
     assert record["compensator"].to_numpy().tolist() == ["exact", "inverse"]
     assert record["recovered"].sel(compensator="exact").sizes == {"time": 240}
     assert "record that the sensor was fitted to" in words(judged._repr_html_())
+    assert judged.page == tmp_path / "judged" / "report.html"
 
 
 def test_a_sensor_is_built_from_what_identify_returns(sensor, tmp_path):

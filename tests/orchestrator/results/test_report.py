@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-import gzip
 import json
 import re
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -19,39 +16,8 @@ from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.results.report import write_report
 from hypothesis import given
 from hypothesis import strategies as st
+from reading_pages import Reader, numbers
 from typer.testing import CliRunner
-
-VOID = {"meta", "input", "link", "br", "img", "hr"}
-
-
-class Page(HTMLParser):
-    """Tags of a page that closes what it opens."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open, self.tags, self.inside = [], [], {}
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append((tag, dict(attrs).get("id")))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop()[0] == tag
-
-    def handle_data(self, text):
-        for _, name in self.open:
-            self.inside[name] = self.inside.get(name, "") + text
-
-    def unpacked(self, name):
-        return gzip.decompress(base64.b64decode(self.inside[name])).decode()
-
-
-def numbers(packed):
-    return np.frombuffer(base64.b64decode(packed["bytes"]), f"<{packed['kind']}").reshape(packed["shape"])
 
 
 @pytest.fixture
@@ -64,13 +30,13 @@ def certain(data) -> xr.Dataset:
 
 
 def page_of(data, folder):
-    return Page(write_report(data, folder).read_text(encoding="utf-8"))
+    return Reader(write_report(data, folder).read_text(encoding="utf-8"))
 
 
 def test_the_page_is_one_valid_file_that_needs_no_network(certain, tmp_path):
     path = write_report(certain, tmp_path)
     text = path.read_text(encoding="utf-8")
-    page = Page(text)
+    page = Reader(text)
     assert [each.name for each in tmp_path.iterdir()] == ["report.html"]
     assert text.startswith("<!DOCTYPE html>")
     names = [attributes["id"] for _, attributes in page.tags if "id" in attributes]

@@ -2,36 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterator
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
+from browsing import PATIENCE, opened
 from gossamer_orchestrator.fmi.shape import Surface
 from gossamer_orchestrator.results.report import write_report
 from gossamer_orchestrator.results.shapes import create_shapes
-
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-FLAGS = [
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-]  # draws in 3-D without a graphics card
-PATIENCE = 120_000  # [ms]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[object]:
-    with sync_api.sync_playwright() as driver:
-        program = next(filter(None, map(shutil.which, NAMES)), driver.chromium.executable_path)
-        if not Path(program).is_file():
-            pytest.skip("there is no Chromium here; 'apt install chromium' or 'playwright install chromium' has one")
-        opened = driver.chromium.launch(executable_path=program, args=FLAGS)
-        yield opened
-        opened.close()
 
 
 @pytest.fixture
@@ -45,17 +22,6 @@ def report(data, tmp_path) -> str:
         '{"alarms": [6.0], "findings": [{"onset": 5.0, "onset_deviation": 0.1}], "misfit": []}'
     )
     return write_report(data, tmp_path).as_uri()
-
-
-def opened(browser, url, troubles, **settings):
-    """Open a page and wait until all is drawn; list what it complains about and what it asks for."""
-    page = browser.new_page(**settings)
-    page.on("console", lambda message: message.type == "error" and troubles.append(message.text))
-    page.on("pageerror", lambda error: troubles.append(str(error)))
-    page.on("request", lambda request: request.url.startswith("http") and troubles.append(request.url))
-    page.goto(url)
-    page.wait_for_selector("body[data-ready]", state="attached", timeout=PATIENCE)
-    return page
 
 
 def test_the_slider_moves_every_picture_and_nothing_is_amiss(browser, report):

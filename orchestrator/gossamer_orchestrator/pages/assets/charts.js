@@ -1,5 +1,5 @@
 // Charts that Python describes, traces and layout of plotly, with colours by name.
-const VALUES = new Set(["x", "y", "z", "text", "customdata", "array"]);
+const VALUES = new Set(["x", "y", "z", "text", "customdata", "array", "arrayminus"]);
 
 function painted(value, colors, key) {
   if (VALUES.has(key) && value && typeof value === "object" && !value.color) return value;

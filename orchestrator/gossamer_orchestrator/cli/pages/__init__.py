@@ -1,0 +1,1 @@
+"""Pages of what the commands find, a file per command."""
