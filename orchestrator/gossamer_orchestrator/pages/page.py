@@ -103,7 +103,16 @@ def _library() -> str:
     if spec is None or spec.origin is None:
         msg = "the page needs plotly, which is not installed. Install it with 'pip install plotly'."
         raise ResultsError(msg)
-    return _packed((Path(spec.origin).parent / "package_data" / "plotly.min.js").read_bytes())
+    path = Path(spec.origin).parent / "package_data" / "plotly.min.js"
+    return _packed(_opened(path.read_text(encoding="utf-8")).encode())
+
+
+def _opened(library: str) -> str:
+    """Return plotly.js without the function around it, for a browser reads a function within a function twice: 0.3 s."""
+    head, begin, rest = library.partition('"use strict";var Plotly=(()=>{')
+    body, end, _ = rest.rpartition("return Plotly;")
+    licence, comment_end, _ = head.partition("*/")
+    return f'{licence}{comment_end}"use strict";var Plotly=(function(){{{body}' if begin and end else library
 
 
 def _packed(content: bytes) -> str:

@@ -45,7 +45,7 @@ function addFigure({ title, note, label, make, move, timed, linked, tall, broad,
   const div = element("div", { class: `plot ${tall ? "tall" : broad ? "broad" : ""}`, role: "img", "aria-label": label || title });
   const figure = element("figure", { "aria-labelledby": `caption${number}`, class: broad ? "broad" : "" }, caption, div);
   document.getElementById("pictures").append(figure);
-  const added = { div, make, move, timed, linked: timed ? "time" : linked, slow, visible: false, drawn: false, at: -1 };
+  const added = { div, make, move, timed, linked: timed ? "time" : linked, slow, visible: false, drawing: null, drawn: false, at: -1 };
   page.figures.push(added);
   return added;
 }
@@ -74,16 +74,25 @@ function layout(figure, colors, more) {
   return made;
 }
 
-async function draw(figure) {
-  const colors = theme();
-  const { data, more } = figure.make(colors);
-  const settings = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+async function paint(figure) {
+  const colors = theme(), instant = page.instant, { data, more } = figure.make(colors);
+  const settings = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"], plotGlPixelRatio: window.devicePixelRatio };
   await Plotly.react(figure.div, data, layout(figure, colors, more), settings);
   if (!figure.drawn && figure.linked) figure.div.on("plotly_relayout", (change) => link(figure, change));
   figure.drawn = true;
-  figure.at = figure.timed ? page.instant : -1;
+  figure.at = instant;
   moveFigure(figure);
 }
+
+function draw(figure) {
+  figure.drawing = paint(figure);
+  return figure.drawing;
+}
+
+const drawOnce = (figure) => figure.drawing || draw(figure);
+
+// What is not drawn yet will be drawn as things are then.
+const drawAnew = (figures) => figures.filter((each) => each.drawing).forEach(draw);
 
 // Zoom in one picture zooms all that are linked with it.
 function link(source, change) {

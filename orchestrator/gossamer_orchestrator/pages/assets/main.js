@@ -1,34 +1,53 @@
-// Unpack, then draw one picture after the other.
+// Show the words, unpack, draw what the window shows, then the rest one by one while nothing else is to do.
+const shown = () => new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
+const idle = () => new Promise((resolve) => (window.requestIdleCallback || setTimeout)(resolve));
+
+function inWindow({ div }) {
+  const { top, bottom } = div.getBoundingClientRect();
+  return top < window.innerHeight && bottom > 0;
+}
+
+// The body says how far it is: "window", all in the window is drawn and works; "all", so is the rest.
+function reached(what) {
+  document.body.dataset.ready = what;
+  performance.mark(what);
+}
+
 async function drawAll() {
-  const seen = new IntersectionObserver((entries) => {
+  const near = new IntersectionObserver((entries) => {
     for (const entry of entries) {
       const figure = page.figures.find((each) => each.div === entry.target);
       figure.visible = entry.isIntersecting;
-      if (figure.visible) moveFigure(figure);
+      if (figure.visible) drawOnce(figure).then(() => moveFigure(figure));
     }
-  });
+  }, { rootMargin: "200px" });
   const order = [...page.figures.filter((each) => !each.slow), ...page.figures.filter((each) => each.slow)];
-  for (const figure of order) {
-    await draw(figure);
-    seen.observe(figure.div);
-    await new Promise((resolve) => setTimeout(resolve));
+  for (const figure of order.filter(inWindow)) {
+    await drawOnce(figure);
+    await shown();
   }
+  reached("window");
+  page.figures.forEach((figure) => near.observe(figure.div));
+  for (const figure of order) {
+    await idle();
+    await drawOnce(figure);
+  }
+  reached("all");
 }
 
 async function main() {
   const status = document.getElementById("status");
   try {
+    await shown();
     const [library, data] = await Promise.all([unpack("library"), unpack("data")]);
     document.head.append(element("script", {}, library));
     page.content = JSON.parse(data, numbers);
     addPictures();
     status.textContent = "";
+    darkness.addEventListener("change", () => drawAnew(page.figures));
+    addEventListener("beforeprint", () => { page.printing = true; page.figures.forEach(draw); });
+    addEventListener("afterprint", () => { page.printing = false; page.figures.forEach(draw); });
     await drawAll();
-    const redraw = () => page.figures.forEach(draw);
-    darkness.addEventListener("change", redraw);
-    addEventListener("beforeprint", () => { page.printing = true; redraw(); });
-    addEventListener("afterprint", () => { page.printing = false; redraw(); });
-    document.body.dataset.ready = "yes";
   } catch (error) {
     status.textContent = `The pictures cannot be drawn: ${error.message} The tables below are complete.`;
     throw error;

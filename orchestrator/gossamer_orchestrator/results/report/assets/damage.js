@@ -32,11 +32,10 @@ function addDamage() {
   if (!damage) return;
   const found = damage.windows, known = damage.true;
   const count = (found ? found.estimated : known.values)[0].length, side = Math.round(Math.sqrt(count));
-  if (side * side === count && page.content.square) addMap(found, known, side);
-  addBars(found, known, count);
+  const square = side * side === count && page.content.square;
+  if (square) addMap(found, known, side);
+  addBars(found, known, count, square);
   addHistory(damage, found, known, count);
-  if (found) addLikeness(found);
-  if (found && found.index) addIndices(found);
 }
 
 function addMap(found, known, side) {
@@ -71,7 +70,7 @@ function addMap(found, known, side) {
   });
 }
 
-function addBars(found, known, count) {
+function addBars(found, known, count, beside) {
   const zones = Array.from({ length: count }, (_, z) => z + 1);
   const fill = (time) => {
     const k = found ? lastBefore(found.time, time) : -1, truth = trueAt(time), none = zones.map(() => null);
@@ -79,7 +78,7 @@ function addBars(found, known, count) {
              truth: truth ? percent(truth) : none };
   };
   addFigure({
-    title: "Damage of each zone with two standard deviations", broad: true,
+    title: "Damage of each zone with two standard deviations", tall: beside, broad: !beside,
     label: "Bars: estimated damage of each zone with two standard deviations to each side; diamonds: true damage.",
     make(colors) {
       const { values, bars, truth } = fill(page.content.frames[page.instant]);
@@ -163,8 +162,9 @@ function addTwin() {
   });
 }
 
-function addLikeness(found) {
-  if (!found.likeness || !stated(Array.from(found.likeness_values))) return;
+function addLikeness() {
+  const found = page.content.damage && page.content.damage.windows;
+  if (!found || !found.likeness || !stated(Array.from(found.likeness_values))) return;
   const misfit = found.likeness === "misfit", limit = misfit ? 1 : 0.5;
   addFigure({
     title: misfit ? "Misfit with what the detector was trained on" : "Similarity with what the detector was trained on", timed: true,
@@ -177,7 +177,9 @@ function addLikeness(found) {
   });
 }
 
-function addIndices(found) {
+function addIndices() {
+  const found = page.content.damage && page.content.damage.windows;
+  if (!found || !found.index) return;
   const base = found.index[0], rows = Array.from(base.keys());
   addFigure({
     title: "Packet energies over those of the first window", timed: true, note: "One row for each index of the detector; 1 is no change.",

@@ -116,12 +116,13 @@ function addMembrane() {
     },
     move(div, instant) {
       const found = [...parts(instant), points(instant), zoneTexts(instant)];
-      const values = intensity(instant);
+      const values = intensity(instant), same = Array(5).fill(undefined);
       const heights = Array.from(surface(instant), (value) => scale * value);
-      Plotly.restyle(div, { x: [X, ...found.map((f) => f.x)], y: [Y, ...found.map((f) => f.y)], z: [heights, ...found.map((f) => f.z)] });
-      Plotly.restyle(div, { intensity: [values] }, [0]);
-      Plotly.restyle(div, { text: [found[3].text] }, [4]);
-      Plotly.restyle(div, { "textfont.color": [zoneInk(theme(), heights)] }, [5]);
+      Plotly.restyle(div, {
+        x: [X, ...found.map((f) => f.x)], y: [Y, ...found.map((f) => f.y)], z: [heights, ...found.map((f) => f.z)],
+        intensity: [values, ...same], text: [undefined, ...found.map((f) => f.text)],
+        "textfont.color": [...same, zoneInk(theme(), heights)],
+      });
     },
   });
   select.addEventListener("change", () => draw(figure));

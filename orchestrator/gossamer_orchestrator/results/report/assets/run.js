@@ -31,10 +31,12 @@ function prepareSlider() {
 }
 
 function addPictures() {
-  if (page.content.surface) addSurface(); else addMembrane();
   addDamage();
-  addTwin();
+  if (page.content.surface) addSurface(); else addMembrane();
   addDeflection();
+  addLikeness();
+  addTwin();
+  addIndices();
   addSensors();
   addOthers();
   prepareSlider();

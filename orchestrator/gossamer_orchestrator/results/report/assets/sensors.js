@@ -84,14 +84,14 @@ function addSensors() {
       return { data, more: { xaxis: axis(colors, "frequency [Hz]", { type: "log" }), yaxis: axis(colors, "amplitude [Ω]", { type: "log", exponentformat: "power", nticks: 6 }) } };
     },
   });
-  select.addEventListener("change", () => { page.sensor = Number(select.value); figures.forEach(draw); });
+  select.addEventListener("change", () => { page.sensor = Number(select.value); drawAnew(figures); });
 }
 
 function addDeflection() {
   const { content } = page;
   if (!content.deflection) return;
   addFigure({
-    title: "Deflection of the membrane's centre", timed: true,
+    title: "Deflection of the membrane's centre", timed: true, tall: content.square,
     make(colors) {
       const data = [curve("centre", content.time, content.deflection.map((value) => 1e3 * value), colors.lines[0])];
       return { data, more: { showlegend: false, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "deflection [mm]") } };

@@ -131,9 +131,10 @@ function addSurface() {
     },
     move(div, instant) {
       const found = parts(instant);
-      Plotly.restyle(div, { x: found.map((f) => f.x), y: found.map((f) => f.y), z: found.map((f) => f.z) });
-      Plotly.restyle(div, { intensity: [intensity(instant)] }, [0]);
-      Plotly.restyle(div, { text: [found[4].text] }, [4]);
+      Plotly.restyle(div, {
+        x: found.map((f) => f.x), y: found.map((f) => f.y), z: found.map((f) => f.z),
+        intensity: [intensity(instant), ...Array(6).fill(undefined)], text: found.map((f) => f.text),
+      });
     },
   });
   select.addEventListener("change", () => draw(figure));
