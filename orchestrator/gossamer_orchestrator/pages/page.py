@@ -26,6 +26,7 @@ from ..errors import ResultsError, writing
 
 PAGE = "report.html"
 ASSETS = Path(__file__).with_name("assets")
+SHARED = ("unpack.js", "figures.js", "access.js")
 
 Kind = Literal["damage", "healthy", "invalid", "none"]
 
@@ -88,7 +89,7 @@ def write_page(page: Page, path: Path) -> Path:
         data=_packed(json.dumps(_finite(page.content), default=_plain, allow_nan=False).encode()),
         script="\n".join(
             each.read_text(encoding="utf-8")
-            for each in (ASSETS / "unpack.js", ASSETS / "figures.js", *page.scripts, ASSETS / "main.js")
+            for each in (*(ASSETS / name for name in SHARED), *page.scripts, ASSETS / "main.js")
         ),
     )
     with writing(path, ResultsError), replacing(path) as new:

@@ -39,13 +39,14 @@ function heading(text) {
 // line at the slider's time; those that are `linked` by the same word are zoomed together.
 function addFigure({ title, note, label, make, move, timed, linked, tall, broad, control, slow }) {
   const number = page.figures.length;
-  const caption = element("figcaption", { id: `caption${number}` }, title);
+  const caption = element("figcaption", {}, element("strong", { id: `caption${number}` }, title));
   if (control) caption.append(control);
   if (note) caption.append(element("small", {}, note));
-  const div = element("div", { class: `plot ${tall ? "tall" : broad ? "broad" : ""}`, role: "img", "aria-label": label || title });
-  const figure = element("figure", { "aria-labelledby": `caption${number}`, class: broad ? "broad" : "" }, caption, div);
+  const div = element("div", { class: `plot ${tall ? "tall" : broad ? "broad" : ""}`, role: "group", tabindex: "0", "aria-label": label || title });
+  const added = { div, title, make, move, timed, linked: timed ? "time" : linked, slow, visible: false, drawing: null, drawn: false, at: -1 };
+  div.addEventListener("keydown", (event) => steer(added, event));
+  const figure = element("figure", { "aria-labelledby": `caption${number}`, class: broad ? "broad" : "" }, caption, div, addNumbers(added));
   document.getElementById("pictures").append(figure);
-  const added = { div, make, move, timed, linked: timed ? "time" : linked, slow, visible: false, drawing: null, drawn: false, at: -1 };
   page.figures.push(added);
   return added;
 }
@@ -63,8 +64,11 @@ function layout(figure, colors, more) {
     margin: { l: 55, r: 12, t: 12, b: 42 }, showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
     hovermode: figure.timed ? "x unified" : "closest", hoverlabel: { bgcolor: colors.panel, font: { color: colors.ink } },
     dragmode: narrow ? false : "zoom", uirevision: "kept",
+    modebar: { bgcolor: "rgba(0,0,0,0)", color: colors.soft, activecolor: colors.ink },
   };
-  const made = { ...base, ...more };
+  const size = page.printing ? { width: figure.div.clientWidth, height: figure.div.clientHeight } : { autosize: true };
+  const made = { ...base, ...more, ...size };
+  if (figure.camera) made.scene.camera = figure.camera;
   if (!figure.timed) return made;
   const { start, end, frames } = page.content, time = frames[page.instant];
   const line = { type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1,
@@ -79,6 +83,8 @@ async function paint(figure) {
   const settings = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"], plotGlPixelRatio: window.devicePixelRatio };
   await Plotly.react(figure.div, data, layout(figure, colors, more), settings);
   if (!figure.drawn && figure.linked) figure.div.on("plotly_relayout", (change) => link(figure, change));
+  prepareTools(figure);
+  fillNumbers(figure);
   figure.drawn = true;
   figure.at = instant;
   moveFigure(figure);
@@ -112,6 +118,7 @@ function moveFigure(figure) {
   const time = page.content.frames && page.content.frames[page.instant];
   if (figure.timed) Plotly.relayout(figure.div, { "shapes[0].x0": time, "shapes[0].x1": time });
   if (figure.move) figure.move(figure.div, page.instant, time);
+  fillNumbers(figure);
 }
 
 // The place of the last value that holds at a time; -1 before the first.

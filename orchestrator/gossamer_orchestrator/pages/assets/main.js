@@ -35,6 +35,17 @@ async function drawAll() {
   reached("all");
 }
 
+// Draws all pictures in light colours and as wide as paper before the paper is laid out. A view in 3-D is drawn at once only if it is new.
+function preparePaper(begins) {
+  page.printing = begins;
+  document.body.classList.toggle("paper", begins);
+  for (const figure of page.figures) {
+    figure.camera = figure.div.layout?.scene?.camera;
+    if (figure.camera) Plotly.purge(figure.div);
+    draw(figure);
+  }
+}
+
 async function main() {
   const status = document.getElementById("status");
   try {
@@ -45,8 +56,8 @@ async function main() {
     addPictures();
     status.textContent = "";
     darkness.addEventListener("change", () => drawAnew(page.figures));
-    addEventListener("beforeprint", () => { page.printing = true; page.figures.forEach(draw); });
-    addEventListener("afterprint", () => { page.printing = false; page.figures.forEach(draw); });
+    addEventListener("beforeprint", () => preparePaper(true));
+    addEventListener("afterprint", () => preparePaper(false));
     await drawAll();
   } catch (error) {
     status.textContent = `The pictures cannot be drawn: ${error.message} The tables below are complete.`;

@@ -122,10 +122,10 @@ function addHistory(damage, found, known, count) {
         if (rest.length) step(x, held(found.estimated.map(largest)),
           { line: { color: colors.grey, width: 1 }, rest: { name: "largest of the others", hoverinfo: "skip" } });
         shown.forEach((z, i) => {
-          const color = colors.lines[i], group = `${z}`, bar = (sign) => held(found.estimated.map((row, k) => 100 * (row[z] + 2 * sign * found.deviation[k][z])));
+          const color = colors.lines[i], group = `${z}`, band = `zone ${z + 1} ± 2 deviations`, bar = (sign) => held(found.estimated.map((row, k) => 100 * (row[z] + 2 * sign * found.deviation[k][z])));
           if (stated(found.deviation[found.time.length - 1])) {
-            step(x, bar(-1), { line: { width: 0, color }, rest: { legendgroup: group, showlegend: false, hoverinfo: "skip" } });
-            step(x, bar(1), { line: { width: 0, color }, rest: { legendgroup: group, showlegend: false, hoverinfo: "skip", fill: "tonexty", fillcolor: translucent(color, 0.25) } });
+            step(x, bar(-1), { line: { width: 0, color }, rest: { name: band, legendgroup: group, showlegend: false, hoverinfo: "skip" } });
+            step(x, bar(1), { line: { width: 0, color }, rest: { name: band, legendgroup: group, showlegend: false, hoverinfo: "skip", fill: "tonexty", fillcolor: translucent(color, 0.25) } });
           }
           step(x, held(found.estimated.map((row) => 100 * row[z])), { line: { color }, rest: { name: `zone ${z + 1}`, legendgroup: group } });
         });

@@ -13,11 +13,9 @@ function setInstant(instant) {
 }
 
 function play(button) {
-  const begin = button.getAttribute("aria-pressed") !== "true";
-  button.setAttribute("aria-pressed", `${begin}`);
-  button.textContent = begin ? "Pause" : "Play";
   clearInterval(page.timer);
-  if (begin) page.timer = setInterval(() => setInstant((page.instant + 1) % page.content.frames.length), 80);
+  page.timer = page.timer ? 0 : setInterval(() => setInstant((page.instant + 1) % page.content.frames.length), 80);
+  button.textContent = page.timer ? "Pause" : "Play";
 }
 
 function prepareSlider() {
