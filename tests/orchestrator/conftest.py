@@ -5,18 +5,16 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-import shutil
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from browsing import launched
 from gossamer_orchestrator import Scenario, parse_scenario
 from pythonfmu.builder import FmuBuilder
 
 TOYS = Path(__file__).parent / "toys"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]  # 3-D without a graphics card
 
 
 def rewrite(source: Path, target: Path, edit: Callable[[str], str]) -> None:
@@ -90,14 +88,8 @@ def _without_state(xml: str) -> str:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[object]:
     """A browser without a window."""
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with sync_api.sync_playwright() as driver:
-        program = next(filter(None, map(shutil.which, BROWSERS)), driver.chromium.executable_path)
-        if not Path(program).is_file():
-            pytest.skip("there is no Chromium here; 'apt install chromium' or 'playwright install chromium' has one")
-        opened = driver.chromium.launch(executable_path=program, args=FLAGS)
-        yield opened
-        opened.close()
+    with launched() as program:
+        yield program
 
 
 CHAIN = """

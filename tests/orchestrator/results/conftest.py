@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import xarray as xr
+from gossamer_orchestrator.results.report import write_report
 
 
 @pytest.fixture
@@ -35,6 +36,20 @@ def data() -> xr.Dataset:
         variables[f"compensator{k}.strain"] = ("time", strains[:, 0])
     coordinates = {"time": time, "damage_index": np.arange(1, 17), "strain_index": np.arange(1, 5)}
     return xr.Dataset(variables, coords=coordinates, attrs={"title": "made up"})
+
+
+@pytest.fixture
+def report(data, tmp_path) -> str:
+    """Address of the page of these results, with a detector that states deviations and a twin that watched."""
+    data = data.drop_vars("detector.similarity")
+    data["detector.deviation"] = (data["detector.damage"].dims, 0.1 * data["detector.damage"].to_numpy())
+    data["detector.misfit"] = ("time", np.full(10, 0.4))
+    for k in range(1, 5):
+        data[f"compensator{k}.strain_deviation"] = ("time", np.full(10, 1e-3))
+    (tmp_path / "watch.json").write_text(
+        '{"alarms": [6.0], "findings": [{"onset": 5.0, "onset_deviation": 0.1}], "misfit": []}'
+    )
+    return write_report(data, tmp_path).as_uri()
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.results.report import write_report
 from hypothesis import given
 from hypothesis import strategies as st
+from long_run import long_run
 from reading_pages import Reader, numbers
 from typer.testing import CliRunner
 
@@ -134,6 +135,12 @@ def test_a_long_run_stays_small_and_says_how_it_was_thinned(tmp_path):
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Of the 50000 recorded points, curves over time show the smallest and the largest of every 20" in text
     assert len(text) < 3e6
+
+
+def test_a_page_of_ten_minutes_stays_under_ten_megabytes(tmp_path):
+    data = long_run()
+    assert data.sizes["time"] * 3e-4 == pytest.approx(600.0)
+    assert write_report(data, tmp_path).stat().st_size < 10e6
 
 
 def test_a_stranger_s_run_has_a_page_and_its_words_are_only_words(tmp_path):

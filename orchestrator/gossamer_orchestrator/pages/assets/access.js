@@ -75,7 +75,7 @@ function numbersOf({ div, title }) {
   const places = first ? Array.from(first.x || []) : [];
   const same = (trace) => trace.x.length === places.length && places.every((place, k) => trace.x[k] === place);
   if (plain && places.length <= MOST_ROWS && traces.every(same)) {
-    const columns = traces.flatMap(({ name, y: values, error_y: bars }) => [[name || y, values], ...(bars ? [["±", bars.array]] : [])]);
+    const columns = traces.flatMap(({ name, y: values, error_y: bars }) => [[name || y, values], ...(bars ? [[bars.arrayminus ? "+" : "±", bars.array]] : []), ...(bars?.arrayminus ? [["-", bars.arrayminus]] : [])]);
     return { head: [x, ...columns.map(([name]) => name)], rows: places.map((place, k) => [place, ...columns.map(([, values]) => (isKnown(values[k]) ? values[k] : "–"))]) };
   }
   const rows = traces.map((trace) => {

@@ -2,14 +2,15 @@
 const darkness = matchMedia("(prefers-color-scheme: dark)");
 const page = { printing: false, instant: 0, sensor: 0, content: null, figures: [], linking: false };
 
-// Colours of Okabe and Ito, which colour-blind readers can tell apart; the lighter ones first on a dark page.
+// Colours of Okabe and Ito, which colour-blind readers can tell apart; the lighter ones first on a dark page, on a light one
+// darker where a line would have less than 3:1 of contrast.
 function theme() {
   const dark = darkness.matches && !page.printing;
   return dark
     ? { dark, ink: "#e6eaee", soft: "#a5afba", grid: "#333c46", grey: "#6d7782", panel: "#1c2229",
         lines: ["#56B4E9", "#E69F00", "#3CC79A", "#CC79A7", "#F0E442", "#D55E00"], alarm: "#F08A4B" }
-    : { dark, ink: "#1b2026", soft: "#59626d", grid: "#dfe4e9", grey: "#9a9a9a", panel: "#f5f7f9",
-        lines: ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"], alarm: "#B34700" };
+    : { dark, ink: "#1b2026", soft: "#59626d", grid: "#dfe4e9", grey: "#84888d", panel: "#f5f7f9",
+        lines: ["#0072B2", "#D55E00", "#009E73", "#B5588F", "#8F6B00", "#3D8FBF"], alarm: "#B34700" };
 }
 
 // Light to dark on a light page, dark to light on a dark one: no damage is the paper's side.
