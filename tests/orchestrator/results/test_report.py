@@ -148,7 +148,9 @@ def test_a_stranger_s_run_has_a_page_and_its_words_are_only_words(tmp_path):
         {"a.y": ("time", [0.0, np.nan])}, coords={"time": [0.0, 1.0]}, attrs={"title": "<script>$x</script>"}
     )
     page = page_of(data, tmp_path)
-    assert page.inside["verdict"].startswith("No judgement: until t = 1 s")
+    assert page.inside["verdict"].startswith("No judgement: the run had no detector.")
+    page = page_of(data.assign({"detector.valid": data["a.y"]}), tmp_path)
+    assert page.inside["verdict"].startswith("No judgement: until t = 1 s no window ended.")
     assert "&lt;script&gt;$x" in (tmp_path / "report.html").read_text(encoding="utf-8")
     with pytest.raises(ResultsError, match="have no row"):
         write_report(data.isel(time=slice(0)), tmp_path)

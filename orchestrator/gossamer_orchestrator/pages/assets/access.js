@@ -89,9 +89,9 @@ function numbersOf({ div, title }) {
   return { head: ["shown", "smallest", at, "largest", at, "last"], rows };
 }
 
-// Lines, dots and words in space are marks on what is shown, without a value of their own.
-function valuesOf({ type, x, y, z, intensity }) {
-  if (type === "scatter3d") return [];
+// Words, and lines and dots in space, are marks on what is shown, without a value of their own.
+function valuesOf({ type, mode, x, y, z, intensity }) {
+  if (type === "scatter3d" || mode === "text") return [];
   if (intensity) return Array.from(intensity);
   return z ? z.flatMap((row) => Array.from(row)) : Array.from(y || x || []);
 }

@@ -54,7 +54,7 @@ function addFigure({ title, note, label, make, move, timed, linked, tall, broad,
 
 function axis(colors, text, more) {
   return { title: { text, standoff: 8 }, gridcolor: colors.grid, zerolinecolor: colors.grid, linecolor: colors.grid,
-           automargin: true, ...more };
+           automargin: true, exponentformat: "power", ...more };
 }
 
 // The layout of a figure; a timed one begins its shapes with the line at the slider's time.

@@ -15,6 +15,7 @@ from ..shapes import ShapeHistory
 from ..surface import face_strains
 
 SEEN = 0.1  # of its size: how far a membrane that moves less is drawn
+STILL = 1e-9  # of its size: a motion that is round-off
 
 
 def surface_content(history: ShapeHistory, shown: NDArray[np.intp]) -> dict[str, Any]:
@@ -63,7 +64,7 @@ def surface_content(history: ShapeHistory, shown: NDArray[np.intp]) -> dict[str,
 
 def _factor(most: float, size: float) -> float:
     """Return 1, or a round number that lets a small motion be seen."""
-    if most <= 0.0 or most >= SEEN / 2.0 * size:
+    if most <= STILL * size or most >= SEEN / 2.0 * size:
         return 1.0
     wanted = SEEN * size / most
     power = 10.0 ** np.floor(np.log10(wanted))

@@ -11,6 +11,7 @@ import xarray as xr
 
 from ...pages.page import Kind
 from ..judgements import Judgement, doubts
+from ..roles import find_all
 from ..tables import LEAST_SHOWN
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
@@ -58,9 +59,8 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
     more = _watch_sentences(watched)
     if not ended:
         end = float(data["time"][-1])
-        sentence = (
-            f"No judgement: until t = {end:.6g} s no window of a detector ended. The pictures show what was recorded."
-        )
+        why = f"until t = {end:.6g} s no window ended" if find_all(data, "detector") else "the run had no detector"
+        sentence = f"No judgement: {why}. The pictures show what was recorded."
         return Verdict("none", sentence, more)
     reasons = doubts(data, list(ended))
     valid = [window for window in ended if window.valid]

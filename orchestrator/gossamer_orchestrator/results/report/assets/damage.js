@@ -2,6 +2,7 @@
 const MOST_MARKERS = 300; // more would be a line, and slow
 const percent = (values) => Array.from(values, (value) => 100 * value);
 const stated = (values) => values.some((value) => Number.isFinite(value));
+const isSure = (found) => Boolean(found && stated(found.deviation[found.deviation.length - 1]));
 
 function estimatedAt(time) {
   const found = page.content.damage && page.content.damage.windows;
@@ -17,8 +18,7 @@ function trueAt(time) {
 
 // As the verdict has it: any damage of a detector that states its deviation, 5 % of one that does not.
 function leastFound() {
-  const found = page.content.damage && page.content.damage.windows;
-  return found && stated(found.deviation[found.deviation.length - 1]) ? 5e-4 : 0.05;
+  return isSure(page.content.damage && page.content.damage.windows) ? 5e-4 : 0.05;
 }
 
 function topDamage() {
@@ -31,6 +31,7 @@ function addDamage() {
   const damage = page.content.damage;
   if (!damage) return;
   const found = damage.windows, known = damage.true;
+  if (!found && !known.values.some((row) => row.some((value) => value > 0))) return;
   const count = (found ? found.estimated : known.values)[0].length, side = Math.round(Math.sqrt(count));
   const square = side * side === count && page.content.square;
   if (square) addMap(found, known, side);
@@ -38,56 +39,61 @@ function addDamage() {
   addHistory(damage, found, known, count);
 }
 
+// The colour of words on a map of damage, of so much of its scale: 4.4:1 of contrast or more.
+const inkOn = (share, colors) => ((colors.dark ? share < 0.48 : share > 0.7) ? "#ffffff" : "#000000");
+
 function addMap(found, known, side) {
-  const labels = Array.from({ length: side }, (_, i) => i + 1);
+  const labels = Array.from({ length: side }, (_, i) => i + 1), top = topDamage();
+  const zones = labels.flatMap((row) => labels.map((column) => [column, row]));
   const fill = (time) => {
     const k = found ? lastBefore(found.time, time) : -1, truth = trueAt(time), values = k < 0 ? null : found.estimated[k];
-    const z = [], text = [];
-    for (let row = 0; row < side; row++) {
-      z.push([]); text.push([]);
-      for (let column = 0; column < side; column++) {
-        const zone = row * side + column, shown = values || (found ? null : truth);
-        z[row].push(shown ? 100 * shown[zone] : 0);
-        const bar = values && Number.isFinite(found.deviation[k][zone]) ? `<br>± ${(100 * found.deviation[k][zone]).toFixed(1)}` : "";
-        const real = truth && truth[zone] > 0 ? `<br>true ${(100 * truth[zone]).toFixed(0)}` : "";
-        text[row].push(`<i>${zone + 1}</i><br>` + (shown ? `<b>${(100 * shown[zone]).toFixed(1)}</b>` : "–") + bar + real);
-      }
-    }
-    return { z: [z], text: [text] };
+    const shown = values || (found ? null : truth), colors = theme();
+    const text = zones.map((_, zone) => {
+      const bar = values && Number.isFinite(found.deviation[k][zone]) ? `<br>± ${(100 * found.deviation[k][zone]).toFixed(1)}` : "";
+      const real = found && truth && truth[zone] > 0 ? `<br>true ${(100 * truth[zone]).toFixed(0)}` : "";
+      return `<i>${zone + 1}</i><br>` + (shown ? `<b>${(100 * shown[zone]).toFixed(1)}</b>` : "–") + bar + real;
+    });
+    const z = labels.map((row) => labels.map((column) => (shown ? 100 * shown[(row - 1) * side + column - 1] : 0)));
+    return { z, text, ink: z.flat().map((value) => inkOn(value / top, colors)) };
   };
   addFigure({
     title: found ? "Damage of the zones [%], judged at the slider's time" : "True damage of the zones [%]", tall: true,
-    note: `Zone number, estimate, standard deviation${known ? ", and the true damage where there is some" : "; the true damage is not recorded"}.`,
+    note: !found ? "Zone number and damage." : `Zone number, estimate, standard deviation${known ? ", and the true damage where there is some" : "; the true damage is not recorded"}.`,
     label: "Map of the damage of every zone; the table of damage in numbers holds the last judgement.",
     make(colors) {
-      const { z: [z], text: [text] } = fill(page.content.frames[page.instant]);
-      const data = [{ type: "heatmap", x: labels, y: labels, z, showscale: window.innerWidth >= 600, text, texttemplate: "%{text}", zmin: 0, zmax: topDamage(), xgap: 2, ygap: 2,
-        colorscale: damageScale(colors), colorbar: { title: { text: "%" }, thickness: 12 }, hoverinfo: "skip" }];
-      const bare = { showgrid: false, zeroline: false, showticklabels: false, ticks: "", constrain: "domain" };
-      return { data, more: { dragmode: false, xaxis: axis(colors, "x →", bare), yaxis: axis(colors, "y →", { ...bare, scaleanchor: "x" }), margin: { l: 30, r: 10, t: 10, b: 30 } } };
+      const { z, text, ink } = fill(page.content.frames[page.instant]);
+      const data = [
+        { type: "heatmap", x: labels, y: labels, z, showscale: window.innerWidth >= 600, zmin: 0, zmax: top, xgap: 2, ygap: 2, colorscale: damageScale(colors),
+          colorbar: { title: { text: "%" }, thickness: 12 }, hoverinfo: "skip" },
+        { type: "scatter", mode: "text", x: zones.map(([x]) => x), y: zones.map(([, y]) => y), text, textfont: { color: ink, size: 12 }, hoverinfo: "skip" }];
+      const bare = { showgrid: false, zeroline: false, showticklabels: false, ticks: "", constrain: "domain", range: [0.5, side + 0.5] };
+      return { data, more: { dragmode: false, showlegend: false, xaxis: axis(colors, "x →", bare), yaxis: axis(colors, "y →", { ...bare, scaleanchor: "x" }), margin: { l: 30, r: 10, t: 10, b: 30 } } };
     },
-    move(div, instant, time) { Plotly.restyle(div, fill(time), [0]); },
+    move(div, instant, time) {
+      const { z, text, ink } = fill(time);
+      Plotly.restyle(div, { z: [z, undefined], text: [undefined, text], "textfont.color": [undefined, ink] });
+    },
   });
 }
 
 function addBars(found, known, count, beside) {
-  const zones = Array.from({ length: count }, (_, z) => z + 1);
+  const zones = Array.from({ length: count }, (_, z) => z + 1), sure = isSure(found);
   const fill = (time) => {
     const k = found ? lastBefore(found.time, time) : -1, truth = trueAt(time), none = zones.map(() => null);
     return { values: k < 0 ? none : percent(found.estimated[k]), bars: k < 0 ? none : percent(found.deviation[k]).map((value) => 2 * value || 0),
              truth: truth ? percent(truth) : none };
   };
   addFigure({
-    title: "Damage of each zone with two standard deviations", tall: beside, broad: !beside,
-    label: "Bars: estimated damage of each zone with two standard deviations to each side; diamonds: true damage.",
+    title: `${found ? "Damage" : "True damage"} of each zone${sure ? " with two standard deviations" : ""}`, tall: beside, broad: !beside,
+    label: found ? `Bars: estimated damage of each zone${sure ? " with two standard deviations to each side" : ""}; diamonds: true damage.` : "",
     make(colors) {
       const { values, bars, truth } = fill(page.content.frames[page.instant]);
       const data = [
-        { type: "bar", x: zones, y: values, name: "estimated", marker: { color: colors.lines[0] },
+        { type: "bar", x: zones, y: values, name: "estimated", visible: Boolean(found), marker: { color: colors.lines[0] },
           error_y: { type: "data", array: bars, color: colors.ink, thickness: 1.5, width: 4 } },
         { type: "scatter", mode: "markers", x: zones, y: truth, name: "true", visible: Boolean(known), cliponaxis: false,
           marker: { symbol: "diamond-open", size: 11, color: colors.lines[1], line: { width: 2 } } }];
-      return { data, more: { xaxis: axis(colors, "zone", { dtick: count > 40 ? undefined : window.innerWidth < 600 ? 3 : 1 }), yaxis: axis(colors, "damage [%]", { range: [-0.06 * topDamage(), 1.15 * topDamage()] }) } };
+      return { data, more: { xaxis: axis(colors, "zone", { dtick: count > 40 ? undefined : count > 8 && window.innerWidth < 600 ? 3 : 1 }), yaxis: axis(colors, "damage [%]", { range: [-0.06 * topDamage(), 1.15 * topDamage()] }) } };
     },
     move(div, instant, time) {
       const { values, bars, truth } = fill(time);
@@ -105,13 +111,13 @@ function addHistory(damage, found, known, count) {
   const suspects = found ? zones.filter((z) => !real.includes(z) && most(found.estimated, z) >= Math.max(0.03, leastFound())) : [];
   if (found) suspects.sort((a, b) => most(found.estimated, b) - most(found.estimated, a));
   const shown = [...real, ...suspects].slice(0, 6), watch = page.content.watch || {};
-  const findings = watch.findings || [], alarms = watch.alarms || [];
+  const findings = watch.findings || [], alarms = watch.alarms || [], sure = isSure(found);
   addFigure({
     title: "Damage over time", timed: true, broad: true,
     note: (found && found.time.length <= MOST_MARKERS ? "A dot stands at each valid judgement, a cross at one that is not valid. " : "")
-      + "Bands are two standard deviations wide to each side."
+      + (sure ? "Bands are two standard deviations wide to each side." : "")
       + (alarms.length ? " A line marks each alarm of the digital twin, a diamond the onset that it found." : ""),
-    label: "Estimated damage of the zones over time, true damage dashed, with alarms and onsets.",
+    label: found ? "Estimated damage of the zones over time, true damage dashed, with alarms and onsets." : "",
     make(colors) {
       const data = [];
       const step = (x, y, more) => data.push({ type: "scatter", mode: "lines", x, y, line: { shape: "hv", width: 2, ...more.line }, ...more.rest });
@@ -123,7 +129,7 @@ function addHistory(damage, found, known, count) {
           { line: { color: colors.grey, width: 1 }, rest: { name: "largest of the others", hoverinfo: "skip" } });
         shown.forEach((z, i) => {
           const color = colors.lines[i], group = `${z}`, band = `zone ${z + 1} ± 2 deviations`, bar = (sign) => held(found.estimated.map((row, k) => 100 * (row[z] + 2 * sign * found.deviation[k][z])));
-          if (stated(found.deviation[found.time.length - 1])) {
+          if (sure) {
             step(x, bar(-1), { line: { width: 0, color }, rest: { name: band, legendgroup: group, showlegend: false, hoverinfo: "skip" } });
             step(x, bar(1), { line: { width: 0, color }, rest: { name: band, legendgroup: group, showlegend: false, hoverinfo: "skip", fill: "tonexty", fillcolor: translucent(color, 0.25) } });
           }

@@ -24,8 +24,8 @@ function addSensors() {
   const figures = [];
   const add = (figure) => figures.push(addFigure(figure));
   if (some("strain", "compensated")) add({
-    title: "Strain", timed: true, broad: true, note: "True strain, and that of the compensator without its delay.",
-    label: "True strain and compensated strain over time.",
+    title: "Strain", timed: true, broad: true, note: some("compensated") ? "True strain, and that of the compensator without its delay." : "",
+    label: some("compensated") ? "True strain and compensated strain over time." : "",
     make(colors) {
       const { curves, delay, rms, span, number } = chosen(), t = content.time, data = [];
       const earlier = delay ? t.map((value) => value - delay) : t;
