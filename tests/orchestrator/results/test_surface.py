@@ -17,10 +17,9 @@ from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.shapes import ShapeHistory, create_shapes
 from gossamer_orchestrator.results.surface import SLACK, TAUT, WRINKLED, face_strains
 from gossamer_orchestrator.results.vtk import export_vtk
+from reading_pages import Reader, numbers
 from sails import sail_file, sail_model
 from typer.testing import CliRunner
-
-from .test_report import Page, numbers
 
 
 def surface(nu: float = 0.3) -> Surface:
@@ -188,7 +187,7 @@ def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
     file.close()
     save_results(data, tmp_path)
     assert CliRunner().invoke(app, ["report", str(tmp_path)]).exit_code == 0
-    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    page = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
     content = json.loads(page.unpacked("data"))
     drawn = content["surface"]
     assert numbers(content["frames"]).tolist() == [0.0, 4.0, 9.0]
