@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from .command import Result, show, stderr
-from .common import keep_inputs, model_errors
+from .common import PictureForm, check_form, keep_inputs, model_errors
 from .identify import CommandWithFields, parameter
 from .recognised import print_recognised
 
@@ -65,6 +65,7 @@ def assess(
         "out/assessed"
     ),
     pictures: Annotated[bool, typer.Option(help="Draw pictures.")] = True,
+    form: PictureForm = "png",
 ) -> Result:
     """Judge an identified sensor on other records, without fitting it.
 
@@ -90,6 +91,7 @@ def assess(
         stretch=stretch,
         out=out,
         pictures=pictures,
+        form=form,
     )
     console = stderr()
     for table in tables(judged, stretch):
@@ -114,6 +116,7 @@ def judge_given(
     stretch: str,
     out: Path,
     pictures: bool,
+    form: str,
 ) -> tuple[tuple[Judged, ...], list[Path]]:
     """Judge a sensor on records with the options of the command; return what was found and the files written."""
     from gossamer_models.fitting import Columns
@@ -123,6 +126,7 @@ def judge_given(
     from ..run.progress import ProgressBar
 
     keep_inputs([sensor, *files], [out, *(table_path(out, each.name) for each in files)])
+    check_form(form)
     console = stderr()
     with model_errors(), ProgressBar("assess", console) as bar:
         judged = judge_files(
@@ -135,7 +139,7 @@ def judge_given(
             recognised=lambda records: show_records(console, records),
             progress=lambda text: bar.update(text=text),
         )
-        return judged, save_judged(judged, out, pictures=pictures)
+        return judged, save_judged(judged, out, pictures=pictures, form=form)
 
 
 def _errors(judged: Judged) -> list[dict[str, Any]]:

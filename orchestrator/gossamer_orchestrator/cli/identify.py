@@ -18,7 +18,7 @@ from rich.console import Console
 
 from ..errors import OrchestratorError
 from .command import Command, Result, as_options, show, stderr
-from .common import keep_inputs, model_errors
+from .common import PictureForm, check_form, keep_inputs, model_errors
 from .recognised import print_recognised
 
 if TYPE_CHECKING:
@@ -123,6 +123,7 @@ def identify(
     ] = False,
     origin: Annotated[str, typer.Option(help="Where the data come from, for the provenance.")] = "not stated",
     pictures: Annotated[bool, typer.Option(help="Draw pictures of the fit.")] = True,
+    form: PictureForm = "png",
 ) -> Result:
     """Identify a sensor from measured strain and resistance.
 
@@ -170,6 +171,7 @@ def identify(
         own_scales=own_scales,
         origin=origin,
         pictures=pictures,
+        form=form,
     )
     from .identify_report import print_result, result_as_json
 
@@ -193,6 +195,7 @@ def identify_given(
     budget: float | None,
     weights: str | None,
     pictures: bool,
+    form: str,
     **more: Any,  # noqa: ANN401
 ) -> tuple[Identified, str, list[Path]]:
     """Identify a sensor with the options of the command; return the result, its model, and the files, the artifact first.
@@ -207,7 +210,7 @@ def identify_given(
         For the provenance of the artifact.
     show_records : callable
         Shows what was recognised in the records, before anything is fitted.
-    out, model, budget, weights, pictures, **more
+    out, model, budget, weights, pictures, form, **more
         The command's own.
     """
     from gossamer_models.automatic import BUDGET
@@ -226,6 +229,7 @@ def identify_given(
     from .identify_report import progress_of
 
     keep_inputs(files, [out])
+    check_form(form)
     console = stderr()
     readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
     chosen = {
@@ -260,7 +264,7 @@ def identify_given(
         )
         result.fit.artifact.write(out)
         drawn = save_predictions(result, out.with_suffix(""))
-        drawn += save_pictures(result, out.with_suffix("")) if pictures else []
+        drawn += save_pictures(result, out.with_suffix(""), form) if pictures else []
     return result, model, [out, *drawn]
 
 

@@ -32,7 +32,7 @@ def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
     assert result.exit_code == 0, result.output
     printed = result.stdout.split()
     assert printed[0] == str(out)
-    assert {p.rsplit("/", 1)[-1] for p in printed[1:]} >= {"mu.png", "eta.png", "everett.png", "measured_loop.png"}
+    assert {p.rsplit("/", 1)[-1] for p in printed[1:]} >= {"mu.png", "everett.png", "measured_loop.png"}
     assert {p.rsplit("/", 1)[-1] for p in printed[1:]} >= {"measured_strain.png", "measured_strain_residual.png"}
     table = (out.with_suffix("") / "measured_predicted.csv").read_text().splitlines()
     assert table[0] == "time [s],strain [1],resistance [ohm],predicted [ohm],recovered strain [1],fitted"

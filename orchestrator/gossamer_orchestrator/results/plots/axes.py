@@ -26,7 +26,7 @@ def time_axis(ax: Axes) -> None:
 
 
 def plain_axis(ax: Axes, which: Literal["x", "y"]) -> None:
-    """Write the numbers of an axis out, few of them; values that hardly differ are drawn on a scale on which they are one."""
+    """Write the numbers of an axis out, few of them, on a scale on which values that hardly differ are one."""
     from matplotlib.ticker import MaxNLocator
 
     axis = ax.xaxis if which == "x" else ax.yaxis
