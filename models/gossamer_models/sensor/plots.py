@@ -90,8 +90,8 @@ def plot_everett(artifact: SensorArtifact, *, ax: Any) -> Any:  # noqa: ANN401
         xlabel="new strain [1]", ylabel="extreme before [1]", zlabel="change of output [1]", title="Everett surfaces"
     )
     ax.xaxis.labelpad = ax.yaxis.labelpad = 8.0
-    ax.zaxis.labelpad = 12.0
-    ax.tick_params(axis="z", pad=6.0)  # room for a sign
+    ax.zaxis.labelpad = 14.0
+    ax.tick_params(axis="z", pad=8.0)  # room for a sign
     ax.view_init(elev=30.0, azim=110.0)  # the surfaces are close to a plane, which is edge-on from the front
     ax.set_box_aspect(None, zoom=0.9)  # room for the label
     ax.legend()
