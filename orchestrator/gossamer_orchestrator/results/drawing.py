@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ..errors import ResultsError
 
-PROCESSES = 1  # matplotlib draws on one core
+PROCESSES = 2  # matplotlib draws on one core
 
 
 class Drawing:
