@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
@@ -21,6 +22,8 @@ from .watch import LARGE, LiveWatch
 
 if TYPE_CHECKING:
     import xarray as xr
+
+logger = logging.getLogger(__name__)
 
 DEMO = "damage_begins"
 WATCHED = "watch.json"
@@ -202,19 +205,20 @@ def _run(
 
 
 def draw(drawing: Drawing, data: xr.Dataset, out: Path, say: Callable[[str], None]) -> list[Path]:
-    """Draw pictures and write the page of a run; return their paths. What cannot be written ends no run."""
+    """Draw pictures and write the page of a run; return their paths. What cannot be written is logged and ends no run."""
     from ..results.report import write_report
 
+    paths: list[Path] = []
+    page: list[Path] = []
     drawing.begin(out, stride_of(data, say))
-    paths, page = [], []
     try:
         page = [write_report(data, out)]
     except ResultsError as error:
-        say(str(error))
+        logger.error("%s", error)
     try:
         paths = drawing.finish()
     except ResultsError as error:
-        say(str(error))
+        logger.error("%s", error)
     return [*paths, *page]
 
 

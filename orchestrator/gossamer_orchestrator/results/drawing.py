@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ..errors import ResultsError
 
-PROCESSES = 2  # matplotlib draws on one core
+SHARES = ((0, 1), (1, None))  # of the pages, for a process each: the first one takes about as long as all others
 
 
 class Drawing:
@@ -29,9 +29,9 @@ class Drawing:
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
                 text=True,
                 encoding="utf-8",
-                start_new_session=True,  # Ctrl-C is for this process
+                start_new_session=True,  # Ctrl-C in a terminal is for this process
             )
-            for _ in range(PROCESSES)
+            for _ in SHARES
         ]
 
     def __enter__(self) -> Drawing:
@@ -44,9 +44,9 @@ class Drawing:
 
     def begin(self, folder: Path, every: int) -> None:
         """Let them draw the results in a folder, one of so many points, while this process goes on."""
-        for k, process in enumerate(self._processes):
+        for process, share in zip(self._processes, SHARES, strict=True):
             assert process.stdin is not None
-            task = {"folder": str(folder), "every": every, "first": k, "stride": PROCESSES}
+            task = {"folder": str(folder), "every": every, "share": share}
             with suppress(BrokenPipeError):  # it has ended, as ``finish`` will say
                 json.dump(task, process.stdin)
                 process.stdin.close()

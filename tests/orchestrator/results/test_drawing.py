@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from gossamer_orchestrator import ResultsError
-from gossamer_orchestrator.results.drawing import PROCESSES, Drawing
+from gossamer_orchestrator.results.drawing import SHARES, Drawing
 from gossamer_orchestrator.results.files import NETCDF, save_results
 from gossamer_orchestrator.results.plots import save_pictures
 
@@ -16,7 +16,7 @@ def folder(data, tmp_path):
 
 
 def ended(drawing):
-    return [process.poll() is not None for process in drawing._processes] == [True] * PROCESSES
+    return [process.poll() is not None for process in drawing._processes] == [True] * len(SHARES)
 
 
 def test_they_draw_the_same_pictures_as_one_process(data, folder, tmp_path):

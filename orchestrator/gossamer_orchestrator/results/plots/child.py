@@ -26,9 +26,10 @@ from .save import draw_pages
 
 def main() -> None:
     """Draw the pages of the task that stands on the standard input."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # leaves no unfinished file
     with picture(BytesIO()) as figure:
-        figure.subplots().set_title("$0$")  # loads matplotlib and its fonts
+        figure.subplots().set_yscale("log")  # loads matplotlib, its fonts and its formulas
     text = sys.stdin.read()
     if not text:
         return
@@ -36,7 +37,7 @@ def main() -> None:
     folder = Path(task["folder"])
     try:
         data = load_results(folder).isel(time=slice(None, None, task["every"]))
-        for page in draw_pages(data, folder, "png", folder, task["first"], task["stride"]):
+        for page in draw_pages(data, folder, "png", folder, slice(*task["share"])):
             print(json.dumps(asdict(page), default=str), flush=True)
     except OrchestratorError as error:
         print(json.dumps({"error": str(error)}))

@@ -18,8 +18,8 @@ from . import damage, deflection, sensors
 
 logger = logging.getLogger(__name__)
 
-# by file name: a function that draws into a figure, and the figure's size [inch]
-PAGES = sensors.PAGES | damage.PAGES | deflection.PAGES
+# by file name: a function that draws into a figure, and the figure's size [inch]; the slowest first
+PAGES = sensors.PAGES | deflection.PAGES | damage.PAGES
 LONGEST_TITLE = 120  # characters that fit above a picture
 
 
@@ -66,12 +66,10 @@ def save_pictures(data: xr.Dataset, folder: Path, form: str = "png", shapes: Pat
     return paths_of(draw_pages(data, folder, form, shapes or folder))
 
 
-def draw_pages(
-    data: xr.Dataset, folder: Path, form: str, shapes: Path, first: int = 0, stride: int = 1
-) -> Iterator[Drawn]:
-    """Draw the pages ``first``, ``first + stride``, ... of ``PAGES``, arguments as in ``save_pictures``."""
+def draw_pages(data: xr.Dataset, folder: Path, form: str, shapes: Path, share: slice = slice(None)) -> Iterator[Drawn]:
+    """Draw a share of ``PAGES``, with the arguments of ``save_pictures``."""
     pages = list((PAGES | deflection.shape_pages(load_shapes(shapes))).items())
-    for name, (draw, size) in pages[first::stride]:
+    for name, (draw, size) in pages[share]:
         begun, path, why_not = time.perf_counter(), folder / f"{name}.{form}", ""
         with writing(path, ResultsError):
             try:
