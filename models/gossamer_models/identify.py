@@ -17,7 +17,7 @@ from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
 from .errors import ParameterError
 from .fitting.columns import Columns
 from .fitting.errors import Errors, nrmse
-from .fitting.plots import record_pictures, save_figures
+from .fitting.plots import Picture, record_pictures, save_figures
 from .fitting.reading import read_records
 from .fitting.records import Record, strain_range, thin, training_rows
 from .fitting.tables import table_path, write_predictions
@@ -30,7 +30,7 @@ from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import determined, start_errors
 from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.settings import MODELS as PREISACH
-from .sensor.plots import SENSOR_PICTURES
+from .sensor.plots import sensor_pictures
 
 log = logging.getLogger(__name__)
 AUTO: Literal["auto"] = "auto"  # chooses the model by predicting the later parts of the training stretch
@@ -292,16 +292,18 @@ def _stated(fit: PreisachFit) -> dict[str, str]:
     }
 
 
-def save_pictures(result: Identified, folder: Path) -> list[Path]:
-    """Write all pictures that an identified model has as PNG files; return their paths."""
+def save_pictures(result: Identified, folder: Path, form: str = "png") -> list[Path]:
+    """Write all pictures that an identified model has, as png, svg or pdf; return their paths."""
     fit = result.fit
-    pictures: dict[str, Callable[[], Any]] = {}
+    pictures: dict[str, Picture] = {}
     for k in range(len(fit.records)):
         strains = {name: found.strain for name, found in result.recovered_of(k).items()}
         pictures |= record_pictures(*result.in_its_file(k), strains, fit.train[k])
     if isinstance(fit, PreisachFit):
-        pictures |= {name: partial(plot, fit.artifact) for name, plot in SENSOR_PICTURES.items()}
-    return save_figures(pictures, folder)
+        pictures |= sensor_pictures(fit.artifact)
+        if "eta" not in pictures:
+            (folder / f"eta.{form}").unlink(missing_ok=True)  # of an earlier fit
+    return save_figures(pictures, folder, form)
 
 
 def save_predictions(result: Identified, folder: Path) -> list[Path]:

@@ -7,12 +7,10 @@ import io
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from gossamer_files.pictures import picture
 from rich.console import Console
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 WIDTH = 160  # characters of a table
 _CODE = '<pre style="white-space:pre;overflow-x:auto;line-height:normal">{code}</pre>'
@@ -56,15 +54,7 @@ def first_loop(files: Iterable[Path]) -> bytes | None:
 
 def draw_png(draw: Callable[[Any], object], size: tuple[float, float]) -> bytes:
     """Return what is drawn into the axes of a new figure of a size [inch] as a PNG file."""
-    import matplotlib as mpl
-    from gossamer_orchestrator.results.plots.save import STYLE
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure as New
-
-    with mpl.rc_context(fname=STYLE):
-        figure: Figure = New(figsize=size)
-        FigureCanvasAgg(figure)
+    target = io.BytesIO()
+    with picture(target, size) as figure:
         draw(figure.subplots())
-        target = io.BytesIO()
-        figure.savefig(target)
     return target.getvalue()

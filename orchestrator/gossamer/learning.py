@@ -26,6 +26,7 @@ def identify(
     own_scales: bool = False,
     origin: str = "not stated",
     pictures: bool = True,
+    format: str = "png",
     time: str | None = None,
     strain: str | None = None,
     resistance: str | None = None,
@@ -85,6 +86,8 @@ def identify(
         Where the data come from, for the provenance.
     pictures : bool, default True
         Draw pictures of the fit, and write report.html, the page of them all.
+    format : str, default "png"
+        Of the pictures: png, svg or pdf.
     time : str or None
         Column of time; recognised if not given.
     strain : str or None
@@ -165,6 +168,7 @@ def assess(
     stretch: str = "50%",
     out: str | PathLike[str] = "out/assessed",
     pictures: bool = True,
+    format: str = "png",
     time: str | None = None,
     strain: str | None = None,
     resistance: str | None = None,
@@ -194,6 +198,8 @@ def assess(
         Folder of predictions, pictures and page.
     pictures : bool, default True
         Draw pictures, and write report.html, the page of them all.
+    format : str, default "png"
+        Of the pictures: png, svg or pdf.
     time : str or None
         Column of time; recognised if not given.
     strain : str or None

@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import math
 import webbrowser
+from contextlib import nullcontext
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,10 +39,12 @@ def build(names: list[str] | None, **options: Any) -> dict[str, Path]:  # noqa: 
 def run(scenario: str, out: Path | None, fmus: Path, *, pictures: bool, **options: Any) -> Run:  # noqa: ANN401
     """Run a scenario; draw its pictures and write its page."""
     from gossamer_orchestrator.cli.run import draw, simulate
+    from gossamer_orchestrator.results.drawing import Drawing
 
-    data, folder = simulate(scenario, out, fmus, **options)
-    if pictures:
-        draw(data, folder, logger.warning)
+    with Drawing() if pictures else nullcontext() as drawing:
+        data, folder = simulate(scenario, out, fmus, **options)
+        if drawing:
+            draw(drawing, data, folder, logger.warning)
     return Run(folder=folder, data=with_places(data))
 
 

@@ -77,6 +77,11 @@ class Column:
     others: tuple[str, ...] = ()
 
     @property
+    def is_ratio(self) -> bool:
+        """Whether it states a unit without a dimension."""
+        return self.unit is not None and _ratio(self.unit)
+
+    @property
     def factor(self) -> float:
         """Factor to SI [1]."""
         return 1.0 if self.unit is None else factor(self.unit, self.what) or 1.0

@@ -7,81 +7,82 @@ A picture that is added to ``RECORD_PICTURES`` or ``STRAIN_PICTURES`` is drawn f
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from gossamer_files import replacing
+from gossamer_files.pictures import COLORS, GREY, axes_or_new, legend_below, picture
 
 from ..arrays import Rows, Vector
 from .records import Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-
-MEASURED, FITTED, PREDICTED = "0.65", "tab:blue", "tab:orange"
+FITTED, PREDICTED = COLORS[:2]
+SIZE = (7.0, 5.0)  # of a picture [inch]
+Picture = Callable[["Figure"], None]
 
 
 def plot_loop(record: Record, predicted: Vector, train: Rows, *, ax: Axes | None = None) -> Axes:
     """Draw resistance over strain, measured and modelled."""
-    ax = axes_for(ax)
-    ax.plot(100.0 * record.strain, record.resistance, color=MEASURED, lw=3.0, label="measured")
+    ax = axes_or_new(ax)
+    ax.plot(100.0 * record.strain, record.resistance, color=GREY, lw=3.0, label="measured")
     _stretches(ax, 100.0 * record.strain, predicted, train)
-    ax.set(xlabel="strain [%]", ylabel="resistance [ohm], or signal", title=record.name)
-    ax.legend()
+    ax.set(xlabel="strain [%]", ylabel=quantity(record), title=record.name)
+    legend_below(ax, 3)
     return ax
 
 
 def plot_history(record: Record, predicted: Vector, train: Rows, *, ax: Axes | None = None) -> Axes:
     """Draw resistance over time, measured and modelled."""
-    ax = axes_for(ax)
-    ax.plot(record.time, record.resistance, color=MEASURED, lw=3.0, label="measured")
+    ax = axes_or_new(ax)
+    ax.plot(record.time, record.resistance, color=GREY, lw=3.0, label="measured")
     _stretches(ax, record.time, predicted, train)
-    ax.set(xlabel="time [s]", ylabel="resistance [ohm], or signal", title=record.name)
-    ax.legend()
+    ax.set(xlabel="time [s]", ylabel=quantity(record), title=record.name)
+    legend_below(ax, 3)
     return ax
 
 
 def plot_residual(record: Record, predicted: Vector, train: Rows, *, ax: Axes | None = None) -> Axes:
     """Draw the residual of the model over time [% of the record's range]."""
-    ax = axes_for(ax)
+    ax = axes_or_new(ax)
     _stretches(ax, record.time, 100.0 * (predicted - record.resistance) / np.ptp(record.resistance), train)
-    ax.axhline(0.0, color=MEASURED, lw=0.8)
+    ax.axhline(0.0, color=GREY, lw=0.8)
     ax.set(xlabel="time [s]", ylabel="model - measured [% of range]", title=record.name)
-    ax.legend()
+    legend_below(ax, 3)
     return ax
 
 
 def plot_strain(record: Record, recovered: Vector, train: Rows, *, ax: Axes | None = None) -> Axes:
     """Draw strain over time, applied and recovered from the resistance."""
-    ax = axes_for(ax)
-    ax.plot(record.time, 100.0 * record.strain, color=MEASURED, lw=3.0, label="applied")
+    ax = axes_or_new(ax)
+    ax.plot(record.time, 100.0 * record.strain, color=GREY, lw=3.0, label="applied")
     _stretches(ax, record.time, 100.0 * recovered, train, ("recovered, fitted", "recovered"))
     ax.set(xlabel="time [s]", ylabel="strain [%]", title=record.name)
-    ax.legend()
+    legend_below(ax, 3)
     return ax
 
 
 def plot_strain_residual(record: Record, recovered: Vector, train: Rows, *, ax: Axes | None = None) -> Axes:
     """Draw the error of the recovered strain over time [% of the record's range]."""
-    ax = axes_for(ax)
+    ax = axes_or_new(ax)
     residual = 100.0 * (recovered - record.strain) / np.ptp(record.strain)
     _stretches(ax, record.time, residual, train, ("recovered, fitted", "recovered"))
-    ax.axhline(0.0, color=MEASURED, lw=0.8)
+    ax.axhline(0.0, color=GREY, lw=0.8)
     ax.set(xlabel="time [s]", ylabel="recovered - applied [% of range]", title=record.name)
-    ax.legend()
+    legend_below(ax, 3)
     return ax
 
 
-def axes_for(ax: Axes | None) -> Axes:
-    """Return the axes, or new ones for None."""
-    if ax is not None:
-        return ax
-    import matplotlib.pyplot as plt
-
-    return plt.subplots(figsize=(7, 5), layout="constrained")[1]
+def quantity(record: Record) -> str:
+    """Name what a record measured beside strain, with the unit that its file states: a signal if it is a ratio."""
+    columns = [each.column for each in record.found.quantities] if record.found else []
+    column = next((each for each in columns if each.what == "resistance"), None)
+    if column is None or column.unit is None:
+        return "resistance [unit not stated]"
+    return "signal [1]" if column.is_ratio else "resistance [ohm]"
 
 
 def _stretches(ax: Axes, x: Vector, y: Vector, train: Rows, labels: tuple[str, str] = ("fitted", "predicted")) -> None:
@@ -101,41 +102,44 @@ STRAIN_PICTURES: dict[str, Callable[..., Axes]] = {
 }
 
 
-def save_figures(pictures: Mapping[str, Callable[[], Any]], folder: Path) -> list[Path]:
-    """Write pictures as PNG files; return their paths.
+def save_figures(pictures: Mapping[str, Picture], folder: Path, form: str = "png") -> list[Path]:
+    """Write pictures; return their paths.
 
     Parameters
     ----------
     pictures : mapping of str to callable
-        Name of the file, without its ending, to what draws the axes.
+        Name of the file, without its ending, to what draws into a figure.
     folder : Path
         Where to; made if needed.
+    form : {"png", "svg", "pdf"}
+        Form of the files.
     """
-    import matplotlib as mpl
+    paths = []
+    for name, draw in pictures.items():
+        paths.append(folder / f"{name}.{form}")
+        with picture(paths[-1], SIZE) as figure:
+            draw(figure)
+    return paths
 
-    if not isinstance(dict.get(mpl.rcParams, "backend"), str):  # none is chosen yet: look for no display
-        mpl.use("Agg")  # a notebook has chosen, and goes on showing its own pictures
-    import matplotlib.pyplot as plt
 
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, plot in pictures.items():
-        ax = plot()
-        with replacing(folder / f"{name}.png") as path:
-            ax.figure.savefig(path, dpi=130)
-        plt.close(ax.figure)
-    return [folder / f"{name}.png" for name in pictures]
+def into_axes(plot: Callable[..., object], *data: object) -> Picture:
+    """Return what draws a plot of data into the only axes of a figure."""
+
+    def draw(figure: Figure) -> None:
+        plot(*data, ax=figure.subplots())
+
+    return draw
 
 
 def record_pictures(
     record: Record, predicted: Vector, recovered: Mapping[str, Vector], train: Rows
-) -> dict[str, Callable[[], Any]]:
+) -> dict[str, Picture]:
     """Return the pictures of one record by name: resistance as predicted, and strain as recovered by each compensator."""
     stem = Path(record.name).stem
-    drawn: dict[str, Callable[[], Any]] = {}
-    drawn |= {f"{stem}_{name}": partial(plot, record, predicted, train) for name, plot in RECORD_PICTURES.items()}
+    drawn = {f"{stem}_{name}": into_axes(plot, record, predicted, train) for name, plot in RECORD_PICTURES.items()}
     for compensator, strain in recovered.items():
         kind = f"_{compensator}" if len(recovered) > 1 else ""
         drawn |= {
-            f"{stem}_{name}{kind}": partial(plot, record, strain, train) for name, plot in STRAIN_PICTURES.items()
+            f"{stem}_{name}{kind}": into_axes(plot, record, strain, train) for name, plot in STRAIN_PICTURES.items()
         }
     return drawn

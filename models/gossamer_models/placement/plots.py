@@ -6,17 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from gossamer_files import replacing
+from gossamer_files.pictures import COLORS, axes_or_new, picture
 
 from ..arrays import Matrix, Vector
-from ..fitting.plots import axes_for
 from ..mesh_membrane import Structure
 from .placing import Placement, Placing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-RED = "#D55E00"
+RED = COLORS[1]
 _LENGTH = 0.05  # of the line of a sensor, shares of the size
 _MOST_NAMED = 40  # zones: more names would cover the picture
 
@@ -41,7 +40,7 @@ def plot_placement(
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import LogNorm
 
-    ax = axes_for(ax)
+    ax = axes_or_new(ax)
     view = _view(structure.mesh.nodes)
     faces, zone = _faces(structure)
     flat = [structure.mesh.nodes[nodes] @ view for nodes in faces]
@@ -64,6 +63,7 @@ def plot_placement(
         ax.plot(*ends.T, color=RED, lw=2.2, solid_capstyle="round")
         ax.plot(*point, "o", color=RED, mec="white", ms=4.5, mew=0.8)
     ax.set_aspect("equal")
+    ax.grid(visible=False)
     ax.autoscale_view()
     names = [
         "xyz"[k] if np.allclose(view[:, i], np.eye(3)[k]) else "" for i, k in enumerate(np.abs(view).argmax(axis=0))
@@ -75,28 +75,22 @@ def plot_placement(
 
 def save_picture(found: Placing, path: Path) -> None:
     """Draw the membrane's own sensors and the chosen ones side by side."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     shown = [(name, p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None]
     values = np.concatenate([p.a90 for _, p in shown])
     limits = (float(values.min()), float(max(values.max(), 1.01 * values.min())))
-    figure = Figure(figsize=(4.6 * len(shown) + 0.9, 4.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes: Any = figure.subplots(1, len(shown), squeeze=False)[0]
-    for ax, (name, placement) in zip(axes, shown, strict=True):
-        plot_placement(found.structure, placement, limits, ax=ax)
-        ax.set_title(f"{len(placement.sensors)} {name} sensors, {ax.get_title()}", fontsize=9)
-    bar = figure.colorbar(
-        axes[-1].collections[0],
-        ax=list(axes),
-        label="damage found in 90 % of cases, a90 [%]",
-        shrink=0.85,
-        format="{x:.3g}",
-    )
-    bar.ax.yaxis.set_minor_formatter("{x:.3g}")
-    with replacing(path) as unfinished:
-        figure.savefig(unfinished, dpi=130, format="png", metadata={"Software": None})
+    with picture(path, (4.6 * len(shown) + 0.9, 4.6)) as figure:
+        axes: Any = figure.subplots(1, len(shown), squeeze=False)[0]
+        for ax, (name, placement) in zip(axes, shown, strict=True):
+            plot_placement(found.structure, placement, limits, ax=ax)
+            ax.set_title(f"{len(placement.sensors)} {name} sensors, {ax.get_title()}")
+        bar = figure.colorbar(
+            axes[-1].collections[0],
+            ax=list(axes),
+            label="damage found in 90 % of cases, a90 [%]",
+            shrink=0.85,
+            format="{x:.3g}",
+        )
+        bar.ax.yaxis.set_minor_formatter("{x:.3g}")
 
 
 def _view(nodes: Matrix) -> Matrix:

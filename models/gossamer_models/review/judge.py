@@ -20,7 +20,7 @@ from ..automatic.baselines import cubic
 from ..errors import ArtifactError
 from ..fitting.columns import Columns
 from ..fitting.errors import nrmse
-from ..fitting.plots import record_pictures, save_figures
+from ..fitting.plots import Picture, record_pictures, save_figures
 from ..fitting.reading import read_records
 from ..fitting.records import Record, training_rows
 from ..fitting.tables import table_path, write_predictions
@@ -207,10 +207,10 @@ def scales_of(artifact: SensorArtifact, path: Path) -> tuple[float, float, float
     return offset, scale, full
 
 
-def save_judged(judged: Sequence[Judged], folder: Path, *, pictures: bool = True) -> list[Path]:
+def save_judged(judged: Sequence[Judged], folder: Path, *, pictures: bool = True, form: str = "png") -> list[Path]:
     """Write predictions as CSV, and pictures of resistance, recovered strain and residuals; return the paths."""
     paths = []
-    drawn: dict[str, Callable[[], object]] = {}
+    drawn: dict[str, Picture] = {}
     for each in judged:
         strains = {name: found.strain for name, found in each.recovered.items()}
         paths.append(
@@ -220,7 +220,7 @@ def save_judged(judged: Sequence[Judged], folder: Path, *, pictures: bool = True
         )
         if pictures:
             drawn |= record_pictures(each.record, each.predicted, strains, each.fitted)
-    return [*paths, *save_figures(drawn, folder)] if drawn else paths
+    return [*paths, *save_figures(drawn, folder, form)]
 
 
 def _cells(each: Judged) -> Mapping[str, Vector]:

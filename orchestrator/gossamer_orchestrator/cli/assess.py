@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 
 from .command import Result, note, show, stderr
-from .common import keep_inputs, model_errors, save_page
+from .common import PictureForm, check_form, keep_inputs, model_errors, save_page
 from .identify import CommandWithFields, parameter
 from .recognised import print_recognised
 
@@ -69,6 +69,7 @@ def assess(
         "out/assessed"
     ),
     pictures: Annotated[bool, typer.Option(help="Draw pictures, and write report.html, the page of them all.")] = True,
+    form: PictureForm = "png",
 ) -> Result:
     """Judge an identified sensor on other records, without fitting it.
 
@@ -96,6 +97,7 @@ def assess(
         stretch=stretch,
         out=out,
         pictures=pictures,
+        form=form,
     )
     console = stderr()
     for table in tables(judged, stretch):
@@ -122,6 +124,7 @@ def judge_given(
     stretch: str,
     out: Path,
     pictures: bool,
+    form: str,
 ) -> tuple[tuple[Judged, ...], list[Path]]:
     """Judge a sensor on records with the options of the command; return what was found and the files written."""
     from gossamer_models.fitting import Columns
@@ -132,6 +135,7 @@ def judge_given(
     from ..run.progress import ProgressBar
 
     keep_inputs([sensor, *files], [out, *(table_path(out, each.name) for each in files)])
+    check_form(form)
     console, begun = stderr(), time.perf_counter()
     with model_errors(), ProgressBar("assess", console) as bar:
         judged = judge_files(
@@ -145,7 +149,7 @@ def judge_given(
             progress=lambda text: bar.update(text=text),
         )
         seconds = time.perf_counter() - begun
-        paths = save_judged(judged, out, pictures=pictures)
+        paths = save_judged(judged, out, pictures=pictures, form=form)
     if pictures:
         paths += save_page(lambda: _page(judged, sensor, files, stretch, seconds), out / PAGE)
     return judged, paths

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from gossamer_files.pictures import FORMS
 
 from ..errors import OrchestratorError
 from .command import note
@@ -24,6 +25,14 @@ Results = Annotated[
     Path,
     typer.Argument(help="Folder of a run, or its results.nc or results.csv.", metavar="RESULTS", show_default=False),
 ]
+PictureForm = Annotated[str, typer.Option("--format", help="Of the pictures: png, svg or pdf.", metavar="FORM")]
+
+
+def check_form(form: str) -> None:
+    """Refuse a form that no picture has."""
+    if form not in FORMS:
+        msg = f"there are no pictures of form {form!r}. Choose {', '.join(FORMS[:-1])} or {FORMS[-1]}."
+        raise OrchestratorError(msg)
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from rich.console import Console
 
 from ..errors import OrchestratorError
 from .command import Command, Result, as_options, note, show, stderr
-from .common import keep_inputs, model_errors, save_page
+from .common import PictureForm, check_form, keep_inputs, model_errors, save_page
 from .recognised import print_recognised
 
 if TYPE_CHECKING:
@@ -128,6 +128,7 @@ def identify(
     pictures: Annotated[
         bool, typer.Option(help="Draw pictures of the fit, and write report.html, the page of them all.")
     ] = True,
+    form: PictureForm = "png",
 ) -> Result:
     """Identify a sensor from measured strain and resistance.
 
@@ -176,6 +177,7 @@ def identify(
         own_scales=own_scales,
         origin=origin,
         pictures=pictures,
+        form=form,
     )
     from ..pages import PAGE
     from .identify_report import print_result, result_as_json
@@ -203,6 +205,7 @@ def identify_given(
     weights: str | None,
     rest_resistance: float | None,
     pictures: bool,
+    form: str,
     **more: Any,  # noqa: ANN401
 ) -> tuple[Identified, str, list[Path]]:
     """Identify a sensor with the options of the command; return the result, its model, and the files, the artifact first.
@@ -217,7 +220,7 @@ def identify_given(
         For the provenance of the artifact.
     show_records : callable
         Shows what was recognised in the records, before anything is fitted.
-    out, model, budget, weights, rest_resistance, pictures, **more
+    out, model, budget, weights, rest_resistance, pictures, form, **more
         The command's own.
     """
     from gossamer_models.automatic import BUDGET
@@ -237,6 +240,7 @@ def identify_given(
     from .identify_report import progress_of
 
     keep_inputs(files, [out])
+    check_form(form)
     console, begun = stderr(), time.perf_counter()
     readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
     chosen = {
@@ -273,7 +277,7 @@ def identify_given(
         seconds = time.perf_counter() - begun
         result.fit.artifact.write(out)
         drawn = save_predictions(result, out.with_suffix(""))
-        drawn += save_pictures(result, out.with_suffix("")) if pictures else []
+        drawn += save_pictures(result, out.with_suffix(""), form) if pictures else []
     if pictures:
         rest = rest_of(result, rest_resistance)
         drawn += save_page(lambda: _page(result, out, files, rest, seconds), out.with_suffix("") / PAGE)

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import OrchestratorError
 from .command import Result, note, show
-from .common import Results
+from .common import PictureForm, Results, check_form
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,7 +22,7 @@ def plot(
     out: Annotated[
         Path | None, typer.Option(help="Folder to write to; that of the results by default.", metavar="FOLDER")
     ] = None,
-    form: Annotated[str, typer.Option("--format", help="png, svg or pdf.", metavar="FORM")] = "png",
+    form: PictureForm = "png",
 ) -> Result:
     """Draw the pictures of a run again, from its results.
 
@@ -33,24 +32,22 @@ def plot(
     """
     from ..results.files import load_results
     from ..results.plots import save_pictures
-    from ..results.plots.save import FORMS
 
-    if form not in FORMS:
-        msg = f"there are no pictures of form {form!r}. Choose {', '.join(FORMS[:-1])} or {FORMS[-1]}."
-        raise OrchestratorError(msg)
-    folder = results if results.is_dir() else results.parent
-    paths = save_pictures(every_so_many(load_results(results)), folder if out is None else out, form, folder)
+    check_form(form)
+    folder, data = results if results.is_dir() else results.parent, load_results(results)
+    drawn = data.isel(time=slice(None, None, stride_of(data, note)))
+    paths = save_pictures(drawn, folder if out is None else out, form, folder)
     for path in paths:
         show(path)
     return Result({"files": paths})
 
 
-def every_so_many(data: xr.Dataset, say: Callable[[str], None] = note) -> xr.Dataset:
-    """Return results with few enough points for a picture."""
+def stride_of(data: xr.Dataset, say: Callable[[str], None]) -> int:
+    """Return of how many recorded points one is drawn, so that a picture has few enough; say so if it is not 1."""
     stride = -(-data.sizes["time"] // LARGEST_PICTURE)
     if stride > 1:
-        say(f"Pictures are drawn of every {stride}th recorded point.")
-    return data.isel(time=slice(None, None, stride))
+        say(f"Pictures are drawn of one in {stride} recorded points.")
+    return stride
 
 
 def export_vtk(

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..errors import OrchestratorError, ResultsError
+from ..results.drawing import Drawing
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .command import INVALID, Result, note, show, stderr
 from .common import FMUS, FmuFolder
-from .pictures import every_so_many
+from .pictures import stride_of
 from .watch import LARGE, LiveWatch
 
 if TYPE_CHECKING:
     import xarray as xr
+
+logger = logging.getLogger(__name__)
 
 DEMO = "damage_begins"
 WATCHED = "watch.json"
@@ -170,19 +175,20 @@ def _run(
     from ..pages import PAGE
     from ..results.files import CSV, NETCDF
 
-    try:
-        data, out = simulate(scenario, out, fmus, watched=watched, **options)
-    except KeyboardInterrupt as error:
-        for text in ("Interrupted.", *getattr(error, "__notes__", ())):
-            typer.echo(text, err=True)
-        raise typer.Exit(130) from None
-    files = [out / name for name in (NETCDF, CSV, *[WATCHED] * watched) if (out / name).is_file()]
-    for path in files:
-        show(path)
-    drawn = draw(data, out, note) if pictures else []
+    with Drawing() if pictures else nullcontext() as drawing:
+        try:
+            data, out = simulate(scenario, out, fmus, watched=watched, **options)
+        except KeyboardInterrupt as error:
+            for text in ("Interrupted.", *getattr(error, "__notes__", ())):
+                typer.echo(text, err=True)
+            raise typer.Exit(130) from None
+        files = [out / name for name in (NETCDF, CSV, *[WATCHED] * watched) if (out / name).is_file()]
+        for path in files:
+            show(path)
+        found = _judged(data)
+        drawn = draw(drawing, data, out, note) if drawing else []
     for path in drawn:
         show(path)
-    found = _judged(data)
     if watched and (out / WATCHED).is_file():
         found["watch"] = json.loads((out / WATCHED).read_text(encoding="utf-8"))
         found["valid"] = found["valid"] is not False and found["watch"]["misfit"][-1] <= LARGE
@@ -198,17 +204,22 @@ def _run(
     return Result(about | found, INVALID if found["valid"] is False else 0)
 
 
-def draw(data: xr.Dataset, out: Path, say: Callable[[str], None]) -> list[Path]:
-    """Draw pictures and write the page of a run; return their paths. A page that cannot be written ends no run."""
-    from ..results.plots import save_pictures
+def draw(drawing: Drawing, data: xr.Dataset, out: Path, say: Callable[[str], None]) -> list[Path]:
+    """Draw pictures and write the page of a run; return their paths. What cannot be written is logged and ends no run."""
     from ..results.report import write_report
 
-    paths = save_pictures(every_so_many(data, say), out)
+    paths: list[Path] = []
+    page: list[Path] = []
+    drawing.begin(out, stride_of(data, say))
     try:
-        paths.append(write_report(data, out))
+        page = [write_report(data, out)]
     except ResultsError as error:
-        say(str(error))
-    return paths
+        logger.error("%s", error)
+    try:
+        paths = drawing.finish()
+    except ResultsError as error:
+        logger.error("%s", error)
+    return [*paths, *page]
 
 
 def _judged(data: xr.Dataset) -> dict[str, Any]:

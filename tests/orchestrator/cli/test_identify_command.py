@@ -34,7 +34,7 @@ def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
     assert result.exit_code == 0, result.output
     printed = result.stdout.split()
     assert printed[0] == str(out)
-    assert {p.rsplit("/", 1)[-1] for p in printed[1:]} >= {"mu.png", "eta.png", "everett.png", "measured_loop.png"}
+    assert {p.rsplit("/", 1)[-1] for p in printed[1:]} >= {"mu.png", "everett.png", "measured_loop.png"}
     assert {p.rsplit("/", 1)[-1] for p in printed[1:]} >= {"measured_strain.png", "measured_strain_residual.png"}
     table = (out.with_suffix("") / "measured_predicted.csv").read_text().splitlines()
     assert table[0] == "time [s],strain [1],resistance [ohm],predicted [ohm],recovered strain [1],fitted"
@@ -190,3 +190,10 @@ def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
         assert result.exit_code == 1
         assert message in result.stderr
         assert "Traceback" not in result.output
+
+
+def test_a_form_that_no_picture_has_is_refused_before_a_record_is_read(tmp_path):
+    for command in (["identify"], ["assess", str(tmp_path / "sensor.json")]):
+        result = CliRunner().invoke(app, [*command, str(tmp_path / "measured.csv"), "--format", "gif"])
+        assert result.exit_code == 1
+        assert result.stderr == "there are no pictures of form 'gif'. Choose png, svg or pdf.\n"

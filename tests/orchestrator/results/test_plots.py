@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
 import xarray as xr
 from gossamer_orchestrator import judge
 from gossamer_orchestrator.results import plots
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 
@@ -46,6 +48,34 @@ def test_a_compensator_that_is_late_is_compared_with_the_strain_of_that_time(dat
     assert "RMS error < 1e-9 % of range" in ax.get_title()
     assert "2e+03 ms earlier" in ax.get_legend().get_texts()[1].get_text()
     assert len(ax.lines[0].get_xdata()) == 8
+
+
+def test_an_error_that_is_a_rounding_error_is_seen_on_its_log_scale(data):
+    """The exact inverse leaves one at all but the first sample."""
+    data["compensator1.strain"] = data["compensator1.strain"] + 1e-4 * (data["time"] == 0.0)
+    ax = plots.plot_strain_error(data, 1, ax=Figure().add_subplot())
+    low, high = ax.get_ylim()
+    assert low < ax.lines[0].get_ydata().min()
+    assert ax.lines[0].get_ydata().max() < high
+
+
+def test_errors_of_a_strain_that_hardly_changes_are_strains(data):
+    """A run of a few steps ends before the load bends the membrane."""
+    data["membrane.strain"] = 0.02 + 1e-9 * data["membrane.strain"]
+    data["compensator1.strain"] = ("time", np.full(10, 0.0203))
+    assert plots.plot_strain(data, 1, ax=Figure().add_subplot()).get_title() == "Sensor 1: RMS error 0.0003 in strain"
+    assert plots.plot_strain_error(data, 1, ax=Figure().add_subplot()).get_ylabel() == "error [1]"
+
+
+def test_no_numbers_on_the_axes_of_a_loop_overlap_however_little_the_strain_changes(data):
+    for change in (1e-12, 1e-9, 1e-6, 1e-3, 1.0):
+        figure = Figure(figsize=(4.5, 3.5), dpi=100)
+        few = data.assign({"membrane.strain": 0.02 + change * (data["membrane.strain"] - 0.02)})
+        ax = plots.plot_sensor_loop(few, ax=figure.add_subplot(), bar=False)
+        FigureCanvasAgg(figure).draw()
+        boxes = [label.get_window_extent() for label in ax.get_xticklabels()]
+        assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+        assert ax.xaxis.get_offset_text().get_text() == ""
 
 
 def test_the_damage_map_has_zone_1_at_the_origin_and_x_to_the_right(data):
@@ -126,8 +156,10 @@ def test_any_title_can_stand_above_a_picture(data, tmp_path):
     assert plots.save_pictures(data.assign_attrs(title=2_000 * r"$\nonsense{$ "), tmp_path)
 
 
-def test_the_map_of_damage_shows_the_estimate_alone_where_the_truth_is_not_recorded(data, tmp_path):
+def test_the_estimate_of_damage_is_drawn_alone_where_the_truth_is_not_recorded(data, tmp_path):
     unknown = data.drop_vars([name for name in data if "membrane" in name])
-    assert [path.stem for path in plots.save_pictures(unknown, tmp_path)] == ["damage"]
+    assert [path.stem for path in plots.save_pictures(unknown, tmp_path)] == ["damage", "damage_history"]
+    drawn = plots.plot_damage_history(unknown, ax=Figure().add_subplot()).get_legend().get_texts()
+    assert [text.get_text() for text in drawn] == ["other zones", "zone 2, estimated", "zone 7, estimated", "judgement"]
     ax = plots.plot_damage_map(unknown, ax=Figure().add_subplot())
     assert ax.get_title() == "Estimated damage [%] at t = 8.0000 s"

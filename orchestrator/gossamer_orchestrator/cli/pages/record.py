@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from gossamer_models.arrays import Rows, Vector
 from gossamer_models.fitting import Record
+from gossamer_models.fitting.plots import quantity
 from gossamer_models.replay import Recovered
 
 from ...pages import Chart, band, curve
@@ -51,7 +52,7 @@ def record_charts(seen: Seen) -> list[Chart]:
 
 
 def _of_resistance(seen: Seen) -> list[Chart]:
-    record, unit = seen.record, _unit(seen.record)
+    record = seen.record
     t, R, strain = record.time, record.resistance, 100.0 * record.strain
     size = float(np.ptp(R))
     residual = 100.0 * (seen.predicted - R) / size
@@ -60,7 +61,7 @@ def _of_resistance(seen: Seen) -> list[Chart]:
         _over_time(
             seen,
             "Resistance over time",
-            unit,
+            quantity(record),
             [_measured(t, R), *_stretches(seen, t, seen.predicted)],
             note=f"Grey area: {seen.stretch}.",
             text=f"Measured resistance of {record.name} from {R.min():.6g} to {R.max():.6g} over {t[-1]:.6g} s, and that of "
@@ -79,7 +80,7 @@ def _of_resistance(seen: Seen) -> list[Chart]:
             section=record.name,
             title="Loop",
             x="strain [%]",
-            y=unit,
+            y=quantity(record),
             traces=[_measured(strain, R), *_stretches(seen, strain, seen.predicted)],
             text=f"Resistance over strain from {strain.min():.4g} to {strain.max():.4g} %, measured and modelled.",
         ),
@@ -161,12 +162,3 @@ def _stretches(seen: Seen, x: Vector, y: Vector) -> list[Any]:
         return [curve("predicted", x, y, "@1")]
     parts = ((seen.fitted, seen.first, "@0"), ("predicted", ~seen.first, "@1"))
     return [curve(name, x, np.where(rows, y, np.nan), color) for name, rows, color in parts if rows.any()]
-
-
-def _unit(record: Record) -> str:
-    """Say what stands over an axis of resistance."""
-    columns = [each.column for each in record.found.quantities] if record.found else []
-    unit = next((column.unit for column in columns if column.what == "resistance"), None)
-    if unit is None:
-        return "resistance [unit not stated]"
-    return "signal [1]" if unit in ("1", "%") else "resistance [ohm]"

@@ -11,13 +11,13 @@ from gossamer_models.fractional import FractionalArtifact, FractionalFit
 from gossamer_models.sensor import RelaxationTerm, SensorArtifact
 from gossamer_models.sensor.fit import PreisachFit
 from gossamer_models.sensor.fit.doubts import parameters
-from gossamer_models.sensor.plots import everett, preisach_plane
+from gossamer_models.sensor.plots import constant_eta, everett, preisach_plane
 
 from ...pages import Chart, folded, heat, points, table
 from ...pages.charts import Trace
 
 SECTION = "The identified sensor"
-FLAT = 0.01  # [1] change of eta, and difference of the Everett surfaces over their range, that need no picture
+FLAT = 0.01  # [1] difference of the Everett surfaces over their range that needs no picture
 FEW = 8  # relaxation terms that need no folding
 
 
@@ -44,10 +44,10 @@ def _planes(artifact: SensorArtifact) -> list[Chart]:
     mu, eta = (preisach_plane(artifact, name) for name in ("mu", "eta"))
     off_line = mu[np.tril_indices(artifact.n_lines, -1)]
     top = float(off_line.max()) or float(np.nanmax(mu))
-    lowest, highest = float(np.nanmin(eta)), float(np.nanmax(eta))
-    constant = highest - lowest < FLAT
-    values = " to ".join(dict.fromkeys(f"{value:.4g}" for value in (lowest, highest)))
-    same = f" eta, the share of mu that a down-switch removes, is {values} everywhere." if constant else ""
+    constant = constant_eta(artifact)
+    same = (
+        "" if constant is None else f" eta, the share of mu that a down-switch removes, is {constant:.4g} everywhere."
+    )
     charts = [
         _map(
             "Density mu",
@@ -56,7 +56,8 @@ def _planes(artifact: SensorArtifact) -> list[Chart]:
             text=f"Weights of up-switching over the Preisach plane, up to {top:.3g} off the elastic line.{same}",
         )
     ]
-    if not constant:
+    if constant is None:
+        lowest, highest = float(np.nanmin(eta)), float(np.nanmax(eta))
         charts.append(
             _map(
                 "Share eta",

@@ -1,13 +1,10 @@
-"""What all plots share: colours, axes, and the size of the membrane.
-
-Colours are those of Okabe and Ito and of the maps viridis and cividis, which colour-blind readers can tell apart.
-"""
+"""What the plots of a run share: axes, and the size of the membrane."""
 
 from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import xarray as xr
 
@@ -16,25 +13,31 @@ from ..roles import find_all
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-GREY = "#9a9a9a"
-
-
-def axes_or_new(ax: Axes | None) -> Axes:
-    """Return the axes given, or those of a new figure."""
-    if ax is not None:
-        return ax
-    import matplotlib.pyplot as plt
-
-    return plt.figure().add_subplot()
+LEAST_SPAN = 1e-4  # of an axis, in shares of the values
+STEPS = [1, 2, 2.5, 5, 10]  # of ticks, but for powers of ten
 
 
 def time_axis(ax: Axes) -> None:
     """Keep the ticks of a time axis apart, whatever its span: few of them, and what they share written once."""
     from matplotlib.ticker import MaxNLocator
 
-    ax.xaxis.set_major_locator(MaxNLocator(6))
+    ax.xaxis.set_major_locator(MaxNLocator(6, steps=STEPS))
     ax.ticklabel_format(axis="x", style="sci", scilimits=(-2, 5), useOffset=True)
+
+
+def plain_axis(ax: Axes, which: Literal["x", "y"]) -> None:
+    """Write the numbers of an axis out, few of them, on a scale on which values that hardly differ are one."""
+    from matplotlib.ticker import MaxNLocator
+
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    low, high = axis.get_view_interval()
+    largest = max(abs(low), abs(high))
+    room = 0.5 * max(0.0, LEAST_SPAN * largest - (high - low))
+    low, high = low - room, high + room
+    ax.set(**{f"{which}lim": (low, high)})
+    are_long = which == "x" and high - low < 1e-2 * largest
+    axis.set_major_locator(MaxNLocator(2 if are_long else 5, steps=STEPS))
+    ax.ticklabel_format(axis=which, useOffset=False)
 
 
 def side(data: xr.Dataset) -> tuple[float, str]:

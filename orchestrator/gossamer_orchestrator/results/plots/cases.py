@@ -9,13 +9,11 @@ from textwrap import fill, shorten
 from typing import TYPE_CHECKING
 
 import xarray as xr
-from gossamer_files import replacing
+from gossamer_files.pictures import COLORS, GREY, picture
 
 from ...errors import ResultsError
 from ...names import suggest
 from ..roles import find_all
-from .axes import COLORS, GREY
-from .save import STYLE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,10 +44,6 @@ def save_cases(store: Path, folder: Path, variable: str | None, varied: Sequence
     ResultsError
         There is no such variable.
     """
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     with xr.open_zarr(store, consolidated=False) as data:
         names = [str(name) for name, each in data.data_vars.items() if "time" in each.dims]
         if not names:
@@ -58,13 +52,9 @@ def save_cases(store: Path, folder: Path, variable: str | None, varied: Sequence
         if name not in names:
             msg = f"no case recorded {name!r}. {suggest(name, names)}"
             raise ResultsError(msg)
-        with mpl.rc_context(fname=STYLE):
-            figure = Figure()
-            FigureCanvasAgg(figure)
+        with picture(folder / PICTURE) as figure:
             valid = f"{name.partition('.')[0]}.valid"
             plot_cases(data[name], varied, figure, data.get(valid))
-            with replacing(folder / PICTURE) as unfinished:
-                figure.savefig(unfinished)
     return [folder / PICTURE]
 
 

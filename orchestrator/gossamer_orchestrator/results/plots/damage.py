@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import xarray as xr
+from gossamer_files.pictures import COLORS, GREY, axes_or_new, legend_below
 from numpy.typing import NDArray
 
 from ...errors import ResultsError
 from ..judgements import doubts, judge, true_damage, windows
 from ..roles import find, need
-from .axes import COLORS, GREY, axes_or_new, side, time_axis
+from .axes import side, time_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,19 +82,20 @@ def plot_zones(
 
 
 def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
-    """Draw the estimate of every zone over time, true damage dashed; zones that matter in colour, the others grey.
+    """Draw the estimate of every zone over time, true damage dashed if known; zones that matter in colour, others grey.
 
     A dot stands at every judgement, a cross where a window ended without a valid one; a band is two standard deviations wide
     to each side.
     """
     detector = find(data, "detector")
-    true, estimated = need(data, f"{find(data, 'membrane')}.damage", f"{detector}.damage")
+    (estimated,) = need(data, f"{detector}.damage")
+    true = data.get(true_damage(data), math.nan * estimated)
     ax, time = axes_or_new(ax), data["time"].to_numpy()
     ended = windows(data)
     t, e = 100.0 * true.to_numpy(), 100.0 * estimated.to_numpy()
     bars = 200.0 * data.get(f"{detector}.deviation", math.nan * estimated).to_numpy()  # two standard deviations
     e[time < (ended[0].time if ended else math.inf)] = math.nan  # nothing is known before the first judgement
-    damaged = list(np.flatnonzero(t.max(axis=0) > 0.0))
+    damaged = list(np.flatnonzero((t > 0.0).any(axis=0)))
     largest = np.nan_to_num(e).max(axis=0)
     suspects = [z for z in np.argsort(-largest) if z not in damaged and largest[z] > 3.0]
     shown = (damaged + suspects)[: len(COLORS)]
@@ -116,13 +118,15 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="time [s]", ylabel="damage [%]", title="Damage over time; a dotted line ends a window")
     ax.set_xlim(time[0], time[-1] + 0.03 * (time[-1] - time[0]))  # room for the last judgement
     time_axis(ax)
-    ax.set_ylim(-1.0, max(10.0, 1.15 * float(max(t.max(), np.nan_to_num(e).max()))))
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=4)
+    ax.set_ylim(-1.0, max(10.0, 1.15 * float(np.nan_to_num([t, e]).max())))
+    legend_below(ax, 4)
     return ax
 
 
 def _damage(data: xr.Dataset, figure: Figure) -> None:
     known = bool(true_damage(data))
+    if not known:
+        figure.set_figwidth(0.55 * figure.get_figwidth())
     *left, right = figure.subplots(1, 1 + known, squeeze=False)[0]
     for ax in left:
         plot_damage_map(data, "true", ax=ax)
@@ -133,8 +137,8 @@ def _damage(data: xr.Dataset, figure: Figure) -> None:
 
 
 def _history(data: xr.Dataset, figure: Figure) -> None:
-    (true,) = need(data, f"{find(data, 'membrane')}.damage")
-    if len(windows(data)) < 2 and not np.ptp(true.to_numpy(), axis=0).any():
+    true = true_damage(data)
+    if len(windows(data)) < 2 and not (true and np.ptp(data[true].to_numpy(), axis=0).any()):
         msg = "a single window under constant damage has no history."
         raise ResultsError(msg)
     plot_damage_history(data, ax=figure.subplots())

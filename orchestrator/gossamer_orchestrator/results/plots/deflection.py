@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from gossamer_files.pictures import COLORS, GREY, axes_or_new
 
 from ..roles import find, need
 from ..shapes import ShapeHistory
 from ..surface import TAUT, face_strains
-from .axes import COLORS, GREY, axes_or_new, side, time_axis
+from .axes import side, time_axis
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -58,7 +59,7 @@ def plot_deflection_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes
     k = int(np.argmax(np.abs(values)))
     ax.plot(time, values, color=COLORS[0], lw=1.2)
     ax.plot(time[k], values[k], "o", color=COLORS[1], ms=5)
-    ax.set(xlabel="time [s]", ylabel="deflection [mm]", title=f"Centre: {values[k]:.1f} mm at t = {time[k]:.4f} s")
+    ax.set(xlabel="time [s]", ylabel="deflection [mm]", title=f"Centre: {values[k]:.4g} mm at t = {time[k]:.4f} s")
     ax.margins(x=0.02, y=0.1)
     time_axis(ax)
     return ax
@@ -78,10 +79,8 @@ def plot_shape(history: ShapeHistory, *, ax: Axes3D | None = None) -> Axes3D:
     surface = history.surface
     size = 1e3 * np.linalg.norm(history.places - surface.nodes, axis=2)
     k = int(np.argmax(size.max(axis=1)))
-    places, colours = (
-        history.places[k],
-        ScalarMappable(Normalize(0.0, max(float(size[k].max()), 1e-12)), colormaps["viridis"]),
-    )
+    places = history.places[k]
+    colours = ScalarMappable(Normalize(0.0, max(float(size[k].max()), 1e-12)), colormaps["viridis"])
     corners = np.where(surface.faces < 0, surface.faces[:, [2]], surface.faces)  # a triangle's last corner twice
     mark = face_strains(surface, places, history.eigenstrain[k]).mark
     for some, edge, width in ((mark == TAUT, GREY, 0.1), (mark != TAUT, COLORS[1], 0.8)):
@@ -96,8 +95,9 @@ def plot_shape(history: ShapeHistory, *, ax: Axes3D | None = None) -> Axes3D:
     ax.set(zlim=(low[2] - room[2], high[2] + room[2]), xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     ax.set_box_aspect(high - low + 2.0 * room, zoom=1.2)
     ax.locator_params(nbins=4)
-    if high[2] - low[2] < 0.1 * float((high - low).max()):  # a flat membrane has no room for more
-        ax.locator_params(axis="z", nbins=1)
+    ax.xaxis.labelpad = ax.yaxis.labelpad = 12.0
+    if high[2] - low[2] < 0.1 * float((high - low).max()):  # a flat membrane has no room for numbers
+        ax.set(zticks=[], zlabel="")
     wrinkled = f"; {np.mean(mark != TAUT):.0%} of the faces wrinkle (orange edges)" if (mark != TAUT).any() else ""
     ax.set_title(f"Displacement [mm] at t = {history.time[k]:.4f} s{wrinkled}")
     ax.figure.colorbar(colours, ax=ax, shrink=0.6, pad=0.1)

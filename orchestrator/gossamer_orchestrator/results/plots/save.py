@@ -4,27 +4,42 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten
 
 import xarray as xr
-from gossamer_files import replacing
+from gossamer_files.pictures import picture
 
-from ...errors import ResultsError
+from ...errors import ResultsError, writing
 from ..shapes import load_shapes
 from . import damage, deflection, sensors
 
 logger = logging.getLogger(__name__)
 
-# by file name: a function that draws into a figure, and the figure's size [inch]
-PAGES = sensors.PAGES | damage.PAGES | deflection.PAGES
+# by file name: a function that draws into a figure, and the figure's size [inch]; the slowest first
+PAGES = sensors.PAGES | deflection.PAGES | damage.PAGES
 LONGEST_TITLE = 120  # characters that fit above a picture
-FORMS = ("png", "svg", "pdf")
-_UNDATED: dict[str, dict[str, str | None]] = {
-    "svg": {"Date": None},
-    "pdf": {"CreationDate": None},
-}  # the same bytes again
-STYLE = Path(__file__).with_name("pictures.mplstyle")
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What came of a page.
+
+    Attributes
+    ----------
+    path : Path
+        Its file.
+    seconds : float
+        How long it took [s].
+    why_not : str
+        Why it was not drawn; empty if it was.
+    """
+
+    path: Path
+    seconds: float
+    why_not: str = ""
 
 
 def save_pictures(data: xr.Dataset, folder: Path, form: str = "png", shapes: Path | None = None) -> list[Path]:
@@ -42,31 +57,40 @@ def save_pictures(data: xr.Dataset, folder: Path, form: str = "png", shapes: Pat
         Form of the files.
     shapes : Path, optional
         Folder of the shapes of membranes on meshes; ``folder`` by default.
-    """
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    folder.mkdir(parents=True, exist_ok=True)
-    written: list[Path] = []
-    reasons: list[str] = []
-    for name, (draw, size) in (PAGES | deflection.shape_pages(data, load_shapes(shapes or folder))).items():
-        begun = time.perf_counter()
-        with mpl.rc_context(fname=STYLE):
-            figure = Figure(figsize=size)
-            FigureCanvasAgg(figure)
-            path = folder / f"{name}.{form}"
+    Raises
+    ------
+    ResultsError
+        A picture cannot be written.
+    """
+    return paths_of(draw_pages(data, folder, form, shapes or folder))
+
+
+def draw_pages(data: xr.Dataset, folder: Path, form: str, shapes: Path, share: slice = slice(None)) -> Iterator[Drawn]:
+    """Draw a share of ``PAGES``, with the arguments of ``save_pictures``."""
+    pages = list((PAGES | deflection.shape_pages(data, load_shapes(shapes))).items())
+    for name, (draw, size) in pages[share]:
+        begun, path, why_not = time.perf_counter(), folder / f"{name}.{form}", ""
+        with writing(path, ResultsError):
             try:
-                draw(data, figure)
+                with picture(path, size) as figure:
+                    draw(data, figure)
+                    figure.suptitle(shorten(str(data.attrs.get("title", "")), LONGEST_TITLE), parse_math=False)
             except ResultsError as error:
                 path.unlink(missing_ok=True)  # of an earlier run
-                reasons.append(str(error))
-                continue
-            figure.suptitle(shorten(str(data.attrs.get("title", "")), LONGEST_TITLE), parse_math=False)
-            with replacing(path) as unfinished:
-                figure.savefig(unfinished, format=form, metadata=_UNDATED.get(form))
-            written.append(path)
-            logger.info("drew %s in %.1f s", path, time.perf_counter() - begun)
-    if not written:
+                why_not = str(error)
+        yield Drawn(path, time.perf_counter() - begun, why_not)
+
+
+def paths_of(pages: Iterable[Drawn]) -> list[Path]:
+    """Return the paths of the pages that were drawn, and log them; if there is none, log why."""
+    paths, reasons = [], []
+    for page in pages:
+        if page.why_not:
+            reasons.append(page.why_not)
+        else:
+            paths.append(page.path)
+            logger.info("drew %s in %.1f s", page.path, page.seconds)
+    if not paths:
         logger.warning("no pictures: %s", reasons[0])
-    return written
+    return paths

@@ -1,0 +1,77 @@
+"""Draw the pictures of a run in processes of their own, which get ready while it goes on.
+
+They end with this process: at once while they wait for their task, else when they have drawn.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+from ..errors import ResultsError
+
+SHARES = ((0, 1), (1, None))  # of the pages, for a process each: the first one takes about as long as all others
+
+
+class Drawing:
+    """Processes that divide the pages of a run among themselves; the end of the ``with`` block ends them."""
+
+    def __init__(self) -> None:
+        self._processes = [
+            subprocess.Popen(
+                [sys.executable, "-P", "-m", "gossamer_orchestrator.results.plots.child"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                text=True,
+                encoding="utf-8",
+                start_new_session=True,  # Ctrl-C in a terminal is for this process
+            )
+            for _ in SHARES
+        ]
+
+    def __enter__(self) -> Drawing:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._processes:
+            with process:
+                process.terminate()
+
+    def begin(self, folder: Path, every: int) -> None:
+        """Let them draw the results in a folder, one of so many points, while this process goes on."""
+        for process, share in zip(self._processes, SHARES, strict=True):
+            assert process.stdin is not None
+            task = {"folder": str(folder), "every": every, "share": share}
+            with suppress(BrokenPipeError):  # it has ended, as ``finish`` will say
+                json.dump(task, process.stdin)
+                process.stdin.close()
+
+    def finish(self) -> list[Path]:
+        """Wait for the pictures; return their paths.
+
+        Raises
+        ------
+        ResultsError
+            Some are missing.
+        """
+        from .plots.save import Drawn, paths_of
+
+        pages, problems = [], []
+        for process in self._processes:
+            for line in process.stdout or ():
+                report = json.loads(line)
+                if "error" in report:
+                    problems.append(report["error"])
+                else:
+                    pages.append(Drawn(Path(report["path"]), report["seconds"], report["why_not"]))
+            if code := process.wait():
+                problems.append(f"a process that draws them ended with exit code {code}.")
+        if problems:
+            msg = f"Pictures are missing: {problems[0]} Draw them again with 'gossamer plot'."
+            raise ResultsError(msg)
+        return paths_of(pages)
