@@ -40,10 +40,23 @@ MODELS = """Models:
 
 FILES = {
     "chain": (
-        "The chain of FMUs: build it, run it, sweep it, verify it, look at it.",
+        "The chain of FMUs: build it, run it, sweep it, verify it.",
         {
+            "demo": Words(
+                "Build the FMUs, and find damage that begins during a run.",
+                "Run",
+                "Data, verdict and judgements; a path of the folder for results; displayed in a notebook.",
+                "gossamer.demo()",
+            ),
             "build": Words(
                 "Build FMUs.", "dict of str to Path", "FMUs by name.", 'gossamer.build("membrane", order=6)'
+            ),
+            "validate": Words(
+                "Check a scenario and its FMUs without running it.",
+                "Validation",
+                "Components in stepping order, connections and warnings; displayed in a notebook.",
+                'gossamer.validate("my_scenario.toml")',
+                "What it refuses, ``run`` refuses before its first step. It starts the FMUs in a process of their own.",
             ),
             "run": Words(
                 "Run a scenario.",
@@ -66,16 +79,61 @@ FILES = {
                 "Findings by FMU; ``passed`` if no check failed.",
                 'assert gossamer.verify("out/fmus/sensor.fmu").passed',
             ),
+        },
+    ),
+    "files": (
+        "Files: look into FMUs, begin a scenario, write scenarios and results for people and for other programs.",
+        {
+            "new": Words(
+                "Write a scenario of your own, with a comment on every table and key.",
+                "Path",
+                "The scenario.",
+                'gossamer.new("my_scenario")',
+                "It runs as it is. A file that is there is not overwritten.",
+            ),
+            "info": Words(
+                "Look into an FMU: parameters, inputs and outputs.",
+                "FmuInfo",
+                "Variables by name; displayed in a notebook.",
+                'gossamer.info("out/fmus/sensor.fmu").variables["rest_strain"]["unit"]',
+            ),
             "view": Words(
                 "Open a page in the browser; that of a run is written first if it is missing or old.",
                 "Path",
                 "The page.",
                 'gossamer.view("out/damaged")',
             ),
+            "report": Words(
+                "Write the page of a run from its results.", "Path", "The page.", 'gossamer.report("out/damaged")'
+            ),
+            "plot": Words(
+                "Draw the pictures of a run again, from its results.",
+                "list of Path",
+                "The pictures.",
+                'gossamer.plot("out/damaged", format="svg")',
+            ),
+            "export_vtk": Words(
+                "Write the membranes of a run for ParaView.",
+                "list of Path",
+                "For each membrane the .pvd, which ParaView opens.",
+                'gossamer.export_vtk("out/sail")',
+            ),
+            "export_ssp": Words(
+                "Write a scenario and its FMUs as one .ssp for other tools.",
+                "Path",
+                "The .ssp.",
+                'gossamer.export_ssp("damaged")',
+            ),
+            "container": Words(
+                "Merge a scenario and its FMUs into one FMU.",
+                "Path",
+                "The FMU.",
+                'gossamer.container("damaged", fmi=3)',
+            ),
         },
     ),
     "learning": (
-        "What is learnt from measured records: a sensor, how good it is, and damage.",
+        "What is learnt from measured records: a sensor, and how good it is.",
         {
             "identify": Words(
                 "Identify a sensor from measured strain and resistance.",
@@ -90,6 +148,11 @@ FILES = {
                 "Errors and records; displayed in a notebook.",
                 'gossamer.assess("out/mine/sensor.json", "other.csv", fit_scales=True)',
             ),
+        },
+    ),
+    "damage": (
+        "Damage, how certain it is, and what finds it: twin, detectors, sensors in the right places.",
+        {
             "twin": Words(
                 "Fit a simulation to a record: the damage of each zone, with its standard deviation.",
                 "TwinAnswer",
@@ -98,15 +161,50 @@ FILES = {
                 "The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or\n"
                 "resistance[1] to resistance[4]; empty cells are gaps.",
             ),
+            "watch": Words(
+                "Watch a record as if it arrived live: an alarm when damage begins, then when and where.",
+                "Watching",
+                "Alarms, onsets and damages, and the score of each window; displayed in a notebook.",
+                'gossamer.watch("out/damage_begins").report.alarms',
+                "The record begins, undamaged, when the load sets in.",
+            ),
+            "campaign": Words(
+                "Simulate the cases of a campaign: random damage, load, material and sensors.",
+                "Campaign",
+                "What was drawn, and the histories; a path of the store; displayed in a notebook.",
+                'gossamer.train(gossamer.campaign("training"))',
+                "The same call again goes on after an interruption; the numbers depend on the file alone.",
+            ),
+            "train": Words(
+                "Train a detector on simulated damage.",
+                "TrainedDetector",
+                "Artifact, and its errors on cases that were held out; a path of the artifact; displayed in a notebook.",
+                'gossamer.build("detector", artifact=gossamer.train("my_scenario.toml"))',
+                "Runs the campaign first if that has not been done, which takes many minutes; the training takes some.",
+            ),
+            "assess_detector": Words(
+                "Judge detectors, and the twin, under many conditions.",
+                "DetectorAssessment",
+                "Errors, false calls and probability of detection; a path of the folder; displayed in a notebook.",
+                'gossamer.assess_detector(artifact="mine.json", cases=100).data["error_damaged"].sel(condition="clean")',
+                "The same call again goes on after an interruption.",
+            ),
+            "place_sensors": Words(
+                "Choose where strain sensors let damage be found best.",
+                "SensorPlacement",
+                "Smallest damage that is found by zone, and the sensors; displayed in a notebook.",
+                'gossamer.place_sensors(count=4, check=40).data["a90"]',
+            ),
         },
     ),
 }
-RESULTS = ("Assessment", "Identification", "Run", "Sweep", "TwinAnswer", "Verification")
 
 
 def texts() -> dict[Path, str]:
     """Return the text of every file, by path."""
-    return {FOLDER / f"{stem}.py": _formatted(_file(title, commands)) for stem, (title, commands) in FILES.items()}
+    return {
+        FOLDER / f"{stem}.py": _formatted(_file(stem, title, commands)) for stem, (title, commands) in FILES.items()
+    }
 
 
 def _formatted(text: str) -> str:
@@ -114,11 +212,11 @@ def _formatted(text: str) -> str:
     return subprocess.run(command, input=text, stdout=subprocess.PIPE, text=True, encoding="utf-8", check=True).stdout
 
 
-def _file(title: str, commands: dict[str, Words]) -> str:
-    functions = "\n\n".join(_function(command, words) for command, words in commands.items())
-    taken = {each for words in commands.values() for each in RESULTS if each == words.returns}
-    imports = [f"from .results import {', '.join(sorted(taken))}"]
-    if "Path\n" in functions or "Path]" in functions:
+def _file(stem: str, title: str, commands: dict[str, Words]) -> str:
+    functions = "\n\n".join(_function(stem, command, words) for command, words in commands.items())
+    taken = {words.returns for words in commands.values() if words.returns.isidentifier() and words.returns != "Path"}
+    imports = [f"from .results.{stem} import {', '.join(sorted(taken))}"]
+    if any("Path" in words.returns for words in commands.values()):
         imports.insert(0, "from pathlib import Path\n")
     lines = "\n".join(f"    {line}".rstrip() for line in "\n".join(imports).splitlines())
     return f'''"""{title}
@@ -128,8 +226,7 @@ Made by ``docs/make_front_door.py`` from the table of the command line: change t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from os import PathLike
+{_abc(functions)}from os import PathLike
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -137,27 +234,28 @@ if TYPE_CHECKING:
 
 
 {functions}
-'''.replace("from collections.abc import Mapping, Sequence", _abc(functions))
+'''
 
 
 def _abc(functions: str) -> str:
     names = [name for name in ("Mapping", "Sequence") if f"{name}[" in functions]
-    return f"from collections.abc import {', '.join(names)}"
+    return f"from collections.abc import {', '.join(names)}\n" if names else ""
 
 
-def _function(command: str, words: Words) -> str:
+def _function(stem: str, command: str, words: Words) -> str:
     taken = parameters(command).values()
     arguments = [_signature(each) for each in taken if each.is_argument]
     options = [_signature(each) for each in taken if not each.is_argument]
     signature = "".join(f"    {each},\n" for each in [*arguments, *(["*"] if options else []), *options])
-    returns = words.returns.replace("dict of str to Path", "dict[str, Path]")
+    returns = {"dict of str to Path": "dict[str, Path]", "list of Path": "list[Path]"}.get(words.returns, words.returns)
     body = "\n".join(f"    {line}".rstrip() for line in _docstring(taken, words).splitlines())
     return f'''def {command}(
 {signature}) -> {returns}:
     """{body.strip()}
     """
-    given = locals()
-    from . import table, work
+    given = vars()
+    from . import table
+    from .work import {stem} as work
 
     return work.{command}(**table.values("{command}", given))
 '''
@@ -177,7 +275,8 @@ def _type(taken: Parameter, *, words: bool = False) -> str:
     """Return the type of a parameter as Python writes it, or in words."""
     metavar = taken.about.metavar or ""
     path = taken.kind is Path or (taken.is_argument and taken.kind is str and not taken.many)
-    one, said = ("str | PathLike[str]", "path") if path else (taken.kind.__name__, taken.kind.__name__)
+    plain = "str" if issubclass(taken.kind, str) else taken.kind.__name__
+    one, said = ("str | PathLike[str]", "path") if path else (plain, plain)
     if taken.many and metavar.startswith(NAMED):
         one, said = "Mapping[str, object] | Sequence[str]", "mapping, sequence of str"
     elif taken.many:

@@ -1,4 +1,4 @@
-"""The chain of FMUs: build it, run it, sweep it, verify it, look at it.
+"""The chain of FMUs: build it, run it, sweep it, verify it.
 
 Made by ``docs/make_front_door.py`` from the table of the command line: change the command, then run ``make goldens``.
 """
@@ -12,7 +12,39 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from .results import Run, Sweep, Verification
+    from .results.chain import Run, Sweep, Validation, Verification
+
+
+def demo(
+    *,
+    out: str | PathLike[str] = "out",
+) -> Run:
+    """Build the FMUs, and find damage that begins during a run.
+
+    Parameters
+    ----------
+    out : path, default "out"
+        Folder for FMUs, results and pictures.
+
+    Returns
+    -------
+    Run
+        Data, verdict and judgements; a path of the folder for results; displayed in a notebook.
+
+    Raises
+    ------
+    OrchestratorError
+        As the command does; the message says what to do.
+
+    Examples
+    --------
+    >>> gossamer.demo()
+    """
+    given = vars()
+    from . import table
+    from .work import chain as work
+
+    return work.demo(**table.values("demo", given))
 
 
 def build(
@@ -87,10 +119,66 @@ def build(
     --------
     >>> gossamer.build("membrane", order=6)
     """
-    given = locals()
-    from . import table, work
+    given = vars()
+    from . import table
+    from .work import chain as work
 
     return work.build(**table.values("build", given))
+
+
+def validate(
+    scenario: str | PathLike[str],
+    *,
+    fmus: str | PathLike[str] = "out/fmus",
+    step: float | None = None,
+    stop: float | None = None,
+    set: Mapping[str, object] | Sequence[str] | None = None,
+    master: str | None = None,
+    limit: float | None = None,
+    strict: bool = False,
+) -> Validation:
+    """Check a scenario and its FMUs without running it.
+
+    What it refuses, ``run`` refuses before its first step. It starts the FMUs in a process of their own.
+
+    Parameters
+    ----------
+    scenario : path
+        A scenario file, an .ssp, or the name of a shipped scenario.
+    fmus : path, default "out/fmus"
+        Folder of the FMUs that scenarios name.
+    step : float or None
+        Communication step [s] in place of the file's.
+    stop : float or None
+        Last time [s] in place of the file's.
+    set : mapping, sequence of str or None
+        Value in place of the file's, as of gossamer run.
+    master : str or None
+        gauss-seidel or jacobi, in place of the file's or for an .ssp.
+    limit : float or None
+        Time that one call of an FMU may take [s].
+    strict : bool, default False
+        Refuse FMUs that break the rules of FMI; else that is a warning.
+
+    Returns
+    -------
+    Validation
+        Components in stepping order, connections and warnings; displayed in a notebook.
+
+    Raises
+    ------
+    OrchestratorError
+        As the command does; the message says what to do.
+
+    Examples
+    --------
+    >>> gossamer.validate("my_scenario.toml")
+    """
+    given = vars()
+    from . import table
+    from .work import chain as work
+
+    return work.validate(**table.values("validate", given))
 
 
 def run(
@@ -162,8 +250,9 @@ def run(
     --------
     >>> gossamer.run("damaged", set={"membrane.damage[1]": 0.3}, out="out/deeper")
     """
-    given = locals()
-    from . import table, work
+    given = vars()
+    from . import table
+    from .work import chain as work
 
     return work.run(**table.values("run", given))
 
@@ -224,8 +313,9 @@ def sweep(
     --------
     >>> gossamer.sweep("damaged", set={"membrane.damage[1]": [0.0, 0.1, 0.2], "seed": range(1, 4)})
     """
-    given = locals()
-    from . import table, work
+    given = vars()
+    from . import table
+    from .work import chain as work
 
     return work.sweep(**table.values("sweep", given))
 
@@ -258,37 +348,8 @@ def verify(
     --------
     >>> assert gossamer.verify("out/fmus/sensor.fmu").passed
     """
-    given = locals()
-    from . import table, work
+    given = vars()
+    from . import table
+    from .work import chain as work
 
     return work.verify(**table.values("verify", given))
-
-
-def view(
-    results: str | PathLike[str],
-) -> Path:
-    """Open a page in the browser; that of a run is written first if it is missing or old.
-
-    Parameters
-    ----------
-    results : path
-        Folder of a page or of a run, results.nc or results.csv, or an artifact, such as a sensor.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    OrchestratorError
-        As the command does; the message says what to do.
-
-    Examples
-    --------
-    >>> gossamer.view("out/damaged")
-    """
-    given = locals()
-    from . import table, work
-
-    return work.view(**table.values("view", given))

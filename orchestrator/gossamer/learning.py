@@ -1,16 +1,16 @@
-"""What is learnt from measured records: a sensor, how good it is, and damage.
+"""What is learnt from measured records: a sensor, and how good it is.
 
 Made by ``docs/make_front_door.py`` from the table of the command line: change the command, then run ``make goldens``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .results import Assessment, Identification, TwinAnswer
+    from .results.learning import Assessment, Identification
 
 
 def identify(
@@ -153,8 +153,9 @@ def identify(
     --------
     >>> gossamer.identify("measured.csv", modes=7, relaxations=7, train="0:200", out="out/mine/sensor.json")
     """
-    given = locals()
-    from . import table, work
+    given = vars()
+    from . import table
+    from .work import learning as work
 
     return work.identify(**table.values("identify", given))
 
@@ -231,72 +232,8 @@ def assess(
     --------
     >>> gossamer.assess("out/mine/sensor.json", "other.csv", fit_scales=True)
     """
-    given = locals()
-    from . import table, work
+    given = vars()
+    from . import table
+    from .work import learning as work
 
     return work.assess(**table.values("assess", given))
-
-
-def twin(
-    record: str | PathLike[str],
-    *,
-    fit: str | Sequence[str] | None = None,
-    kind: str | None = None,
-    noise: float | None = None,
-    stop: float | None = None,
-    params: Mapping[str, object] | Sequence[str] | None = None,
-    sensor: str | PathLike[str] | None = None,
-    elements: int = 4,
-    order: int = 4,
-    sparse: bool = True,
-    out: str | PathLike[str] | None = None,
-) -> TwinAnswer:
-    """Fit a simulation to a record: the damage of each zone, with its standard deviation.
-
-    The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or
-    resistance[1] to resistance[4]; empty cells are gaps.
-
-    Parameters
-    ----------
-    record : path
-        Results of a run (results.nc, results.csv or their folder), or a CSV file.
-    fit : str, sequence of str or None
-        What is unknown beside damage: offset, gain, amplitude, frequency, phase, damping, modulus, pressure,
-        with commas between, or none. By default offset for strain and none for resistance.
-    kind : str or None
-        strain or resistance, where the record has both.
-    noise : float or None
-        Standard deviation of the noise, 1 or ohm; estimated by default.
-    stop : float or None
-        Use the record up to this time [s] only.
-    params : mapping, sequence of str or None
-        A membrane parameter, NAME=VALUE; may be repeated.
-    sensor : path or None
-        Artifact of the sensors; the shipped one by default.
-    elements : int, default 4
-        Elements of the twin per side.
-    order : int, default 4
-        Their order; 1 for bilinear ones.
-    sparse : bool, default True
-        Drop the zones that the record does not need.
-    out : path or None
-        JSON file to write; twin.json beside the record by default.
-
-    Returns
-    -------
-    TwinAnswer
-        Damage by zone with its deviation, and whether it is valid; displayed in a notebook.
-
-    Raises
-    ------
-    OrchestratorError
-        As the command does; the message says what to do.
-
-    Examples
-    --------
-    >>> gossamer.twin("out/damage_begins", stop=0.25).data["damage"]
-    """
-    given = locals()
-    from . import table, work
-
-    return work.twin(**table.values("twin", given))

@@ -10,13 +10,14 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cache
 from pathlib import Path
 from typing import Any, get_args
 
 from gossamer_orchestrator import OrchestratorError
 from gossamer_orchestrator.cli import app
-from typer.models import ArgumentInfo, OptionInfo
+from typer.models import ArgumentInfo, CommandInfo, OptionInfo
 
 FOR_A_TERMINAL = ("json", "quiet", "verbose", "log_file")  # options that say how a command prints
 NAMED = "NAME="  # what the placeholder of an option begins with that gives values by name
@@ -33,7 +34,7 @@ class Parameter:
     field : str
         As the function of the command calls it.
     kind : type
-        ``str``, ``int``, ``float``, ``bool`` or ``Path``.
+        ``str``, ``int``, ``float``, ``bool``, ``Path``, or an enumeration of texts.
     many, optional : bool
         Whether it takes several values; whether it takes None.
     default : object
@@ -44,7 +45,7 @@ class Parameter:
 
     name: str
     field: str
-    kind: type
+    kind: type[Any]
     many: bool
     optional: bool
     default: Any
@@ -57,9 +58,16 @@ class Parameter:
 
 
 @cache
+def commands() -> dict[str, CommandInfo]:
+    """Return what typer knows of each command, by its name in Python: as on the command line, with underscores."""
+    named = {str(each.name or getattr(each.callback, "__name__", "")): each for each in app.registered_commands}
+    return {name.replace("-", "_"): each for name, each in named.items()}
+
+
+@cache
 def parameters(command: str) -> dict[str, Parameter]:
     """List what a command takes, by name: arguments first, then options in the order of its help."""
-    found = {each.name or getattr(each.callback, "__name__", ""): each for each in app.registered_commands}[command]
+    found = commands()[command]
     assert found.callback is not None
     declared = list(inspect.signature(found.callback, eval_str=True).parameters.values())
     if more := getattr(found.cls, "declared", None):
@@ -129,8 +137,13 @@ def _one(wanted: Parameter, value: Any) -> Any:  # noqa: ANN401
     value = value.item() if hasattr(value, "item") and not getattr(value, "shape", ()) else value  # a number of numpy
     if wanted.kind is Path and isinstance(value, str | os.PathLike):
         return Path(value)
-    if wanted.kind is str:
-        return _listed(os.fspath(value) if isinstance(value, os.PathLike) else value)
+    if issubclass(wanted.kind, str):
+        text = _listed(os.fspath(value) if isinstance(value, os.PathLike) else value)
+        choices = [str(each) for each in wanted.kind] if issubclass(wanted.kind, StrEnum) else [text]
+        if text not in choices:
+            msg = f"{wanted.name} is {text!r}. Give {' or '.join(map(repr, choices))}."
+            raise OrchestratorError(msg)
+        return text
     fits = {float: (int, float), int: (int,), bool: (bool,)}.get(wanted.kind, ())
     if not isinstance(value, fits) or (isinstance(value, bool) and wanted.kind is not bool):
         msg = f"{wanted.name} is {value!r}. Give {_NOUNS.get(wanted.kind, 'a value')}."

@@ -27,6 +27,7 @@ from .run import demo, run
 from .sweep import sweep
 from .train import train
 from .twin import twin
+from .validate import validate
 from .watch import watch
 
 app = typer.Typer(
@@ -60,6 +61,7 @@ def _configure(
 
 app.command(cls=Command)(new)
 app.command(cls=Command)(build)
+app.command(cls=Command)(validate)
 app.command(cls=Command)(run)
 app.command("export-ssp", cls=Command)(export)
 app.command(cls=Command)(container)

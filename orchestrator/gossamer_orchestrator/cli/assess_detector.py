@@ -48,14 +48,23 @@ def assess_detector(
 
         gossamer assess-detector --artifact mine.json --twin --cases 100 --out out/mine
     """
+    found, paths = assess_given(artifact, twin=twin, cases=cases, out=out)
+    stderr().print(condition_table(found))
+    stderr().print(detection_table(found))
+    for path in paths:
+        show(path)
+    return Result({"files": paths, "conditions": found.rows, "detections": found.detections, "units": UNITS})
+
+
+def assess_given(artifact: list[Path] | None, *, twin: bool, cases: int, out: Path) -> tuple[Assessment, list[Path]]:
+    """Assess detectors with the options of the command; return what was found, and the files of results and pictures."""
     from gossamer_models.assessment import AlwaysZero, assess, read_judge, shipped_judges, twin_judges, write_assessment
     from gossamer_models.assessment.plots import save_pictures
 
     from ..run.progress import ProgressBar
 
     keep_inputs(artifact or (), (out / name for name in ("assessment.json", "assessment.npz")))
-    console = stderr()
-    with model_errors(), ProgressBar("assessment", console) as bar:
+    with model_errors(), ProgressBar("assessment", stderr()) as bar:
         bar.update(text="reading detectors,")
         judges = [read_judge(path) for path in artifact] if artifact else shipped_judges()
         twins = twin_judges(TWIN_RECORDS, TWIN_SIZES) if twin else ()
@@ -64,15 +73,11 @@ def assess_detector(
             bar.update(done, total, f"{what}: {done} of {total},")
 
         found = assess([AlwaysZero(), *judges, *twins], out / "simulations", cases=cases, report=report)
-        paths = [*write_assessment(found, out), *save_pictures(found, out)]
-    console.print(_conditions(found))
-    console.print(_detections(found))
-    for path in paths:
-        show(path)
-    return Result({"files": paths, "conditions": found.rows, "detections": found.detections, "units": UNITS})
+        return found, [*write_assessment(found, out), *save_pictures(found, out)]
 
 
-def _conditions(found: Assessment) -> Table:
+def condition_table(found: Assessment) -> Table:
+    """Return a table of errors and shares, a row for each detector and condition."""
     from rich.table import Table
 
     head = ("detector", "condition", "records", "error, all zones", "damaged zones", "hits", "false calls", "valid")
@@ -105,7 +110,8 @@ def _conditions(found: Assessment) -> Table:
     return table
 
 
-def _detections(found: Assessment) -> Table:
+def detection_table(found: Assessment) -> Table:
+    """Return a table of the probability of detection, a row for each detector, condition and zone."""
     from rich.table import Table
 
     head = (

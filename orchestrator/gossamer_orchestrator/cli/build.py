@@ -10,7 +10,7 @@ import typer
 from ..errors import FmuError
 from ..names import suggest
 from .command import Result, note, show, stderr
-from .common import FMUS, keep_inputs, model_errors, print_kinds
+from .common import FMUS, keep_inputs, kinds_of, model_errors
 
 
 def build(
@@ -146,7 +146,7 @@ def build(
     )
     for path in paths.values():
         show(path)
-    print_kinds(f"FMI {fmi}.0", paths.values())
+    note(f"FMI {fmi}.0: {kinds_of(paths.values())}")
     return Result({"fmi": fmi, "native": native, "fmus": paths})
 
 

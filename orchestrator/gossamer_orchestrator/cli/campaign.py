@@ -38,6 +38,24 @@ def campaign(
 
         gossamer campaign my_campaign.toml --out out/mine.zarr --scheduler tcp://192.168.0.5:8786
     """
+    try:
+        summary, path, title = campaign_given(campaign, out=out, workers=workers, scheduler=scheduler)
+    except KeyboardInterrupt:
+        text = "Interrupted; finished chunks are kept. Run the same command again to go on."
+        typer.echo(text, err=True)
+        raise typer.Exit(130) from None
+    stderr().print(summary_table(title, path, summary))
+    if summary.failed:
+        stderr().print(failed(summary), style="bold yellow", highlight=False)
+    show(path)
+    found = {"cases": summary.cases, "simulated": summary.simulated, "failed": summary.failed}
+    return Result({"store": path, **found, "wall_time_s": summary.seconds, "size_bytes": size_of(path)})
+
+
+def campaign_given(
+    campaign: str, *, out: Path | None, workers: int | None, scheduler: str | None
+) -> tuple[Summary, Path, str]:
+    """Simulate the cases with the options of the command; return what was done, the folder of the store and a title."""
     from gossamer_models.campaign import run_campaign
 
     from ..run.progress import ProgressBar
@@ -49,33 +67,33 @@ def campaign(
     keep_inputs([file], [path])
     bar = ProgressBar(file.stem, stderr())
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
-    try:
-        with model_errors():
-            wanted, source = load_campaign(file)
-            with locating(source), bar:
-                bar.update(text="compiling,")
-                summary = run_campaign(
-                    wanted,
-                    path,
-                    workers=workers,
-                    scheduler=scheduler,
-                    source=source.text,
-                    progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"),
-                )
-    except KeyboardInterrupt:
-        typer.echo(f"Interrupted; finished chunks are kept in {path}. Run the same command again to go on.", err=True)
-        raise typer.Exit(130) from None
-    size = sum(each.stat().st_size for each in path.rglob("*") if each.is_file())
-    stderr().print(_summary_table(wanted.title or file.stem, size, summary))
-    if summary.failed:
-        text = f"{summary.failed} cases broke: 'failed' marks them, and their histories are not a number."
-        stderr().print(text, style="bold yellow", highlight=False)
-    show(path)
-    found = {"cases": summary.cases, "simulated": summary.simulated, "failed": summary.failed}
-    return Result({"store": path, **found, "wall_time_s": summary.seconds, "size_bytes": size})
+    with model_errors():
+        wanted, source = load_campaign(file)
+        with locating(source), bar:
+            bar.update(text="compiling,")
+            summary = run_campaign(
+                wanted,
+                path,
+                workers=workers,
+                scheduler=scheduler,
+                source=source.text,
+                progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"),
+            )
+    return summary, path, wanted.title or file.stem
 
 
-def _summary_table(title: str, size: int, summary: Summary) -> Table:
+def size_of(path: Path) -> int:
+    """Return the size of a store [bytes]."""
+    return sum(each.stat().st_size for each in path.rglob("*") if each.is_file())
+
+
+def failed(summary: Summary) -> str:
+    """Say how many cases broke."""
+    return f"{summary.failed} cases broke: 'failed' marks them, and their histories are not a number."
+
+
+def summary_table(title: str, path: Path, summary: Summary) -> Table:
+    """Return a table of what was simulated."""
     from rich.table import Table
 
     table = Table("cases", "of them now", "failed", "seconds", "cases per second", "size [MB]", title=title)
@@ -86,7 +104,7 @@ def _summary_table(title: str, size: int, summary: Summary) -> Table:
         summary.failed,
         f"{summary.seconds:.1f}",
         f"{rate:.0f}",
-        f"{size / 1e6:.1f}",
+        f"{size_of(path) / 1e6:.1f}",
     )
     table.add_row(*map(str, cells))
     return table

@@ -12,7 +12,6 @@ import typer
 from gossamer_files.pictures import FORMS
 
 from ..errors import OrchestratorError
-from .command import note
 
 if TYPE_CHECKING:
     from ..pages import Page
@@ -85,11 +84,11 @@ def save_page(describe: Callable[[], Page], path: Path) -> list[Path]:
         return []
 
 
-def print_kinds(what: str, paths: Iterable[Path]) -> None:
-    """Print one line on stderr: what FMUs run in and on which platforms."""
+def kinds_of(paths: Iterable[Path]) -> str:
+    """Say what FMUs run in and on which platforms."""
     from ..fmi.archive import describe_fmu
 
     kinds: dict[str, list[str]] = {}
     for path in dict.fromkeys(paths):
         kinds.setdefault(describe_fmu(path), []).append(path.stem)
-    note(f"{what}: " + "; ".join(f"{', '.join(names)} ({kind})" for kind, names in kinds.items()))
+    return "; ".join(f"{', '.join(names)} ({kind})" for kind, names in kinds.items())

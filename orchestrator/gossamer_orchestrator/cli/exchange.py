@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..scenario.shipped import find_scenario
-from .command import Result, show
-from .common import FMUS, FmuFolder, keep_inputs, print_kinds
+from .command import Result, note, show
+from .common import FMUS, FmuFolder, keep_inputs, kinds_of
 
 if TYPE_CHECKING:
     from ..scenario.schema import Scenario
@@ -33,9 +33,7 @@ def export(
 
         gossamer export-ssp my_scenario.toml --out mine.ssp
     """
-    from ..exchange.ssp.writer import export_ssp
-
-    return _write(export_ssp, scenario, fmus, out, ".ssp")
+    return _answer(*export_given(scenario, out=out, fmus=fmus))
 
 
 def container(
@@ -55,6 +53,18 @@ def container(
 
         gossamer container damaged --fmi 3 --out monitoring.fmu
     """
+    return _answer(*container_given(scenario, out=out, fmus=fmus, fmi=fmi))
+
+
+def export_given(scenario: str, *, out: Path | None, fmus: Path) -> tuple[Path, str]:
+    """Write an .ssp with the options of the command; return its path and what it holds."""
+    from ..exchange.ssp.writer import export_ssp
+
+    return _write(export_ssp, scenario, fmus, out, ".ssp")
+
+
+def container_given(scenario: str, *, out: Path | None, fmus: Path, fmi: int) -> tuple[Path, str]:
+    """Merge FMUs with the options of the command; return the path of the FMU and what it holds."""
     from ..exchange.container import build_container
 
     return _write(partial(build_container, fmi=fmi), scenario, fmus, out, ".fmu")
@@ -62,8 +72,8 @@ def container(
 
 def _write(
     write: Callable[[Scenario, Path, Path], Path], text: str, fmus: Path, out: Path | None, ending: str
-) -> Result:
-    """Write a scenario, which is not overwritten, as another kind of file; print its path and what it holds."""
+) -> tuple[Path, str]:
+    """Write a scenario, which is not overwritten, as another kind of file; return its path and what it holds."""
     from ..exchange.open import open_scenario
 
     path = find_scenario(text)
@@ -71,6 +81,10 @@ def _write(
     with open_scenario(path) as opened:
         packed = [opened.fmu_path(component, fmus) for component in opened.components]
         keep_inputs([path, *packed], [target])
-        show(written := write(opened, fmus, target))
-        print_kinds("packed", packed)
-    return Result({"file": written})
+        return write(opened, fmus, target), kinds_of(packed)
+
+
+def _answer(path: Path, packed: str) -> Result:
+    show(path)
+    note(f"packed: {packed}")
+    return Result({"file": path})

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from ..verify import Finding
 
 MOST_ROWS = 2000
+SHOWN = ("structuralParameter", "parameter", "input", "output")  # causalities
 HEADINGS = ("variable", "causality", "type", "unit", "start", "min", "max", "description")
 
 
@@ -31,37 +33,53 @@ def info(
 
         gossamer info out/fmus/sensor.fmu
     """
-    from rich.markup import escape
-    from rich.table import Table
+    content = look_into(fmu, locals_)
+    variables = content["variables"]
+    if len(variables) > MOST_ROWS:  # a table of these takes minutes to lay out
+        show("\n".join("\t".join(_cells(each)) for each in variables))
+    else:
+        show(variable_table(f"{content['name']}: {content['description']}", variables))
+    return Result(content)
 
+
+def look_into(fmu: Path, locals_: bool) -> dict[str, Any]:
+    """Return name, description and FMI version of an FMU, and its variables by causality, each by ``HEADINGS``."""
     from ..fmi.file import FmuFile
 
     file = FmuFile(fmu, validate=False)
-    table = Table(title=f"{file.name}: {file.description.description or file.description.modelName}", expand=False)
-    for heading in HEADINGS:
-        table.add_column(heading, overflow="fold", no_wrap=heading in ("variable", "causality", "type"))
-    shown = ("structuralParameter", "parameter", "input", "output", *(("local",) if locals_ else ()))
-    rows: dict[str, list[list[str]]] = {causality: [] for causality in shown}
-    variables = []
-    for v in file.description.modelVariables:
+    about = file.description
+    rows: dict[str, list[dict[str, Any]]] = {causality: [] for causality in (*SHOWN, *(("local",) if locals_ else ()))}
+    for v in about.modelVariables:
         if v.causality in rows:
             kind = f"{v.type}[{','.join(map(str, v.shape))}]" if v.shape else v.type
             unit = v.unit or (v.declaredType.unit if v.declaredType is not None else None)
             cells = (v.name, v.causality, kind, unit, v.start, v.min, v.max, v.description)
-            variables.append(dict(zip(HEADINGS, cells, strict=True)))
-            rows[v.causality].append([str(cell) if cell is not None else "" for cell in cells])
-    if sum(map(len, rows.values())) > MOST_ROWS:  # a table of these takes minutes to lay out
-        show("\n".join("\t".join(row) for group in rows.values() for row in group))
-    else:
-        for group in rows.values():
-            for row in group:
-                table.add_row(*map(escape, row))
-            table.add_section()
-        show(table)
-    about = file.description
-    return Result(
-        {"name": file.name, "description": about.description, "fmi": about.fmiVersion, "variables": variables}
-    )
+            rows[v.causality].append(dict(zip(HEADINGS, cells, strict=True)))
+    return {
+        "name": file.name,
+        "description": about.description or about.modelName,
+        "fmi": about.fmiVersion,
+        "variables": [each for group in rows.values() for each in group],
+    }
+
+
+def variable_table(title: str, variables: Sequence[Mapping[str, Any]]) -> Table:
+    """Return a table of the variables of an FMU, a section for each causality."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=title, expand=False)
+    for heading in HEADINGS:
+        table.add_column(heading, overflow="fold", no_wrap=heading in ("variable", "causality", "type"))
+    for _, group in groupby(variables, key=lambda each: each["causality"]):
+        for each in group:
+            table.add_row(*map(escape, _cells(each)))
+        table.add_section()
+    return table
+
+
+def _cells(variable: Mapping[str, Any]) -> list[str]:
+    return ["" if cell is None else str(cell) for cell in variable.values()]
 
 
 def verify(

@@ -23,12 +23,17 @@ def new(
 
         gossamer new mine && gossamer build && gossamer run mine.toml
     """
+    show(path := new_given(name))
+    note(f"Build the FMUs with 'gossamer build', then run it with 'gossamer run {path}'.")
+    return Result({"file": path})
+
+
+def new_given(name: str) -> Path:
+    """Write a scenario under the name or the path of the command; return its path."""
     from ..scenario.shipped import write_new
 
     path = Path(name) if name.endswith(".toml") else Path(f"{name}.toml")
     if not path.stem.isidentifier():
         msg = f"{path.stem!r} is no name of a scenario. Take letters, digits and _."
         raise ScenarioError(msg)
-    show(write_new(path))
-    note(f"Build the FMUs with 'gossamer build', then run it with 'gossamer run {path}'.")
-    return Result({"file": path})
+    return write_new(path)

@@ -30,16 +30,21 @@ def plot(
 
         gossamer plot out/damaged --format svg
     """
+    paths = plot_given(results, out=out, form=form, say=note)
+    for path in paths:
+        show(path)
+    return Result({"files": paths})
+
+
+def plot_given(results: Path, *, out: Path | None, form: str, say: Callable[[str], None]) -> list[Path]:
+    """Draw the pictures of a run with the options of the command; return their paths."""
     from ..results.files import load_results
     from ..results.plots import save_pictures
 
     check_form(form)
     folder, data = results if results.is_dir() else results.parent, load_results(results)
-    drawn = data.isel(time=slice(None, None, stride_of(data, note)))
-    paths = save_pictures(drawn, folder if out is None else out, form, folder)
-    for path in paths:
-        show(path)
-    return Result({"files": paths})
+    drawn = data.isel(time=slice(None, None, stride_of(data, say)))
+    return save_pictures(drawn, folder if out is None else out, form, folder)
 
 
 def stride_of(data: xr.Dataset, say: Callable[[str], None]) -> int:
@@ -67,12 +72,17 @@ def export_vtk(
 
         gossamer export-vtk out/damaged
     """
+    paths = vtk_given(results, out=out)
+    for path in paths:
+        show(path)
+    return Result({"files": paths})
+
+
+def vtk_given(results: Path, *, out: Path | None) -> list[Path]:
+    """Write the membranes of a run with the options of the command; return the files."""
     from ..results.files import load_results
     from ..results.shapes import load_shapes
     from ..results.vtk import export_vtk as write
 
     folder = (results if results.is_dir() else results.parent) / "vtk" if out is None else out
-    paths = write(load_results(results), load_shapes(results), folder)
-    for path in paths:
-        show(path)
-    return Result({"files": paths})
+    return write(load_results(results), load_shapes(results), folder)

@@ -58,6 +58,43 @@ def place_sensors(
 
         gossamer place-sensors sail.toml --set pressure_amplitude=2 --set pressure_frequency=0.5 --stop 20 --step 0.02
     """
+    found, paths = place_given(
+        setup,
+        mesh=mesh,
+        count=count,
+        noise=noise,
+        values=values,
+        stop=stop,
+        step=step,
+        points=points,
+        gauge_length=gauge_length,
+        check=check,
+        out=out,
+    )
+    stderr().print(placement_table(found))
+    stderr().print(summary(found, samples=round(stop / step)), highlight=False)
+    for path in paths:
+        show(path)
+    placements = {name: _as_content(p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None}
+    zones = [zone.group for zone in found.structure.setup.zones]
+    return Result({"files": paths, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates})
+
+
+def place_given(
+    setup: Path | None,
+    *,
+    mesh: Path | None,
+    count: int,
+    noise: float | None,
+    values: list[str] | None,
+    stop: float,
+    step: float,
+    points: int,
+    gauge_length: float,
+    check: int,
+    out: Path,
+) -> tuple[Placing, list[Path]]:
+    """Choose sensors with the options of the command; return what was found, and the table, the picture and the sensors."""
     from gossamer_models.placement import NOISE, save_picture, sensors_text, square_structure, write_csv
     from gossamer_models.placement import place_sensors as place
 
@@ -92,13 +129,7 @@ def place_sensors(
         save_picture(found, paths[1])
         with replacing(paths[2]) as unfinished:
             unfinished.write_text(sensors_text(found), encoding="utf-8")
-    stderr().print(_table(found))
-    stderr().print(_summary(found, samples=round(stop / step)), highlight=False)
-    for path in paths:
-        show(path)
-    placements = {name: _as_content(p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None}
-    zones = [zone.group for zone in found.structure.setup.zones]
-    return Result({"files": paths, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates})
+    return found, paths
 
 
 def _as_content(placement: Placement) -> dict[str, Any]:
@@ -137,7 +168,8 @@ def _numbers(texts: Sequence[str]) -> dict[str, float]:
     return found
 
 
-def _table(found: Placing) -> Table:
+def placement_table(found: Placing) -> Table:
+    """Return a table of the smallest damage that is found, a row for each zone."""
     from rich.table import Table
 
     placements = [(name, p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None]
@@ -154,7 +186,8 @@ def _table(found: Placing) -> Table:
     return table
 
 
-def _summary(found: Placing, samples: int) -> str:
+def summary(found: Placing, samples: int) -> str:
+    """Say what was chosen from what, whether the check agrees, and where the sensors are."""
     lines = [
         f"{len(found.chosen.sensors)} of {found.candidates} candidates; {samples} samples with white noise of deviation "
         f"{found.noise:.3g}; a90 of 95 % stands for 95 % or more."

@@ -19,6 +19,7 @@ from .common import keep_inputs, model_errors
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_models.campaign import Campaign
+    from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
     from gossamer_models.detector.posterior_artifact import Network
     from rich.table import Table
 
@@ -81,7 +82,27 @@ def train(
 
         gossamer train multiple_noisy --kind thesis
     """
-    if kind is Kind.THESIS:
+    _, path, rows = train_given(source, kind=kind, out=out, window=window, epochs=epochs)
+    stderr().print(error_table(rows))
+    show(path)
+    return Result({"artifact": path, "held_out": rows, "units": UNITS})
+
+
+def train_given(
+    source: str | None, *, kind: str, out: Path | None, window: float | None, epochs: int | None
+) -> tuple[PosteriorArtifact | DetectorArtifact, Path, dict[str, dict[str, float]]]:
+    """Train a detector with the options of the command.
+
+    Returns
+    -------
+    PosteriorArtifact or DetectorArtifact
+        The detector; the latter of the thesis.
+    Path
+        Its file.
+    dict of str to dict of str to float
+        Errors by kind of record, see ``gossamer_models.assessment.after_training``.
+    """
+    if kind == Kind.THESIS:
         if window is not None or epochs is not None:
             msg = (
                 "--window and --epochs are not for --kind thesis, whose windows and networks are fixed. Leave them out."
@@ -89,7 +110,7 @@ def train(
             raise OrchestratorError(msg)
         return _train_thesis(source or "single", out)
     keep_inputs([Path(source or NOMINAL)], [out])
-    network: Network = "neuro-fuzzy" if kind is Kind.NEURO_FUZZY else "perceptron"
+    network: Network = "neuro-fuzzy" if kind == Kind.NEURO_FUZZY else "perceptron"
     from gossamer_models.assessment.after_training import held_out_errors
     from gossamer_models.detector.posterior_settings import Training
     from gossamer_models.detector.posterior_training import train_posterior
@@ -107,7 +128,7 @@ def train(
         logger.info(
             "%s: %d cases, windows of %d samples, %d epochs", name, data.sizes["case"], samples, training.epochs
         )
-        end = "" if kind is Kind.NEURO_FUZZY else f"_{kind}"
+        end = "" if kind == Kind.NEURO_FUZZY else f"_{kind}"
         path = out or Path("out/detector") / f"{name}{end}.json"
         with ProgressBar("training", stderr()) as bar:
             artifact = train_posterior(data, training, lambda done: bar.update(done, 1.0))
@@ -118,9 +139,7 @@ def train(
             provenance={"command": command, **artifact.provenance},
         )
         artifact.write(path)
-    stderr().print(_table(artifact.held_out))
-    show(path)
-    return Result({"artifact": path, "held_out": artifact.held_out, "units": UNITS})
+    return artifact, path, artifact.held_out
 
 
 def _data(source: str) -> tuple[xr.Dataset, str, float | None]:
@@ -180,7 +199,7 @@ def _campaign_of(file: Path, nominal: Campaign) -> tuple[Campaign, float | None]
     return replace(nominal, membrane=replace(nominal.membrane, parameters=constants), stop=steps * nominal.step), length
 
 
-def _train_thesis(name: str, out: Path | None) -> Result:
+def _train_thesis(name: str, out: Path | None) -> tuple[DetectorArtifact, Path, dict[str, dict[str, float]]]:
     from gossamer_models.assessment.after_training import thesis_errors
     from gossamer_models.detector.thesis_training import TRAININGS, train_detector
 
@@ -197,12 +216,11 @@ def _train_thesis(name: str, out: Path | None) -> Result:
     rows: dict[str, dict[str, float]] = {}
     for cases, (ours, printed) in found.items():
         rows |= {cases: ours, f"{cases}: the thesis": printed}
-    stderr().print(_table(rows))
-    show(path)
-    return Result({"artifact": path, "held_out": rows, "units": UNITS})
+    return artifact, path, rows
 
 
-def _table(found: dict[str, dict[str, float]]) -> Table:
+def error_table(found: dict[str, dict[str, float]]) -> Table:
+    """Return a table of errors and shares, a row for each kind of record."""
     from rich.table import Table
 
     errors, shares = (

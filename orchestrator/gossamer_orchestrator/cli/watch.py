@@ -65,9 +65,43 @@ def watch(
 
         gossamer run damage_begins && gossamer watch out/damage_begins
     """
+    report, path = watch_given(
+        record,
+        window=window,
+        kind=kind,
+        noise=noise,
+        false_alarms=false_alarms,
+        params=params,
+        sensor=sensor,
+        elements=elements,
+        order=order,
+        out=out,
+        console=stderr(),
+    )
+    show(path)
+    return Result({"file": path, **report.content, "units": UNITS}, 0 if report.explained else INVALID)
+
+
+def watch_given(
+    record: Path,
+    *,
+    window: float,
+    kind: str | None,
+    noise: float | None,
+    false_alarms: float,
+    params: list[str] | None,
+    sensor: Path | None,
+    elements: int,
+    order: int,
+    out: Path | None,
+    console: Console,
+) -> tuple[WatchReport, Path]:
+    """Watch a record with the options of the command; return what was seen and the file it was written to.
+
+    What is seen is printed on the console as it is seen.
+    """
     from .twin_record import find_record
 
-    console = stderr()
     path = beside(record, "watch.json") if out is None else out
     keep_inputs([file_of(record), sensor], [path])
     with model_errors():
@@ -76,13 +110,12 @@ def watch(
         if 2 * samples > found.record.samples:
             msg = f"the record has {found.record.samples} samples, less than two windows of {samples}. Record longer."
             raise OrchestratorError(msg)
-        with console.status("compiling"):
+        with stderr().status("compiling"):
             watching = _begin(found, sensor, elements, order, false_alarms)
-        report = _Report(console)
+        report = WatchReport(console)
         for first in range(0, found.record.samples - samples + 1, samples):
             report.take(watching.advance(found.record.values[:, first : first + samples]))
-    show(report.end(path))
-    return Result({"file": path, **report.content, "units": UNITS}, 0 if report.explained else INVALID)
+    return report, report.end(path)
 
 
 class LiveWatch:
@@ -99,7 +132,7 @@ class LiveWatch:
     def __init__(self, out: Path, window: float = 0.05) -> None:
         self._out, self._window, self._quiet = out, window, is_quiet()
         self._watching: Watch | None = None
-        self._report: _Report | None = None
+        self._report: WatchReport | None = None
         self._due = window * (1.0 - ROUNDING)  # [s] after the start
         self._forgotten = 0.0  # [s] until where windows are judged; a record counts its time from there
 
@@ -110,7 +143,7 @@ class LiveWatch:
         self._out.unlink(missing_ok=True)  # of an earlier run
         self._recorder = Recorder(simulation.plan)
         self._recorder.begin(simulation)
-        self._report = _Report(Console(stderr=True, quiet=self._quiet))
+        self._report = WatchReport(Console(stderr=True, quiet=self._quiet))
 
     def sample(self, simulation: Simulation) -> None:
         """Judge a window when it is complete, and forget it."""
@@ -145,40 +178,45 @@ class LiveWatch:
             self._report.end(self._out)
 
 
-class _Report:
-    """Print what the windows say, and keep it."""
+class WatchReport:
+    """Print what the windows say, and keep it.
+
+    Attributes
+    ----------
+    alarms : list of float
+        Ends of the windows that raised an alarm [s].
+    findings : list of gossamer_models.twin.Finding
+        Damages that began.
+    times, scores, misfits : list of float
+        End of each window [s], the score of new damage in units of its mean [1], and chi2 per sample [1].
+    """
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._alarms: list[float] = []
-        self._findings: list[Finding] = []
+        self.alarms: list[float] = []
+        self.findings: list[Finding] = []
         self.misfits: list[float] = []
-        self._times: list[float] = []
-        self._scores: list[float] = []
+        self.times: list[float] = []
+        self.scores: list[float] = []
 
     def take(self, judged: Window) -> None:
         """Print an alarm or a finding."""
         self.misfits.append(judged.misfit)
-        self._times.append(judged.time)
-        self._scores.append(judged.statistic)
+        self.times.append(judged.time)
+        self.scores.append(judged.statistic)
         if judged.alarm:
-            self._alarms.append(judged.time)
+            self.alarms.append(judged.time)
             text = f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.3g} times its mean"
             self._console.print(text, style="bold red", highlight=False)
         if judged.finding is not None:
-            self._findings.append(judged.finding)
-            self._console.print(_zone_table(judged.finding))
+            self.findings.append(judged.finding)
+            self._console.print(finding_table(judged.finding))
 
     def end(self, path: Path) -> Path:
         """Print a summary, write the file and return its path."""
-        alarms, windows = len(self._alarms), len(self.misfits)
-        self._console.print(f"{alarms} alarm{'s' * (alarms != 1)} in {windows} windows", highlight=False)
-        if not self.explained:
-            text = (
-                f"The twin does not explain the last window: chi2 per sample is {self.misfits[-1]:.3g}. Check load, "
-                "damping, sensors and noise."
-            )
-            self._console.print(text, style="bold yellow", highlight=False)
+        self._console.print(self.summary, highlight=False)
+        if self.doubt:
+            self._console.print(self.doubt, style="bold yellow", highlight=False)
         with replacing(path) as unfinished:
             unfinished.write_text(json.dumps(self.content, indent=1) + "\n", encoding="utf-8")
         return path
@@ -189,11 +227,27 @@ class _Report:
         return self.misfits[-1] <= LARGE
 
     @property
+    def summary(self) -> str:
+        """How many alarms there were."""
+        alarms, windows = len(self.alarms), len(self.misfits)
+        return f"{alarms} alarm{'s' * (alarms != 1)} in {windows} windows"
+
+    @property
+    def doubt(self) -> str:
+        """A sentence if the twin does not explain the last window, else nothing."""
+        if self.explained:
+            return ""
+        return (
+            f"The twin does not explain the last window: chi2 per sample is {self.misfits[-1]:.3g}. Check load, "
+            "damping, sensors and noise."
+        )
+
+    @property
     def content(self) -> dict[str, Any]:
         """What is in the file."""
-        findings = [{name: _plain(value) for name, value in asdict(each).items()} for each in self._findings]
-        content = {"alarms": self._alarms, "findings": findings, "misfit": self.misfits}
-        return content | {"time": self._times, "score": self._scores}
+        findings = [{name: _plain(value) for name, value in asdict(each).items()} for each in self.findings]
+        content = {"alarms": self.alarms, "findings": findings, "misfit": self.misfits}
+        return content | {"time": self.times, "score": self.scores}
 
 
 def _samples(window: float, found: Found) -> int:
@@ -228,7 +282,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def _zone_table(finding: Finding) -> Table:
+def finding_table(finding: Finding) -> Table:
     """Return a table of the damaged zones."""
     from rich.table import Table
 

@@ -20,7 +20,7 @@ import threading
 import traceback
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -33,6 +33,7 @@ from ..scenario.schema import Given, Scenario
 from . import checkpoint
 from .finite import FiniteCheck
 from .master import Observer, Simulation
+from .outline import outline
 from .position import COMPONENT, open_position
 from .shapes import ShapeRecorder
 from .stream import Shared, Stream, check_space
@@ -42,7 +43,11 @@ POSITION, WAITING = "position", "waiting"  # files in the temporary folder
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What to run: the arguments of ``run_scenario``, a temporary folder, and the level of log messages to report."""
+    """What to run.
+
+    The arguments of ``run_scenario``, a temporary folder, the level of log messages to report, and whether to end before the
+    first step.
+    """
 
     scenario: Scenario | Path
     fmus: Path
@@ -57,6 +62,7 @@ class Task:
     resume: bool
     observers: bytes
     level: int
+    only_start: bool = False
 
 
 Report = Callable[..., None]
@@ -118,8 +124,15 @@ def _run(task: Task, report: Report) -> None:
         card, arrays = checkpoint.load(task.out / RESUME, plan) if task.resume else (None, {})
         names = [component.name for component in plan.components]
         report(planned=[names, scenario.start, scenario.step, scenario.ticks])
-        observers: list[Observer] = pickle.loads(task.observers)
         position = open_position(task.scratch / POSITION)
+        if task.only_start:
+            with Simulation(plan, position, strict=task.strict) as simulation:
+                check = FiniteCheck(strict=task.strict)
+                check.begin(simulation)
+                check.sample(simulation)
+                report(outline=asdict(outline(plan)), ended="started")
+            return
+        observers: list[Observer] = pickle.loads(task.observers)
 
         def announce(shared: Shared) -> None:
             report(begun=[shared.layout, shared.shape])

@@ -24,6 +24,7 @@ from ..processes import end_all, marked
 from ..results.netcdf import Layout
 from .child import POSITION, Task
 from .interrupts import deferred_interrupt
+from .outline import Outline
 from .position import CALL, COMPONENT, FREE, PART, RETURNED, STOP, TICK, describe, open_position
 from .progress import ProgressBar
 from .stream import Shared
@@ -48,6 +49,8 @@ class Process:
         How to write the rows that wait, once there are results.
     ended : str
         How the run reached its end, "complete" or by which FMU; empty if it did not.
+    outline : Outline or None
+        What the run would do, of a task that ends before the first step.
     error : BaseException or None
         Why it did not.
     """
@@ -56,6 +59,7 @@ class Process:
         self.position = open_position(task.scratch / POSITION, new=True)
         self.shared: Shared | None = None
         self.ended, self._closed = "", False
+        self.outline: Outline | None = None
         self.error: BaseException | None = None
         self._names: list[str] = []
         self._start = self._step = 0.0
@@ -168,6 +172,8 @@ class Process:
             self._names, self._start, self._step, self._ticks = planned
         elif begun := report.get("begun"):
             self.shared = Shared(Layout(*begun[0]), tuple(begun[1]))
+        elif outline := report.get("outline"):
+            self.outline = Outline(**outline)
         elif error := report.get("error"):
             self.error = self.error or getattr(errors, error["kind"])(error["message"], **error["more"])
         elif bug := report.get("bug"):

@@ -13,10 +13,10 @@ import make_front_door
 import numpy as np
 import pytest
 import typer
-from gossamer.table import FOR_A_TERMINAL, parameters, values
+from gossamer.table import FOR_A_TERMINAL, commands, parameters, values
 from gossamer_orchestrator.cli import app
 
-COMMANDS = ("build", "run", "sweep", "verify", "view", "identify", "assess", "twin")
+COMMANDS = sorted(commands())
 HEAVY = {"numpy", "xarray", "casadi", "typer", "rich", "matplotlib", "fmpy", "gossamer_models", "gossamer_orchestrator"}
 
 
@@ -26,7 +26,7 @@ def defaults(command):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_names_order_and_defaults_are_those_that_the_command_line_parses(name):
-    command = typer.main.get_command(app).commands[name]
+    command = typer.main.get_command(app).commands[name.replace("_", "-")]
     context = command.make_context(name, [], resilient_parsing=True)
     parsed = {}
     for each in command.get_params(context):
@@ -124,6 +124,13 @@ def test_lists_of_numbers_and_names_may_be_sequences():
 def test_a_wrong_value_is_refused_by_name(wrong, message):
     with pytest.raises(gossamer.OrchestratorError, match=message):
         values("run", defaults("run") | wrong)
+
+
+def test_a_choice_that_is_not_offered_is_refused_with_those_that_are():
+    with pytest.raises(
+        gossamer.OrchestratorError, match=r"kind is 'big'\. Give 'neuro-fuzzy' or 'perceptron' or 'thesis'"
+    ):
+        gossamer.train(kind="big")
 
 
 def test_an_unknown_option_is_refused_by_python():
