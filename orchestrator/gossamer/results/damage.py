@@ -217,8 +217,8 @@ class DetectorAssessment:
 
     @property
     def _verdict(self) -> str:
-        sizes = self.data.sizes
-        return f"{sizes['detector']} detectors under {sizes['condition']} conditions."
+        detectors, conditions = self.data.sizes["detector"], self.data.sizes["condition"]
+        return f"{detectors} detector{'s' * (detectors != 1)} under {conditions} conditions."
 
     def __fspath__(self) -> str:
         return str(self.files[0].parent)

@@ -90,10 +90,11 @@ def validate_given(
 
 def summary(found: Outline) -> str:
     """Say how long the run is, and what it records."""
+    components, connections = len(found.components), len(found.connections)
     return (
-        f"The scenario can run: {len(found.components)} components, {len(found.connections)} connections, steps of "
-        f"{found.step:g} s from {found.start:g} to {found.stop:g} s, {found.master}; {found.variables} variables are "
-        f"recorded at {found.points} points."
+        f"The scenario can run: {components} component{'s' * (components != 1)}, {connections} "
+        f"connection{'s' * (connections != 1)}, steps of {found.step:g} s from {found.start:g} to {found.stop:g} s, "
+        f"{found.master}; {found.variables} variables are recorded at {found.points} points."
     )
 
 

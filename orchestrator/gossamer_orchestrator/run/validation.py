@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from ..scenario.schema import Given
+from ..scenario.schema import Given, Scenario
 from .child import Task
 from .folders import scratch
 from .messages import Messages
@@ -20,7 +20,7 @@ logger = logging.getLogger(__name__)
 
 
 def validate_scenario(
-    scenario: Path | str,
+    scenario: Scenario | Path | str,
     fmus: Path | str,
     *,
     step: float | None = None,
@@ -50,7 +50,7 @@ def validate_scenario(
         temporary = stack.enter_context(scratch())
         messages = stack.enter_context(Messages())
         task = Task(
-            scenario=Path(scenario),
+            scenario=scenario if isinstance(scenario, Scenario) else Path(scenario),
             fmus=Path(fmus),
             step=step,
             stop=stop,

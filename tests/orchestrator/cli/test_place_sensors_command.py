@@ -3,7 +3,9 @@
 import csv
 import json
 import tomllib
+from pathlib import Path
 
+import gossamer
 import numpy as np
 import pytest
 from gossamer_orchestrator.cli import app
@@ -81,6 +83,16 @@ def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
     again = call(setup, *LOAD, "--count", 2, "--out", tmp_path / "again", "--check", 1, "--json")
     assert again.exit_code == 0, again.output
     content = json.loads(again.stdout)
+    load = {"pressure_amplitude": 1000, "pressure_frequency": 8}
+    placed = gossamer.place_sensors(setup, set=load, stop=0.06, points=4, count=2, out=tmp_path / "python")
+    assert placed.data["a90"].sel(placement="own").to_numpy().tolist() == content["own"]["a90"]
+    assert placed.data["group"].to_numpy().tolist() == ["left", "right"]
+    assert placed.data["point"].attrs["units"] == "m"
+    assert placed.data["point"].to_numpy().tolist() == [each["point_m"] for each in content["chosen"]["sensors"]]
+    assert len(tomllib.loads(Path(placed).read_text())["sensors"]) == 2
+    assert (
+        f"The worst zone has an a90 of {100.0 * max(content['own']['a90']):.3g} % with the own" in placed._repr_html_()
+    )
     taken = content["own"]["a90"]
     assert content["zones"] == ["left", "right"]
     assert content["chosen"]["check"]["records"] == 1

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 
+import gossamer
 import pytest
 from gossamer_models.campaign import Campaign
 from gossamer_models.detector import PosteriorArtifact
@@ -25,7 +27,7 @@ healthy = 0.1
 
 
 def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_path, monkeypatch):
-    """Two windows of 0.03 s; again from the store, to the bit."""
+    """Two windows of 0.03 s; again from the store, in Python, to the bit."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.toml").write_text(SMALL)
     options = ["--window", "0.03", "--epochs", "60"]
@@ -38,8 +40,11 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
     assert artifact.trained_over["damage [1]"] == [0.3, 0.5]
     found = artifact.held_out["window 1, damaged, no noise"]
     assert found["all zones"] < artifact.held_out["always 0"]["all zones"]
-    again = ["train", "out/campaigns/small.zarr", *options, "--out", "again.json"]
-    assert CliRunner().invoke(app, again, catch_exceptions=False).exit_code == 0
+    again = gossamer.train("out/campaigns/small.zarr", window=0.03, epochs=60, out="again.json")
+    assert again.held_out == artifact.held_out
+    assert float(again.data["all_zones"].sel(cases="window 1, damaged, no noise")) == found["all zones"]
+    assert math.isnan(again.data["damaged_zones"].sel(cases="window 1, healthy, no noise"))
+    assert "The mean absolute error over all zones is" in again._repr_html_()
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "out/detector/small.npz").read_bytes()
 
 

@@ -10,6 +10,7 @@ import gossamer
 import numpy as np
 import pytest
 from gossamer_models.sensor import SensorArtifact
+from gossamer_orchestrator import save_results
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.results.places import with_places
 from typer.testing import CliRunner
@@ -85,6 +86,40 @@ def test_a_sweep_gives_all_cases_along_a_dimension(scenario, fmus, tmp_path):
     assert sweep.data["g.y"].isel(time=-1).to_numpy() == pytest.approx([1.0, 2.0])
     assert sweep.data["g.u"].dims == ("case",)
     assert words(sweep._repr_html_()).startswith("2 of 2 cases are finished.")
+
+
+def test_a_scenario_is_checked_without_a_run(scenario, fmus, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    there = sorted(tmp_path.iterdir())
+    checked = gossamer.validate(scenario, fmus=fmus, set={"g.u": 3.0})
+    assert [each["component"] for each in checked.outline.components] == ["g"]
+    assert words(checked._repr_html_()).startswith("The scenario can run: 1 component, 0 connections, steps of 0.1 s")
+    with pytest.raises(gossamer.ScenarioError, match="there is no component 'h'"):
+        gossamer.validate(scenario, fmus=fmus, set={"h.u": 3.0})
+    assert sorted(tmp_path.iterdir()) == there
+
+
+def test_an_fmu_shows_its_variables(fmus):
+    about = gossamer.info(fmus / "gain.fmu")
+    assert about.variables["u"]["causality"] == "input"
+    assert Path(about) == fmus / "gain.fmu"
+    assert "gain" in words(about._repr_html_())
+    everything = gossamer.info(fmus / "gain.fmu", locals=True)
+    assert set(about.variables) <= set(everything.variables)
+
+
+def test_files_for_people_and_other_programs_are_written(data, scenario, fmus, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert gossamer.new("mine") == Path("mine.toml")
+    run = gossamer.run(scenario, fmus=fmus, out="out", pictures=False)
+    assert gossamer.report(run) == Path("out/report.html")
+    save_results(data.assign_attrs(schema="gossamer.results", version=1), tmp_path / "damage")
+    drawn = gossamer.plot("damage", format="svg", out="svg")
+    assert Path("svg/damage.svg") in drawn
+    assert all(path.is_file() for path in drawn)
+    assert gossamer.export_ssp(scenario, fmus=fmus) == Path("out/g.ssp")
+    with pytest.raises(gossamer.ResultsError):
+        gossamer.export_vtk(run)
 
 
 def test_findings_of_an_fmu_are_displayed(fmus, tmp_path):

@@ -20,6 +20,14 @@ judged: gossamer.Assessment = gossamer.assess(sensor, Path("c.csv"))
 swept: gossamer.Sweep = gossamer.sweep("damaged", set={"seed": range(3)})
 passed: bool = gossamer.verify(fmus["sensor"]).passed
 page: Path = gossamer.view(gossamer.load("out/damaged"))
+warnings: list[str] = gossamer.validate("mine.toml", set={"seed": 2}).outline.warnings
+seen: gossamer.Watching = gossamer.watch(run, window=0.1)
+campaign: gossamer.Campaign = gossamer.campaign("training", workers=2)
+detector: gossamer.TrainedDetector = gossamer.train(campaign, kind="perceptron", epochs=3)
+judged_detector: gossamer.DetectorAssessment = gossamer.assess_detector(artifact=[detector, "wide"], twin=True)
+placed: gossamer.SensorPlacement = gossamer.place_sensors(Path("sail.toml"), set={"pressure_amplitude": 2.0})
+unit: object = gossamer.info(fmus["sensor"], locals=True).variables["strain"]["unit"]
+files: list[Path] = [gossamer.container("damaged", fmi=3), *gossamer.plot(run, format="svg"), *gossamer.export_vtk(run)]
 """
 WRONG = """
 import gossamer

@@ -20,6 +20,7 @@ from gossamer_orchestrator import (
     run_scenario,
 )
 from gossamer_orchestrator.run.checkpoint import digests, save
+from gossamer_orchestrator.run.validation import validate_scenario
 
 
 def assert_right_until(data, stop):
@@ -65,6 +66,8 @@ def test_an_fmu_that_hangs_in_its_instantiation_is_named(hostile, beside, tmp_pa
     with pytest.raises(SimulationError, match=message):
         run_scenario(beside(name=faults.SLEEPER), hostile, tmp_path / "out", limit=0.5)
     assert not (tmp_path / "out").exists()  # there is nothing to keep
+    with pytest.raises(SimulationError, match=message):
+        validate_scenario(beside(name=faults.SLEEPER), hostile, limit=0.5)
 
 
 @pytest.mark.parametrize(("fault", "value"), [(faults.NAN, "nan"), (faults.INFINITE, "inf")])

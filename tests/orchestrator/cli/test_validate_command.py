@@ -1,0 +1,87 @@
+"""``gossamer validate`` refuses what a run refuses before its first step, in the same words, and runs nothing."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from typer.testing import CliRunner
+
+SCENARIO = """\
+step = 0.1
+stop = 1.0
+[components.p]
+fmu = "pascal"
+inputs = { u = 1.0, "offset[*]" = 0.0 }
+[components.k]
+fmu = "kilo"
+inputs = { "offset[*]" = 0.0 }
+[[connections]]
+from = "p.y"
+to = "k.u"
+"""
+MISTAKES = {
+    "syntax": ("step = 0.1", "step = "),
+    "step size": ("stop = 1.0", "stop = 1.05"),
+    "name of an FMU": ('"kilo"', '"klo"'),
+    "name of an input": ("{ u = 1.0,", "{ v = 1.0,"),
+    "missing connection": ('[[connections]]\nfrom = "p.y"\nto = "k.u"\n', ""),
+    "unit": ('fmu = "kilo"', 'fmu = "metre"'),
+    "record": ("stop = 1.0", 'stop = 1.0\n[record]\nvariables = ["q.*"]'),
+}
+
+
+@pytest.fixture
+def call(fmus, tmp_path):
+    def called(command, text, *options):
+        path = tmp_path / "s.toml"
+        path.write_text(text)
+        arguments = [command, str(path), "--fmus", str(fmus), *options]
+        return CliRunner().invoke(app, arguments + (["--out", str(tmp_path / "out")] if command == "run" else []))
+
+    return called
+
+
+def test_a_right_scenario_shows_components_and_converted_units_and_leaves_nothing(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = call("validate", SCENARIO)
+    assert result.exit_code == 0, result.stderr
+    assert "The scenario can run: 2 components, 1 connection, steps of 0.1 s from 0 to 1 s" in result.stderr
+    found = json.loads(call("validate", SCENARIO, "--json").stdout)
+    assert [each["component"] for each in found["components"]] == ["p", "k"]
+    (wired,) = found["connections"]
+    assert (wired["from_unit"], wired["to_unit"], wired["gain"]) == ("Pa", "kPa", pytest.approx(1e-3))
+    assert found["points"] == 11
+    assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_refused_in_the_words_of_a_run(call, mistake):
+    text = SCENARIO.replace(*MISTAKES[mistake])
+    assert text != SCENARIO
+    checked, run = call("validate", text), call("run", text, "--no-pictures")
+    assert (checked.exit_code, run.exit_code) == (1, 1)
+    assert checked.stderr == run.stderr
+
+
+def test_a_warning_of_a_run_is_a_warning_here(call):
+    text = SCENARIO + '[[events]]\ntime = 1.0\ncomponent = "p"\nset = { u = 2.0 }\n'
+    result = call("validate", text, "--json")
+    (warning,) = json.loads(result.stdout)["warnings"]
+    assert "the event is at the end of the run" in warning
+    assert "the event is at the end of the run" in result.stderr
+
+
+def test_options_replace_values_as_those_of_a_run(call):
+    assert json.loads(call("validate", SCENARIO, "--step", "0.2", "--json").stdout)["points"] == 6
+    assert "no component 'q'" in call("validate", SCENARIO, "--set", "q.u=1").stderr
+
+
+@pytest.mark.parametrize("name", ["damaged", "damage_begins", "in_service"])
+def test_shipped_scenarios_can_run(built, name):
+    assert name in shipped_scenarios()
+    folder = built("native")["sensor"].parent
+    result = CliRunner().invoke(app, ["validate", name, "--fmus", str(folder), "--strict"])
+    assert result.exit_code == 0, result.stderr
