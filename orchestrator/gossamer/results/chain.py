@@ -100,10 +100,10 @@ class Validation:
         return as_html([summary(self.outline), *self.outline.warnings], self._print, None, "")
 
     def _print(self, console: Console) -> None:
-        from gossamer_orchestrator.cli.validate import component_table, connection_table
+        from gossamer_orchestrator.cli.validate import tables
 
-        console.print(component_table(self.outline))
-        console.print(connection_table(self.outline))
+        for table in tables(self.outline):
+            console.print(table)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

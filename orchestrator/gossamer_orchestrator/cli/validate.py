@@ -52,9 +52,8 @@ def validate(
     found = validate_given(
         scenario, fmus, step=step, stop=stop, values=values, master=master, limit=limit, strict=strict
     )
-    show(component_table(found))
-    if len(found.connections) <= MOST_ROWS:
-        show(connection_table(found))
+    for table in tables(found):
+        show(table)
     stderr().print(summary(found), highlight=False)
     return Result({**asdict(found), "units": UNITS})
 
@@ -98,8 +97,12 @@ def summary(found: Outline) -> str:
     )
 
 
-def component_table(found: Outline) -> Table:
-    """Return a table of the components."""
+def tables(found: Outline) -> list[Table]:
+    """Return a table of the components, and one of the connections if they are not too many."""
+    return [_components(found), *([_connections(found)] if len(found.connections) <= MOST_ROWS else [])]
+
+
+def _components(found: Outline) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
@@ -109,8 +112,7 @@ def component_table(found: Outline) -> Table:
     return table
 
 
-def connection_table(found: Outline) -> Table:
-    """Return a table of the connections."""
+def _connections(found: Outline) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
