@@ -6,6 +6,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 TOOLS := $(VENV)/tools
+NOTEBOOKS := $(wildcard docs/notebooks/*.ipynb)
+SOURCES := $(shell find models fmus orchestrator -name '*.py')
 
 .PHONY: demo test test-basilisk site bench goldens docs figures lock clean
 
@@ -19,8 +21,13 @@ test: $(TOOLS)
 	$(BIN)/mypy
 	$(BIN)/pytest --numprocesses auto --dist loadfile
 
-site: $(TOOLS)
+site: $(TOOLS) $(NOTEBOOKS:docs/notebooks/%=docs/notebooks/out/%)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict  # with --quiet it would count no warning
+
+# What the site shows of a notebook is what it does now: run again where it or any code is newer.
+docs/notebooks/out/%.ipynb: docs/notebooks/%.ipynb $(SOURCES) $(TOOLS)
+	mkdir -p $(@D)
+	$(BIN)/python -c "from nbclient.cli import main; main()" --timeout=600 --output=out/$* $<
 
 # Basilisk takes 270 MB, so it has an environment of its own and is not among the pinned packages.
 test-basilisk:
@@ -68,4 +75,4 @@ lock:
 	printf "hatchling\neditables\n" | $(LOCK) $(RUN) --constraint constraints-dev.txt -o constraints.txt
 
 clean:
-	rm -rf $(VENV) out build dist
+	rm -rf $(VENV) out build dist docs/notebooks/out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shutil
 import subprocess
@@ -14,6 +15,16 @@ import pytest
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 NAMES = sorted(path.stem for path in (DOCS / "notebooks").glob("*.ipynb"))
 WIDGETS = "application/vnd.jupyter.widget-state+json"
+
+
+@pytest.fixture(scope="module")
+def hook():
+    """The hook of the site that makes pages of notebooks."""
+    pytest.importorskip("mkdocs", reason="the site needs the packages of the extra docs")
+    spec = importlib.util.spec_from_file_location("notebooks", DOCS / "site/hooks/notebooks.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +96,24 @@ def test_the_sensor_that_was_identified_flies(executed):
     shown = " ".join(outputs(notebook, "text/html"))
     judged = re.search(r"predicted with an error \(NRMSE\) of (\S+) % for synthetic_dataset_3.csv", shown)
     assert float(judged[1]) < 2.0  # the noise alone is 0.24 % of the range
+
+
+def test_its_page_shows_text_code_and_what_the_code_shows(executed, hook):
+    shown = hook.page(executed("run_and_look"), "run_and_look.ipynb", run=True)
+    assert shown.startswith("# Run and look")
+    assert '```python\nrun = gossamer.run("damaged"' in shown
+    assert "Damaged: zone 11 lost" in shown
+    assert "&lt;xarray.Dataset&gt;" in shown
+    assert shown.count("<img ") == 3  # that of the run, and two plots
+    assert "simulated s per s" not in shown
+    assert "Widget" not in shown
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_of_a_notebook_that_was_not_run_says_so(hook, name):
+    notebook = nbformat.read(DOCS / f"notebooks/{name}.ipynb", as_version=4)
+    shown = hook.page(notebook, f"{name}.ipynb", run=False)
+    assert shown.count("```python") == sum(cell.cell_type == "code" for cell in notebook.cells)
+    assert "`make site` runs it" in shown
+    assert "output" not in shown
+    assert "`make site` runs it" not in hook.page(notebook, f"{name}.ipynb", run=True)

@@ -74,7 +74,8 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
                 files[path] = files[path] if path in files else FmuFile(path, validate=False)
                 file = resized(files[path], components[component], validate=False)
                 components[component] = _with_value(components[component], file, variable, value, name)
-    return scenario.model_copy(update={"components": components})
+    other = ", with other values" if scenario.title and set(changes) - {SEED} else ""  # the title may tell the file's
+    return scenario.model_copy(update={"components": components, "title": f"{scenario.title}{other}"})
 
 
 def _with_value(component: Component, fmu: FmuFile, variable: str, value: Given, name: str) -> Component:

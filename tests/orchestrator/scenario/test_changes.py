@@ -57,6 +57,13 @@ def test_an_array_is_set_as_a_whole_and_a_later_value_beats_an_earlier_one(fmus)
     assert (start["one.offset[1]"], start["one.offset[2]"]) == (1.0, 9.0)
 
 
+def test_the_title_says_that_values_are_not_those_of_the_file(fmus):
+    scenario = parse_scenario(f'title = "Twice"\n{SCENARIO.lstrip()}')
+    assert changed(scenario, {"one.factor": 3.0}, fmus).title == "Twice, with other values"
+    assert changed(scenario, {"seed": 3}, fmus).title == "Twice"
+    assert changed(parse_scenario(SCENARIO), {"one.factor": 3.0}, fmus).title == ""
+
+
 def test_another_seed_gives_other_noise(fmus):
     runs = [
         run_scenario(parse_scenario(SCENARIO), fmus, values={"seed": seed})["two.y"].values.tolist()
