@@ -100,6 +100,7 @@ def watch_given(
 
     What is seen is printed on the console as it is seen.
     """
+    from ..run.progress import ProgressBar
     from .twin_record import find_record
 
     path = beside(record, "watch.json") if out is None else out
@@ -110,11 +111,13 @@ def watch_given(
         if 2 * samples > found.record.samples:
             msg = f"the record has {found.record.samples} samples, less than two windows of {samples}. Record longer."
             raise OrchestratorError(msg)
-        with stderr().status("compiling"):
+        report, firsts = WatchReport(console), range(0, found.record.samples - samples + 1, samples)
+        with ProgressBar("watching", stderr()) as bar:
+            bar.update(text="compiling,")
             watching = _begin(found, sensor, elements, order, false_alarms)
-        report = WatchReport(console)
-        for first in range(0, found.record.samples - samples + 1, samples):
-            report.take(watching.advance(found.record.values[:, first : first + samples]))
+            for done, first in enumerate(firsts, start=1):
+                report.take(watching.advance(found.record.values[:, first : first + samples]))
+                bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,")
     return report, report.end(path)
 
 
