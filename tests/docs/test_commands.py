@@ -60,6 +60,7 @@ SNIPPETS = {
     "docs/clusters.md": "Slurm, of which the page says that it is not tried",
     "docs/twin.md": "the calls of tests/models/test_twin.py",
     "docs/site/tutorials/first_run.md": TUTORIALS,
+    "docs/site/tutorials/own_mesh.md": TUTORIALS,
     "docs/site/tutorials/own_sensor.md": TUTORIALS,
     "docs/site/tutorials/python.md": TUTORIALS,
     "docs/tools/basilisk.md": "tests/hosts/test_basilisk.py, where Basilisk is installed",
@@ -71,7 +72,15 @@ SNIPPETS = {
     "docs/tools/pathsim.md": "the calls of tests/hosts/test_pathsim.py",
 }
 PROGRAMS = {"gossamer", "python", *(name.split()[0] for name in OTHER_PROGRAMS)}
-OF_A_READER = {"my_scenario", "my_scenario.toml", "my_sensor.toml", "my_campaign.toml", "mine.toml", "other.ssp"}
+OF_A_READER = {
+    "my_scenario",
+    "my_scenario.toml",
+    "my_sensor.toml",
+    "my_sail.toml",
+    "my_campaign.toml",
+    "mine.toml",
+    "other.ssp",
+}
 FENCED = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 

@@ -41,7 +41,7 @@ def pages(site):
 def test_every_link_leads_somewhere(site, pages):
     checked = 0
     for file, page in pages.items():
-        for address in page.linked + page.fetched:
+        for address in page.linked + [each for each in page.fetched if not each.startswith("data:")]:
             parts = urlsplit(address)
             if parts.scheme:
                 assert parts.scheme in ("https", "mailto"), f"{file}: {address}"
@@ -73,6 +73,14 @@ def test_every_page_of_the_repository_is_in_it(site):
     headings = {re.search(r"<h1[^>]*>(.*?)(?:<a class|</h1>)", text, re.DOTALL)[1] for text in built}
     assert len(titles) > 30
     assert {re.sub(r"`", "", title) for title in titles} <= {re.sub(r"<[^>]+>", "", each) for each in headings}
+
+
+def test_every_notebook_has_a_page_that_leads_to_it(site, pages):
+    for notebook in (ROOT / "docs/notebooks").glob("*.ipynb"):
+        page = pages[site / f"docs/notebooks/{notebook.stem}.html"]
+        assert notebook.name in page.linked
+        assert (site / f"docs/notebooks/{notebook.name}").read_bytes() == notebook.read_bytes()
+        assert f"docs/notebooks/{notebook.stem}.html" in pages[site / "guide.html"].linked
 
 
 def test_every_public_name_has_its_place(site, pages):

@@ -70,6 +70,16 @@ def test_the_own_sensor_recovers_the_strain_of_another_record(tmp_path, monkeypa
     assert f"{stated} % of full scale" in capsys.readouterr().out
 
 
+def test_the_sail_of_another_shape_slackens_where_its_boom_slips(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = walk("own_mesh.md", tmp_path)
+    page = (PAGES / "tutorials/own_mesh.md").read_text(encoding="utf-8")
+    stated = re.search(r"It prints (\S+) % before and (\S+) % after", page)
+    assert names["taut"] == pytest.approx(float(stated[1]), abs=6e-4)
+    assert names["slipped"] == pytest.approx(float(stated[2]), abs=6e-4)
+    assert "strain along the first boom" in capsys.readouterr().out
+
+
 def test_the_membrane_in_python_is_judged(capsys):
     names = walk("python.md", None)
     assert names["damage"][5] == pytest.approx(0.3, abs=0.01)

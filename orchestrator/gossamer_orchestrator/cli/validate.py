@@ -98,8 +98,8 @@ def summary(found: Outline) -> str:
 
 
 def tables(found: Outline) -> list[Table]:
-    """Return a table of the components, and one of the connections if they are not too many."""
-    return [_components(found), *([_connections(found)] if len(found.connections) <= MOST_ROWS else [])]
+    """Return a table of the components, and one of the connections if there are some and not too many."""
+    return [_components(found), *([_connections(found)] if 0 < len(found.connections) <= MOST_ROWS else [])]
 
 
 def _components(found: Outline) -> Table:

@@ -113,7 +113,8 @@ def test_files_for_people_and_other_programs_are_written(data, scenario, fmus, t
     assert gossamer.new("mine") == Path("mine.toml")
     run = gossamer.run(scenario, fmus=fmus, out="out", pictures=False)
     assert gossamer.report(run) == Path("out/report.html")
-    save_results(data.assign_attrs(schema="gossamer.results", version=1), tmp_path / "damage")
+    judged = data[[name for name in data if name.startswith(("detector", "membrane.damage"))]]
+    save_results(judged.assign_attrs(schema="gossamer.results", version=1), tmp_path / "damage")
     drawn = gossamer.plot("damage", format="svg", out="svg")
     assert Path("svg/damage.svg") in drawn
     assert all(path.is_file() for path in drawn)
