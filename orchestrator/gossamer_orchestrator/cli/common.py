@@ -20,6 +20,10 @@ logger = logging.getLogger(__name__)
 
 FMUS = Path("out/fmus")
 FmuFolder = Annotated[Path, typer.Option("--fmus", help="Folder of the FMUs that scenarios name.", metavar="FOLDER")]
+ScenarioName = Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")]
+Step = Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")]
+Stop = Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")]
+Master = Annotated[str | None, typer.Option(help="gauss-seidel or jacobi, in place of the file's or for an .ssp.")]
 Results = Annotated[
     Path,
     typer.Argument(help="Folder of a run, or its results.nc or results.csv.", metavar="RESULTS", show_default=False),

@@ -11,7 +11,7 @@ import typer
 
 from ..scenario.shipped import find_scenario
 from .command import Result, note, show
-from .common import FMUS, FmuFolder, keep_inputs, kinds_of
+from .common import FMUS, FmuFolder, ScenarioName, keep_inputs, kinds_of
 
 if TYPE_CHECKING:
     from ..scenario.schema import Scenario
@@ -37,7 +37,7 @@ def export(
 
 
 def container(
-    scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
+    scenario: ScenarioName,
     out: Annotated[Path | None, typer.Option(help="File to write; out/NAME.fmu by default.", metavar="FILE")] = None,
     fmus: FmuFolder = FMUS,
     fmi: Annotated[int, typer.Option(help="FMI version of the container, 2 or 3.", min=2, max=3)] = 2,

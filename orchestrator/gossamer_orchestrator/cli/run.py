@@ -16,7 +16,7 @@ from ..results.drawing import Drawing
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .command import INVALID, Result, note, show, stderr
-from .common import FMUS, FmuFolder
+from .common import FMUS, FmuFolder, Master, ScenarioName, Step, Stop
 from .pictures import stride_of
 from .watch import LARGE, LiveWatch
 
@@ -30,14 +30,14 @@ WATCHED = "watch.json"
 
 
 def run(
-    scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
+    scenario: ScenarioName,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder for the results; out/NAME by default, out/NAME_ssp of an .ssp.", metavar="FOLDER"),
     ] = None,
     fmus: FmuFolder = FMUS,
-    step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
-    stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
+    step: Step = None,
+    stop: Stop = None,
     values: Annotated[
         list[str] | None,
         typer.Option(
@@ -47,9 +47,7 @@ def run(
             metavar="NAME=VALUE",
         ),
     ] = None,
-    master: Annotated[
-        str | None, typer.Option(help="gauss-seidel or jacobi, in place of the file's or for an .ssp.")
-    ] = None,
+    master: Master = None,
     pictures: Annotated[
         bool, typer.Option(help="Draw pictures of what was recorded, and write report.html, the page of the run.")
     ] = True,

@@ -12,7 +12,7 @@ import typer
 
 from ..scenario.shipped import find_scenario
 from .command import Result, show, stderr
-from .common import FMUS, FmuFolder, keep_inputs, model_errors
+from .common import FMUS, FmuFolder, ScenarioName, Step, Stop, keep_inputs, model_errors
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -23,7 +23,7 @@ SHOWN = 30
 
 
 def sweep(
-    scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
+    scenario: ScenarioName,
     ranges: Annotated[
         list[str],
         typer.Option(
@@ -37,8 +37,8 @@ def sweep(
         Path | None, typer.Option(help="Folder of the sweep; out/NAME_sweep by default.", metavar="FOLDER")
     ] = None,
     fmus: FmuFolder = FMUS,
-    step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
-    stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
+    step: Step = None,
+    stop: Stop = None,
     workers: Annotated[int | None, typer.Option(help="Runs at once; as many as cores by default.", min=1)] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Run on the Dask cluster of this scheduler, tcp://host:8786.", metavar="URL")

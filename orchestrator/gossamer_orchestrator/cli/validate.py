@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .command import Result, show, stderr
-from .common import FMUS, FmuFolder
+from .common import FMUS, FmuFolder, Master, ScenarioName, Step, Stop
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -21,17 +21,15 @@ UNITS = {"start": "s", "stop": "s", "step": "s"}
 
 
 def validate(
-    scenario: Annotated[str, typer.Argument(help="A scenario file, an .ssp, or the name of a shipped scenario.")],
+    scenario: ScenarioName,
     fmus: FmuFolder = FMUS,
-    step: Annotated[float | None, typer.Option(help="Communication step [s] in place of the file's.")] = None,
-    stop: Annotated[float | None, typer.Option(help="Last time [s] in place of the file's.")] = None,
+    step: Step = None,
+    stop: Stop = None,
     values: Annotated[
         list[str] | None,
         typer.Option("--set", help="Value in place of the file's, as of gossamer run.", metavar="NAME=VALUE"),
     ] = None,
-    master: Annotated[
-        str | None, typer.Option(help="gauss-seidel or jacobi, in place of the file's or for an .ssp.")
-    ] = None,
+    master: Master = None,
     limit: Annotated[
         float | None, typer.Option(help="Time that one call of an FMU may take [s].", metavar="SECONDS", min=1e-3)
     ] = None,

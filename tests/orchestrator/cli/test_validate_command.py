@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.scenario.shipped import shipped_scenarios
 from typer.testing import CliRunner
@@ -58,12 +59,18 @@ def test_a_right_scenario_shows_components_and_converted_units_and_leaves_nothin
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_refused_in_the_words_of_a_run(call, mistake):
+def test_a_mistake_is_refused_in_the_words_of_the_plan_of_a_run(call, fmus, mistake):
     text = SCENARIO.replace(*MISTAKES[mistake])
     assert text != SCENARIO
-    checked, run = call("validate", text), call("run", text, "--no-pictures")
-    assert (checked.exit_code, run.exit_code) == (1, 1)
-    assert checked.stderr == run.stderr
+    checked = call("validate", text)
+    with pytest.raises(ScenarioError) as planned:
+        make_plan(parse_scenario(text, name="s.toml"), fmus)
+    assert (checked.exit_code, checked.stderr) == (1, f"{planned.value}\n")
+
+
+def test_a_run_refuses_in_the_same_words(call):
+    text = SCENARIO.replace(*MISTAKES["unit"])
+    assert call("run", text, "--no-pictures").stderr == call("validate", text).stderr
 
 
 def test_a_warning_of_a_run_is_a_warning_here(call):
