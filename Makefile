@@ -55,6 +55,7 @@ figures: $(TOOLS)
 
 # Everything is pinned by hash; the project itself is installed editable on top.
 $(STAMP): constraints.txt pyproject.toml
+	@echo "Installing what runs into $(VENV), which takes one to three minutes."
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r constraints.txt
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
@@ -62,6 +63,7 @@ $(STAMP): constraints.txt pyproject.toml
 
 # What tests, site and figures need beside what runs: the same versions, and more.
 $(TOOLS): constraints-dev.txt $(STAMP)
+	@echo "Installing what tests and site need into $(VENV), which takes one to three minutes."
 	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r constraints-dev.txt
 	touch $(TOOLS)
 

@@ -157,7 +157,7 @@ FILES = {
                 "Fit a simulation to a record: the damage of each zone, with its standard deviation.",
                 "TwinAnswer",
                 "Damage by zone with its deviation, and whether it is valid; displayed in a notebook.",
-                'gossamer.twin("out/damage_begins", stop=0.25).data["damage"]',
+                'gossamer.twin("out/damaged").data["damage"]',
                 "The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or\n"
                 "resistance[1] to resistance[4]; empty cells are gaps.",
             ),

@@ -3,7 +3,7 @@
 The membrane, four sensors, four compensators and the detector are one FMU. Basilisk steps it after the spacecraft, and the
 force of the membrane acts on the spacecraft in the next step.
 
-    pip install gossamer[basilisk]
+    pip install "bsk>=2.12,<3"
     gossamer build --native && gossamer container docs/examples/ex01_sail.toml
     python docs/examples/ex01_basilisk.py out/ex01_sail.fmu
 """

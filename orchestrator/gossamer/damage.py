@@ -70,7 +70,7 @@ def twin(
 
     Examples
     --------
-    >>> gossamer.twin("out/damage_begins", stop=0.25).data["damage"]
+    >>> gossamer.twin("out/damaged").data["damage"]
     """
     given = vars()
     from . import table

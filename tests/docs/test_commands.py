@@ -46,6 +46,7 @@ RUN_BY = {
 OTHER_PROGRAMS = {
     "make": "the tests are run by it",
     "pip": "changes the environment; tests/test_wheel.py installs Gossamer into one of its own",
+    "jupyter": "opens a browser; tests/docs/test_notebooks.py runs the notebooks",
     "source": "for a shell that a user types into",
     "dask": "tests/models/test_campaign_cluster.py starts scheduler and workers on free ports",
     "python docs/make_synthetic_records.py": TUTORIALS,

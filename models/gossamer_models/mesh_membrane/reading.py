@@ -75,7 +75,7 @@ def read_mesh(path: Path, scale: float = 1.0) -> MeshFile:
     try:
         import meshio  # an extra: only those who bring a mesh need it
     except ModuleNotFoundError:
-        msg = "reading a mesh file needs meshio. Install it with: pip install gossamer[mesh]"
+        msg = "reading a mesh file needs meshio. Install it with: pip install meshio"
         raise ModuleNotFoundError(msg) from None
     if not path.is_file():
         msg = f"there is no mesh file {path}. Check --mesh, or the key mesh of the setup."

@@ -1,6 +1,6 @@
 """A membrane on a frame as a module of Basilisk: the spacecraft shakes it and feels it.
 
-Needs Basilisk, ``pip install gossamer[basilisk]``. Symbols, in body axes: ``a`` acceleration of the body's origin by
+Needs Basilisk, ``pip install bsk``. Symbols, in body axes: ``a`` acceleration of the body's origin by
 all forces but gravity [m/s2], ``w`` angular velocity [rad/s], ``w_dot`` angular acceleration [rad/s2]; ``W`` force [N]
 and torque [N m] of the membrane; ``h`` step [s].
 """

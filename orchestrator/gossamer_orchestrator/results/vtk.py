@@ -49,9 +49,7 @@ def export_vtk(data: xr.Dataset, shapes: Mapping[str, ShapeHistory], folder: Pat
     try:
         import meshio  # noqa: F401
     except ModuleNotFoundError:
-        msg = (
-            "files for ParaView need meshio, which is not installed. Install it with 'pip install \"gossamer[mesh]\"'."
-        )
+        msg = "files for ParaView need meshio, which is not installed. Install it with 'pip install meshio'."
         raise ResultsError(msg) from None
     make_folder(folder)
     return [_write(data, name, history, folder) for name, history in shapes.items()]
