@@ -1,6 +1,6 @@
 // The membrane of the start page: plotly draws the pictures of motion.js one after another, to scale.
 (() => {
-  const SIDE = 0.588; // [m]
+  const SIDE = 0.6; // [m], stretched
   const place = document.getElementById("membrane"), button = document.getElementById("membrane-button");
   const time = document.getElementById("membrane-time");
   if (!place || typeof Plotly === "undefined") return;
@@ -24,6 +24,7 @@
     const i = stride * ((zone - 1) % 4), j = stride * Math.floor((zone - 1) / 4), corners = [[i, j], [i + stride, j], [i + stride, j + stride], [i, j + stride], [i, j]];
     return [...corners.slice(1).flatMap((corner, n) => walk(corners[n], corner)), null];
   });
+  const zones = Array.from({ length: 16 }, (_, n) => [stride * (n % 4 + 0.5), stride * (Math.floor(n / 4) + 0.5)]); // their middles
   const damaged = (k) => (k >= motion.onset ? outlines : [null]);
   const dark = document.body.getAttribute("data-md-color-scheme") === "slate";
   const narrow = place.clientWidth < 500, far = narrow ? 1.3 : 0.85;
@@ -31,6 +32,7 @@
   Plotly.newPlot(place, [
     { type: "surface", x: along, y: along, z, cmin: -top, cmax: top, colorscale: "Viridis", hoverinfo: "skip", showscale: !narrow, colorbar: { title: { text: "mm" }, thickness: 10, len: 0.6 } },
     { type: "scatter3d", mode: "lines", ...line(z, grid), line: { color: dark ? "#cfd6dd" : "#3d4650", width: 2 }, hoverinfo: "skip" },
+    { type: "scatter3d", mode: "text", ...line(z, zones), text: zones.map((_, n) => String(n + 1)), textfont: { color: "#ffffff", size: narrow ? 10 : 13 }, hoverinfo: "skip" },
     { type: "scatter3d", mode: "lines", ...line(z, damaged(0)), line: { color: "#D55E00", width: 8 }, hoverinfo: "skip" },
   ], {
     paper_bgcolor: "rgba(0,0,0,0)", font: { color: dark ? "#cfd6dd" : "#3d4650" }, showlegend: false, margin: { l: 0, r: 0, t: 0, b: 0 },
@@ -39,8 +41,8 @@
   }, { displayModeBar: false, responsive: true });
   let picture = 0, moving = !window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   const show = () => {
-    const heights = surface(picture), lines = line(heights, grid), marks = line(heights, damaged(picture));
-    Plotly.restyle(place, { x: [along, lines.x, marks.x], y: [along, lines.y, marks.y], z: [heights, lines.z, marks.z] });
+    const heights = surface(picture), lines = [grid, zones, damaged(picture)].map((points) => line(heights, points));
+    Plotly.restyle(place, { x: [along, ...lines.map((l) => l.x)], y: [along, ...lines.map((l) => l.y)], z: [heights, ...lines.map((l) => l.z)] });
     const state = picture < motion.onset ? "no damage" : "zones " + Object.keys(motion.damage).join(" and ") + " are damaged";
     time.textContent = (1e3 * motion.time * picture).toFixed(0) + " ms, " + state;
     button.textContent = moving ? "Pause" : "Play";

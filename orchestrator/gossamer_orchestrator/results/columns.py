@@ -1,9 +1,9 @@
 """How the columns of a run become variables, and what is said about the run.
 
 A scalar variable ``deflection`` of component ``membrane`` becomes ``membrane.deflection`` over ``time``. The elements
-``strain[1]`` to ``strain[4]`` become one ``membrane.strain`` over ``time`` and ``strain_index``, labelled 1 to 4; ``w[2,3]``
-lies at ``w_i = 2``, ``w_j = 3``. Units and descriptions are attributes. Nothing here needs xarray, which the process of a
-simulation does without.
+``gain[1]`` to ``gain[4]`` become one ``gain`` over ``time`` and ``gain_index``, labelled 1 to 4; ``w[2,3]`` lies at
+``w_i = 2``, ``w_j = 3``. What membranes and detectors give by zone has the dimension ``zone``, a membrane's strain
+``sensor``. Units and descriptions are attributes. Nothing here needs xarray, which the process of a simulation does without.
 """
 
 from __future__ import annotations
@@ -25,14 +25,21 @@ UNFINISHED = "unfinished"
 DETECTOR = "detector"  # model name of a detector
 LIKENESS = ("similarity", "misfit")  # outputs of the detectors
 WATCHED = ("damage", "deviation", "valid", "index", *LIKENESS)  # those that change when a window ends
+_OF_MEMBRANES = {"damage": "zone", "strain": "sensor"}
+PLACES = {  # what the elements of a variable belong to, by model name
+    "membrane": _OF_MEMBRANES,
+    "framed_membrane": _OF_MEMBRANES,
+    "detector": {**_OF_MEMBRANES, **dict.fromkeys(("deviation", "probability", "index"), "zone")},
+}
 
 
 class Column(NamedTuple):
-    """One recorded scalar: ``component.variable``, its unit and its description."""
+    """One recorded scalar: ``component.variable``, its unit, its description, and the model name of its component."""
 
     name: str
     unit: str
     description: str
+    model: str = ""
 
 
 @dataclass(frozen=True)
@@ -72,7 +79,8 @@ def plan_columns(plan: Plan) -> list[Column]:
     described = []
     for component, name in plan.columns:
         fmu = plan.component(component).fmu
-        described.append(Column(f"{component}.{name}", fmu.unit(name) or "1", fmu.variables[name].description or ""))
+        about, model = fmu.variables[name].description or "", fmu.description.modelName
+        described.append(Column(f"{component}.{name}", fmu.unit(name) or "1", about, model))
     return described
 
 
@@ -92,9 +100,10 @@ def group(columns: Iterable[Column]) -> tuple[list[Variable], dict[str, list[int
         dims = []
         for axis, values in enumerate(axes):
             suffix = "index" if rank == 1 else "ijk"[axis] if rank <= 3 else str(axis)
-            dim = f"{split_endpoint(base)[1]}_{suffix}"
-            if labels.get(dim, values) != values:
-                dim = f"{base}_{suffix}"
+            variable = split_endpoint(base)[1]
+            own = f"{variable}_{suffix}"
+            choice = [PLACES.get(described[0].model, {}).get(variable, own) if rank == 1 else own, own]
+            dim = next((each for each in choice if labels.get(each, values) == values), f"{base}_{suffix}")
             labels[dim] = values
             dims.append(dim)
         orders = [{label: i for i, label in enumerate(values)} for values in axes]
@@ -152,12 +161,12 @@ def _provenance(component: ComponentPlan) -> dict[str, Any]:
 
 
 def _common(descriptions: Sequence[str]) -> str:
-    """Return what the descriptions of all elements begin with, in whole words."""
+    """Return what the descriptions of all elements begin with, in whole words and without the place that follows."""
     if len(set(descriptions)) == 1:
         return descriptions[0]
     common = commonprefix(list(descriptions))  # noqa: RUF071
     begin = re.sub(r"[^\w)]+$", "", common[: common.rfind(" ") + 1])
-    return f"{begin} .." if begin else ""
+    return re.sub(r",? (at|in|of|along|that)( zone| sensor| x)?$", "", begin)
 
 
 def _version(name: str) -> str:

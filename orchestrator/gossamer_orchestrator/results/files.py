@@ -18,6 +18,7 @@ import numpy as np
 from gossamer_files import replacing
 
 from ..errors import ResultsError, writing
+from ..names import split_endpoint
 from .columns import SCHEMA, VERSION, Column
 
 if TYPE_CHECKING:
@@ -158,5 +159,6 @@ def _load_csv(path: Path) -> xr.Dataset:
     columns = []
     for title in header[1:]:
         name, _, unit = title.removesuffix("]").rpartition(" [")
-        columns.append(Column(name, unit, ""))
+        model = split_endpoint(name)[0].rstrip("0123456789")  # a table names no models
+        columns.append(Column(name, unit, "", model))
     return arrange(table[:, 0], table[:, 1:], columns)

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from .columns import PLACES
 from .plots.axes import side
 from .report.membrane import SENSORS
 from .roles import find_all
-
-BY_ZONE = {"membrane": ("damage",), "detector": ("damage", "deviation", "probability", "index")}
 
 
 def with_places(data: xr.Dataset) -> xr.Dataset:
@@ -30,14 +29,15 @@ def with_places(data: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        The same values. What the membrane and the detectors give by zone has a dimension ``zone``, from 1, with coordinates
-        ``row``, ``column`` and the centre ``zone_x``, ``zone_y``; the membrane's strain a dimension ``sensor`` with
+        The same values. The dimension ``zone`` of what the membrane and the detectors give by zone has coordinates
+        ``row``, ``column`` and the centre ``zone_x``, ``zone_y``; the dimension ``sensor`` of the membrane's strain
         ``sensor_x``, ``sensor_y``; its deflection ``w`` the dimensions ``x`` and ``y``. What was recorded of some places
-        only keeps its own dimensions, and so does a second membrane. Places are in parts of the side, of unit 1, where the
+        only has no places. Places are in parts of the side, of unit 1, where the
         results do not say how long it is.
     """
     membrane = next(iter(find_all(data, "membrane")), "")
-    zones = [f"{name}.{v}" for role, names in BY_ZONE.items() for name in find_all(data, role) for v in names]
+    roles = {role: [v for v, place in PLACES[role].items() if place == "zone"] for role in ("membrane", "detector")}
+    zones = [f"{name}.{v}" for role, names in roles.items() for name in find_all(data, role) for v in names]
     of_zones = [name for name in zones if name in data and len(_places(data[name])) == 1]
     count = max((data[name].shape[-1] for name in of_zones), default=0)
     width, (length, unit) = math.isqrt(count), side(data)
@@ -66,6 +66,13 @@ def with_places(data: xr.Dataset) -> xr.Dataset:
     unused = {dim for name in changed for dim in _places(data[name])}
     unused -= {dim for name in data.data_vars if name not in changed for dim in data[name].dims}
     rest = data.drop_vars([*changed, *(dim for dim in unused if dim in data.coords)])
+    rest = rest.rename(
+        {
+            dim: f"{dim}_index"
+            for dim in ("zone", "sensor")
+            if dim in coordinates and dim in rest.dims and rest.sizes[dim] != len(coordinates[dim][1])
+        }
+    )
     return rest.assign(changed).assign_coords(coordinates)[list(data.data_vars)]
 
 

@@ -22,19 +22,19 @@ def data() -> xr.Dataset:
     shape = np.sin(np.pi * i / 8) * np.sin(np.pi * j / 8)
     strains = 0.02 + 0.01 * np.sin(time)[:, None] * np.ones(4)
     variables = {
-        "membrane.damage": (("time", "damage_index"), true),
-        "membrane.strain": (("time", "strain_index"), strains),
+        "membrane.damage": (("time", "zone"), true),
+        "membrane.strain": (("time", "sensor"), strains),
         "membrane.deflection": ("time", np.sin(time)),
         "membrane.w": (("time", "w_i", "w_j"), np.sin(time)[:, None, None] * shape),
-        "detector.damage": (("time", "damage_index"), estimated),
-        "detector.index": (("time", "index_index"), index),
+        "detector.damage": (("time", "zone"), estimated),
+        "detector.index": (("time", "zone"), index),
         "detector.valid": ("time", valid),
         "detector.similarity": ("time", 0.5 * valid),
     }
     for k in range(1, 5):
         variables[f"sensor{k}.resistance"] = ("time", 100.0 + time)
         variables[f"compensator{k}.strain"] = ("time", strains[:, 0])
-    coordinates = {"time": time, "damage_index": np.arange(1, 17), "strain_index": np.arange(1, 5)}
+    coordinates = {"time": time, "zone": np.arange(1, 17), "sensor": np.arange(1, 5)}
     return xr.Dataset(variables, coords=coordinates, attrs={"title": "made up"})
 
 

@@ -51,9 +51,24 @@ def test_elements_become_dimensions_with_their_indices_as_labels():
     assert data["m.w"].sel(w_i=2, w_j=1).values.tolist() == [3.0, 13.0]
     assert data["m.s"].sel(s_index=4).values.tolist() == [7.0, 17.0]
     assert data["d.s"].dims == ("time", "d.s_index")
-    assert data["m.s"].attrs["long_name"] == "Strain at sensor .."
+    assert data["m.s"].attrs["long_name"] == "Strain"
     assert data["m.y"].values.tolist() == [9.0, 19.0]
     assert data["m.y"].attrs == {"units": "Pa", "long_name": "scalar"}
+
+
+def test_what_membranes_and_detectors_give_by_zone_and_sensor_says_so():
+    labels = [(f"m.damage[{k}]", "1", f"Lost fraction in zone {k} of 2", "membrane") for k in (1, 2)]
+    labels += [(f"m.strain[{k}]", "1", f"Strain along y, at x = {k}", "membrane") for k in (1, 2, 3)]
+    labels += [(f"d.deviation[{k}]", "1", "", "detector") for k in (1, 2)]
+    labels += [(f"e.damage[{k}]", "1", "", "detector") for k in (1, 2, 3)]
+    labels += [(f"other.damage[{k}]", "1", "", "stranger") for k in (1, 2)]
+    data = arrange(np.zeros(1), np.ones((1, 12)), [Column(*label) for label in labels])
+    assert data["m.damage"].dims == data["d.deviation"].dims == ("time", "zone")
+    assert data["m.strain"].dims == ("time", "sensor")
+    assert data["e.damage"].dims == ("time", "damage_index")
+    assert data["other.damage"].dims == ("time", "other.damage_index")
+    assert data["m.damage"].attrs["long_name"] == "Lost fraction"
+    assert data["m.strain"].attrs["long_name"] == "Strain along y"
 
 
 def test_a_mixture_of_a_scalar_and_elements_of_one_name_is_kept_apart():

@@ -18,7 +18,7 @@ def whole(data):
     parameters = {"side_length": 0.588, "edge_displacement": 0.006}
     data.attrs["fmus"] = json.dumps({"membrane": {"model": "membrane", "parameters": parameters}})
     nodes = np.arange(1, 8)
-    return data.assign_coords(w_i=nodes, w_j=nodes, index_index=np.arange(1, 17))
+    return data.assign_coords(w_i=nodes, w_j=nodes)
 
 
 def test_zones_have_rows_and_columns_from_the_corner_x_first(whole):
@@ -47,7 +47,7 @@ def test_values_names_and_judgements_are_as_before(whole):
     for name in whole.data_vars:
         assert np.array_equal(placed[name].to_numpy(), whole[name].to_numpy())
         assert placed[name].attrs == whole[name].attrs
-    assert not {"damage_index", "strain_index", "w_i"} & set(placed.dims)
+    assert not {"w_i", "w_j"} & set(placed.dims)
     assert judge(placed).estimated.tolist() == judge(whole).estimated.tolist()
 
 
@@ -57,10 +57,22 @@ def test_a_side_that_is_not_known_counts_as_one(whole):
     assert (float(x[3]), x.attrs["units"]) == (0.5, "1")
 
 
-def test_some_zones_alone_keep_their_own_dimension(whole):
-    some = with_places(whole.isel(damage_index=slice(1, 4)))
-    assert some["membrane.damage"].dims == ("time", "damage_index")
-    assert some["damage_index"].to_numpy().tolist() == [2, 3, 4]
+def test_some_zones_alone_have_no_places(whole):
+    some = with_places(whole.isel(zone=slice(1, 4)))
+    assert some["membrane.damage"].dims == ("time", "zone")
+    assert some["zone"].to_numpy().tolist() == [2, 3, 4]
+    assert "row" not in some.coords
+
+
+def test_some_zones_beside_all_zones_have_a_dimension_of_their_own(whole):
+    detector = whole["detector.damage"].rename(zone="damage_index")
+    some = (
+        whole.isel(zone=[5, 11]).drop_vars(["detector.damage", "detector.index"]).assign({"detector.damage": detector})
+    )
+    placed = with_places(some)
+    assert placed["membrane.damage"]["zone_index"].to_numpy().tolist() == [6, 12]
+    assert placed["detector.damage"].dims == ("time", "zone")
+    assert placed["row"].sizes == {"zone": 16}
 
 
 def test_cases_of_a_sweep_keep_their_dimension(whole):
