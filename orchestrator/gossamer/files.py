@@ -159,7 +159,7 @@ def plot(
     out : path or None
         Folder to write to; that of the results by default.
     format : str, default "png"
-        png, svg or pdf.
+        Of the pictures: png, svg or pdf.
 
     Returns
     -------

@@ -19,12 +19,12 @@ def long_run(rows: int = ROWS) -> xr.Dataset:
     strain = 0.1 + 0.05 * swing
     some = np.full(rows, 1e-3)
     variables = {
-        "membrane.damage": (("time", "damage_index"), zones),
-        "membrane.strain": (("time", "strain_index"), np.broadcast_to(strain[:, None], (rows, 4))),
+        "membrane.damage": (("time", "zone"), zones),
+        "membrane.strain": (("time", "sensor"), np.broadcast_to(strain[:, None], (rows, 4))),
         "membrane.deflection": ("time", swing),
         "membrane.w": (("time", "w_i", "w_j"), np.broadcast_to(swing[:, None, None], (rows, 7, 7))),
-        "detector.damage": (("time", "damage_index"), zones),
-        "detector.deviation": (("time", "damage_index"), np.broadcast_to(some[:, None], (rows, 4))),
+        "detector.damage": (("time", "zone"), zones),
+        "detector.deviation": (("time", "zone"), np.broadcast_to(some[:, None], (rows, 4))),
         "detector.misfit": ("time", judged),
         "detector.valid": ("time", np.ones(rows)),
     }
@@ -33,5 +33,5 @@ def long_run(rows: int = ROWS) -> xr.Dataset:
         variables[f"compensator{k}.resistance"] = ("time", swing)
         variables[f"compensator{k}.strain"] = ("time", strain)
         variables[f"compensator{k}.strain_deviation"] = ("time", some)
-    coordinates = {"time": time, "damage_index": np.arange(1, 5), "strain_index": np.arange(1, 5)}
+    coordinates = {"time": time, "zone": np.arange(1, 5), "sensor": np.arange(1, 5)}
     return xr.Dataset(variables, coords=coordinates, attrs={"title": "Ten minutes"})
