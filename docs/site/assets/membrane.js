@@ -26,19 +26,21 @@
   });
   const zones = Array.from({ length: 16 }, (_, n) => [stride * (n % 4 + 0.5), stride * (Math.floor(n / 4) + 0.5)]); // their middles
   const damaged = (k) => (k >= motion.onset ? outlines : [null]);
-  const dark = document.body.getAttribute("data-md-color-scheme") === "slate";
+  const ink = () => (document.body.getAttribute("data-md-color-scheme") === "slate" ? "#cfd6dd" : "#3d4650");
   const narrow = place.clientWidth < 500, far = narrow ? 1.3 : 0.85;
   const z = surface(0), plain = { visible: false };
   Plotly.newPlot(place, [
     { type: "surface", x: along, y: along, z, cmin: -top, cmax: top, colorscale: "Viridis", hoverinfo: "skip", showscale: !narrow, colorbar: { title: { text: "mm" }, thickness: 10, len: 0.6 } },
-    { type: "scatter3d", mode: "lines", ...line(z, grid), line: { color: dark ? "#cfd6dd" : "#3d4650", width: 2 }, hoverinfo: "skip" },
+    { type: "scatter3d", mode: "lines", ...line(z, grid), line: { color: ink(), width: 2 }, hoverinfo: "skip" },
     { type: "scatter3d", mode: "text", ...line(z, zones), text: zones.map((_, n) => String(n + 1)), textfont: { color: "#ffffff", size: narrow ? 10 : 13 }, hoverinfo: "skip" },
     { type: "scatter3d", mode: "lines", ...line(z, damaged(0)), line: { color: "#D55E00", width: 8 }, hoverinfo: "skip" },
   ], {
-    paper_bgcolor: "rgba(0,0,0,0)", font: { color: dark ? "#cfd6dd" : "#3d4650" }, showlegend: false, margin: { l: 0, r: 0, t: 0, b: 0 },
+    paper_bgcolor: "rgba(0,0,0,0)", font: { color: ink() }, showlegend: false, margin: { l: 0, r: 0, t: 0, b: 0 },
     scene: { xaxis: plain, yaxis: plain, zaxis: { ...plain, range: [-1.1 * top, 1.1 * top] }, aspectmode: "manual", aspectratio: { x: 1, y: 1, z: (2.2 * top) / (1e3 * SIDE) },
       camera: { eye: { x: -0.7 * far, y: -1.3 * far, z: 0.6 * far }, center: { x: 0, y: 0, z: 0 } } },
   }, { displayModeBar: false, responsive: true });
+  new MutationObserver(() => Plotly.update(place, { "line.color": ink() }, { "font.color": ink() }, [1]))
+    .observe(document.body, { attributeFilter: ["data-md-color-scheme"] }); // the theme sets it late, and readers change it
   let picture = 0, moving = !window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   const show = () => {
     const heights = surface(picture), lines = [grid, zones, damaged(picture)].map((points) => line(heights, points));
