@@ -5,6 +5,7 @@ Symbols: ``x``, ``y`` from the corner of the stretched square at the origin [m];
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Hashable
 from typing import Any
@@ -31,13 +32,19 @@ def with_places(data: xr.Dataset) -> xr.Dataset:
     xarray.Dataset
         The same values. The dimension ``zone`` of what the membrane and the detectors give by zone has coordinates
         ``row``, ``column`` and the centre ``zone_x``, ``zone_y``; the dimension ``sensor`` of the membrane's strain
-        ``sensor_x``, ``sensor_y``; its deflection ``w`` the dimensions ``x`` and ``y``. What was recorded of some places
-        only has no places. Places are in parts of the side, of unit 1, where the
-        results do not say how long it is.
+        ``sensor_x``, ``sensor_y``; its deflection ``w`` the dimensions ``x`` and ``y``. A membrane from a mesh file, and
+        what was recorded of some zones or sensors only, have no places. Places are in parts of the side, of unit 1, where
+        the results do not say how long it is.
     """
-    membrane = next(iter(find_all(data, "membrane")), "")
-    roles = {role: [v for v, place in PLACES[role].items() if place == "zone"] for role in ("membrane", "detector")}
-    zones = [f"{name}.{v}" for role, names in roles.items() for name in find_all(data, role) for v in names]
+    found = {"membrane": _squares(data), "detector": find_all(data, "detector")}
+    membrane = next(iter(found["membrane"]), "")
+    zones = [
+        f"{name}.{variable}"
+        for role, names in found.items()
+        for name in names
+        for variable, place in PLACES[role].items()
+        if place == "zone"
+    ]
     of_zones = [name for name in zones if name in data and len(_places(data[name])) == 1]
     count = max((data[name].shape[-1] for name in of_zones), default=0)
     width, (length, unit) = math.isqrt(count), side(data)
@@ -85,6 +92,13 @@ def zone_places(width: int, length: float, units: dict[str, str]) -> dict[str, A
         "zone_x": ("zone", length * (column + 0.5) / width, units | {"long_name": "x of the centre of the zone"}),
         "zone_y": ("zone", length * (row + 0.5) / width, units | {"long_name": "y of the centre of the zone"}),
     }
+
+
+def _squares(data: xr.Dataset) -> list[str]:
+    """List the square membranes: all but those whose parameters are known and have no side."""
+    fmus = json.loads(data.attrs.get("fmus", "{}"))
+    known = {name: fmus.get(name, {}).get("parameters") for name in find_all(data, "membrane")}
+    return [name for name, parameters in known.items() if not parameters or "side_length" in parameters]
 
 
 def _places(array: xr.DataArray) -> tuple[Hashable, ...]:

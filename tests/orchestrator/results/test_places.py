@@ -57,6 +57,12 @@ def test_a_side_that_is_not_known_counts_as_one(whole):
     assert (float(x[3]), x.attrs["units"]) == (0.5, "1")
 
 
+def test_a_membrane_from_a_mesh_has_none_of_the_places_of_a_square(whole):
+    sail = whole[["membrane.damage", "membrane.strain"]].isel(zone=slice(4))
+    sail.attrs["fmus"] = json.dumps({"membrane": {"model": "membrane", "parameters": {"mass_damping": 1.0}}})
+    assert set(with_places(sail).coords) == {"time", "zone", "sensor"}
+
+
 def test_some_zones_alone_have_no_places(whole):
     some = with_places(whole.isel(zone=slice(1, 4)))
     assert some["membrane.damage"].dims == ("time", "zone")
