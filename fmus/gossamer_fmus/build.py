@@ -27,7 +27,7 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gossamer_models import ParameterError, StepModel
+from gossamer_models import GossamerError, ParameterError, StepModel
 
 from .archive import identifier, write_archive
 from .c_code import sources, with_guid
@@ -147,7 +147,14 @@ def build_all(
         "law": law,
         "structure": structure,
     }
-    models = {name: make_model(name, compiled=native, **options) for name in names}  # all or nothing
+    names, models = tuple(names), dict[str, StepModel]()
+    for name in names:
+        try:
+            models[name] = make_model(name, compiled=native, **options)
+        except GossamerError as error:
+            if len(names) > 1:
+                error.add_note(f"That was {name}; none of {', '.join(names)} was written.")
+            raise
     named = [(name, model, None) for name, model in models.items()]
     paths = _build(named, folder, native, fmi, platforms, progress)
     return dict(zip(models, paths, strict=True))

@@ -249,3 +249,15 @@ def test_numbers_of_a_compensator_that_were_not_measured_are_named(tmp_path, cap
         assert ("old.json holds no measured noise" in said["estimator"]) == (noise is None)
         assert ("holds no measured noise" in said["compensator"]) == (compensator == "estimator")
         assert ("old.json holds no numbers of a filter" in said["filter"]) == (tracking is None)
+
+
+def test_sensor_and_filter_are_built_from_any_sensor_and_where_one_is_refused_none_is_written(tmp_path):
+    term = replace(default_artifact().relaxation[0], gain=True)
+    scales = Scales(rest_resistance=40.0, full_scale_resistance_change=18.0, full_scale_strain=0.3)
+    stored = tmp_path / "sensor.json"
+    replace(default_artifact(), relaxation=(term,), scales=scales).write(stored)
+    with pytest.raises(ParameterError, match="gossamer build filter --artifact") as refused:
+        build_all(tmp_path / "fmus", ["sensor", "estimator"], artifact=stored)
+    assert refused.value.__notes__ == ["That was estimator; none of sensor, estimator was written."]
+    assert not (tmp_path / "fmus").exists()
+    assert set(build_all(tmp_path / "fmus", ["sensor", "filter"], artifact=stored)) == {"sensor", "filter"}

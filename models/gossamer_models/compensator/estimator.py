@@ -28,7 +28,7 @@ from ..sensor.state import SensorLaw, SensorState
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter, select
 from .drift import Drift
-from .exact import invert
+from .exact import TAKE_THE_FILTER, invert
 from .leg import BACK, Leg
 from .smooth import Smoothed, smooth
 
@@ -192,13 +192,12 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     if not artifact.exactly_invertible:
         msg = (
             "the output of this sensor may move against the strain, has a gain or a residual network, which the estimator "
-            "cannot follow. Build the compensator with the method filter or inverse."
+            f"cannot follow. {TAKE_THE_FILTER}"
         )
         raise ParameterError(msg)
     if artifact.inverse is not None:
         msg = (
-            "this sensor has a direct inverse, which the estimator does not use. Build the compensator with the method "
-            "filter or inverse."
+            f"this sensor has a direct inverse, which the estimator does not use. {TAKE_THE_FILTER}"
         )
         raise ParameterError(msg)
     if not half_widths or half_widths[0] < 3 or any(a >= b for a, b in pairwise(half_widths)):

@@ -31,6 +31,7 @@ from ..variables import Results, Values, input_, output, parameter
 
 REACH_TOLERANCE = 1e-9  # a target this little [1] out of reach is rounding at the end of the range, not saturation
 SHORTEST_FILTER_TIME = 1e-300  # [s]; stands for 0
+TAKE_THE_FILTER = "Take the filter, which suits every sensor: 'gossamer build filter --artifact FILE'."
 
 DEAD_BAND = parameter(
     "dead_band", "ohm", "Strain stays while the resistance to explain is below this; 0 = off", 0.0, 0.0, nominal=1.0
@@ -129,7 +130,7 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
     if not artifact.exactly_invertible:
         msg = (
             "the output of this sensor may move against the strain, has a gain or a residual network, so it has no exact "
-            "inverse. Build the compensator with the method filter, or identify the sensor again with --direct-inverse."
+            f"inverse. {TAKE_THE_FILTER} Or identify the sensor again with --direct-inverse."
         )
         raise ParameterError(msg)
     law = SensorLaw(artifact)

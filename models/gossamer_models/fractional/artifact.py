@@ -147,6 +147,11 @@ class FractionalArtifact:
         """Kernels and rates of the memory."""
         return PowerLawKernels(self.shortest, self.longest)
 
+    @property
+    def can_step(self) -> bool:
+        """Whether an FMU can run it: phases need the whole record."""
+        return self.model == "sub-model-1"
+
     def write(self, path: Path) -> None:
         """Write the artifact as JSON."""
         content = asdict(self)

@@ -34,7 +34,7 @@ def doubts(fit: FractionalFit) -> tuple[str, ...]:
         sentences.append(f"{', '.join(at_bound)} ended at a bound: the data suggest a value beyond it.")
     names = tuple(each.name for each in fit.parameters)
     sentences.append(alike(names, fit.covariance, "Take fewer terms if the numbers matter."))
-    if fit.settings.model != "sub-model-1":
+    if not fit.artifact.can_step:
         sentences.append(
             f"The fractional {fit.settings.model} needs the whole record and works offline only: no FMU can be built from "
             "it. For an FMU, identify fractional-sub-model-1."

@@ -117,7 +117,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
     0, as in the thesis, this is Eq. (3.21). Beyond full scale, the model continues outside its identified range, and
     ``saturated`` is 1.
     """
-    if artifact.model != "sub-model-1":
+    if not artifact.can_step:
         msg = (
             f"the fractional {artifact.model} cannot step: its phases need the whole record, so it works offline only. "
             "Identify the same records with --model fractional-sub-model-1, or preisach."

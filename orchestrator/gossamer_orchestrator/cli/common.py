@@ -46,7 +46,7 @@ def model_errors() -> Iterator[None]:
     try:
         yield
     except (GossamerError, ModuleNotFoundError) as error:
-        raise OrchestratorError(str(error)) from error
+        raise OrchestratorError("\n".join((str(error), *getattr(error, "__notes__", ())))) from error
     except OSError as error:
         msg = f"cannot use {error.filename or 'the disk'}: {error.strerror or error}. Name another place with --out."
         raise OrchestratorError(msg) from error

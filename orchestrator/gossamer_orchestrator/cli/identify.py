@@ -190,6 +190,8 @@ def identify(
         show(path)
     if paths[-1].name == PAGE:
         note(f"Open {paths[-1]}, or type 'gossamer view {paths[-1].parent}'.")
+    if (command := _command_to_build(result, out)) is not None:
+        note(f"To build its FMUs, type '{command}'.")
     return Result({"artifact": out, "files": paths[1:], **result_as_json(result, chosen)})
 
 
@@ -282,6 +284,19 @@ def identify_given(
         rest = rest_of(result, rest_resistance)
         drawn += save_page(lambda: _page(result, out, files, rest, seconds), out.with_suffix("") / PAGE)
     return result, model, [out, *drawn]
+
+
+def _command_to_build(result: Identified, out: Path) -> str | None:
+    """Return what to type for the FMUs of a sensor; None for a model that works offline only."""
+    import shlex
+
+    from gossamer_models.sensor import SensorArtifact
+
+    artifact = result.fit.artifact
+    if not isinstance(artifact, SensorArtifact) and not artifact.can_step:
+        return None
+    names = ("sensor", "compensator") if isinstance(artifact, SensorArtifact) else ("sensor",)
+    return shlex.join(["gossamer", "build", *names, "--artifact", str(out), "--out", str(out.parent)])
 
 
 def _page(result: Identified, out: Path, files: list[Path], rest: str, seconds: float) -> Page:

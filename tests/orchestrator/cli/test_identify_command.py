@@ -1,6 +1,7 @@
 """The command ``gossamer identify``: from a CSV file to FMUs, and what it says on the way."""
 
 import re
+import shlex
 
 import fmpy
 import numpy as np
@@ -69,8 +70,11 @@ def test_without_options_of_a_model_it_is_chosen_and_build_takes_the_compensator
     assert re.search(r"<summary>\d+ trials of the automatic choice</summary>", page)
     artifact = SensorArtifact.read(out)
     assert artifact.compensator in ("inverse", "estimator", "filter")
-    built = CliRunner().invoke(app, ["build", "compensator", "filter", "--artifact", str(out), "--out", str(tmp_path)])
-    assert built.exit_code == 0, built.output
+    assert f"gossamer build sensor compensator --artifact {out} --out {tmp_path}" in result.stderr
+    arguments = shlex.split(re.search(r"type 'gossamer (build .*)'", result.stderr)[1])
+    for more in ([], ["filter"]):  # the command that is printed, and the FMU that the scenario of gossamer new names
+        built = CliRunner().invoke(app, arguments + more)
+        assert built.exit_code == 0, built.output
     names = [v.name for v in fmpy.read_model_description(str(tmp_path / "compensator.fmu")).modelVariables]
     assert ("strain_deviation" in names) == (artifact.compensator != "inverse")
 
@@ -123,6 +127,7 @@ def test_a_fractional_model_that_needs_the_whole_record_says_so_and_is_not_built
     assert result.exit_code == 0, result.output
     told = " ".join(result.stderr.split())
     assert "works offline only: no FMU can be built from it" in told
+    assert "gossamer build" not in told
     assert "from the fitted" in told
     built = CliRunner().invoke(app, ["build", "sensor", "--artifact", str(out), "--out", str(tmp_path)])
     assert (built.exit_code, built.stdout) == (1, "")
