@@ -267,7 +267,7 @@ def identify_files(
         **{f"own scale of {r.name}": f"{s.offset:.6g} + {s.gain:.6g} R" for r, s in zip(records, scales, strict=False)},
         **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
     }
-    repairs = tuple(f"{record.name}: {text}." for record in records for text in record.repairs)
+    repairs = tuple(sentence for record in records for sentence in record.repaired)
     repairs += tuple(
         f"{r.name} has the scale {s.offset:.6g} + {s.gain:.6g} R, where R is of {records[0].name}."
         for r, s in zip(records[1:], scales[1:], strict=False)

@@ -85,7 +85,7 @@ def test_an_unusable_record_is_refused_by_its_line(tmp_path, change, message):
 @pytest.mark.parametrize(
     ("change", "columns", "repair", "size"),
     [
-        (put(12, 2, ""), Columns(), "1 samples without a finite number were left out, the first in line 12", 39),
+        (put(12, 2, ""), Columns(), "1 sample without a finite number was left out, the first in line 12: 1 | ", 39),
         (put(12, 1, "inf"), Columns(), "the first in line 12", 39),
         (put(12, 0, "0.9"), Columns(), "1 repeated times were averaged, the first in line 12", 39),
         (put(12, 0, "0.85"), Columns(sort=True), "sorted by time, the first out of order in line 12", 40),

@@ -61,8 +61,8 @@ class Found:
         Encoding, delimiter, decimal mark and where the header stands, where they are not the usual ones.
     quantities : tuple of Quantity
         Time, strain and resistance; no time for a record without a clock.
-    samples : int
-        Number of samples that were kept.
+    samples, rows : int
+        Number of samples that were kept, and of rows below the header.
     step, shortest, longest : float
         Median, smallest and largest step between samples [s].
     gaps : tuple of Gap
@@ -72,6 +72,7 @@ class Found:
     written: str
     quantities: tuple[Quantity, ...]
     samples: int
+    rows: int
     step: float
     shortest: float
     longest: float

@@ -13,7 +13,7 @@ Rules, each with the line of the file named where it applies:
 - A record without a time column needs ``sampling_step``. A time column and ``sampling_step`` together are refused.
 - A gap, a step longer than ``LONGEST_GAP`` median steps in which strain changes by more than ``GAP_STRAIN`` of its range, is
   refused, because the switching during the gap is unknown. A gap at constant strain stays and is reported.
-- Strain above ``LARGEST_STRAIN`` in a column without a unit, an output that jumps by a factor of ``LARGEST_JUMP`` between
+- Strain above ``LARGEST_RATIO`` in a column without a unit, an output that jumps by a factor of ``LARGEST_JUMP`` between
   samples, and records of one fit whose largest outputs differ by this factor are refused as mixed units.
 - Constant strain or output, and strain below zero by more than rounding of the meter, are refused.
 """
@@ -42,14 +42,14 @@ from .table import Numbers, Table, is_number, open_table, rows_of, why_no_number
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Raw:
-    """Samples as they stand in a file, in SI, and how they were found; ``unread`` says what the first bad one holds."""
+    """Samples as they stand in a file, in SI, and how they were found; ``unread`` has the cells of the first bad one."""
 
     table: Table
     wanted: list[Column]
     numbers: Numbers
     lines: NDArray[np.int_]
     values: list[Vector]
-    unread: str
+    unread: list[str]
 
     @property
     def written(self) -> str:
@@ -89,7 +89,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     samples = Samples(path, values, raw.lines, strain_unit_stated=of_strain.unit is not None)
     if columns.sampling_step is not None:
         samples.repairs.append(f"no clock was read: samples are taken as {columns.sampling_step:g} s apart")
-    drop_missing(samples, raw.unread)
+    drop_missing(samples, " | ".join(raw.unread), _advice(raw.unread, raw.wanted))
     order_times(samples, sort=columns.sort)
     _check_clock(raw, samples.columns[0])
     check(samples)
@@ -103,6 +103,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
             for c in raw.wanted
         ),
         samples=time.size,
+        rows=raw.lines.size,
         step=float(np.median(steps)),
         shortest=float(steps.min()),
         longest=float(steps.max()),
@@ -151,7 +152,7 @@ def read_records(
 
 def _read(path: Path, columns: Columns) -> _Raw:
     """Read all samples; no more than their numbers is kept, so that a file of any length fits."""
-    lines, unread = array("q"), ""
+    lines, unread = array("q"), list[str]()
     numbers = Numbers(path)
     try:
         table = open_table(path, lambda header, line: wanted_columns(path, header, line, columns))
@@ -173,7 +174,7 @@ def _read(path: Path, columns: Columns) -> _Raw:
                 for column, c in zip(values, wanted, strict=True):
                     column.append(_value(row, c, numbers, line))
                 if not unread and not all(math.isfinite(column[-1]) for column in values):
-                    unread = _why(row, wanted)
+                    unread = row
     except (OSError, UnicodeError, csv.Error) as error:
         msg = f"cannot read {path}: {reason(error)}. Name a CSV file with a header line."
         raise DataError(msg) from error
@@ -197,11 +198,11 @@ def _value(row: list[str], column: Column, numbers: Numbers, line: int) -> float
     return (numbers.read_time if column.what == "time" else numbers.read)(row[column.place], line)
 
 
-def _why(row: list[str], wanted: list[Column]) -> str:
-    """Return the cells of a sample without a number, and what to do about the first that is none."""
+def _advice(row: list[str], wanted: list[Column]) -> str:
+    """Return what to do about the first cell of a sample that is no number."""
     cells = [row[c.place] if c.place < len(row) else "" for c in wanted]
     bad = next((cell for cell in cells if not is_number(cell)), "nan")
-    return f"It reads {' | '.join(row)}. {why_no_number(bad)}."
+    return why_no_number(bad)
 
 
 def _check_clock(raw: _Raw, time: Vector) -> None:

@@ -16,7 +16,7 @@ from .found import Found
 MOST_SAMPLES = 50_000  # of all records of a fit
 MOST_RESAMPLED = 4  # times as many samples as before
 SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median of the absolute second difference of unit white noise
-LARGEST_STRAIN = 5.0  # no sensor reads more; without a stated unit, more is per cent
+LARGEST_STRAIN = 5.0  # no sensor reads more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +60,11 @@ class Record:
         if problem is not None:
             msg = f"cannot use record {self.name!r}: {problem}."
             raise DataError(msg)
+
+    @property
+    def repaired(self) -> tuple[str, ...]:
+        """Repairs with the name of the record, one sentence each."""
+        return tuple(f"{self.name}: {text}." for text in self.repairs)
 
 
 def thin(records: Sequence[Record], most: int = MOST_SAMPLES) -> tuple[Record, ...]:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from ..arrays import Rows, Vector
 from ..errors import DataError
 from .found import LONGEST_GAP
-from .records import LARGEST_STRAIN
 
 MOST_MISSING = 0.05
 GAP_STRAIN = 0.05
 DAY, MIDNIGHT = 86400.0, 3600.0  # [s]; how far apart two times of day on both sides of midnight may be
 LARGEST_JUMP = 30.0  # of the output between two samples: a meter that changed its unit
+LARGEST_RATIO = 1.0  # [1]; more strain, without a stated unit, may be in per cent; normalised strain reaches 1
 LEAST_STRAIN = -0.01  # of the range: a drifted zero of the meter
 
 
@@ -36,8 +36,8 @@ class Samples:
         self.lines = self.lines[rows]
 
 
-def drop_missing(samples: Samples, first: str) -> None:
-    """Leave out samples without a finite number; ``first`` says what the first of them holds, for the message."""
+def drop_missing(samples: Samples, first: str, advice: str) -> None:
+    """Leave out samples without a finite number; ``first`` has the cells of the first of them, ``advice`` what to do."""
     good = np.all([np.isfinite(c) for c in samples.columns], axis=0)
     missing = int((~good).sum())
     if not missing:
@@ -46,10 +46,11 @@ def drop_missing(samples: Samples, first: str) -> None:
     if missing > MOST_MISSING * good.size:
         msg = (
             f"{samples.path}, line {line}: {missing} of {good.size} samples hold no finite number, more than "
-            f"{100 * MOST_MISSING:g} %. {first}"
+            f"{100 * MOST_MISSING:g} %. It reads {first}. {advice}."
         )
         raise DataError(msg)
-    samples.repairs.append(f"{missing} samples without a finite number were left out, the first in line {line}")
+    which = "sample without a finite number was" if missing == 1 else "samples without a finite number were"
+    samples.repairs.append(f"{missing} {which} left out, the first in line {line}: {first}")
     samples.keep(good)
 
 
@@ -84,7 +85,7 @@ def order_times(samples: Samples, *, sort: bool) -> None:
 
 
 def check(samples: Samples) -> None:
-    """Refuse a record that cannot be that of a sensor; report a strain that may be in per cent."""
+    """Refuse a record that cannot be that of a sensor, or whose strain may be in per cent."""
     time, strain, resistance = samples.columns
     size = float(np.ptp(strain)) if strain.size else 0.0
     if time.size < 3 or not size > 0.0 or not np.ptp(resistance) > 0.0:
@@ -98,11 +99,12 @@ def check(samples: Samples) -> None:
         msg = f"{samples.path}, line {samples.lines[k]}: strain {strain[k]:g} is negative. Subtract the strain at rest."
         raise DataError(msg)
     if not samples.strain_unit_stated:
-        large = np.flatnonzero(strain > LARGEST_STRAIN)
+        large = np.flatnonzero(strain > LARGEST_RATIO)
         if large.size:
             k = int(large[0])
             msg = (
-                f"{samples.path}, line {samples.lines[k]}: strain {strain[k]:g} has no unit. State it (--strain-unit)."
+                f"{samples.path}, line {samples.lines[k]}: strain {strain[k]:g} has no unit, and may be {strain[k]:.0%} or "
+                f"{strain[k]:g} %. State it (--strain-unit 1 or --strain-unit %)."
             )
             raise DataError(msg)
     level = np.maximum(np.abs(resistance), 1e-2 * np.abs(resistance).max())

@@ -103,7 +103,7 @@ class Judged:
     def sentences(self) -> tuple[str, ...]:
         """Say how the record was repaired, whether the sensor knows it, and where the static cubic does better."""
         name, defeats = self.record.name, self.defeats()
-        said = [f"{name}: {text}." for text in self.record.repairs]
+        said = list(self.record.repaired)
         if self.known:
             said.append(f"{name} is a record that the sensor was fitted to: its errors say little of others.")
         said += defeats

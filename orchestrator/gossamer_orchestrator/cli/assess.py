@@ -15,7 +15,7 @@ from rich.console import Console
 from .command import Result, note, show, stderr
 from .common import PictureForm, check_form, keep_inputs, model_errors, save_page
 from .identify import CommandWithFields, parameter
-from .recognised import print_recognised
+from .recognised import print_recognised, print_remarks
 
 if TYPE_CHECKING:
     from gossamer_models.fitting import Record
@@ -102,14 +102,12 @@ def assess(
     console = stderr()
     for table in tables(judged, stretch):
         console.print(table)
-    for each in judged:
-        for sentence in each.sentences():
-            console.print(sentence, style="yellow", markup=False)
+    remarks = [sentence for each in judged for sentence in each.sentences()]
+    print_remarks(console, remarks, [each.record for each in judged])
     for path in paths:
         show(path)
     if out / PAGE in paths:
         note(f"Open {out / PAGE}, or type 'gossamer view {out}'.")
-    remarks = [sentence for each in judged for sentence in each.sentences()]
     return Result({"files": paths, "errors": [row for each in judged for row in _errors(each)], "remarks": remarks})
 
 

@@ -20,7 +20,7 @@ from rich.console import Console
 from ..errors import OrchestratorError
 from .command import Command, Result, as_options, note, show, stderr
 from .common import PictureForm, check_form, keep_inputs, model_errors, save_page
-from .recognised import print_recognised
+from .recognised import print_recognised, print_remarks
 
 if TYPE_CHECKING:
     from gossamer_models.fitting import Record
@@ -184,8 +184,7 @@ def identify(
 
     console = stderr()
     print_result(console, result, rest_of(result, rest_resistance))
-    for sentence in result.remarks:
-        console.print(sentence, style="yellow", markup=False)
+    print_remarks(console, result.remarks, result.fit.records)
     for path in paths:
         show(path)
     if paths[-1].name == PAGE:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -20,7 +20,7 @@ HEADINGS = ("record", "quantity", "column", "unit", "range", "samples, steps")
 
 
 def print_recognised(console: Console, records: Sequence[Record]) -> None:
-    """Print columns, units, ranges, sampling and gaps of records, and what a user should confirm."""
+    """Print columns, units, ranges, sampling and gaps of records, how they were repaired, and what a user should confirm."""
     table = Table(*HEADINGS, title="read as")
     for record in records:
         for cells in recognised_rows(record):
@@ -29,8 +29,17 @@ def print_recognised(console: Console, records: Sequence[Record]) -> None:
     if table.row_count:
         console.print(table)
     for record in records:
-        for sentence in record.found.remarks if record.found else ():
-            console.print(f"{record.name}: {sentence}", style="yellow", markup=False)
+        confirm = [f"{record.name}: {sentence}" for sentence in (record.found.remarks if record.found else ())]
+        for sentence in (*record.repaired, *confirm):
+            console.print(sentence, style="yellow", markup=False)
+
+
+def print_remarks(console: Console, remarks: Iterable[str], records: Iterable[Record]) -> None:
+    """Print what was found out about a sensor, but for the repairs of its records, which are printed already."""
+    printed = {sentence for record in records for sentence in record.repaired}
+    for sentence in remarks:
+        if sentence not in printed:
+            console.print(sentence, style="yellow", markup=False)
 
 
 def recognised_rows(record: Record) -> list[tuple[str, ...]]:
@@ -43,7 +52,8 @@ def recognised_rows(record: Record) -> list[tuple[str, ...]]:
         f"{found.step:.4g} s" if even else f"{found.shortest:.3g} to {found.longest:.4g} s, median {found.step:.3g} s"
     )
     first = (record.name, found.written, "")
-    last = (f"{found.samples} samples", steps, f"gaps: {len(found.gaps)}" if found.gaps else "no gap")
+    samples = f"{found.samples} samples" + f" of {found.rows} rows" * (found.rows > found.samples)
+    last = (samples, steps, f"gaps: {len(found.gaps)}" if found.gaps else "no gap")
     cells = [_cells(quantity) for quantity in found.quantities] + [("",) * 4]  # no time in a record without a clock
     return [(one, *four, six) for one, four, six in zip(first, cells[:3], last, strict=True)]
 

@@ -166,6 +166,20 @@ def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
     assert "knots=4" in artifact.provenance["settings"]
 
 
+def test_cells_without_numbers_and_a_row_cut_short_are_told_with_the_columns_before_the_fit_and_once(measured, tmp_path):
+    lines = measured.read_text().splitlines()
+    for line, cells in ((10, 2), (30, 2), (31, 1), (50, 1)):
+        lines[line] = ",".join([*lines[line].split(",")[:cells], *[["OL", "n/a"][cells == 1]] * (line in (10, 50))])
+    measured.write_text("\n".join(lines) + "\n")
+    options = ["--modes", "2", "--relaxations", "1", "--starts", "1", "--no-pictures", "--out", str(tmp_path / "s.json")]
+    result = CliRunner().invoke(app, ["identify", str(measured), *options])
+    assert result.exit_code == 0, result.output
+    said = "4 samples without a finite number were left out, the first in line 11: "
+    assert result.stderr.count("236 samples of 240 rows") == result.stderr.count(said) == 1
+    assert f"{said}{' | '.join(lines[10].split(','))}." in " ".join(result.stderr.split())
+    assert result.stderr.index(said) < result.stderr.index("NRMSE")
+
+
 def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
     for arguments, message in (
         ([str(measured), "--model", "neural"], "there is no model 'neural'; choose one of auto, preisach"),
