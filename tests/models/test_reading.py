@@ -1,5 +1,8 @@
 """Bad records: each is refused, or repaired by a stated rule, and the line is named."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from gossamer_models import DataError
@@ -152,3 +155,17 @@ def test_records_are_weighted_one_by_one(tmp_path):
     for weights in ([1.0], [1.0, -1.0], [1.0, float("nan")]):
         with pytest.raises(DataError, match="one positive weight per record"):
             read_records(files, weights=weights)
+
+
+def test_all_unclear_columns_of_all_files_are_named_at_once(tmp_path):
+    paths = [write(tmp_path / "a.csv", "n,input,output"), write(tmp_path / "b.csv", "time,strain,ohms law")]
+    with pytest.raises(DataError) as refused:
+        read_records([*paths, tmp_path / "c.csv"])
+    named = [(Path(text.split(",")[0]).name, re.findall("--[a-z-]+", text)) for text in str(refused.value).splitlines()]
+    assert named[:4] == [
+        ("a.csv", ["--time", "--sampling-step"]),
+        ("a.csv", ["--strain"]),
+        ("a.csv", ["--resistance"]),
+        ("b.csv", ["--resistance"]),
+    ]
+    assert str(refused.value).splitlines()[4].startswith("cannot read")

@@ -88,16 +88,20 @@ class Column:
 
 
 def wanted_columns(path: Path, header: list[str], line: int, columns: Columns) -> list[Column]:
-    """Return time, unless there is a sampling step, strain and resistance; raise ``DataError`` where one is unclear."""
-    wanted = [find(path, header, line, columns, what) for what in ("strain", "resistance")]
-    if columns.sampling_step is None:
-        return [find(path, header, line, columns, "time"), *wanted]
-    if columns.time is not None or columns.time_unit is not None:
-        msg = f"{path}: a column or unit of time and a sampling step are given. Leave one of them out."
-        raise DataError(msg)
-    if not columns.sampling_step > 0.0:
-        msg = f"the sampling step must be a positive time [s], not {columns.sampling_step:g}"
-        raise DataError(msg)
+    """Return time, unless there is a sampling step, strain and resistance; raise ``DataError`` that names all unclear ones."""
+    wanted, mistakes = list[Column](), list[str]()
+    for what in ("strain", "resistance") if columns.sampling_step is not None else ("time", "strain", "resistance"):
+        try:
+            wanted.append(find(path, header, line, columns, what))
+        except DataError as error:
+            mistakes.append(str(error))
+    if columns.sampling_step is not None:
+        if columns.time is not None or columns.time_unit is not None:
+            mistakes.append(f"{path}: a column or unit of time and a sampling step are given. Leave one of them out.")
+        if not columns.sampling_step > 0.0:
+            mistakes.append(f"the sampling step must be a positive time [s], not {columns.sampling_step:g}")
+    if mistakes:
+        raise DataError("\n".join(mistakes))
     return wanted
 
 

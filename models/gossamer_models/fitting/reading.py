@@ -127,12 +127,25 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
 def read_records(
     paths: Sequence[Path], columns: Columns | None = None, weights: Sequence[float] | None = None
 ) -> tuple[Record, ...]:
-    """Read several records of one sensor with the same columns; ``weights`` of their squared errors are 1 if not given."""
+    """Read several records of one sensor with the same columns; ``weights`` of their squared errors are 1 if not given.
+
+    Raises
+    ------
+    DataError
+        Files cannot be read or break a rule above, one line for each; or they do not go together.
+    """
     weights = [1.0] * len(paths) if weights is None else weights
     if len(weights) != len(paths) or not all(0.0 < weight < np.inf for weight in weights):
         msg = f"need one positive weight per record (--weights), not {list(weights)} for {len(paths)}"
         raise DataError(msg)
-    records = tuple(read_record(path, columns, weight=weight) for path, weight in zip(paths, weights, strict=True))
+    records, mistakes = list[Record](), list[str]()
+    for path, weight in zip(paths, weights, strict=True):
+        try:
+            records.append(read_record(path, columns, weight=weight))
+        except DataError as error:
+            mistakes += str(error).splitlines()
+    if mistakes:
+        raise DataError("\n".join(dict.fromkeys(mistakes)))
     names = [Path(record.name).stem for record in records]
     for name in names:
         if names.count(name) > 1:
@@ -147,7 +160,7 @@ def read_records(
             "as if their units differed. State the unit in the columns' names."
         )
         raise DataError(msg)
-    return records
+    return tuple(records)
 
 
 def _read(path: Path, columns: Columns) -> _Raw:
