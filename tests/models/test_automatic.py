@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer_models import DataError
-from gossamer_models.automatic import HERE, choose, compensators, defeats, standings
+from gossamer_models.automatic import HERE, Standing, choose, compensators, defeats, standings
 from gossamer_models.automatic.split import FITTED, cut, shortened
 from gossamer_models.automatic.tracking import OPTIMISM, calibrated, error_model, motion
 from gossamer_models.automatic.trials import Bench, error_on
@@ -107,7 +107,16 @@ def test_a_baseline_that_is_better_is_said_in_words():
     assert table[1].forward[0] < 1e-9
     low, high = table[0].forward[1:]
     assert low < table[0].forward[0] < high
-    assert "a static cubic predicts the output of the test stretch better than this sensor" in defeats(table)[0]
+    assert "a static cubic predicts the output of the test stretch better than this sensor, 0.00 against" in defeats(table)[0]
+
+
+def test_a_baseline_whose_interval_overlaps_that_of_the_sensor_is_as_good_not_better():
+    def named(model, error):
+        return Standing(record="r", model=model, forward=error, strain=None)
+
+    (sentence,) = defeats((named(HERE, (0.871, 0.8, 0.95)), named("static cubic", (0.866, 0.79, 0.94))))
+    assert "as well as this sensor, 0.87 against 0.87 % of range: the intervals of confidence overlap." in sentence
+    assert defeats((named(HERE, (0.871, 0.8, 0.95)), named("static cubic", (0.88, 0.8, 0.94)))) == ()
 
 
 STRAIN = zigzag(turns=24, per=12)

@@ -157,6 +157,18 @@ def test_a_record_that_the_sensor_was_fitted_to_is_told(measured, stored, tmp_pa
     assert judged.sentences() == ("r.csv is a record that the sensor was fitted to: its errors say little of others.",)
 
 
+def test_a_record_is_judged_up_to_the_first_strain_beyond_full_scale_and_it_is_said(measured, stored, tmp_path):
+    strain = measured.strain.copy()
+    strain[400:403] = 1.02 * FULL
+    shown = []
+    (judged,) = judge_files(stored, [write(tmp_path / "r.csv", replace(measured, strain=strain))], recognised=shown.extend)
+    assert judged.record.time.size == judged.predicted.size == judged.recovered["inverse"].strain.size == 400
+    assert judged.forward(judged.first) < 1e-6
+    said = f"only the 400 of {strain.size} samples before line 402 are judged: strain reaches 0.204 there, beyond"
+    assert said in judged.sentences()[0]
+    assert shown == [judged.record]  # and it is said before anything is computed
+
+
 def test_what_is_written_reads_as_a_record(measured, stored, tmp_path):
     judged = judge_files(stored, [write(tmp_path / "r.csv", measured)], compensators=("inverse", "estimator"))
     (table,) = save_judged(judged, tmp_path / "out", pictures=False)

@@ -115,8 +115,5 @@ def choose(
 def _until_the_end_of_training(records: list[Record], train: list[Rows]) -> tuple[tuple[Record, ...], tuple[Rows, ...]]:
     """Return the records up to their last training samples: no trial sees what comes later."""
     ends = [int(np.flatnonzero(rows)[-1]) + 1 for rows in train]
-    columns = ("time", "strain", "resistance", "lines")
-    cropped = tuple(
-        replace(r, **{name: getattr(r, name)[:end] for name in columns}) for r, end in zip(records, ends, strict=True)
-    )
+    cropped = tuple(r.at(np.arange(end)) for r, end in zip(records, ends, strict=True))
     return cropped, tuple(rows[:end] for rows, end in zip(train, ends, strict=True))

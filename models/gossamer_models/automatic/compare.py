@@ -84,8 +84,23 @@ def standings(
     )
 
 
+def clearly_less(error: Interval, other: Interval) -> bool:
+    """Whether an error is smaller than another one, and their intervals of confidence do not overlap."""
+    return error[0] < other[0] and error[2] < other[1]
+
+
+def beside(error: Interval, name: str, other: Interval) -> str:
+    """Say that an error is clearly smaller than that of something by its name, or a little; nothing if it is not smaller."""
+    if not error[0] < other[0]:
+        return ""
+    numbers = f"{error[0]:.2f} against {other[0]:.2f} % of range"
+    if clearly_less(error, other):
+        return f"better than {name}, {numbers}"
+    return f"as well as {name}, {numbers}: the intervals of confidence overlap"
+
+
 def defeats(table: Sequence[Standing]) -> tuple[str, ...]:
-    """Return a sentence for every record and quantity in which a rival is better than the sensor."""
+    """Return a sentence for every record and quantity in which the sensor is no better than a rival."""
     found = []
     for here in table:
         if here.model != HERE:
@@ -94,11 +109,10 @@ def defeats(table: Sequence[Standing]) -> tuple[str, ...]:
             own = getattr(here, quantity)
             for other in table:
                 its = getattr(other, quantity)
-                if other.record == here.record and other.model in RIVALS and own and its and its[0] < own[0]:
-                    found.append(
-                        f"{here.record}: a {other.model} {text} of the test stretch better than this sensor, "
-                        f"{its[0]:.2f} against {own[0]:.2f} % of range. More or richer training data may change that."
-                    )
+                if other.record == here.record and other.model in RIVALS and own and its:
+                    words = beside(its, HERE, own)
+                    sentence = f"{here.record}: a {other.model} {text} of the test stretch {words}."
+                    found += [f"{sentence} More or richer training data may change that."] * bool(words)
     return tuple(found)
 
 

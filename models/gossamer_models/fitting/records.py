@@ -61,6 +61,11 @@ class Record:
             msg = f"cannot use record {self.name!r}: {problem}."
             raise DataError(msg)
 
+    def at(self, rows: Rows | NDArray[np.int_]) -> Record:
+        """Return the record with some of its samples."""
+        columns = {name: getattr(self, name)[rows] for name in ("time", "strain", "resistance", "lines")}
+        return replace(self, **columns)
+
     @property
     def repaired(self) -> tuple[str, ...]:
         """Repairs with the name of the record, one sentence each."""
@@ -104,8 +109,7 @@ def thin(records: Sequence[Record], most: int = MOST_SAMPLES) -> tuple[Record, .
             f"{rows.size} of {record.time.size} samples are fitted, because the records have {count} together, more than "
             f"{most}: of every {k} successive ones those with the smallest and the largest strain"
         )
-        columns = {name: getattr(record, name)[rows] for name in ("time", "strain", "resistance", "lines")}
-        thinned.append(replace(record, **columns, repairs=(*record.repairs, text)))
+        thinned.append(replace(record.at(rows), repairs=(*record.repairs, text)))
     return tuple(thinned)
 
 

@@ -8,7 +8,7 @@ to the same first stretch of every record, so it knows more than a sensor withou
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from gossamer_files import digest
 from ..arrays import Rows, Vector
 from ..artifacts import artifact_schema
 from ..automatic.baselines import cubic
+from ..automatic.compare import HERE, Interval, beside, error_interval
 from ..errors import ArtifactError
 from ..fitting.columns import Columns
 from ..fitting.errors import nrmse
@@ -24,9 +25,11 @@ from ..fitting.plots import Picture, record_pictures, save_figures
 from ..fitting.reading import read_records
 from ..fitting.records import Record, training_rows
 from ..fitting.tables import table_path, write_predictions
-from ..replay import Recovered, recover, sensor_output
+from ..replay import REACH, Recovered, recover, sensor_output
 from ..sensor import Scales, SensorArtifact
 from .scales import RelaxingScales, fit_scales
+
+LEAST_JUDGED = 0.25  # share of a record that must lie before its first strain beyond the full scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,18 +93,33 @@ class Judged:
         return float(np.sqrt(np.mean(stated[rows] ** 2) / true)) if true > 0.0 else None
 
     def defeats(self) -> tuple[str, ...]:
-        """Say where the static cubic does better."""
-        rows = self.stretches().get("judged", self.first)
-        name, said = self.record.name, list[str]()
-        if (cubic := self.forward(rows, self.cubic)) < (own := self.forward(rows)):
-            said.append(f"{name}: a cubic predicts resistance better, {cubic:.2f} to {own:.2f} %.")
-        for kind, each in self.recovered.items():
-            if (cubic := self.strain(rows, self.cubic_strain)) < (own := self.strain(rows, each.strain)):
-                said.append(f"{name}: a cubic recovers strain better than {kind}, {cubic:.2f} to {own:.2f} %.")
+        """Say where the sensor is no better than the static cubic."""
+        compared = {"resistance": "predicts resistance"} | {name: "recovers strain" for name in self.recovered}
+        said = []
+        for name, (own, cubic) in self.intervals().items():
+            if words := beside(cubic, HERE if name == "resistance" else name, own):
+                said.append(f"{self.record.name}: a cubic {compared[name]} {words}.")
         return tuple(said)
 
+    def intervals(self) -> dict[str, tuple[Interval, Interval]]:
+        """Return the errors on the judged stretch of the sensor and of the cubic, with intervals of confidence.
+
+        Returns
+        -------
+        dict of str to tuple of Interval
+            NRMSE [% of range] of "resistance", and of the strain by each compensator that delivers any there, by its name.
+        """
+        record, rows = self.record, self.stretches().get("judged", self.first)
+        cubic = error_interval(record.resistance, self.cubic, rows), error_interval(record.strain, self.cubic_strain, rows)
+        found = {"resistance": (error_interval(record.resistance, self.predicted, rows), cubic[0])}
+        for name, each in self.recovered.items():
+            delivered = rows & np.isfinite(each.strain)
+            if delivered.any():
+                found[name] = error_interval(record.strain, each.strain, delivered), cubic[1]
+        return found
+
     def sentences(self) -> tuple[str, ...]:
-        """Say how the record was repaired, whether the sensor knows it, and where the static cubic does better."""
+        """Say how the record was repaired, whether the sensor knows it, and where it is no better than the static cubic."""
         name, defeats = self.record.name, self.defeats()
         said = list(self.record.repaired)
         if self.known:
@@ -154,14 +172,14 @@ def judge_files(
     ArtifactError
         The artifact cannot be read, or is of a model without a compensator.
     DataError
-        A record cannot be read, exceeds the sensor's range, or does not follow it.
+        A record cannot be read, exceeds the sensor's range early, or does not follow it.
     ParameterError
         There is no such compensator for this sensor.
     """
     artifact = read_sensor(sensor)
     offset, gain, full_scale = scales_of(artifact, sensor)
     compensators = compensators or (artifact.compensator or "inverse",)
-    read = read_records(paths, columns)
+    read = tuple(up_to_full_scale(record, full_scale) for record in read_records(paths, columns))
     recognised(read)
     judged = []
     for path, record in zip(paths, read, strict=True):
@@ -184,6 +202,24 @@ def judge_files(
             )
         )
     return tuple(judged)
+
+
+def up_to_full_scale(record: Record, full_scale: float) -> Record:
+    """Return a record up to its first strain beyond the full scale [1] of a sensor, and say so in its repairs.
+
+    What a sensor remembers of strain beyond the range that it was identified on is not known. The record itself is returned
+    if there is no such strain, or if less than ``LEAST_JUDGED`` of it would be left; no sensor can be run through that one.
+    """
+    beyond = np.flatnonzero(record.strain > REACH * full_scale)
+    if not beyond.size or beyond[0] < LEAST_JUDGED * record.time.size:
+        return record
+    k = int(beyond[0])
+    text = (
+        f"only the {k} of {record.time.size} samples before line {record.lines[k]} are judged: strain reaches "
+        f"{record.strain[k]:g} there, beyond the full scale {full_scale:g} of the sensor, and what it does from there on was "
+        "not identified"
+    )
+    return replace(record.at(np.arange(k)), repairs=(*record.repairs, text))
 
 
 def read_sensor(path: Path) -> SensorArtifact:

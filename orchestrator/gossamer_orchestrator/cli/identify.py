@@ -187,10 +187,10 @@ def identify(
     print_remarks(console, result.remarks, result.fit.records)
     for path in paths:
         show(path)
-    if paths[-1].name == PAGE:
-        note(f"Open {paths[-1]}, or type 'gossamer view {paths[-1].parent}'.")
     if (command := _command_to_build(result, out)) is not None:
         note(f"To build its FMUs, type '{command}'.")
+    if paths[-1].name == PAGE:
+        note(f"Open {paths[-1]}, or type 'gossamer view {paths[-1].parent}'.")
     return Result({"artifact": out, "files": paths[1:], **result_as_json(result, chosen)})
 
 

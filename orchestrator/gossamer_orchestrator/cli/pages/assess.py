@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from gossamer_models.automatic.compare import RIVALS, error_interval
+from gossamer_models.automatic.compare import RIVALS
 from gossamer_models.review import Judged
 from gossamer_models.sensor import SensorArtifact
 
@@ -84,28 +83,14 @@ def assessment_page(
 
 def comparisons(judged: Judged) -> list[Comparison]:
     """Return the errors of the sensor on what is judged of a record, beside those of the cubic."""
-    record, rows = judged.record, judged.stretches().get("judged", judged.first)
-    found = [
-        Comparison(
-            record=record.name,
-            quantity="resistance",
-            does="is predicted",
-            own=error_interval(record.resistance, judged.predicted, rows),
-            rivals={CUBIC: error_interval(record.resistance, judged.cubic, rows)},
+    found = []
+    for name, (own, cubic) in judged.intervals().items():
+        quantity, does = ("resistance", "is predicted") if name == "resistance" else ("strain", "is recovered")
+        if name != "resistance" and len(judged.recovered) > 1:
+            quantity = f"strain by {name}"
+        found.append(
+            Comparison(record=judged.record.name, quantity=quantity, does=does, own=own, rivals={CUBIC: cubic})
         )
-    ]
-    for name, recovered in judged.recovered.items():
-        delivered = rows & np.isfinite(recovered.strain)
-        if delivered.any():
-            found.append(
-                Comparison(
-                    record=record.name,
-                    quantity="strain" if len(judged.recovered) == 1 else f"strain by {name}",
-                    does="is recovered",
-                    own=error_interval(record.strain, recovered.strain, delivered),
-                    rivals={CUBIC: error_interval(record.strain, judged.cubic_strain, rows)},
-                )
-            )
     return found
 
 

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from gossamer_models.automatic.compare import Interval, clearly_less
 
 from ...pages import Chart, bars, with_interval
 from ...pages.page import Kind
 
-Interval = tuple[float, float, float]  # value, low and high end of its interval of 90 % confidence [% of range]
 OWN = "this sensor"
 
 
@@ -38,13 +38,13 @@ class Comparison:
 
     @property
     def beaten(self) -> bool:
-        """Whether a rival has the smaller error."""
-        return any(rival[0] < self.own[0] for rival in self.rivals.values())
+        """Whether the error of a rival is clearly smaller."""
+        return any(clearly_less(rival, self.own) for rival in self.rivals.values())
 
     @property
     def ahead(self) -> bool:
-        """Whether the error is smaller than that of every rival, and the intervals do not overlap."""
-        return all(self.own[2] < rival[1] for rival in self.rivals.values())
+        """Whether the error is clearly smaller than that of every rival."""
+        return all(clearly_less(self.own, rival) for rival in self.rivals.values())
 
     @property
     def sentence(self) -> str:
@@ -52,7 +52,8 @@ class Comparison:
         value, low, high = self.own
         words: dict[str, list[str]] = {"better than": [], "not clearly better than": [], "worse than": []}
         for name, rival in self.rivals.items():
-            word = "worse than" if rival[0] < value else "better than" if high < rival[1] else "not clearly better than"
+            worse, better = clearly_less(rival, self.own), clearly_less(self.own, rival)
+            word = "worse than" if worse else "better than" if better else "not clearly better than"
             words[word].append(f"a {name} ({rival[0]:.2f} %)")
         compared = "; ".join(f"{word} {' and '.join(names)}" for word, names in words.items() if names)
         error = f"{value:.2f} % (90 % interval {low:.2f} to {high:.2f} %)"
