@@ -1,5 +1,6 @@
 """The choice of a sensor within its training stretch: what it is judged by, its baselines, its numbers of the filter."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -150,6 +151,17 @@ def test_what_is_chosen_recovers_strain_better_than_a_cubic(hasty):
     found = recover_by_fit(chosen.fit, PLAY).strain
     rivals = standings((PLAY,), half(PLAY), (PLAY.resistance,), (found,))
     assert error_on([found], [STRAIN], [~half(PLAY)[0]]) < rivals[1].strain[0]
+
+
+def test_what_is_chosen_is_said_in_the_words_of_the_options(hasty):
+    words = hasty[0].text
+    assert re.match(r"sensor: extension reversing, .*ridge [\d.]+.*, with an error of [\d.]+ % of range, ", words)
+    for stage in ("sensor", "compensator"):
+        count = sum(trial.stage == stage and trial.final for trial in hasty[0].trials)
+        assert (f"of {count} finalists" if count > 1 else "of one finalist") in words
+    method = compensators.Method(sensor=hasty[0].fit.settings, name="filter", direct=True)
+    assert method.text.endswith("with direct inverse, trusting its models less")
+    assert replace(method, tail=compensators.SURE, wander=compensators.CALM).text.endswith("trusting its models more")
 
 
 def test_the_stated_deviation_is_scaled_to_what_every_cut_predicts(monkeypatch):

@@ -51,11 +51,12 @@ class Method:
         """The method in words."""
         if self.name == "inverse" and self.direct:
             return "direct inverse"
+        sensor = f"a sensor with {sensor_name(self.sensor)}"
         if self.name != "filter":
-            return f"{'exact inverse' if self.name == 'inverse' else 'estimator'} of {sensor_name(self.sensor)}"
+            return f"{'exact inverse' if self.name == 'inverse' else 'estimator'} of {sensor}"
         direct = "with" if self.direct else "without"
-        how = f"{direct} direct inverse, tail {self.tail:g}, wander {self.wander:g}"
-        return f"filter on {sensor_name(self.sensor)}, {how}"
+        trust = "more" if self.tail > TAIL else "less"
+        return f"filter of {sensor}, {direct} direct inverse, trusting its models {trust}"
 
 
 @dataclass(frozen=True, kw_only=True)

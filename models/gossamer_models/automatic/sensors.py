@@ -123,13 +123,18 @@ def choose_inverse(
 
 def sensor_name(s: PreisachSettings) -> str:
     """Return the settings of a sensor in words."""
-    network = f", network of {s.residual} steps" if s.residual else ""
-    return f"{s.extension}{', earlier' if s.earlier else ''}, ridge {s.density_ridge:g}{network}"
+    network = f", residual network of {s.residual} steps" if s.residual else ""
+    return f"{_relaxation_name(s.extension, earlier=s.earlier)}, ridge {s.density_ridge:g}{network}"
 
 
 def inverse_name(how: InverseSettings) -> str:
     """Return the settings of a direct inverse in words."""
-    return f"{how.extension}{', earlier' if how.earlier else ''}, {how.knots} knots, ridge {how.ridge:g}"
+    return f"{_relaxation_name(how.extension, earlier=how.earlier)}, {how.knots} knots, ridge {how.ridge:g}"
+
+
+def _relaxation_name(extension: str, *, earlier: bool) -> str:
+    named = "no extension" if extension == "none" else f"extension {extension}"
+    return f"{named}, earlier relaxation" if earlier else named
 
 
 def _of_different_kinds(found: list[tuple[float, PreisachSettings]]) -> list[PreisachSettings]:

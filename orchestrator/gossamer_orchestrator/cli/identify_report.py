@@ -94,14 +94,20 @@ def standing_table(result: Any) -> Shown:  # noqa: ANN401
 
 def trial_table(result: Any, most: int) -> Shown:  # noqa: ANN401
     """Return what an automatic choice tried, of each stage the best ones."""
-    caption = "NRMSE [% of range] on the later part of the training stretch; at two cuts for the finalists"
+    caption = (
+        "Error: NRMSE [% of range] on the later part of the training stretch; finalists are judged at two cuts of it. "
+        "Extension, earlier relaxation, ridge, knots and residual network are options of gossamer identify --help. A filter "
+        "that trusts its models less allows for outliers and for strain that changes its speed more."
+    )
     rows: list[tuple[str, ...]] = []
     for stage in dict.fromkeys(trial.stage for trial in result.trials):
         here = [trial for trial in result.trials if trial.stage == stage]
         known = sorted((t for t in here if math.isfinite(t.error)), key=lambda t: (not t.final, t.error))[:most]
         rows += [(t.stage, t.what, f"{t.error:.2f}", "yes" if t.final else "no", f"{t.seconds:.1f}") for t in known]
-        if len(here) > len(known):
-            rows.append((stage, f"and {len(here) - len(known)} more", "", "", ""))
+        failed = sum(not math.isfinite(trial.error) for trial in here)
+        for count, what in ((len(here) - failed - len(known), "not shown"), (failed, "that could not be fitted")):
+            if count:
+                rows.append((stage, f"{count} more {what}", "", "", ""))
     return Shown(("choice of", "tried", "error", "finalist", "time [s]"), rows, caption)
 
 
