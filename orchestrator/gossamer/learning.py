@@ -126,7 +126,7 @@ def identify(
         Fit a direct inverse from resistance to strain too, for the compensator.
     residual : float, str or None
         Correct the sensor by a small network: training steps, or auto to choose them, or none, by predicting
-        the later parts of the training stretch. None if not given. 0 if not given.
+        the later parts of the training stretch. None if not given.
     least_slope : float or None
         Least slope, in the output's range per full scale: limits how much the compensator amplifies noise. 0.02
         if not given.

@@ -74,7 +74,7 @@ def parameter(owner: type, field: Any, defaults: dict[str, Any], panel: str | No
     text = about["help"]
     if about["models"]:
         text = f"Of {' and '.join(about['models'])}: {text[0].lower()}{text[1:]}"
-    if defaults and not isinstance(field.default, bool | str | None):
+    if defaults and not isinstance(field.default, bool | str | None) and "if not given" not in text:
         several = len(set(defaults.values())) > 1
         values = [
             f"{value:g} for the {family} models" if several else f"{value:g}" for family, value in defaults.items()
