@@ -257,7 +257,8 @@ def _function(stem: str, command: str, words: Words) -> str:
     from . import table
     from .work import {stem} as work
 
-    return work.{command}(**table.values("{command}", given))
+    with table.words_of_python("{command}"):
+        return work.{command}(**table.values("{command}", given))
 '''
 
 

@@ -44,7 +44,8 @@ def demo(
     from . import table
     from .work import chain as work
 
-    return work.demo(**table.values("demo", given))
+    with table.words_of_python("demo"):
+        return work.demo(**table.values("demo", given))
 
 
 def build(
@@ -123,7 +124,8 @@ def build(
     from . import table
     from .work import chain as work
 
-    return work.build(**table.values("build", given))
+    with table.words_of_python("build"):
+        return work.build(**table.values("build", given))
 
 
 def validate(
@@ -178,7 +180,8 @@ def validate(
     from . import table
     from .work import chain as work
 
-    return work.validate(**table.values("validate", given))
+    with table.words_of_python("validate"):
+        return work.validate(**table.values("validate", given))
 
 
 def run(
@@ -254,7 +257,8 @@ def run(
     from . import table
     from .work import chain as work
 
-    return work.run(**table.values("run", given))
+    with table.words_of_python("run"):
+        return work.run(**table.values("run", given))
 
 
 def sweep(
@@ -317,7 +321,8 @@ def sweep(
     from . import table
     from .work import chain as work
 
-    return work.sweep(**table.values("sweep", given))
+    with table.words_of_python("sweep"):
+        return work.sweep(**table.values("sweep", given))
 
 
 def verify(
@@ -352,4 +357,5 @@ def verify(
     from . import table
     from .work import chain as work
 
-    return work.verify(**table.values("verify", given))
+    with table.words_of_python("verify"):
+        return work.verify(**table.values("verify", given))

@@ -76,7 +76,8 @@ def twin(
     from . import table
     from .work import damage as work
 
-    return work.twin(**table.values("twin", given))
+    with table.words_of_python("twin"):
+        return work.twin(**table.values("twin", given))
 
 
 def watch(
@@ -137,7 +138,8 @@ def watch(
     from . import table
     from .work import damage as work
 
-    return work.watch(**table.values("watch", given))
+    with table.words_of_python("watch"):
+        return work.watch(**table.values("watch", given))
 
 
 def campaign(
@@ -180,7 +182,8 @@ def campaign(
     from . import table
     from .work import damage as work
 
-    return work.campaign(**table.values("campaign", given))
+    with table.words_of_python("campaign"):
+        return work.campaign(**table.values("campaign", given))
 
 
 def train(
@@ -229,7 +232,8 @@ def train(
     from . import table
     from .work import damage as work
 
-    return work.train(**table.values("train", given))
+    with table.words_of_python("train"):
+        return work.train(**table.values("train", given))
 
 
 def assess_detector(
@@ -272,7 +276,8 @@ def assess_detector(
     from . import table
     from .work import damage as work
 
-    return work.assess_detector(**table.values("assess_detector", given))
+    with table.words_of_python("assess_detector"):
+        return work.assess_detector(**table.values("assess_detector", given))
 
 
 def place_sensors(
@@ -335,4 +340,5 @@ def place_sensors(
     from . import table
     from .work import damage as work
 
-    return work.place_sensors(**table.values("place_sensors", given))
+    with table.words_of_python("place_sensors"):
+        return work.place_sensors(**table.values("place_sensors", given))

@@ -44,7 +44,8 @@ def new(
     from . import table
     from .work import files as work
 
-    return work.new(**table.values("new", given))
+    with table.words_of_python("new"):
+        return work.new(**table.values("new", given))
 
 
 def info(
@@ -79,7 +80,8 @@ def info(
     from . import table
     from .work import files as work
 
-    return work.info(**table.values("info", given))
+    with table.words_of_python("info"):
+        return work.info(**table.values("info", given))
 
 
 def view(
@@ -110,7 +112,8 @@ def view(
     from . import table
     from .work import files as work
 
-    return work.view(**table.values("view", given))
+    with table.words_of_python("view"):
+        return work.view(**table.values("view", given))
 
 
 def report(
@@ -141,7 +144,8 @@ def report(
     from . import table
     from .work import files as work
 
-    return work.report(**table.values("report", given))
+    with table.words_of_python("report"):
+        return work.report(**table.values("report", given))
 
 
 def plot(
@@ -179,7 +183,8 @@ def plot(
     from . import table
     from .work import files as work
 
-    return work.plot(**table.values("plot", given))
+    with table.words_of_python("plot"):
+        return work.plot(**table.values("plot", given))
 
 
 def export_vtk(
@@ -214,7 +219,8 @@ def export_vtk(
     from . import table
     from .work import files as work
 
-    return work.export_vtk(**table.values("export_vtk", given))
+    with table.words_of_python("export_vtk"):
+        return work.export_vtk(**table.values("export_vtk", given))
 
 
 def export_ssp(
@@ -252,7 +258,8 @@ def export_ssp(
     from . import table
     from .work import files as work
 
-    return work.export_ssp(**table.values("export_ssp", given))
+    with table.words_of_python("export_ssp"):
+        return work.export_ssp(**table.values("export_ssp", given))
 
 
 def container(
@@ -293,4 +300,5 @@ def container(
     from . import table
     from .work import files as work
 
-    return work.container(**table.values("container", given))
+    with table.words_of_python("container"):
+        return work.container(**table.values("container", given))

@@ -157,7 +157,8 @@ def identify(
     from . import table
     from .work import learning as work
 
-    return work.identify(**table.values("identify", given))
+    with table.words_of_python("identify"):
+        return work.identify(**table.values("identify", given))
 
 
 def assess(
@@ -236,4 +237,5 @@ def assess(
     from . import table
     from .work import learning as work
 
-    return work.assess(**table.values("assess", given))
+    with table.words_of_python("assess"):
+        return work.assess(**table.values("assess", given))

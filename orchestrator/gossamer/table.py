@@ -8,7 +8,9 @@ from __future__ import annotations
 import inspect
 import json
 import os
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
@@ -20,6 +22,7 @@ from gossamer_orchestrator.cli import app
 from typer.models import ArgumentInfo, CommandInfo, OptionInfo
 
 FOR_A_TERMINAL = ("json", "quiet", "verbose", "log_file")  # options that say how a command prints
+_OPTION = re.compile(r"'gossamer [^']*'|--([a-z][a-z-]*)")  # but for commands to type in a shell
 NAMED = "NAME="  # what the placeholder of an option begins with that gives values by name
 
 
@@ -85,6 +88,22 @@ def values(command: str, given: Mapping[str, Any]) -> dict[str, Any]:
         A value has the wrong type, or is out of its bounds.
     """
     return {each.field: _read(each, given[each.name]) for each in parameters(command).values()}
+
+
+@contextmanager
+def words_of_python(command: str) -> Iterator[None]:
+    """Name the arguments of a function in its errors as Python does: ``strain_unit=``, not ``--strain-unit``."""
+
+    def named(found: re.Match[str]) -> str:
+        name = (found[1] or "").replace("-", "_")
+        wanted = parameters(command).get(name)
+        return found[0] if wanted is None else f"{name}={'True' * (wanted.kind is bool)}"
+
+    try:
+        yield
+    except OrchestratorError as error:
+        error.args = (_OPTION.sub(named, str(error)), *error.args[1:])
+        raise
 
 
 def as_call(command: str, taken: Mapping[str, Any]) -> str:

@@ -108,7 +108,10 @@ def test_a_baseline_that_is_better_is_said_in_words():
     assert table[1].forward[0] < 1e-9
     low, high = table[0].forward[1:]
     assert low < table[0].forward[0] < high
-    assert "a static cubic predicts the output of the test stretch better than this sensor, 0.00 against" in defeats(table)[0]
+    assert (
+        "a static cubic predicts the output of the test stretch better than this sensor, 0.00 against"
+        in defeats(table)[0]
+    )
 
 
 def test_a_baseline_whose_interval_overlaps_that_of_the_sensor_is_as_good_not_better():
@@ -158,7 +161,7 @@ def test_what_is_chosen_is_said_in_the_words_of_the_options(hasty):
     assert re.match(r"sensor: extension reversing, .*ridge [\d.]+.*, with an error of [\d.]+ % of range, ", words)
     for stage in ("sensor", "compensator"):
         count = sum(trial.stage == stage and trial.final for trial in hasty[0].trials)
-        assert (f"of {count} finalists" if count > 1 else "of one finalist") in words
+        assert (f"of {count} finalists" if count > 1 else "the only finalist") in words
     method = compensators.Method(sensor=hasty[0].fit.settings, name="filter", direct=True)
     assert method.text.endswith("with direct inverse, trusting its models less")
     assert replace(method, tail=compensators.SURE, wander=compensators.CALM).text.endswith("trusting its models more")

@@ -268,9 +268,11 @@ def test_a_direct_inverse_has_no_parameter_that_does_nothing():
 def test_a_sensor_that_has_no_exact_inverse_is_refused_with_what_to_do():
     backwards = replace(term(0.1), amplitude=-0.1, signed=True)
     signed = replace(spring(), relaxation=(backwards,))
-    with pytest.raises(ParameterError, match="build filter --artifact FILE'. Or identify the sensor again with --direct-inv"):
+    with pytest.raises(
+        ParameterError, match=r"build filter --artifact FILE'\. Or identify the sensor again with --direct-inv"
+    ):
         compensator_model(signed)
-    with pytest.raises(ParameterError, match="Take the filter, .*: 'gossamer build filter --artifact FILE'"):
+    with pytest.raises(ParameterError, match=r"Take the filter, .*: 'gossamer build filter --artifact FILE'"):
         compensator_model(signed, "estimator")
     line = DirectInverse(law=spring(), lowest=0.0, highest=1.0, offset=0.0, scale=1.0)
     with pytest.raises(ParameterError, match="which the estimator does not use"):

@@ -119,12 +119,16 @@ def test_times_without_a_unit_that_may_be_milliseconds_are_refused(tmp_path, ste
     assert read(tmp_path, text.replace("time", "time_s", 1)).time[-1] == pytest.approx(39 * step)
 
 
-def test_a_strain_that_may_be_in_per_cent_is_said_and_one_beyond_a_ratio_of_one_refused_until_its_unit_is_stated(tmp_path):
+def test_a_strain_that_may_be_in_per_cent_is_said_and_one_beyond_a_ratio_of_one_refused_until_its_unit_is_stated(
+    tmp_path,
+):
     remarks = read(tmp_path, text_of("t_s,strain,R_ohm", strain=16 * STRAIN)).found.remarks
     assert [sentence for sentence in remarks if "it reaches 80%" in sentence and "--strain-unit %" in sentence]
     assert read(tmp_path, text_of(strain=16 * STRAIN)).found.remarks == ()
     text = text_of("t_s,strain,R_ohm", strain=32 * STRAIN)
-    with pytest.raises(DataError, match=r"has no unit, and may be \d+% or 1\.\d+ %\. .*--strain-unit 1 or --strain-unit %"):
+    with pytest.raises(
+        DataError, match=r"has no unit, and may be \d+% or 1\.\d+ %\. .*--strain-unit 1 or --strain-unit %"
+    ):
         read(tmp_path, text)
     assert read(tmp_path, text, Columns(strain_unit="%")).strain.max() == pytest.approx(0.32 * STRAIN.max())
     assert read(tmp_path, text, Columns(strain_unit="1")).strain.max() == pytest.approx(32 * STRAIN.max())

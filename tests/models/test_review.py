@@ -161,7 +161,9 @@ def test_a_record_is_judged_up_to_the_first_strain_beyond_full_scale_and_it_is_s
     strain = measured.strain.copy()
     strain[400:403] = 1.02 * FULL
     shown = []
-    (judged,) = judge_files(stored, [write(tmp_path / "r.csv", replace(measured, strain=strain))], recognised=shown.extend)
+    (judged,) = judge_files(
+        stored, [write(tmp_path / "r.csv", replace(measured, strain=strain))], recognised=shown.extend
+    )
     assert judged.record.time.size == judged.predicted.size == judged.recovered["inverse"].strain.size == 400
     assert judged.forward(judged.first) < 1e-6
     said = f"only the 400 of {strain.size} samples before line 402 are judged: strain reaches 0.204 there, beyond"

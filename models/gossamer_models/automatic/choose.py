@@ -59,8 +59,8 @@ class Chosen:
             here = [trial for trial in self.trials if trial.stage == stage and trial.final]
             error = next((trial.error for trial in here if trial.what == own), float("nan"))
             least = min(trial.error for trial in here)
-            of = f"the least of {len(here)} finalists" if len(here) > 1 else "of one finalist"
-            rank = of if error <= least else f"{of} is {least:.2f} %"
+            of = f"the least of {len(here)} finalists" if len(here) > 1 else "the only finalist"
+            rank = f"{of} is {least:.2f} %" if error > least else of
             words.append(f"{stage}: {own}, with an error of {error:.2f} % of range, {rank}")
         return "; ".join(words)
 

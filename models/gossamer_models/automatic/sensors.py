@@ -132,8 +132,8 @@ def inverse_name(how: InverseSettings) -> str:
     return f"{_relaxation_name(how.extension, earlier=how.earlier)}, {how.knots} knots, ridge {how.ridge:g}"
 
 
-def _relaxation_name(extension: str, *, earlier: bool) -> str:
-    named = "no extension" if extension == "none" else f"extension {extension}"
+def _relaxation_name(extension: str | None, *, earlier: bool | None) -> str:
+    named = "no extension" if extension in (None, "none") else f"extension {extension}"
     return f"{named}, earlier relaxation" if earlier else named
 
 

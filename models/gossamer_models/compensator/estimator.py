@@ -196,9 +196,7 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
         )
         raise ParameterError(msg)
     if artifact.inverse is not None:
-        msg = (
-            f"this sensor has a direct inverse, which the estimator does not use. {TAKE_THE_FILTER}"
-        )
+        msg = f"this sensor has a direct inverse, which the estimator does not use. {TAKE_THE_FILTER}"
         raise ParameterError(msg)
     if not half_widths or half_widths[0] < 3 or any(a >= b for a, b in pairwise(half_widths)):
         msg = f"half widths of the windows must increase and be 3 samples or more, not {half_widths}"

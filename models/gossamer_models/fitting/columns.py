@@ -13,7 +13,7 @@ from pathlib import Path
 from ..errors import DataError
 from .options import option
 from .table import MISSING, is_number
-from .units import STRAIN, factor
+from .units import SI, STRAIN, factor
 
 WORDS = {
     "time": ("time", "timestamp", "datetime", "zeit", "t"),  # T is a temperature as well
@@ -77,9 +77,9 @@ class Column:
     others: tuple[str, ...] = ()
 
     @property
-    def is_ratio(self) -> bool:
-        """Whether it states a unit without a dimension."""
-        return self.unit is not None and _ratio(self.unit)
+    def si(self) -> str:
+        """Unit after reading; that of a signal, which states a unit without a dimension, is ``1``."""
+        return "1" if self.what == "strain" or (self.unit is not None and _ratio(self.unit)) else SI[self.what]
 
     @property
     def factor(self) -> float:
@@ -88,7 +88,7 @@ class Column:
 
 
 def wanted_columns(path: Path, header: list[str], line: int, columns: Columns) -> list[Column]:
-    """Return time, unless there is a sampling step, strain and resistance; raise ``DataError`` that names all unclear ones."""
+    """Return time, unless there is a sampling step, strain and resistance; raise ``DataError`` about all unclear ones."""
     wanted, mistakes = list[Column](), list[str]()
     for what in ("strain", "resistance") if columns.sampling_step is not None else ("time", "strain", "resistance"):
         try:

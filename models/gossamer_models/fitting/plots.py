@@ -78,11 +78,7 @@ def plot_strain_residual(record: Record, recovered: Vector, train: Rows, *, ax: 
 
 def quantity(record: Record) -> str:
     """Name what a record measured beside strain, with the unit that its file states: a signal if it is a ratio."""
-    columns = [each.column for each in record.found.quantities] if record.found else []
-    column = next((each for each in columns if each.what == "resistance"), None)
-    if column is None or column.unit is None:
-        return "resistance [unit not stated]"
-    return "signal [1]" if column.is_ratio else "resistance [ohm]"
+    return {"ohm": "resistance [ohm]", "1": "signal [1]"}.get(record.unit or "", "resistance [unit not stated]")
 
 
 def _stretches(ax: Axes, x: Vector, y: Vector, train: Rows, labels: tuple[str, str] = ("fitted", "predicted")) -> None:

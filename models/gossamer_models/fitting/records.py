@@ -61,6 +61,13 @@ class Record:
             msg = f"cannot use record {self.name!r}: {problem}."
             raise DataError(msg)
 
+    @property
+    def unit(self) -> str | None:
+        """Unit of the resistance as it stands here: "ohm", or "1" for a signal; None where its file states none."""
+        columns = [each.column for each in self.found.quantities] if self.found else []
+        column = next((each for each in columns if each.what == "resistance" and each.unit is not None), None)
+        return None if column is None else column.si
+
     def at(self, rows: Rows | NDArray[np.int_]) -> Record:
         """Return the record with some of its samples."""
         columns = {name: getattr(self, name)[rows] for name in ("time", "strain", "resistance", "lines")}

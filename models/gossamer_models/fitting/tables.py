@@ -37,7 +37,8 @@ def write_predictions(
     fitted : ndarray of bool, shape (m,)
         Samples that something was fitted to.
     """
-    names = ("time [s]", "strain [1]", "resistance [ohm]", "predicted [ohm]", *(f"{name} [1]" for name in recovered))
+    unit = "" if record.unit is None else f" [{record.unit}]"
+    names = ("time [s]", "strain [1]", f"resistance{unit}", f"predicted{unit}", *(f"{name} [1]" for name in recovered))
     columns = (record.time, record.strain, record.resistance, predicted, *recovered.values())
     with replacing(path) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -94,10 +94,10 @@ class Judged:
 
     def defeats(self) -> tuple[str, ...]:
         """Say where the sensor is no better than the static cubic."""
-        compared = {"resistance": "predicts resistance"} | {name: "recovers strain" for name in self.recovered}
+        compared = {"resistance": "predicts resistance"} | dict.fromkeys(self.recovered, "recovers strain")
         said = []
-        for name, (own, cubic) in self.intervals().items():
-            if words := beside(cubic, HERE if name == "resistance" else name, own):
+        for name, (own, its) in self.intervals().items():
+            if words := beside(its, HERE if name == "resistance" else name, own):
                 said.append(f"{self.record.name}: a cubic {compared[name]} {words}.")
         return tuple(said)
 
@@ -110,7 +110,10 @@ class Judged:
             NRMSE [% of range] of "resistance", and of the strain by each compensator that delivers any there, by its name.
         """
         record, rows = self.record, self.stretches().get("judged", self.first)
-        cubic = error_interval(record.resistance, self.cubic, rows), error_interval(record.strain, self.cubic_strain, rows)
+        cubic = (
+            error_interval(record.resistance, self.cubic, rows),
+            error_interval(record.strain, self.cubic_strain, rows),
+        )
         found = {"resistance": (error_interval(record.resistance, self.predicted, rows), cubic[0])}
         for name, each in self.recovered.items():
             delivered = rows & np.isfinite(each.strain)
@@ -216,8 +219,8 @@ def up_to_full_scale(record: Record, full_scale: float) -> Record:
     k = int(beyond[0])
     text = (
         f"only the {k} of {record.time.size} samples before line {record.lines[k]} are judged: strain reaches "
-        f"{record.strain[k]:g} there, beyond the full scale {full_scale:g} of the sensor, and what it does from there on was "
-        "not identified"
+        f"{record.strain[k]:g} there, beyond the full scale {full_scale:g} of the sensor, and what it does from there on "
+        "was not identified"
     )
     return replace(record.at(np.arange(k)), repairs=(*record.repairs, text))
 

@@ -86,7 +86,7 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> RelaxingScales:
     gain = c[0] + growing @ c[-GAIN_DECAYS:]
     if not gain.min() > 0.0:
         msg = (
-            f"{where}: the fitted gain falls to {gain.min():.3g} ohm: this record does not follow the sensor. Check its "
+            f"{where}: the fitted gain falls to {gain.min():.3g}: this record does not follow the sensor. Check its "
             "columns and units, or name a longer stretch (--stretch)."
         )
         raise DataError(msg)

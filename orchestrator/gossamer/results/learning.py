@@ -28,8 +28,9 @@ class Identification:
     result : gossamer_models.identify.Identified
         Fit, errors and remarks.
     records : dict of str to xarray.Dataset
-        By the name of the record: strain [1], resistance [ohm] and predicted resistance [ohm] over ``time`` [s], and
-        ``fitted``; where the model has a compensator the recovered strain [1], and its stated ``deviation`` [1] if any.
+        By the name of the record: strain [1], resistance and predicted resistance (in ohm, unless the file states a
+        signal or no unit) over ``time`` [s], and ``fitted``; where the model has a compensator the recovered strain [1],
+        and its stated ``deviation`` [1] if any.
     rest : str
         The resistance from which changes count, in words.
     files : list of Path
@@ -77,8 +78,8 @@ class Assessment:
     judged : tuple of gossamer_models.review.Judged
         One for each record.
     records : dict of str to xarray.Dataset
-        By the name of the record: strain [1], resistance [ohm] and predicted resistance [ohm] over ``time`` [s]; recovered
-        strain and its stated deviation [1] by ``compensator``.
+        By the name of the record: strain [1], resistance and predicted resistance (in ohm, unless the file states a
+        signal or no unit) over ``time`` [s]; recovered strain and its stated deviation [1] by ``compensator``.
     stretch : str
         First stretch of each record.
     files : list of Path

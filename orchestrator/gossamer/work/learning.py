@@ -67,10 +67,11 @@ def _quietly(_console: Console, records: Sequence[Record]) -> None:
 
 def _histories(record: Record, predicted: Any) -> xr.Dataset:  # noqa: ANN401
     """Return a record and its predicted resistance over time."""
+    unit = record.unit or "not stated"
     columns = {
         "strain": (record.strain, "1"),
-        "resistance": (record.resistance, "ohm"),
-        "predicted": (predicted, "ohm"),
+        "resistance": (record.resistance, unit),
+        "predicted": (predicted, unit),
     }
     return xr.Dataset(
         {name: ("time", values, {"units": unit}) for name, (values, unit) in columns.items()},

@@ -216,5 +216,6 @@ def shown_tables(judged: tuple[Judged, ...], stretch: str) -> list[Shown]:
         ]
         scales = [(name, *(f"{number:.4g}" for number in four)) for name, four in numbers]
         names = ("record", "gain, first", "last", "offset, first", "last")
-        made.append(Shown(names, scales, "Scales of each record in ohm."))
+        in_ohm = " in ohm" * all(each.record.unit == "ohm" for each in judged)
+        made.append(Shown(names, scales, f"Scales of each record{in_ohm}."))
     return made

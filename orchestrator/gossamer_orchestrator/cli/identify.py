@@ -20,7 +20,7 @@ from rich.console import Console
 from ..errors import OrchestratorError
 from .command import Command, Result, as_options, note, show, stderr
 from .common import PictureForm, check_form, keep_inputs, model_errors, save_page
-from .recognised import print_recognised, print_remarks
+from .recognised import UNITS, print_recognised, print_remarks
 
 if TYPE_CHECKING:
     from gossamer_models.fitting import Record
@@ -307,7 +307,8 @@ def _page(result: Identified, out: Path, files: list[Path], rest: str, seconds: 
 
 def rest_of(result: Identified, given: float | None) -> str:
     """Say from which resistance changes count."""
-    return f"{'fitted' if given is None else 'given'} {result.fit.rest_resistance:.6g} ohm at rest"
+    unit = UNITS[result.fit.records[0].unit]
+    return f"{'fitted' if given is None else 'given'} {result.fit.rest_resistance:.6g}{unit} at rest"
 
 
 def _read(name: str, value: Any, reader: Any) -> Any:  # noqa: ANN401

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from gossamer_models.fitting import Record
     from gossamer_models.fitting.found import Quantity
 
-SI = {"time": "s", "strain": "%", "resistance": "ohm"}
-
+UNITS = {"ohm": " ohm", "1": "", None: " (unit not stated)"}  # after a number, of ``Record.unit``
 
 HEADINGS = ("record", "quantity", "column", "unit", "range", "samples, steps")
 
@@ -62,5 +61,7 @@ def _cells(quantity: Quantity) -> tuple[str, ...]:
     column = quantity.column
     factor = 100.0 if column.what == "strain" else 1.0
     low, high = factor * quantity.lowest, factor * quantity.highest
-    unit = column.unit or f"{'ratio' if column.what == 'strain' else SI[column.what]}, not stated"
-    return column.what, column.name, unit, f"{low:.5g} to {high:.5g} {SI[column.what]}"
+    unit = column.unit or {"time": "s, not stated", "strain": "ratio, not stated"}.get(column.what, "not stated")
+    resistance = " ohm" if column.unit is not None and column.si == "ohm" else ""
+    after = {"time": " s", "strain": " %"}.get(column.what, resistance)
+    return column.what, column.name, unit, f"{low:.5g} to {high:.5g}{after}"

@@ -166,18 +166,56 @@ def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
     assert "knots=4" in artifact.provenance["settings"]
 
 
-def test_cells_without_numbers_and_a_row_cut_short_are_told_with_the_columns_before_the_fit_and_once(measured, tmp_path):
+def test_cells_without_numbers_and_a_row_cut_short_are_told_with_the_columns_before_the_fit_and_once(
+    measured, tmp_path
+):
     lines = measured.read_text().splitlines()
     for line, cells in ((10, 2), (30, 2), (31, 1), (50, 1)):
         lines[line] = ",".join([*lines[line].split(",")[:cells], *[["OL", "n/a"][cells == 1]] * (line in (10, 50))])
     measured.write_text("\n".join(lines) + "\n")
-    options = ["--modes", "2", "--relaxations", "1", "--starts", "1", "--no-pictures", "--out", str(tmp_path / "s.json")]
+    options = [
+        "--modes",
+        "2",
+        "--relaxations",
+        "1",
+        "--starts",
+        "1",
+        "--no-pictures",
+        "--out",
+        str(tmp_path / "s.json"),
+    ]
     result = CliRunner().invoke(app, ["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     said = "4 samples without a finite number were left out, the first in line 11: "
     assert result.stderr.count("236 samples of 240 rows") == result.stderr.count(said) == 1
     assert f"{said}{' | '.join(lines[10].split(','))}." in " ".join(result.stderr.split())
     assert result.stderr.index(said) < result.stderr.index("NRMSE")
+
+
+def test_a_signal_whose_unit_is_not_stated_is_not_called_ohm(measured, tmp_path):
+    measured.write_text(measured.read_text().replace("R_ohm", "R", 1))
+    options = [
+        "--modes",
+        "2",
+        "--relaxations",
+        "1",
+        "--starts",
+        "1",
+        "--no-pictures",
+        "--out",
+        str(tmp_path / "s.json"),
+    ]
+    told = {}
+    for unit in ([], ["--resistance-unit", "1"], ["--resistance-unit", "ohm"]):
+        result = CliRunner().invoke(app, ["identify", str(measured), *options, *unit])
+        assert result.exit_code == 0, result.output
+        told[unit[-1] if unit else ""] = " ".join(result.stderr.split())
+        header = (tmp_path / "s" / "measured_predicted.csv").read_text().splitlines()[0].split(",")[2]
+        assert header == ("resistance" + f" [{unit[-1]}]" if unit else "resistance")
+    assert re.search(r"from the fitted [\d.]+ \(unit not stated\) at rest", told[""])
+    assert re.search(r"from the fitted [\d.]+ at rest", told["1"])
+    assert re.search(r"from the fitted [\d.]+ ohm at rest", told["ohm"])
+    assert ["ohm" in told[unit] for unit in ("", "1", "ohm")] == [False, False, True]
 
 
 def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):

@@ -13,7 +13,7 @@ import make_front_door
 import numpy as np
 import pytest
 import typer
-from gossamer.table import FOR_A_TERMINAL, commands, parameters, values
+from gossamer.table import FOR_A_TERMINAL, commands, parameters, values, words_of_python
 from gossamer_orchestrator.cli import app
 
 COMMANDS = sorted(commands())
@@ -136,3 +136,19 @@ def test_a_choice_that_is_not_offered_is_refused_with_those_that_are():
 def test_an_unknown_option_is_refused_by_python():
     with pytest.raises(TypeError, match="unexpected keyword argument 'stp'"):
         gossamer.run("damaged", stp=1.0)
+
+
+def test_errors_name_arguments_as_python_does_and_commands_as_a_shell(tmp_path):
+    path = tmp_path / "measured.csv"
+    path.write_text("n,input,output\n0,0,1\n")
+    with pytest.raises(gossamer_orchestrator.OrchestratorError) as refused:
+        gossamer.identify(path, out=tmp_path / "sensor.json")
+    lines = str(refused.value).splitlines()
+    assert [line.rsplit("Name one ")[1] for line in lines] == [
+        "(time=) or give the sampling step (sampling_step=).",
+        "(strain=).",
+        "(resistance=).",
+    ]
+    with pytest.raises(gossamer_orchestrator.OrchestratorError) as refused, words_of_python("build"):
+        raise gossamer_orchestrator.OrchestratorError("Add --native, or 'gossamer build filter --artifact FILE'.")
+    assert str(refused.value) == "Add native=True, or 'gossamer build filter --artifact FILE'."
