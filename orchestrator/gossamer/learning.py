@@ -71,7 +71,8 @@ def identify(
     model : str or None
         One of those above; auto if no option of a model is given, else preisach.
     budget : float or None
-        Seconds for the choice of auto; 60 if not given.
+        Seconds after which auto tries no more settings; 60 if not given. The few that it must try, the last
+        fit, the checks and the pictures take half a minute more, or longer for long records.
     train : str, default "50%"
         What to fit: 0:200 for seconds, 50% for a leading part.
     full_scale : float or None

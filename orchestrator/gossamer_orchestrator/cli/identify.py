@@ -105,7 +105,12 @@ def identify(
         typer.Option(help="One of those above; auto if no option of a model is given, else preisach.", metavar="NAME"),
     ] = None,
     budget: Annotated[
-        float | None, typer.Option(help="Seconds for the choice of auto; 60 if not given.", min=1.0)
+        float | None,
+        typer.Option(
+            help="Seconds after which auto tries no more settings; 60 if not given. The few that it must try, the last fit, "
+            "the checks and the pictures take half a minute more, or longer for long records.",
+            min=1.0,
+        ),
     ] = None,
     train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
     full_scale: Annotated[
