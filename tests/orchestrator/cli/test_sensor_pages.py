@@ -246,7 +246,7 @@ def test_a_verdict_claims_no_more_than_the_intervals_show():
     for pair, kind, said in (
         (clear, "healthy", "90 % interval 0.80 to 1.20 %): better than a static cubic (2.00 %)."),
         (open_, "none", "not clearly better than a static cubic (2.00 %)."),
-        (level, "none", "not clearly better than a static cubic (2.00 %)."),
+        (level, "none", "no better than a static cubic (2.00 %)."),
         (lost, "invalid", "worse than a static cubic (2.00 %)."),
     ):
         found, sentence, more = verdict([compared(*pair)], "test stretch")

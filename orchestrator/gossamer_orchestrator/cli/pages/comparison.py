@@ -50,10 +50,13 @@ class Comparison:
     def sentence(self) -> str:
         """Say the error and how it stands beside those of the rivals; overlapping intervals leave that open."""
         value, low, high = self.own
-        words: dict[str, list[str]] = {"better than": [], "not clearly better than": [], "worse than": []}
+        order = ("better than", "not clearly better than", "no better than", "worse than")
+        words: dict[str, list[str]] = {word: [] for word in order}
         for name, rival in self.rivals.items():
-            worse, better = clearly_less(rival, self.own), clearly_less(self.own, rival)
-            word = "worse than" if worse else "better than" if better else "not clearly better than"
+            if rival[0] < value:
+                word = "worse than" if clearly_less(rival, self.own) else "no better than"
+            else:
+                word = "better than" if clearly_less(self.own, rival) else "not clearly better than"
             words[word].append(f"a {name} ({rival[0]:.2f} %)")
         compared = "; ".join(f"{word} {' and '.join(names)}" for word, names in words.items() if names)
         error = f"{value:.2f} % (90 % interval {low:.2f} to {high:.2f} %)"
