@@ -60,7 +60,7 @@ class Chosen:
             error = next((trial.error for trial in here if trial.what == own), float("nan"))
             least = min(trial.error for trial in here)
             of = f"the least of {len(here)} finalists" if len(here) > 1 else "the only finalist"
-            rank = f"{of} is {least:.2f} %" if error > least else of
+            rank = of if error <= least else f"{of} is {least:.2f} %"
             words.append(f"{stage}: {own}, with an error of {error:.2f} % of range, {rank}")
         return "; ".join(words)
 

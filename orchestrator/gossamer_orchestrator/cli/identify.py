@@ -137,9 +137,9 @@ def identify(
 ) -> Result:
     """Identify a sensor from measured strain and resistance.
 
-    Says first what it read: columns, units, ranges, sampling, gaps. Prints the paths of the artifact, of predicted and
-    recovered values as CSV, of the pictures, and of report.html, the page to look at; errors on training and test stretches
-    as a table.
+    Says first what it read: columns, units, ranges, sampling, gaps, repairs. Prints the paths of the artifact, of predicted
+    and recovered values as CSV, of the pictures, and of report.html, the page to look at; errors on training and test
+    stretches as a table.
 
     Models:
 
@@ -297,9 +297,11 @@ def _command_to_build(result: Identified, out: Path) -> str | None:
     from gossamer_models.sensor import SensorArtifact
 
     artifact = result.fit.artifact
-    if not isinstance(artifact, SensorArtifact) and not artifact.can_step:
+    names = ["sensor"]
+    if isinstance(artifact, SensorArtifact):
+        names.append("compensator")
+    elif not artifact.can_step:
         return None
-    names = ("sensor", "compensator") if isinstance(artifact, SensorArtifact) else ("sensor",)
     return shlex.join(["gossamer", "build", *names, "--artifact", str(out), "--out", str(out.parent)])
 
 

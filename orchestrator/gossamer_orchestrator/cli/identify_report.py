@@ -105,7 +105,7 @@ def trial_table(result: Any, most: int) -> Shown:  # noqa: ANN401
         known = sorted((t for t in here if math.isfinite(t.error)), key=lambda t: (not t.final, t.error))[:most]
         rows += [(t.stage, t.what, f"{t.error:.2f}", "yes" if t.final else "no", f"{t.seconds:.1f}") for t in known]
         failed = sum(not math.isfinite(trial.error) for trial in here)
-        for count, what in ((len(here) - failed - len(known), "not shown"), (failed, "that could not be fitted")):
+        for count, what in ((len(here) - failed - len(known), "not shown"), (failed, "that failed")):
             if count:
                 rows.append((stage, f"{count} more {what}", "", "", ""))
     return Shown(("choice of", "tried", "error", "finalist", "time [s]"), rows, caption)
