@@ -73,9 +73,10 @@ def assess(
 ) -> Result:
     """Judge an identified sensor on other records, without fitting it.
 
-    Says first what it read: columns, units, ranges, sampling, gaps, repairs, and where a record leaves the full scale of the
-    sensor: it is judged up to there. Prints errors of resistance and of recovered strain as a table, and the paths of predicted
-    and recovered values as CSV, of pictures, and of report.html, the page to look at. Beside the sensor stands a static cubic, which is fitted to the first stretch of each record.
+    Says first what it read: columns, units, ranges, sampling, gaps, repairs, and where a record leaves the full scale
+    of the sensor: it is judged up to there. Prints errors of resistance and of recovered strain as a table, and the
+    paths of predicted and recovered values as CSV, of pictures, and of report.html, the page to look at. Beside the
+    sensor stands a static cubic, which is fitted to the first stretch of each record.
 
     For example:
 
