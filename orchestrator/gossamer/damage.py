@@ -20,9 +20,9 @@ def twin(
     kind: str | None = None,
     noise: float | None = None,
     stop: float | None = None,
-    params: Mapping[str, object] | Sequence[str] | None = None,
+    set: Mapping[str, object] | Sequence[str] | None = None,
     sensor: str | PathLike[str] | None = None,
-    elements: int = 4,
+    elements_per_side: int = 4,
     order: int = 4,
     sparse: bool = True,
     out: str | PathLike[str] | None = None,
@@ -45,12 +45,12 @@ def twin(
         Standard deviation of the noise, 1 or ohm; estimated by default.
     stop : float or None
         Use the record up to this time [s] only.
-    params : mapping, sequence of str or None
-        A membrane parameter, NAME=VALUE; may be repeated.
+    set : mapping, sequence of str or None
+        A parameter of the membrane; may be repeated.
     sensor : path or None
         Artifact of the sensors; the shipped one by default.
-    elements : int, default 4
-        Elements of the twin per side.
+    elements_per_side : int, default 4
+        Elements along a side of the twin, a multiple of 4.
     order : int, default 4
         Their order; 1 for bilinear ones.
     sparse : bool, default True
@@ -87,9 +87,9 @@ def watch(
     kind: str | None = None,
     noise: float | None = None,
     false_alarms: float = 1e-05,
-    params: Mapping[str, object] | Sequence[str] | None = None,
+    set: Mapping[str, object] | Sequence[str] | None = None,
     sensor: str | PathLike[str] | None = None,
-    elements: int = 4,
+    elements_per_side: int = 4,
     order: int = 4,
     out: str | PathLike[str] | None = None,
 ) -> Watching:
@@ -109,12 +109,12 @@ def watch(
         Standard deviation of the noise, 1 or ohm; estimated by default.
     false_alarms : float, default 1e-05
         Share of the windows that may raise a false alarm.
-    params : mapping, sequence of str or None
-        A membrane parameter, NAME=VALUE; may be repeated.
+    set : mapping, sequence of str or None
+        A parameter of the membrane; may be repeated.
     sensor : path or None
         Artifact of the sensors; the shipped one by default.
-    elements : int, default 4
-        Elements of the twin per side.
+    elements_per_side : int, default 4
+        Elements along a side of the twin, a multiple of 4.
     order : int, default 4
         Their order; 1 for bilinear ones.
     out : path or None

@@ -17,9 +17,9 @@ from .twin_options import (
     KindOption,
     NoiseOption,
     OrderOption,
-    ParamsOption,
     RecordArgument,
     SensorOption,
+    ValuesOption,
     beside,
     file_of,
 )
@@ -46,9 +46,9 @@ def twin(
     kind: KindOption = None,
     noise: NoiseOption = None,
     stop: Annotated[float | None, typer.Option(help="Use the record up to this time [s] only.")] = None,
-    params: ParamsOption = None,
+    values: ValuesOption = None,
     sensor: SensorOption = None,
-    elements: ElementsOption = 4,
+    elements_per_side: ElementsOption = 4,
     order: OrderOption = 4,
     sparse: Annotated[bool, typer.Option(help="Drop the zones that the record does not need.")] = True,
     out: Annotated[
@@ -64,7 +64,7 @@ def twin(
 
         gossamer run damaged && gossamer twin out/damaged/results.nc
 
-        gossamer twin measured.csv --fit offset,amplitude,frequency,damping --params pressure_amplitude=9500
+        gossamer twin measured.csv --fit offset,amplitude,frequency,damping --set pressure_amplitude=9500
     """
     console = stderr()
     answer, path = fit_twin(
@@ -73,9 +73,9 @@ def twin(
         kind=kind,
         noise=noise,
         stop=stop,
-        params=params,
+        values=values,
         sensor=sensor,
-        elements=elements,
+        elements_per_side=elements_per_side,
         order=order,
         sparse=sparse,
         out=out,
@@ -95,9 +95,9 @@ def fit_twin(
     kind: str | None,
     noise: float | None,
     stop: float | None,
-    params: list[str] | None,
+    values: list[str] | None,
     sensor: Path | None,
-    elements: int,
+    elements_per_side: int,
     order: int,
     sparse: bool,
     out: Path | None,
@@ -112,13 +112,13 @@ def fit_twin(
     keep_inputs([file_of(record), sensor], [path])
     with model_errors():
         with console.status("reading"):
-            found = find_record(record, kind, noise, stop, params or [])
+            found = find_record(record, kind, noise, stop, values or [])
         logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
         default = () if found.record.kind == "resistance" else (NUISANCES,)
         nuisances = default if fit is None else tuple(name.strip() for name in fit.split(",") if name.strip() != "none")
         with console.status("compiling, then fitting"):
             answer = Twin(
-                elements,
+                elements_per_side,
                 order,
                 found.params,
                 sensor=sensor_of(found, sensor),

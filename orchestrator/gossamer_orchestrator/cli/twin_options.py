@@ -14,13 +14,15 @@ KindOption: TypeAlias = Annotated[str | None, typer.Option(help="strain or resis
 NoiseOption: TypeAlias = Annotated[
     float | None, typer.Option(help="Standard deviation of the noise, 1 or ohm; estimated by default.", min=0.0)
 ]
-ParamsOption: TypeAlias = Annotated[
-    list[str] | None, typer.Option(help="A membrane parameter, NAME=VALUE; may be repeated.", metavar="NAME=VALUE")
+ValuesOption: TypeAlias = Annotated[
+    list[str] | None, typer.Option("--set", help="A parameter of the membrane; may be repeated.", metavar="NAME=VALUE")
 ]
 SensorOption: TypeAlias = Annotated[
     Path | None, typer.Option(help="Artifact of the sensors; the shipped one by default.", metavar="FILE")
 ]
-ElementsOption: TypeAlias = Annotated[int, typer.Option(help="Elements of the twin per side.")]
+ElementsOption: TypeAlias = Annotated[
+    int, typer.Option(help="Elements along a side of the twin, a multiple of 4.", metavar="N")
+]
 OrderOption: TypeAlias = Annotated[int, typer.Option(help="Their order; 1 for bilinear ones.")]
 
 

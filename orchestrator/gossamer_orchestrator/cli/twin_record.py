@@ -161,11 +161,11 @@ def _assigned(texts: Sequence[str], known: Mapping[str, float]) -> dict[str, flo
     for text in texts:
         name, _, value = text.partition("=")
         if name not in known:
-            msg = f"--params {text}: the membrane has no parameter {name!r}. {suggest(name, known)}"
+            msg = f"--set {text}: the membrane has no parameter {name!r}. {suggest(name, known)}"
             raise OrchestratorError(msg)
         try:
             given[name] = float(value)
         except ValueError:
-            msg = f"--params {text}: {value!r} is no number. Write {name}=VALUE."
+            msg = f"--set {text}: {value!r} is no number. Write {name}=VALUE."
             raise OrchestratorError(msg) from None
     return given

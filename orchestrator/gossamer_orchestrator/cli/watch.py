@@ -19,9 +19,9 @@ from .twin_options import (
     KindOption,
     NoiseOption,
     OrderOption,
-    ParamsOption,
     RecordArgument,
     SensorOption,
+    ValuesOption,
     beside,
     file_of,
 )
@@ -48,9 +48,9 @@ def watch(
     false_alarms: Annotated[
         float, typer.Option(help="Share of the windows that may raise a false alarm.")
     ] = FALSE_ALARMS,
-    params: ParamsOption = None,
+    values: ValuesOption = None,
     sensor: SensorOption = None,
-    elements: ElementsOption = 4,
+    elements_per_side: ElementsOption = 4,
     order: OrderOption = 4,
     out: Annotated[
         Path | None, typer.Option(help="JSON file to write; watch.json beside the record by default.", metavar="FILE")
@@ -71,9 +71,9 @@ def watch(
         kind=kind,
         noise=noise,
         false_alarms=false_alarms,
-        params=params,
+        values=values,
         sensor=sensor,
-        elements=elements,
+        elements_per_side=elements_per_side,
         order=order,
         out=out,
         console=stderr(),
@@ -89,9 +89,9 @@ def watch_given(
     kind: str | None,
     noise: float | None,
     false_alarms: float,
-    params: list[str] | None,
+    values: list[str] | None,
     sensor: Path | None,
-    elements: int,
+    elements_per_side: int,
     order: int,
     out: Path | None,
     console: Console,
@@ -106,7 +106,7 @@ def watch_given(
     path = beside(record, "watch.json") if out is None else out
     keep_inputs([file_of(record), sensor], [path])
     with model_errors():
-        found = find_record(record, kind, noise, None, params or [])
+        found = find_record(record, kind, noise, None, values or [])
         samples = _samples(window, found)
         if 2 * samples > found.record.samples:
             msg = f"the record has {found.record.samples} samples, less than two windows of {samples}. Record longer."
@@ -114,7 +114,7 @@ def watch_given(
         report, firsts = WatchReport(console), range(0, found.record.samples - samples + 1, samples)
         with ProgressBar("watching", stderr()) as bar:
             bar.update(text="compiling,")
-            watching = _begin(found, sensor, elements, order, false_alarms)
+            watching = _begin(found, sensor, elements_per_side, order, false_alarms)
             for done, first in enumerate(firsts, start=1):
                 report.take(watching.advance(found.record.values[:, first : first + samples]))
                 bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,")
@@ -262,7 +262,7 @@ def _samples(window: float, found: Found) -> int:
     return samples
 
 
-def _begin(found: Found, sensor: Path | None, elements: int, order: int, false_alarms: float) -> Watch:
+def _begin(found: Found, sensor: Path | None, elements_per_side: int, order: int, false_alarms: float) -> Watch:
     """Start the twin of a record."""
     import numpy as np
     from gossamer_models.twin import Watch
@@ -271,7 +271,7 @@ def _begin(found: Found, sensor: Path | None, elements: int, order: int, false_a
 
     return Watch(
         np.nan_to_num(found.record.noise_deviation(), nan=1.0),
-        elements,
+        elements_per_side,
         order,
         found.params,
         sensor=sensor_of(found, sensor),

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
 
 STEP, STEPS = 3e-4, 400
-MESH = ("--elements", "4", "--order", "1")
+MESH = ("--elements-per-side", "4", "--order", "1")
 TRUE = np.zeros(16)
 TRUE[5], TRUE[10] = 0.3, 0.15
 
@@ -66,7 +66,7 @@ def results(tmp_path, forward, strain):
 
 def test_a_table_gives_the_damage_of_each_zone(call, tmp_path, strain):
     path = table(tmp_path / "r.csv", strain[0])
-    result = call(path, *MESH, "--params", "mass_damping=30", "--noise", "1e-5")
+    result = call(path, *MESH, "--set", "mass_damping=30", "--noise", "1e-5")
     assert result.exit_code == 0, result.stderr
     assert result.stdout.split() == [str(tmp_path / "twin.json")]
     np.testing.assert_allclose(json.loads((tmp_path / "twin.json").read_text())["damage"], TRUE, atol=1e-4)
@@ -85,7 +85,7 @@ def test_a_sensor_that_does_not_move_is_named(call, tmp_path, strain):
     values = strain[0].copy()
     values[1] = 0.02
     path = table(tmp_path / "r.csv", values)
-    result = call(path, *MESH, "--params", "mass_damping=30", "--noise", "1e-5")
+    result = call(path, *MESH, "--set", "mass_damping=30", "--noise", "1e-5")
     assert result.exit_code == 0
     assert "Sensor 2 does not move and is left out." in result.stderr
 
@@ -93,8 +93,8 @@ def test_a_sensor_that_does_not_move_is_named(call, tmp_path, strain):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--params", "colour=1"), "no parameter 'colour'"),
-        (("--params", "density=heavy"), "'heavy' is no number"),
+        (("--set", "colour=1"), "no parameter 'colour'"),
+        (("--set", "density=heavy"), "'heavy' is no number"),
         (("--kind", "stress"), "Write strain or resistance"),
         (("--stop", "0.003"), "needs 60 or more"),
         (("--fit", "offset,colour"), "no nuisance 'colour'"),

@@ -22,7 +22,8 @@ from gossamer_orchestrator.scenario.shipped import shipped_scenarios
 from typer.testing import CliRunner
 
 STEP, ONSET = 3e-4, 0.2104
-MESH = ["--elements", "4", "--order", "1"]  # coarse, so that a window costs little; twin and truth have the same
+# coarse, so that a window costs little; twin and truth have the same
+MESH = ["--elements-per-side", "4", "--order", "1"]
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,7 @@ def test_an_alarm_is_printed_and_the_finding_written(record):
     [
         (["--window", "0.001"], "needs 20 or more"),
         (["--window", "0.4"], "less than two windows"),
-        (["--params", "stiffness=1"], "no parameter 'stiffness'"),
+        (["--set", "stiffness=1"], "no parameter 'stiffness'"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(record, options, message):

@@ -33,7 +33,7 @@ def test_a_record_is_watched_window_by_window(tmp_path):
     head = "time,strain[1],strain[2],strain[3],strain[4]"
     path = tmp_path / "record.csv"
     np.savetxt(path, np.column_stack([time, strain.T]), delimiter=",", header=head, comments="")
-    seen = gossamer.watch(path, window=0.048, elements=4, order=1)
+    seen = gossamer.watch(path, window=0.048, elements_per_side=4, order=1)
     assert seen.data["time"].to_numpy() == pytest.approx(0.048 * np.arange(1, 6))
     assert seen.report.alarms == pytest.approx([0.096])  # the end of the window in which it begins
     assert seen.data["score"].sel(time=0.096, method="nearest") > 10.0 * seen.data["score"].sel(
