@@ -6,6 +6,7 @@ import json
 import logging
 from collections.abc import Callable
 from contextlib import nullcontext
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -247,6 +248,7 @@ def _judged(data: xr.Dataset) -> dict[str, Any]:
                 "deviation": window.deviation,
                 "true_damage": window.true,
                 **({window.likeness: window.likeness_value} if window.likeness else {}),
+                **({} if isnan(window.risk) else {"risk": window.risk}),
             }
             for window in ended
         ],

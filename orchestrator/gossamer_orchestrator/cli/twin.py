@@ -136,12 +136,13 @@ def zone_table(answer: Answer) -> Table:
     """Return a table with one row per zone."""
     from rich.table import Table
 
-    table = Table("zone", "damage [%]", "P(damaged)", "", title="Digital twin")
+    remarks = ["remark"] if answer.unresolved else []
+    table = Table("zone", "damage [%]", "P(damaged)", *remarks, title="Digital twin")
     for k in range(len(answer.damage)):
-        remark = "cannot tell" if k + 1 in answer.unresolved else ""
+        remark = ["cannot tell" if k + 1 in answer.unresolved else ""] if remarks else []
         style = "bold" if answer.damage[k] > 0.0 else "dim"
         damage = f"{100.0 * answer.damage[k]:.2f} ± {100.0 * answer.deviation[k]:.2f}"
-        table.add_row(str(k + 1), damage, f"{answer.probability[k]:.3f}", remark, style=style)
+        table.add_row(str(k + 1), damage, f"{answer.probability[k]:.3f}", *remark, style=style)
     return table
 
 

@@ -289,7 +289,9 @@ def finding_table(finding: Finding) -> Table:
     """Return a table of the damaged zones."""
     from rich.table import Table
 
-    title = f"Damage since t = {finding.onset:.5f} ± {finding.onset_deviation:.5f} s"
+    from ..results.tables import instant
+
+    title = f"Damage since t = {instant(finding.onset, finding.onset_deviation)}"
     table = Table("zone", "damage [%]", title=title, min_width=len(title))
     for k in (finding.damage > 0.0).nonzero()[0]:
         table.add_row(str(k + 1), f"{100.0 * finding.damage[k]:.2f} ± {100.0 * finding.deviation[k]:.2f}")

@@ -18,7 +18,8 @@ from .columns import LIKENESS, WATCHED
 from .roles import find, find_all, need
 
 _ROWS = 20_000
-LEAST_SIMILARITY, LARGEST_MISFIT = 0.5, 1.0  # of a valid judgement, by the interface of the detectors
+# of a valid judgement, by the interface of the detectors
+LEAST_SIMILARITY, LARGEST_MISFIT, LARGEST_RISK = 0.5, 1.0, 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +38,9 @@ class Judgement:
         How the detector measures whether its training holds the like: "similarity", "misfit", or "" if it was not recorded.
     likeness_value : float
         That measure [1]: similarity is 1 for a case that it was trained on, misfit is 1 at the edge of its training.
+    risk : float
+        Chance that the damage of some zone is wrong by more than 10 % of its stiffness [1], as the detector states it; not a
+        number if it was not recorded.
     valid : bool
         False if the detector marks its output as no judgement.
     """
@@ -47,6 +51,7 @@ class Judgement:
     deviation: NDArray[np.float64]
     likeness: str
     likeness_value: float
+    risk: float = math.nan
     valid: bool = True
 
     @property
@@ -73,12 +78,13 @@ def windows(data: xr.Dataset) -> list[Judgement]:
     data = data.isel(time=changes(data[watched]))
     time, estimated, valid = (data[name].to_numpy() for name in ("time", f"{detector}.damage", f"{detector}.valid"))
     likeness = next((name for name in LIKENESS if f"{detector}.{name}" in data.data_vars), "")
-    true, deviation, measure = (
+    true, deviation, measure, risk = (
         data[name].to_numpy() if name in data.data_vars else np.full(shape, math.nan)
         for name, shape in (
             (true_damage(data), estimated.shape),
             (f"{detector}.deviation", estimated.shape),
             (f"{detector}.{likeness}", time.shape),
+            (f"{detector}.risk", time.shape),
         )
     )
     return [
@@ -89,6 +95,7 @@ def windows(data: xr.Dataset) -> list[Judgement]:
             deviation=deviation[k],
             likeness=likeness,
             likeness_value=float(measure[k]),
+            risk=float(risk[k]),
             valid=float(valid[k]) > 0.5,
         )
         for k in range(len(time))
@@ -137,34 +144,47 @@ def _why_none(data: xr.Dataset, ended: list[Judgement]) -> str:
     many = (
         f"{len(ended)} windows of the detector ended, the last" if len(ended) > 1 else "A window of the detector ended"
     )
-    measure = last.likeness_value
-    if last.likeness == "similarity" and measure < LEAST_SIMILARITY:
+    return f"{many} at {last.time:.4f} s, but gave no valid judgement; {_why(last)}"
+
+
+def _why(judgement: Judgement) -> str:
+    """Say why a judgement is not valid, and what to do about it."""
+    measure, risk = judgement.likeness_value, judgement.risk
+    if judgement.likeness == "similarity" and measure < LEAST_SIMILARITY:
         why = f"its similarity with every trained case is below one half: {measure:.2g}"
         advice = "It was trained on nothing like this."
-    elif last.likeness == "misfit" and measure > LARGEST_MISFIT:
+    elif judgement.likeness == "misfit" and measure > LARGEST_MISFIT:
         why = f"its misfit with what it was trained on is above one: {measure:.2g}"
-        advice = "It was trained on nothing like this. Check load, sensors, noise and 'delay'."
-    elif last.likeness:
-        why = f"in spite of a {last.likeness} of {measure:.2g}"
+        advice = (
+            "It was trained on nothing like this. Check load, sensors, noise and 'delay', unless damage began in it."
+        )
+    elif risk > LARGEST_RISK:
+        why = f"its risk, the chance that a zone is wrong by more than 10 %, is {100 * risk:.2g} %, above 1 %"
+        advice = "Noise, or damage that began within the window, leaves it unsure."
+    elif judgement.likeness == "misfit" and math.isnan(risk):
+        why, advice = f"its misfit, {measure:.2g}, is valid, and its risk was not recorded", "Record it to see why."
+    elif judgement.likeness:
+        why = f"in spite of a {judgement.likeness} of {measure:.2g}"
         advice = "Give it the 'start_time', 'window_length' and 'sampling_step' it was trained for."
     else:
         why, advice = "its similarity or misfit was not recorded", "Record it to see why."
-    return f"{many} at {last.time:.4f} s, but gave no valid judgement; {why}. {advice}"
+    return f"{why}. {advice}"
 
 
 def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
-    """List reasons to doubt the judgement shown: none is valid, a later window is not, or a component was saturated."""
-    valid = [window for window in ended if window.valid]
+    """List reasons to doubt the judgements: none is valid, some windows are not, or a component was saturated."""
+    valid, invalid = ([window for window in ended if window.valid is kind] for kind in (True, False))
     sentences = []
     if not valid:
         sentences.append(_why_none(data, ended))
-    elif not ended[-1].valid:
-        last = ended[-1]
-        measure = f" ({last.likeness} {last.likeness_value:.2g})" if last.likeness else ""
-        sentences.append(
-            f"The last window, ended at {last.time:.4f} s, was not valid{measure}; "
-            f"the judgement shown is that at {valid[-1].time:.4f} s."
-        )
+    elif invalid:
+        last = invalid[-1]
+        if len(invalid) > 1:
+            what = f"{len(invalid)} windows gave no valid judgement, the last at {last.time:.4f} s"
+        else:
+            what = f"The window that ended at {last.time:.4f} s gave no valid judgement"
+        shown = "" if ended[-1].valid else f" The judgement shown is that at {valid[-1].time:.4f} s."
+        sentences.append(f"{what}; {_why(last)}{shown}")
     beyond = [
         name.removesuffix(".saturated")
         for name in map(str, data.data_vars)

@@ -7,8 +7,10 @@ import pytest
 import xarray as xr
 from gossamer_models.membrane import MembraneParams
 from gossamer_models.sensor import default_artifact
+from gossamer_models.twin import Answer
 from gossamer_models.twin.forward import Forward
 from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.cli.twin import zone_table
 from gossamer_orchestrator.results.files import save_results
 from typer.testing import CliRunner
 
@@ -115,3 +117,13 @@ def test_results_without_resistance_say_what_to_record(call, results, tmp_path):
     result = call(bare, *MESH, "--kind", "resistance")
     assert result.exit_code == 1
     assert "Add sensor?.resistance to [record]" in result.stderr
+
+
+def test_the_table_has_a_column_of_remarks_only_where_there_is_one():
+    known = dict.fromkeys(("damage", "deviation", "probability"), np.zeros(16))
+    fields = dict.fromkeys(Answer.__dataclass_fields__) | known
+    headings = [
+        [str(column.header) for column in zone_table(Answer(**fields | {"unresolved": zones})).columns]
+        for zones in ((), (3,))
+    ]
+    assert headings == [["zone", "damage [%]", "P(damaged)"], ["zone", "damage [%]", "P(damaged)", "remark"]]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gossamer_orchestrator import ResultsError, judge
 from gossamer_orchestrator.results.judgements import doubts, windows
-from gossamer_orchestrator.results.tables import history_table, zone_table
+from gossamer_orchestrator.results.tables import history_table, instant, zone_table
 from rich.console import Console
 
 
@@ -41,14 +41,32 @@ def test_a_run_without_a_judgement_says_whether_a_window_ended_and_what_resemble
         judge(data.drop_vars("detector.similarity"))
 
 
+def test_doubts_say_why_a_window_is_not_valid_from_what_was_recorded(data):
+    data = data.drop_vars("detector.similarity")
+    data["detector.misfit"] = 0.24 + 0.0 * data["detector.valid"]
+    data["detector.valid"][4:8] = 0.0  # the first of two windows
+    (unknown,) = doubts(data, windows(data))
+    assert unknown == (
+        "The window that ended at 4.0000 s gave no valid judgement; its misfit, 0.24, is valid, and its risk was not "
+        "recorded. Record it to see why."
+    )
+    data["detector.risk"] = 0.062 + 0.0 * data["detector.valid"]
+    (known,) = doubts(data, windows(data))
+    assert "its risk, the chance that a zone is wrong by more than 10 %, is 6.2 %, above 1 %" in known
+    data["detector.risk"][:] = 0.001
+    (otherwise,) = doubts(data, windows(data))
+    assert "in spite of a misfit of 0.24. Give it the 'start_time'" in otherwise
+
+
 def test_doubts_name_sensors_out_of_range_and_a_last_window_that_is_not_valid(data, later_window_invalid):
     assert doubts(data, windows(data)) == []
     data["sensor2.saturated"] = ("time", (data["time"].values == 3.0).astype(float))
     data = later_window_invalid(data)
     assert judge(data).time == 4.0
     unknown, beyond = doubts(data, windows(data))
-    assert unknown == (
-        "The last window, ended at 8.0000 s, was not valid (similarity 0.28); the judgement shown is that at 4.0000 s."
+    assert unknown.startswith("The window that ended at 8.0000 s gave no valid judgement; its similarity")
+    assert unknown.endswith(
+        "is below one half: 0.28. It was trained on nothing like this. The judgement shown is that at 4.0000 s."
     )
     assert beyond.startswith("Outside their identified range during the run: sensor2.")
 
@@ -111,4 +129,10 @@ def test_where_no_true_damage_is_recorded_tables_show_the_estimate_alone(data):
         text = console.file.getvalue()
         assert "estimated [%]" in text
         assert "20.0" in text
-        assert not any(word in text for word in ("nan", "->", "mean absolute error"))
+        assert not any(word in text for word in ("nan", "->", "true", "mean absolute error", "│ - "))
+
+
+def test_the_deviation_of_a_time_says_how_many_digits_it_has():
+    assert instant(0.767098, 3.5e-6) == "0.767098 s ± 0.0035 ms"
+    assert instant(0.767098, 4e-4) == "0.7671 s ± 0.4 ms"
+    assert instant(0.767098, 0.0) == "0.767098 s ± 0 ms"

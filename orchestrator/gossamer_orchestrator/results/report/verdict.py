@@ -12,7 +12,7 @@ import xarray as xr
 from ...pages.page import Kind
 from ..judgements import Judgement, doubts
 from ..roles import find_all
-from ..tables import LEAST_SHOWN
+from ..tables import LEAST_SHOWN, instant
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
 MOST_NAMED = 4  # zones
@@ -123,6 +123,6 @@ def _watch_sentences(watched: dict[str, Any] | None) -> list[str]:
         return [f"The digital twin raised no alarm in {len(watched.get('misfit', []))} windows."]
     sentence = f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s"
     if findings:
-        onset, deviation = findings[0]["onset"], findings[0]["onset_deviation"]
-        sentence += f" and dates the onset of damage to t = {onset:.6f} s ± {1e3 * deviation:.2g} ms"
+        onset = instant(findings[0]["onset"], findings[0]["onset_deviation"])
+        sentence += f" and dates the onset of damage to t = {onset}"
     return [sentence + "."]
