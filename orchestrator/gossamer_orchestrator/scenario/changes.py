@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from ..errors import ScenarioError
@@ -11,6 +12,7 @@ from ..fmi.file import FmuFile
 from ..names import matches, split_endpoint, suggest
 from .schema import Component, Given, Scenario
 from .sizes import resized
+from .source import Location
 
 SEED = "seed"
 
@@ -56,7 +58,7 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
     FmuError
         An FMU cannot be read.
     """
-    components = dict(scenario.components)
+    components, options = dict(scenario.components), dict(scenario.source.options)
     files: dict[Path, FmuFile] = {}
     for name, value in changes.items():
         if name == SEED:
@@ -73,25 +75,39 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
             if path.is_file():  # otherwise the plan says so
                 files[path] = files[path] if path in files else FmuFile(path, validate=False)
                 file = resized(files[path], components[component], validate=False)
-                components[component] = _with_value(components[component], file, variable, value, name)
+                keys = _keys(file, variable, name)
+                components[component] = _with_value(components[component], keys, value)
+                places: list[Location] = [
+                    ("components", component, table, key) for table in keys for key in keys[table]
+                ]
+                options |= dict.fromkeys(places, f"--set {name}")
     other = ", with other values" if scenario.title and set(changes) - {SEED} else ""  # the title may tell the file's
-    return scenario.model_copy(update={"components": components, "title": f"{scenario.title}{other}"})
+    scenario = scenario.model_copy(update={"components": components, "title": f"{scenario.title}{other}"})
+    return scenario.with_source(replace(scenario.source, options=options))
 
 
-def _with_value(component: Component, fmu: FmuFile, variable: str, value: Given, name: str) -> Component:
+def _with_value(component: Component, keys: Mapping[str, list[str]], value: Given) -> Component:
     """Put a value last among the parameters or inputs, where it beats all others."""
-    both = {"parameters": fmu.names("parameter", "structuralParameter"), "inputs": fmu.names("input")}
     update = {}
+    for table, new in keys.items():
+        given = {key: old for key, old in getattr(component, table).items() if key not in new}
+        update[table] = given | dict.fromkeys(new, value)
+    return component.model_copy(update=update)
+
+
+def _keys(fmu: FmuFile, variable: str, name: str) -> dict[str, list[str]]:
+    """List the parameters and inputs that a name or pattern means, by their tables."""
+    both = {"parameters": fmu.names("parameter", "structuralParameter"), "inputs": fmu.names("input")}
+    found = {}
     for table, names in both.items():
         keys = [variable] if set(fmu.elements(variable)) & set(names) else [v for v in names if matches(variable, v)]
         if keys:
-            given = {key: old for key, old in getattr(component, table).items() if key not in keys}
-            update[table] = given | dict.fromkeys(keys, value)
-    if not update:
+            found[table] = keys
+    if not found:
         near = suggest(variable, [*both["parameters"], *both["inputs"]])
         msg = f"--set {name}: FMU {fmu.name!r} has no parameter and no input {variable!r}. {near}"
         raise ScenarioError(msg)
-    return component.model_copy(update=update)
+    return found
 
 
 def _seeded(scenario: Scenario, seed: Given) -> Scenario:

@@ -34,7 +34,7 @@ def load_scenario(path: Path, *, step: float | None = None, stop: float | None =
     path : Path
         A TOML file.
     step, stop : float or None
-        Communication step and last time [s] in place of those of the file.
+        Communication step and last time [s] in place of those of the file; events later than ``stop`` are left out then.
 
     Raises
     ------
@@ -57,7 +57,9 @@ def parse_scenario(
     """Check the text of a scenario; ``name`` stands in messages, paths of FMUs are relative to ``folder``."""
     content = parse_toml(text, name, "scenario")
     given = {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
-    return make_scenario(content | given, source=Source(name, text, tuple(given)), folder=folder)
+    return make_scenario(
+        content | given, source=Source(name, text, {(key,): f"--{key}" for key in given}), folder=folder
+    )
 
 
 def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | None = None) -> Scenario:
@@ -123,6 +125,6 @@ def _check_time(scenario: Scenario, problems: Problems) -> None:
             f"The nearest is {nearest:.12g}.",
         )
     for i, event in enumerate(scenario.events):
-        if not start <= event.time <= stop:
+        if not start <= event.time <= stop and not (event.time > stop and scenario.source.gives("stop")):
             text = f"the event at {event.time:g} s lies outside the run, {start:g} to {stop:g} s. Move it or the run's end."
             problems.add(("events", i, "time"), text)

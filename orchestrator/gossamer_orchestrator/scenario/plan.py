@@ -280,12 +280,18 @@ def _check_events(
                 free[key] = value
         names = [v for v in fmu.names("input") if f"{event.component}.{v}" not in connected]
         values = expand(place, free, fmu, names, "input", problems)
+        if event.time > scenario.stop:
+            continue
         every = scenario.components[event.component].every
         tick = every * math.ceil((event.time - scenario.start) / (every * scenario.step) - 1e-6)
         if tick >= scenario.ticks:
             text = "the event is at the end of the run, so it changes nothing"
             logger.warning("%s: %s", problems.source.where(("events", i, "time")), text)
         events.setdefault(min(tick, scenario.ticks), []).append((event.component, values))
+    if later := ", ".join(f"{event.time:g}" for event in scenario.events if event.time > scenario.stop):
+        logger.warning(
+            "%s: the run ends before the events at %s s, which are left out", problems.source.where(("stop",)), later
+        )
     return dict(sorted(events.items()))
 
 

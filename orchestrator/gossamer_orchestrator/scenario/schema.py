@@ -320,6 +320,12 @@ class Scenario(Table):
         """The file it came from."""
         return self._source
 
+    def with_source(self, source: Source) -> Scenario:
+        """Return the same scenario, said to come from another source."""
+        copy = self.model_copy()
+        copy._source = source
+        return copy
+
     @property
     def folder(self) -> Path:
         """Folder to which paths of FMUs are relative."""

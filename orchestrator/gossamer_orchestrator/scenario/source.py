@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -29,13 +29,13 @@ class Source:
         File name for messages.
     text : str
         The whole file.
-    options : tuple of str
-        Keys whose value was given by an option of the same name instead.
+    options : mapping of tuple to str
+        Options that gave a value in place of the file's, by the location of its key.
     """
 
     name: str
     text: str = field(repr=False)
-    options: tuple[str, ...] = ()
+    options: Mapping[Location, str] = field(default_factory=dict)
 
     @cached_property
     def _lines(self) -> dict[Location, int]:
@@ -60,14 +60,18 @@ class Source:
             statement = "" if complete else statement
         return found
 
+    def gives(self, key: str) -> bool:
+        """Tell whether an option gives the value of a key at the top of the file."""
+        return (key,) in self.options
+
     def where(self, location: Location) -> str:
         """Return ``file:line`` for a key, or for the innermost table around it that is there, or the file's first line.
 
         For a key that an option gives, return the option.
         """
-        if location and location[0] in self.options:
-            return f"--{location[0]}"
-        around = (location[:size] for size in range(len(location), 0, -1))
+        around = [location[:size] for size in range(len(location), 0, -1)]
+        if option := next((self.options[place] for place in around if place in self.options), ""):
+            return option
         line = next((self._lines[place] for place in around if place in self._lines), 1)
         return f"{self.name}:{line}" if self.text else self.name
 

@@ -79,8 +79,8 @@ def test_another_seed_gives_other_noise(fmus):
         ("oen.factor=1", "there is no component 'oen'. Did you mean 'one'?"),
         ("factor=1", "'factor' is no component.variable"),
         ("factor", "'factor' sets nothing. Write NAME=VALUE"),
-        ("one.factor=much", "is of type Real and cannot be 'much'"),
-        ("two.u=1", "input 'two.u' is connected and given a value"),
+        ("one.factor=much", "--set one.factor: parameter 'factor' of FMU 'gain' is of type Real and cannot be 'much'"),
+        ("two.u=1", "--set two.u: input 'two.u' is connected and given a value"),
         ("seed=-1", "the seed is a whole number from 0 on"),
     ],
 )

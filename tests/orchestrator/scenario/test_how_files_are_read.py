@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 
 import pytest
-from gossamer_orchestrator import ScenarioError, load_scenario, parse_scenario, run_scenario
+from gossamer_orchestrator import ScenarioError, load_scenario, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.scenario.shipped import find_scenario
 
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
@@ -67,6 +67,17 @@ def test_a_long_value_is_cut_in_a_message():
     with pytest.raises(ScenarioError) as refused:
         parse_scenario(GAIN.replace("step = 0.1", f'step = "{20_000 * "x"}"'))
     assert len(str(refused.value)) < 400
+
+
+def test_events_after_a_stop_of_the_command_line_are_left_out_with_one_note(fmus, caplog):
+    events = "".join(f'[[events]]\ntime = {t}\ncomponent = "g"\nset = {{ u = {t} }}\n' for t in (0.2, 0.6, 0.8))
+    plan = make_plan(parse_scenario(GAIN + events, stop=0.5), fmus)
+    assert list(plan.events) == [2]
+    assert [record.getMessage() for record in caplog.records] == [
+        "--stop: the run ends before the events at 0.6, 0.8 s, which are left out"
+    ]
+    with pytest.raises(ScenarioError, match=r"the event at 0.6 s lies outside the run, 0 to 0.5 s"):
+        parse_scenario((GAIN + events).replace("1.0", "0.5", 1))
 
 
 def test_a_mistake_in_an_option_is_not_given_a_line_of_the_file():
