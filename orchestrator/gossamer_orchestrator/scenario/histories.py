@@ -93,6 +93,11 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
         raise ScenarioError(msg)
     try:
         times, values, unit = (_read_csv if path.suffix == ".csv" else _read_netcdf)(path, given, kind)
+    except FileNotFoundError:
+        msg = (
+            f"there is no file {path.absolute()}; 'file' is looked for beside the scenario. Correct its name or folder."
+        )
+        raise ScenarioError(msg) from None
     except (OSError, ValueError, IndexError, KeyError, StopIteration) as error:
         reason = "it is empty" if isinstance(error, StopIteration) else str(error).rstrip(".")
         msg = f"column {given.column!r} of {path} cannot be read as {kind}: {reason}. Correct the file."
@@ -113,9 +118,14 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
         raise ScenarioError(msg)
     history: NDArray[np.float64] | list[Value] = values
     if kind in FLOATS:
-        gain, bias = _unit_conversion(given.unit or unit, fmu, name, files)
+        converted = _unit_conversion(given.unit or unit, fmu, name, files)
+        if converted is None:
+            why = f"its unit {given.unit or unit!r} cannot be converted to {fmu.unit(name)!r}, that of {name!r}"
+            msg = f"column {given.column!r} of {path}: {why}. Convert the column, or correct its unit."
+            raise ScenarioError(msg)
+        gain, bias = converted
         history = gain * np.array(values, dtype=np.float64) + bias
-    _check_range(history, times, fmu, name)
+    _check_range(history, times, fmu, name, path)
     return History(times, history, linear, given.periodic)
 
 
@@ -173,27 +183,28 @@ def _read_netcdf(path: Path, given: Input, kind: str) -> tuple[NDArray[np.float6
         return times.values.astype(np.float64), values, column.attrs.get("units")
 
 
-def _unit_conversion(unit: str | None, fmu: FmuFile, name: str, files: Mapping[str, FmuFile]) -> tuple[float, float]:
-    """Return gain and bias from the unit of a file to that of an input."""
+def _unit_conversion(
+    unit: str | None, fmu: FmuFile, name: str, files: Mapping[str, FmuFile]
+) -> tuple[float, float] | None:
+    """Return gain and bias from the unit of a file to that of an input; None if there is no way."""
     own = fmu.unit(name)
     if unit is None or own is None or unit == own:
         return 1.0, 0.0
     defined = {u.name: u.baseUnit for each in files.values() for u in each.description.unitDefinitions}
     converted = conversion(defined.get(unit) or definition_of(unit), fmu.unit_definition(name))
     if converted is None:
-        msg = f"its unit {unit!r} cannot be converted to {own!r}, that of {name!r}. Convert the column, or correct its unit."
-        raise ScenarioError(msg)
+        return None
     gain, bias = converted
     return gain, 0.0 if fmu.is_difference(name) else bias
 
 
-def _check_range(values: Iterable[Any], times: NDArray[np.float64], fmu: FmuFile, name: str) -> None:
+def _check_range(values: Iterable[Any], times: NDArray[np.float64], fmu: FmuFile, name: str, path: Path) -> None:
     low, high = fmu.limits(name)
     for value, time in zip(values, times, strict=True):
         if isinstance(value, int | float) and not low <= value <= high:
             unit = fmu.unit(name) or ""
             msg = (
                 f"at {time:g} s input {name!r} would be {value:g} {unit}".rstrip()
-                + f", and it must lie in {low:g} to {high:g}. Correct the file or its unit."
+                + f", and it must lie in {low:g} to {high:g}. Correct {path} or its unit."
             )
             raise ScenarioError(msg)
