@@ -83,13 +83,21 @@ def read_ranges(texts: Iterable[str]) -> dict[str, list[Given]]:
 def _spread(spec: str) -> list[Given]:
     parts = spec.split(":")
     if len(parts) == 3:
-        count = int(parts[2])
+        try:
+            low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+        except ValueError:
+            msg = f"{spec!r} is not two numbers and how many values, such as 0:0.5:6"
+            raise ValueError(msg) from None
         if not 1 <= count <= MOST_CASES:
             msg = f"{count} values are too few or too many"
             raise ValueError(msg)
-        return [float(f"{value:.12g}") for value in np.linspace(float(parts[0]), float(parts[1]), count)]
+        return [float(f"{value:.12g}") for value in np.linspace(low, high, count)]
     if len(parts) == 2:
-        first, last = int(parts[0]), int(parts[1])
+        try:
+            first, last = int(parts[0]), int(parts[1])
+        except ValueError:
+            msg = f"{spec!r} is not two whole numbers; of other numbers say how many values, such as {spec}:6"
+            raise ValueError(msg) from None
         if not first <= last < first + MOST_CASES:
             msg = "the last number is before the first, or too far away"
             raise ValueError(msg)

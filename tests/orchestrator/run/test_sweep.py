@@ -64,6 +64,12 @@ def test_a_range_that_is_none_is_named(text):
         read_ranges([text])
 
 
+@pytest.mark.parametrize("text", ["a.x=0:0.5", "a.x=0:0.5:b"])
+def test_a_range_without_a_count_is_told_how_to_write_it(text):
+    with pytest.raises(ScenarioError, match=r"say how many values|how many values, such as 0:0.5:6"):
+        read_ranges([text])
+
+
 def test_too_many_cases_are_refused():
     with pytest.raises(ScenarioError, match="the values make 1000000 cases"):
         make_cases({"a": list(range(1000)), "b": list(range(1000))})
