@@ -112,6 +112,9 @@ def load_results(path: Path) -> xr.Dataset:
     if not path.is_file():
         msg = f"there are no results at {path}. Make them with 'gossamer run'."
         raise ResultsError(msg)
+    if path.suffix == ".toml":
+        msg = f"{path} is a scenario. Name the folder of its run, out/{path.stem} by default."
+        raise ResultsError(msg)
     import xarray as xr
 
     try:
@@ -123,7 +126,8 @@ def load_results(path: Path) -> xr.Dataset:
             with xr.open_dataset(path, engine="scipy") as opened:
                 data = opened.load()
     except (OSError, ValueError, TypeError, IndexError, StopIteration) as error:
-        msg = f"cannot read results from {path}: {error}. Run the scenario again."
+        reason = str(error).partition("\n")[0]  # what follows advises to install a library for other files
+        msg = f"cannot read results from {path}: {reason}. Run the scenario again."
         raise ResultsError(msg) from error
     if (data.attrs.get("schema"), int(data.attrs.get("version", 0))) != (SCHEMA, VERSION):
         msg = (

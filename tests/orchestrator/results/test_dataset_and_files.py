@@ -93,6 +93,12 @@ def test_what_is_not_ours_is_refused(tmp_path):
     (tmp_path / "results.csv").write_text("")
     with pytest.raises(ResultsError, match=r"cannot read results from"):
         load_results(tmp_path / "results.csv")
+    (tmp_path / "mine.toml").write_text("step = 0.1\n")
+    with pytest.raises(ResultsError, match=r"mine.toml is a scenario. Name the folder of its run, out/mine by default"):
+        load_results(tmp_path / "mine.toml")
+    (tmp_path / "results.dat").write_text("no results\n")
+    with pytest.raises(ResultsError, match=r"cannot read results from .*results.dat: [^\n]*. Run the scenario again.$"):
+        load_results(tmp_path / "results.dat")
     save_results(xr.Dataset({"a.x": ("time", [1.0])}, coords={"time": [0.0]}), tmp_path)
     with pytest.raises(ResultsError, match=r"holds 'no schema', this program reads 'gossamer.results' version 1. Run"):
         load_results(tmp_path)
