@@ -33,7 +33,7 @@ def new_given(name: str) -> Path:
     from ..scenario.shipped import write_new
 
     path = Path(name) if name.endswith(".toml") else Path(f"{name}.toml")
-    if not path.stem.isidentifier():
-        msg = f"{path.stem!r} is no name of a scenario. Take letters, digits and _."
+    if path.stem.startswith("-") or not path.stem.replace("-", "_").isidentifier():
+        msg = f"{path.stem!r} is no name of a scenario. Begin with a letter, and take letters, digits, _ and -."
         raise ScenarioError(msg)
     return write_new(path)

@@ -60,8 +60,16 @@ def test_a_file_that_is_there_is_kept(written):
     assert written.read_bytes() == before
 
 
+def test_a_name_may_have_a_hyphen(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["new", "scen-1"])
+    assert (result.exit_code, result.stdout) == (0, "scen-1.toml\n"), result.stderr
+    assert load_scenario(tmp_path / "scen-1.toml").title.startswith("scen-1: ")
+
+
 @pytest.mark.parametrize(
-    ("name", "text"), [("no name", "is no name of a scenario"), ("none/mine", "cannot write none")]
+    ("name", "text"),
+    [("no name", "is no name of a scenario"), ("2", "Begin with a letter"), ("none/mine", "cannot write none")],
 )
 def test_a_name_that_cannot_be_one_is_refused(tmp_path, monkeypatch, name, text):
     monkeypatch.chdir(tmp_path)
