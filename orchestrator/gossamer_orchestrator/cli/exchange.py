@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..scenario.shipped import find_scenario
+from ..errors import ScenarioError
+from ..scenario.shipped import find_scenario, shipped_scenarios
 from .command import Result, note, show
 from .common import FMUS, FmuFolder, ScenarioName, keep_inputs, kinds_of
 
@@ -70,6 +72,17 @@ def container_given(scenario: str, *, out: Path | None, fmus: Path, fmi: int) ->
     return _write(partial(build_container, fmi=fmi), scenario, fmus, out, ".fmu")
 
 
+@contextmanager
+def _naming_shipped(path: Path) -> Iterator[None]:
+    """Say where a shipped scenario is, which is not to be changed, if it cannot be written as it is."""
+    try:
+        yield
+    except ScenarioError as error:
+        if path in shipped_scenarios().values():
+            error.add_note(f"{path.name} ships with Gossamer. Copy {path} and change the copy.")
+        raise
+
+
 def _write(
     write: Callable[[Scenario, Path, Path], Path], text: str, fmus: Path, out: Path | None, ending: str
 ) -> tuple[Path, str]:
@@ -78,7 +91,7 @@ def _write(
 
     path = find_scenario(text)
     target = Path("out") / f"{path.stem}{ending}" if out is None else out
-    with open_scenario(path) as opened:
+    with open_scenario(path) as opened, _naming_shipped(path):
         packed = [opened.fmu_path(component, fmus) for component in opened.components]
         keep_inputs([path, *packed], [target])
         return write(opened, fmus, target), kinds_of(packed)

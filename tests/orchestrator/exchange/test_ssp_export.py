@@ -7,6 +7,7 @@ import zipfile
 import pytest
 from gossamer_orchestrator import ScenarioError, export_ssp, make_plan, open_ssp, parse_scenario, run_scenario
 from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.scenario.shipped import shipped_scenarios
 from state_spaces import state_spaces
 from typer.testing import CliRunner
 
@@ -189,3 +190,11 @@ def test_an_ssp_is_not_run_over_the_results_of_the_scenario_that_it_was_made_of(
         result = CliRunner().invoke(app, ["run", name, "--fmus", str(fmus), "--no-pictures"])
         assert result.exit_code == 0, result.stderr
     assert sorted(path.parent.name for path in (tmp_path / "out").glob("*/results.nc")) == ["chain", "chain_ssp"]
+
+
+def test_a_shipped_scenario_that_ssp_cannot_hold_is_to_be_copied(built):
+    folder = str(built("python")["sensor"].parent)
+    refused = CliRunner().invoke(app, ["export-ssp", "damage_begins", "--fmus", folder])
+    assert refused.exit_code == 1
+    assert ": SSP has no events." in refused.stderr
+    assert f"Copy {shipped_scenarios()['damage_begins']} and change the copy." in refused.stderr
