@@ -161,8 +161,10 @@ def _nan(subject: Subject) -> Outcome:
             how = "is set"
             if worst <= WARNING:
                 worst, how = one.attempt(one.step, 0), "is stepped"
-            text = f"{value} {_WORDS.get(worst, 'fatal')} when it {how}"
-            if worst <= WARNING:
+            text = f"{value} {'refused' if one.ended else _WORDS.get(worst, 'fatal')} when it {how}"
+            if one.ended:
+                text += ", which ends the simulation"
+            elif worst <= WARNING:
                 text += f", outputs {'not finite' if one.not_finite() else 'finite'}"
             found.append(text)
             if worst == FATAL:

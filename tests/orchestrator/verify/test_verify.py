@@ -53,7 +53,10 @@ def test_our_sensor_has_no_failure(tmp_path):
 def test_our_native_sensor_passes_every_check(tmp_path, fmi):
     pytest.importorskip("ziglang")
     fmu = build_all(tmp_path, ["sensor"], native=True, fmi=fmi)["sensor"]
-    assert [f for f in verify(fmu) if f.verdict != PASSED] == []
+    findings = verify(fmu)
+    assert [f for f in findings if f.verdict != PASSED] == []
+    assert "accepted" not in by_name(findings)["not a number"].why
+    assert "is nan; it must be a finite number" in by_name(findings)["log messages"].why
 
 
 # --- files ---
