@@ -101,6 +101,17 @@ def test_a_mistake_is_named_with_its_line(folder, name):
         load(folder, RIGHT.replace(old, new, 1))
 
 
+def test_numbers_in_a_wrong_unit_are_warned_of_with_their_line(folder, caplog):
+    load(folder, RIGHT)
+    assert caplog.messages == []
+    load(folder, RIGHT.replace("1e7", "3.0").replace("1100.0", "0.5").replace("1e-3", "0.2"))
+    assert caplog.messages == [
+        "s.toml:4: 'youngs_modulus' is 3 Pa; that of a membrane is 1000 to 1e+13 Pa. Is it in another unit?",
+        "s.toml:6: 'density' is 0.5 kg/m3; that of a membrane is 1 to 30000 kg/m3. Is it in another unit?",
+        "s.toml:7: 'thickness' is 0.2 m; that of a membrane is 1e-08 to 0.1 m. Is it in another unit?",
+    ]
+
+
 def test_all_mistakes_on_the_mesh_are_named_at_once(folder):
     text = RIGHT.replace('"film"', '"fim"').replace('"rim"', '"rum"')
     with pytest.raises(ScenarioError) as refused:
