@@ -226,7 +226,7 @@ class _Stderr(logging.Handler):
 
     def __init__(self, verbose: bool) -> None:
         super().__init__(logging.INFO if verbose else logging.ERROR if _OUTPUT.quiet else logging.WARNING)
-        self.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+        self.setFormatter(logging.Formatter(f"%(levelname)s{' %(name)s' if verbose else ''}: %(message)s"))
         self.addFilter(lambda record: record.name != _log_of_errors.name)
 
     def emit(self, record: logging.LogRecord) -> None:

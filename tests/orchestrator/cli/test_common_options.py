@@ -89,6 +89,23 @@ def test_verbose_says_what_is_done_and_leaves_the_loggers_as_they_were(run):
     assert (logging.getLogger("gossamer_orchestrator").level, list(logging.getLogger().handlers)) == before
 
 
+def test_a_warning_has_the_name_of_its_logger_only_where_all_messages_are_wanted():
+    own = typer.Typer(cls=Group)
+
+    @own.command(cls=Command)
+    def warns() -> Result:
+        logging.getLogger("gossamer_orchestrator.results").warning("no pictures")
+        return Result({})
+
+    @own.command(cls=Command)
+    def other() -> Result:
+        return Result({})
+
+    invoke = CliRunner().invoke
+    assert invoke(own, ["warns"]).stderr == "WARNING: no pictures\n"
+    assert "WARNING gossamer_orchestrator.results: no pictures\n" in invoke(own, ["warns", "-v"]).stderr
+
+
 @pytest.mark.parametrize(("valid", "code"), [((1.0, 1.0), 0), ((0.0, 1.0), 0), ((1.0, 0.0), INVALID)])
 def test_an_invalid_last_judgement_has_an_exit_code_of_its_own(call, fmus, tmp_path, monkeypatch, valid, code):
     """A detector that ends two windows, at 0.5 s and 1 s; the code is that of the last one."""
