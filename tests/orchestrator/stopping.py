@@ -1,7 +1,8 @@
-"""Observers that end a run at a step, as a signal does, and that keep what its FMUs are at its end."""
+"""Observers that end a run at a step, as a signal does, let it wait there, and keep what its FMUs are at its end."""
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 from gossamer_orchestrator import Simulation
@@ -21,6 +22,26 @@ class StopAt:
         """Do what a signal does."""
         if simulation.tick == self._tick:
             simulation.position[STOP] = 1
+
+    def end(self, simulation: Simulation) -> None:
+        """Do nothing."""
+
+
+class WaitAt:
+    """Let the run wait at a step, and say for what."""
+
+    def __init__(self, tick: int, text: str) -> None:
+        self._tick, self._text = tick, text
+
+    def begin(self, simulation: Simulation) -> None:
+        """Do nothing."""
+
+    def sample(self, simulation: Simulation) -> None:
+        """Wait for some draws of a progress bar."""
+        if simulation.tick == self._tick:
+            simulation.say(self._text)
+            time.sleep(0.5)
+            simulation.say("")
 
     def end(self, simulation: Simulation) -> None:
         """Do nothing."""

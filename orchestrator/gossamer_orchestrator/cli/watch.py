@@ -166,10 +166,15 @@ class LiveWatch:
             found = find_in_results(data, None, None, [])
             samples = _samples(self._window, found)
             if self._watching is None:
+                simulation.say("compiling the twin (once)")
                 self._watching = _begin(found, None, 4, 4, FALSE_ALARMS)
+                simulation.say("")
             if found.record.samples < samples:
                 return
+            if report.alarmed:
+                simulation.say("fitting onset and damage")
             report.take(self._watching.advance(found.record.values[:, :samples]))
+            simulation.say("")
             rest = time > time[0] + (samples - 0.5) * found.record.step
             self._forgotten = float(time[rest][0])
             self._recorder.clear(keep=int(rest.sum()))
@@ -196,6 +201,7 @@ class WatchReport:
 
     def __init__(self, console: Console) -> None:
         self._console = console
+        self.alarmed = False  # by the last window
         self.alarms: list[float] = []
         self.findings: list[Finding] = []
         self.misfits: list[float] = []
@@ -207,6 +213,7 @@ class WatchReport:
         self.misfits.append(judged.misfit)
         self.times.append(judged.time)
         self.scores.append(judged.statistic)
+        self.alarmed = judged.alarm
         if judged.alarm:
             self.alarms.append(judged.time)
             text = f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.3g} times its mean"

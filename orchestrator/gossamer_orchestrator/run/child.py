@@ -139,6 +139,7 @@ def _run(task: Task, report: Report) -> None:
 
         stream = Stream(plan, task.out, task.scratch / WAITING, announce, card)
         with Simulation(plan, position, strict=task.strict, threads=task.threads) as simulation:
+            simulation.say = lambda text: report(aside=text)
             if card is not None:
                 checkpoint.restore(simulation, card, arrays)
             try:

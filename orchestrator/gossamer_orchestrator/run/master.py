@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
@@ -89,6 +89,8 @@ class Simulation:
         Which FMU ended the simulation by itself, and when; empty if none did.
     ended_by : list of Instance
         FMUs that have done so.
+    say : callable
+        Observers say what the run waits for, where they take long, and an empty text when it goes on.
     """
 
     def __init__(self, plan: Plan, position: Position | None = None, *, strict: bool = False, threads: int = 1) -> None:
@@ -104,6 +106,7 @@ class Simulation:
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         self.ended = ""
         self.ended_by: list[Instance] = []
+        self.say: Callable[[str], None] = lambda _: None
         self._instances: list[Instance] = []
         self.store = Store(plan)
         self.places, self.values = self.store.places, self.store.values

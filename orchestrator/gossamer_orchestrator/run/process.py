@@ -64,6 +64,7 @@ class Process:
         self._names: list[str] = []
         self._start = self._step = 0.0
         self._ticks = 0
+        self._aside = ""  # what the run waits for beside its FMUs
         self._reports: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._scratch = task.scratch
         self._process = subprocess.Popen(
@@ -121,7 +122,7 @@ class Process:
             self._take(_POLL)
             now, position = time.monotonic(), self.position
             if progress is not None and self.shared is not None:
-                progress.show(position[TICK], self._ticks, self._seconds())
+                progress.show(position[TICK], self._ticks, self._seconds(), self._aside)
             present = [position[i] for i in (TICK, PART, COMPONENT, CALL, RETURNED)]
             if present != last or position[COMPONENT] < 0:
                 last, since = present, now
@@ -179,6 +180,7 @@ class Process:
         elif bug := report.get("bug"):
             self.error = self.error or RuntimeError(bug)
         self.ended = report.get("ended", self.ended)
+        self._aside = report.get("aside", self._aside)
         self._closed |= "closed" in report
         if "interrupted" in report:
             self.error = KeyboardInterrupt()

@@ -35,9 +35,10 @@ class ProgressBar:
             console=self._console,
             disable=not (self._console.is_terminal or self._console.is_jupyter),
         )
-        self._task = self._progress.add_task(label, total=None, text="", first=0.0)
+        self._task = self._progress.add_task(label, total=None, text="", first=0.0, aside=0.0)
         self._begun = False
         self._first: float | None = None  # time of a run when its bar began [s]
+        self._last, self._aside = 0.0, ""  # when ``show`` was called last [s], and what it was given
         self._ended = threading.Event()
         self._lines: threading.Thread | None = None
 
@@ -65,8 +66,8 @@ class ProgressBar:
         text = task.fields["text"] if text is None else text
         self._progress.update(self._task, completed=done, total=total, text=text)
 
-    def show(self, tick: int, ticks: int, seconds: float) -> None:
-        """Say how far a run is.
+    def show(self, tick: int, ticks: int, seconds: float, aside: str = "") -> None:
+        """Say how far a run is; to be called every now and then.
 
         Parameters
         ----------
@@ -74,12 +75,19 @@ class ProgressBar:
             Communication steps done, and of the whole run.
         seconds : float
             Present time [s].
+        aside : str
+            What the run waits for, which is no part of its speed.
         """
         self._begin()
         if self._first is None:
             self._first = seconds
-        rate = (seconds - self._first) / max(self._progress.tasks[0].elapsed or 0.0, 1e-9)
-        self.update(tick, ticks, f"t = {seconds:.4f} s, {rate:.3g} simulated s per s,")
+        task = self._progress.tasks[0]
+        now = task.elapsed or 0.0
+        if self._aside:
+            task.fields["aside"] += now - self._last
+        self._last, self._aside = now, aside
+        rate = (seconds - self._first) / max(now - task.fields["aside"], 1e-9)
+        self.update(tick, ticks, f"t = {seconds:.4f} s, {aside or f'{rate:.3g} simulated s per s'},")
 
     def stop(self) -> None:
         """Leave the bar as it is now."""
@@ -119,11 +127,12 @@ class _Remaining(ProgressColumn):
 
 
 def _remaining(task: Task) -> str:
-    """Say how long the task still takes at the mean speed so far: what ends in lumps has no present speed."""
+    """Say how long the task still takes at the mean speed so far, without waits: what ends in lumps has no present speed."""
     done = task.completed - task.fields["first"]
     if task.total is None or done <= 0.0 or task.elapsed is None:
         return ""
-    return f"{_clock(task.elapsed * (task.total - task.completed) / done)} remaining"
+    spent = task.elapsed - task.fields["aside"]
+    return f"{_clock(spent * (task.total - task.completed) / done)} remaining"
 
 
 def _clock(seconds: float | None) -> str:

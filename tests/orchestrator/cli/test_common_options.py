@@ -193,6 +193,23 @@ def test_what_remains_is_at_the_mean_speed_and_without_what_was_done_before(monk
     assert file.getvalue().splitlines()[-1] == "sweep: 50 %, 0:01:40 elapsed, 0:03:20 remaining"
 
 
+def test_what_a_run_waits_for_is_named_and_no_part_of_its_speed():
+    """10 s for a tenth of the run, then 300 s of waiting: what remains takes 90 s."""
+    file, clock = io.StringIO(), [0.0]
+    with ProgressBar("run", Console(file=file, force_terminal=True, color_system=None, width=120)) as bar:
+        task = bar._progress.tasks[0]
+        task.start_time, task._get_time = 0.0, lambda: clock[0]
+        bar.show(0, 100, 0.0)
+        for seconds in (10.0, 100.0, 310.0):
+            clock[0] = seconds
+            bar.show(10, 100, 0.1, "compiling the twin (once)")
+        bar._progress.refresh()
+        waiting = file.getvalue()
+        bar.show(10, 100, 0.1)
+    assert "t = 0.1000 s, compiling the twin (once), 0:05:10 elapsed, 0:01:30 remaining" in waiting
+    assert "t = 0.1000 s, 0.01 simulated s per s, 0:05:10 elapsed, 0:01:30 remaining" in file.getvalue()
+
+
 def test_a_bar_on_a_terminal_shows_the_elapsed_time():
     file = io.StringIO()
     with ProgressBar("training", Console(file=file, force_terminal=True, width=120)) as bar:

@@ -81,19 +81,22 @@ def test_the_observer_hands_every_sample_to_the_twin_once(built, monkeypatch, tm
     variables = ["membrane.*", "sensor?.resistance", "detector.*"]
     scenario = scenario.model_copy(update={"record": Recording(variables=variables, every=every)})
     plan = make_plan(scenario, built("native")["sensor"].parent)
-    taken = []
+    taken, said = [], []
 
     class Twin:
         def advance(self, values):
             taken.append(values)
-            return SimpleNamespace(time=0.0, misfit=1.0, statistic=0.0, alarm=False, finding=None)
+            return SimpleNamespace(time=0.0, misfit=1.0, statistic=0.0, alarm=len(taken) == 2, finding=None)
 
     monkeypatch.setattr(sys.modules[LiveWatch.__module__], "_begin", lambda *_: Twin())
     recorder = Recorder(plan)
     with Simulation(plan) as simulation:
+        simulation.say = said.append
         simulation.run([recorder, LiveWatch(tmp_path / "watch.json")])
     data = make_dataset(plan, recorder.time, recorder.table, master=scenario.master)
     whole = find_in_results(data, None, None, []).record.values
     seen = np.hstack(taken)
     assert len(taken) == 3
+    assert [text for text in said if text] == ["compiling the twin (once)", "fitting onset and damage"]
+    assert said[-1] == ""
     assert np.array_equal(seen, whole[:, : seen.shape[1]])

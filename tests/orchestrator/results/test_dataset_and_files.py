@@ -13,6 +13,7 @@ from gossamer_orchestrator.results.columns import Column
 from gossamer_orchestrator.results.dataset import arrange
 from gossamer_orchestrator.results.files import save_results
 from rich.console import Console
+from stopping import WaitAt
 
 
 def test_netcdf_and_csv_give_back_what_was_recorded(chain, fmus, tmp_path):
@@ -116,3 +117,11 @@ def test_the_progress_bar_draws_on_a_terminal_and_is_quiet_elsewhere(chain, fmus
         run_scenario(chain(), fmus, progress=ProgressBar("chain", console))
         text = console.file.getvalue()
         assert ("100%" in text and "t = 1.0000 s" in text) if terminal else text == ""
+
+
+def test_the_progress_bar_says_what_an_observer_waits_for(chain, fmus):
+    console = Console(file=io.StringIO(), force_terminal=True, color_system=None, width=120)
+    run_scenario(chain(), fmus, progress=ProgressBar("chain", console), observers=[WaitAt(5, "waiting for a friend")])
+    shown, _, after = console.file.getvalue().rpartition("waiting for a friend,")
+    assert "t = 0.4000 s, " in shown  # where the step under way began
+    assert "simulated s per s" in after
