@@ -202,14 +202,17 @@ def _numbers(text: str | None) -> tuple[float, ...] | None:
 
 
 def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> dict[str, Path]:  # noqa: ANN401
-    """Build FMUs into a folder, those of the chain if none is named; a build is reproducible, so it may be repeated."""
+    """Build FMUs into a folder, those of the chain if none is named, and say what is replaced by something else.
+
+    A build is reproducible, so it may be repeated.
+    """
     from gossamer_fmus import CHAIN, NAMES, build_all
 
     for name in names or ():
         if name not in NAMES:
             msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
             raise FmuError(msg)
-    console = stderr()
+    console, before = stderr(), {name: _description(folder / f"{name}.fmu") for name in names or CHAIN}
     with model_errors(), console.status("building FMUs") as status:
 
         def progress(text: str) -> None:
@@ -218,4 +221,20 @@ def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> 
             else:
                 note(f"compiling {text}")
 
-        return build_all(folder, names or CHAIN, progress=progress, **options)
+        paths = build_all(folder, names or CHAIN, progress=progress, **options)
+    for name, path in paths.items():
+        if before[name] and before[name] != (now := _description(path)):
+            note(
+                f"{path} is now '{now}' in place of '{before[name]}', which other scenarios may need. --out keeps both."
+            )
+    return paths
+
+
+def _description(path: Path) -> str:
+    """Return what an FMU says that it is; nothing if there is none that can be read."""
+    from ..fmi.file import FmuFile
+
+    try:
+        return (FmuFile(path, validate=False).description.description or "") if path.is_file() else ""
+    except FmuError:
+        return ""
