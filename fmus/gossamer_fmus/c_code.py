@@ -106,12 +106,12 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
         f"#define CODEGEN_PREFIX {model.name}_",
         *(f"#define {name} {value}" for name, value in sizes.items()),
         "",
-        "/* name, unit, start, minimum, maximum */",
+        "/* name, unit, start, minimum, maximum, advice */",
         "static const Variable VARIABLES[N_VARIABLES] = {",
         *(
             f" {{{_c_text(v.name)}, {_c_text(v.unit)}, {v.start or 0.0!r}, "
             f"{'-DBL_MAX' if v.minimum is None else repr(float(v.minimum))}, "
-            f"{'DBL_MAX' if v.maximum is None else repr(float(v.maximum))}}},"
+            f"{'DBL_MAX' if v.maximum is None else repr(float(v.maximum))}, {_c_text(v.advice)}}},"
             for v in model.variables
         ),
         "};",

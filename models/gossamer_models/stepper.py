@@ -299,7 +299,8 @@ class Stepper:
             low, high = _range(variable)
             self.warn(
                 f"{variable.name!r} of model {self.model.name!r} is {self._y_next[i]:g}{_unit(variable)}; "
-                f"the model is valid from {low:g} to {high:g}. The run goes on; this is logged once."
+                f"the model is valid from {low:g} to {high:g}.{variable.advice and ' '}{variable.advice} "
+                "The run goes on; this is logged once."
             )
 
     def _require_finite(self, what: str) -> None:

@@ -49,6 +49,8 @@ class Variable:
         Order of magnitude.
     discrete : bool
         True if the value changes at isolated times only.
+    advice : str
+        What to do where a result leaves its range, for that warning.
     """
 
     causality: Causality
@@ -60,6 +62,7 @@ class Variable:
     maximum: float | None = None
     nominal: float | None = None
     discrete: bool = False
+    advice: str = ""
 
     def __post_init__(self) -> None:
         if self.causality not in CAUSALITIES:

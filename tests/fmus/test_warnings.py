@@ -1,7 +1,11 @@
 """A model that leaves the range in which it is valid says so once, and goes on: FMUs in Python and in C."""
 
+import casadi as ca
 import pytest
-from fmi_instances import Fmi3
+from fmi_instances import Fmi2, Fmi3
+from gossamer_fmus import build_fmu
+from gossamer_models import StepModel
+from gossamer_models.variables import input_, output
 
 OVERSTRETCHED = {"edge_displacement": 0.2, "pressure_amplitude": 0.0}  # strain 0.4/0.588 in the plane
 STRAIN = (
@@ -56,3 +60,24 @@ def test_fmi_3_warns_if_the_host_wants_it(built, unzipped_once, models, logging)
     fmu.step(3e-4)
     fmu.slave.freeInstance()
     assert [text.decode() if isinstance(text, bytes) else text for text in fmu.messages] == [STRAIN] * logging
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_a_result_says_what_to_do_where_it_leaves_its_range(tmp_path, unzipped_once, native):
+    model = StepModel.written(
+        name="ramp",
+        description="Ramp",
+        variables=(input_("u", "1", "Rate", 3.0), output("x", "1", "State", maximum=2.0, advice="Slow down.")),
+        init=lambda _u, _p: (ca.MX(0.0), {"x": 0.0}),
+        step=lambda x, u, _p, h: (x + u.u * h, {"x": x + u.u * h}),
+    )
+    (tmp_path / "README.md").write_text("# Ramp\n")
+    path = build_fmu(model, tmp_path, tmp_path / "README.md", native=native)
+    fmu = Fmi2(model, path, unzipped_once(path))
+    fmu.start()
+    fmu.leave()
+    fmu.step(1.0)
+    fmu.slave.freeInstance()
+    assert [text.decode() if isinstance(text, bytes) else text for text in fmu.messages] == [
+        "'x' of model 'ramp' is 3; the model is valid from -inf to 2. Slow down. The run goes on; this is logged once."
+    ]

@@ -297,7 +297,11 @@ def test_a_result_that_leaves_its_range_warns_once_and_after_a_reset_again(caplo
     def step(x, u, p, h):
         return x + u.u * h, {"x": x + u.u * h, "y": -x}
 
-    table = (input_("u", "m/s", "Rate", 1.0), output("x", "m", "State", maximum=2.0), local("y", "1", "Other"))
+    table = (
+        input_("u", "m/s", "Rate", 1.0),
+        output("x", "m", "State", maximum=2.0, advice="Slow down."),
+        local("y", "1", "Other"),
+    )
 
     def init(u, p):
         return ca.MX(0.0), {"x": 0.0, "y": 0.0}
@@ -308,7 +312,7 @@ def test_a_result_that_leaves_its_range_warns_once_and_after_a_reset_again(caplo
         stepper.initialize()
         for _ in range(4):
             stepper.step(1.0)
-    text = "'x' of model 'ramp' is 3 m; the model is valid from -inf to 2. The run goes on; this is logged once."
+    text = "'x' of model 'ramp' is 3 m; the model is valid from -inf to 2. Slow down. The run goes on; this is logged once."
     assert [record.getMessage() for record in caplog.records] == [text, text]
 
 

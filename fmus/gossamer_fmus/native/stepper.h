@@ -32,6 +32,7 @@
 typedef struct {
   const char *name, *unit;
   double start, minimum, maximum; /* no limit: the largest finite number, so that infinities are out of range */
+  const char *advice;             /* where a result leaves its range */
 } Variable;
 
 typedef struct {
@@ -143,9 +144,10 @@ static bool is_within(const Stepper *s, int index) {
 static bool out_of_range(Stepper *s, const char *kind, int index, const char *demand, const char *advice) {
   const Variable *v = &VARIABLES[index];
   bool has_unit = strcmp(v->unit, "1") != 0;
-  return refuse(s, "%s'%s' of model '%s' is %g%s%s; %s from %g to %g. %s", kind, v->name, MODEL_NAME,
+  return refuse(s, "%s'%s' of model '%s' is %g%s%s; %s from %g to %g. %s%s%s", kind, v->name, MODEL_NAME,
                 s->state.values[index], has_unit ? " " : "", has_unit ? v->unit : "", demand,
-                v->minimum == -DBL_MAX ? -HUGE_VAL : v->minimum, v->maximum == DBL_MAX ? HUGE_VAL : v->maximum, advice);
+                v->minimum == -DBL_MAX ? -HUGE_VAL : v->minimum, v->maximum == DBL_MAX ? HUGE_VAL : v->maximum,
+                v->advice, *v->advice ? " " : "", advice);
 }
 
 /* A value that is not finite or out of range is refused by the step that would use it, so it may still be corrected. */

@@ -112,6 +112,7 @@ def _results(structure: Structure) -> list[Variable]:
             minimum=0.0,
             maximum=largest,
             nominal=0.1,
+            advice='Write law = "relaxed" in its setup, so that it wrinkles.',
         ),
         local("max_step", "s", "Largest internal step; longer communication steps are divided"),
     ]
