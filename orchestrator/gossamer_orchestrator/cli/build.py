@@ -212,7 +212,8 @@ def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> 
         if name not in NAMES:
             msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
             raise FmuError(msg)
-    console, before = stderr(), {name: _description(folder / f"{name}.fmu") for name in names or CHAIN}
+    before = {name: _description(folder / f"{name}.fmu") for name in names or CHAIN}
+    console = stderr()
     with model_errors(), console.status("building FMUs") as status:
 
         def progress(text: str) -> None:
@@ -232,9 +233,11 @@ def build_fmus(folder: Path, names: list[str] | None = None, **options: Any) -> 
 
 def _description(path: Path) -> str:
     """Return what an FMU says that it is; nothing if there is none that can be read."""
+    if not path.is_file():
+        return ""
     from ..fmi.file import FmuFile
 
     try:
-        return (FmuFile(path, validate=False).description.description or "") if path.is_file() else ""
+        return FmuFile(path, validate=False).description.description or ""
     except FmuError:
         return ""

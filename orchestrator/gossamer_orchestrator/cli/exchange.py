@@ -74,12 +74,12 @@ def container_given(scenario: str, *, out: Path | None, fmus: Path, fmi: int) ->
 
 @contextmanager
 def _naming_shipped(path: Path) -> Iterator[None]:
-    """Say where a shipped scenario is, which is not to be changed, if it cannot be written as it is."""
+    """Say where a shipped scenario is, which is not to be changed, below what is wrong with it."""
     try:
         yield
     except ScenarioError as error:
         if path in shipped_scenarios().values():
-            error.add_note(f"{path.name} ships with Gossamer. Copy {path} and change the copy.")
+            error.add_note(f"{path.name} ships with Gossamer as {path}. If it must change, change a copy.")
         raise
 
 

@@ -197,4 +197,4 @@ def test_a_shipped_scenario_that_ssp_cannot_hold_is_to_be_copied(built):
     refused = CliRunner().invoke(app, ["export-ssp", "damage_begins", "--fmus", folder])
     assert refused.exit_code == 1
     assert ": SSP has no events." in refused.stderr
-    assert f"Copy {shipped_scenarios()['damage_begins']} and change the copy." in refused.stderr
+    assert f"ships with Gossamer as {shipped_scenarios()['damage_begins']}." in refused.stderr
