@@ -191,6 +191,8 @@ class WatchReport:
 
     Attributes
     ----------
+    alarmed : bool
+        Whether the last window raised an alarm.
     alarms : list of float
         Ends of the windows that raised an alarm [s].
     findings : list of gossamer_models.twin.Finding
@@ -201,7 +203,7 @@ class WatchReport:
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self.alarmed = False  # by the last window
+        self.alarmed = False
         self.alarms: list[float] = []
         self.findings: list[Finding] = []
         self.misfits: list[float] = []
