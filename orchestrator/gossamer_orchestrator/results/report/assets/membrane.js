@@ -78,13 +78,13 @@ function addMembrane() {
   const outlines = (values, least) => squares && values ? Array.from(values.keys()).filter((z) => values[z] >= least).map(outline) : [];
   const points = (instant) => ({
     x: mesh.sensors.map(([x]) => side * x), y: mesh.sensors.map(([, y]) => side * y),
-    z: mesh.sensors.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.16 * top),
+    z: mesh.sensors.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.22 * top),
     hovertext: mesh.sensors.map((_, k) => sensorText(k + 1, instant)),
   });
   const zoneTexts = (instant) => {
     const centres = Array.from({ length: zoneCount }, (_, z) => [(z % zones + 0.5) / zones, (Math.floor(z / zones) + 0.13) / zones]);
     return { x: centres.map(([x]) => side * x), y: centres.map(([, y]) => side * y),
-             z: centres.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.04 * top) };
+             z: centres.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.16 * top) };
   };
   const intensity = (instant) => {
     if (select.value === "deflection") return Array.from(surface(instant), (value) => scale * value);
@@ -116,9 +116,10 @@ function addMembrane() {
       data[2].showlegend = Boolean(damage && damage.windows);
       data[3].showlegend = Boolean(damage && damage.true);
       const place = { gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)", nticks: 4 };
-      const far = isNarrow() ? 1.35 : 1;
+      const power = 10 ** Math.floor(Math.log10(top)), highest = power * Math.floor(top / power); // a tick apart from those of y
+      const far = isNarrow() ? 1.5 : 1;
       const scene = { xaxis: { ...place, title: { text: `x [${mesh.unit}]` } }, yaxis: { ...place, title: { text: `y [${mesh.unit}]` } },
-        zaxis: { ...place, title: { text: mesh.flat ? "" : "w [mm]" }, nticks: 3, range: [-1.1 * top, 1.1 * top], visible: !mesh.flat },
+        zaxis: { ...place, title: { text: mesh.flat ? "" : "w [mm]" }, tickvals: [0, highest], range: [-1.1 * top, 1.1 * top], visible: !mesh.flat },
         aspectmode: "manual", aspectratio: { x: 1.25, y: 1.25, z: 0.45 }, camera: { eye: { x: -0.75 * far, y: -1.5 * far, z: 1.05 * far }, center: { x: 0, y: 0, z: -0.12 } } };
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
