@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 from ..names import split_endpoint, split_indices
 from ..scenario.plan import ComponentPlan, Plan
+from ..scenario.schema import Connection
 
 SCHEMA, VERSION = "gossamer.results", 1
 UNFINISHED = "unfinished"
@@ -142,7 +143,7 @@ def attributes(plan: Plan) -> dict[str, Any]:
         "fmus": json.dumps(
             {name: _provenance(plan.component(name)) for name in scenario.components}, default=bytes.hex
         ),
-        "connections": json.dumps([(c.origin, c.target) for c in plan.connections]),
+        "connections": json.dumps([_connection(c) for c in plan.connections]),
         "versions": json.dumps({name: _version(name) for name in ("gossamer", "FMPy", "numpy")}),
     }
 
@@ -158,6 +159,12 @@ def _provenance(component: ComponentPlan) -> dict[str, Any]:
         "start": start,
         "parameters": {v: float(value) for v, value in values.items() if value is not None},
     }
+
+
+def _connection(connection: Connection) -> tuple[Any, ...]:
+    """Describe a connection: its ends, and what it does to its signal unless that arrives as it is."""
+    change = connection.model_dump(exclude={"origin", "target"}, exclude_defaults=True)
+    return (connection.origin, connection.target, *([change] if change else []))
 
 
 def _common(descriptions: Sequence[str]) -> str:

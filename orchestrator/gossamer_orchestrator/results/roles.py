@@ -47,7 +47,7 @@ def need(data: xr.Dataset, *names: str) -> list[xr.DataArray]:
 
 def sensors(data: xr.Dataset) -> dict[int, str]:
     """Return the sensors by the number of the membrane's strain that they read; without connections, in order."""
-    origins, membrane = _origins(data), find(data, "membrane")
+    origins, membrane = origins_of(data), find(data, "membrane")
     found = {}
     for name in find_all(data, "sensor"):
         base, indices = split_indices(origins.get(f"{name}.strain", ""))
@@ -58,12 +58,12 @@ def sensors(data: xr.Dataset) -> dict[int, str]:
 
 def compensators(data: xr.Dataset) -> dict[int, str]:
     """Return the compensators by the numbers of their sensors; without connections, in order."""
-    origins, numbers = _origins(data), {f"{name}.resistance": number for number, name in sensors(data).items()}
+    origins, numbers = origins_of(data), {f"{name}.resistance": number for number, name in sensors(data).items()}
     ends = {origins.get(f"{name}.resistance", ""): name for name in find_all(data, "compensator")}
     found = {number: ends[end] for end, number in numbers.items() if end in ends}
     return found or dict(enumerate(find_all(data, "compensator"), start=1))
 
 
-def _origins(data: xr.Dataset) -> dict[str, str]:
+def origins_of(data: xr.Dataset) -> dict[str, str]:
     """Return the origin of every connected input."""
-    return {target: origin for origin, target in json.loads(data.attrs.get("connections", "[]"))}
+    return {target: origin for origin, target, *_ in json.loads(data.attrs.get("connections", "[]"))}

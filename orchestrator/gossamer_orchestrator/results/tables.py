@@ -8,6 +8,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from ..words import duration
 from .judgements import Judgement
 
 LEAST_SHOWN = 0.0005  # damage that is shown as 0.1 %; among zones with less, none is the most damaged
@@ -16,7 +17,7 @@ LEAST_SHOWN = 0.0005  # damage that is shown as 0.1 %; among zones with less, no
 def instant(seconds: float, deviation: float) -> str:
     """Write a time and its standard deviation [s] with the digits that the deviation leaves: 0.767098 s ± 0.0035 ms."""
     digits = 6 if not 0.0 < deviation < math.inf else min(max(-math.floor(math.log10(deviation)), 0), 9)
-    return f"{seconds:.{digits}f} s ± {1e3 * deviation:.2g} ms"
+    return f"{seconds:.{digits}f} s ± {duration(deviation)}"
 
 
 def zone_table(judgement: Judgement) -> Table:

@@ -144,7 +144,7 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
         for name, component in scenario.components.items()
     }
     events = _check_events(scenario, files, connected, problems)
-    columns = _check_recording(scenario, files, connected, problems)
+    columns = _check_recording(scenario, files, {c.target for c in connections}, problems)
     check_groups(scenario, files, connections, problems)
     check_steps(scenario, files, problems)
     start_order, order = order_components(scenario, files, connections, fed, problems)

@@ -46,7 +46,7 @@ def test_a_compensator_that_is_late_is_compared_with_the_strain_of_that_time(dat
     data["compensator1.strain"] = ("time", np.r_[now[:2], now[:-2]])
     ax = plots.plot_strain(data, 1, ax=Figure().add_subplot())
     assert "RMS error < 1e-9 % of range" in ax.get_title()
-    assert "2e+03 ms earlier" in ax.get_legend().get_texts()[1].get_text()
+    assert "drawn 2 s earlier" in ax.get_legend().get_texts()[1].get_text()
     assert len(ax.lines[0].get_xdata()) == 8
 
 

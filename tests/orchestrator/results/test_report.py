@@ -14,6 +14,7 @@ from gossamer_orchestrator.pages.thin import Pixels
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.results.report import write_report
+from gossamer_orchestrator.words import duration
 from hypothesis import given
 from hypothesis import strategies as st
 from long_run import long_run
@@ -115,6 +116,29 @@ def test_compensated_strain_is_compared_with_the_true_strain_of_its_time(certain
     assert np.isnan(numbers(sensor["curves"]["error"])[-2:]).all()
 
 
+def test_a_loop_has_resistance_and_strain_of_the_same_time(certain, tmp_path):
+    """What a late compensator states is recorded two seconds later; of the last two nothing is known."""
+    known = certain["compensator1.strain"].to_numpy()
+    late = certain.drop_vars("membrane.strain").assign({"compensator1.delay": ("time", [2.0] * 10)})
+    sensor = json.loads(page_of(late, tmp_path).unpacked("data"))["sensors"][0]
+    for loop in (sensor["loops"][0], sensor["at"]):
+        resistance, strain = (numbers(loop[name]) for name in ("resistance", "strain"))
+        rows = resistance.round().astype(int) - 100  # 100 ohm at first, one more each second
+        assert strain[rows < 8] == pytest.approx(known[rows[rows < 8] + 2])
+        assert np.isnan(strain[rows >= 8]).all()
+
+
+def test_a_strain_that_a_file_feeds_to_a_sensor_is_its_true_one(certain, tmp_path):
+    replayed, fed = 0.03 + 0.01 * np.cos(np.arange(10.0)), json.dumps([["membrane.strain[1]", "sensor1.strain"]])
+    beside = certain.assign({"sensor1.strain": ("time", replayed)})
+    alone = beside.drop_vars([name for name in beside if str(name).startswith("membrane")])
+    felt = certain["membrane.strain"].to_numpy()[:, 0]
+    for data, true in ((beside, replayed), (alone, replayed), (beside.assign_attrs(connections=fed), felt)):
+        sensor = json.loads(page_of(data, tmp_path).unpacked("data"))["sensors"][0]
+        assert numbers(sensor["curves"]["strain"]) == pytest.approx(true)
+        assert "rms" in sensor
+
+
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=300), st.integers(1, 20))
 def test_no_peak_is_lost_by_thinning(values, pixels):
     thinned = Pixels(len(values), pixels)
@@ -143,6 +167,26 @@ def test_a_page_of_ten_minutes_stays_under_ten_megabytes(tmp_path):
     data = long_run()
     assert data.sizes["time"] * 3e-4 == pytest.approx(600.0)
     assert write_report(data, tmp_path).stat().st_size < 10e6
+
+
+def test_the_tables_say_what_connections_do_and_count_in_plain_words(certain, tmp_path):
+    changes = {"gain": 2.0, "noise": {"kind": "normal", "amplitude": 0.1}, "dropout": {"probability": 0.001, "seed": 3}}
+    certain.attrs["connections"] = json.dumps([["a.y", "b.u", changes]])
+    write_report(certain.isel(time=slice(6)), tmp_path)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert (
+        "gain 2; normal noise, standard deviation 0.1, seed 0; 0.1 % of the samples are lost, the last is held, seed 3"
+        in text
+    )
+    for summary in ("1 connection", "1 window"):
+        assert f"<summary>{summary}</summary>" in text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(12.0, "12 s"), (1200.0, "1200 s"), (7.2e-3, "7.2 ms"), (0.5, "500 ms")]
+)
+def test_durations_are_without_powers_of_ten(seconds, words):
+    assert duration(seconds) == words
 
 
 def test_a_stranger_s_run_has_a_page_and_its_words_are_only_words(tmp_path):

@@ -14,16 +14,6 @@ FIRST = """new MutationObserver(() => { window.first ??= page.figures.map((each)
 TEXT, LINE = 4.5, 3.0  # contrast that WCAG 2.2 demands, level AA (1.4.3, 1.4.11)
 
 
-@pytest.fixture
-def page(browser, report):
-    """The page, drawn, without a complaint until the end of the test."""
-    troubles: list[str] = []
-    page = opened(browser, report, troubles, viewport=WIDE)
-    yield page
-    page.close()
-    assert troubles == []
-
-
 def test_what_the_window_shows_is_drawn_first(browser, report):
     context = browser.new_context(viewport=WIDE)
     context.add_init_script(FIRST)

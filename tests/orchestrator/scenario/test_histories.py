@@ -47,6 +47,13 @@ def test_a_history_is_linear_between_its_rows_converted_and_held_over_a_step(mea
     assert data["gain.y"].values == pytest.approx([0.0, 0.0, 0.5, 1.0, 0.75])
 
 
+def test_what_a_file_feeds_is_recorded_unless_a_scenario_says_what(measured):
+    """It stands beside the output that belongs to it."""
+    data = measured(ROWS)
+    assert data["gain.u"].values == pytest.approx([0.0, 0.0, 0.5, 1.0, 0.75])
+    assert "gain.u" not in measured(ROWS, '[record]\nvariables = ["gain.y"]')
+
+
 def test_a_history_may_be_held(measured):
     data = measured(ROWS, 'between = "held"')
     assert data["gain.y"].values == pytest.approx([0.0, 0.0, 0.0, 1.0, 1.0])

@@ -1,5 +1,6 @@
 // What all pictures share: colours of light and dark, a place on the page, the line of the slider's time, linked zoom.
 const darkness = matchMedia("(prefers-color-scheme: dark)");
+const isNarrow = () => window.innerWidth < 600;
 const page = { printing: false, instant: 0, sensor: 0, content: null, figures: [], linking: false };
 
 // Colours of Okabe and Ito, which colour-blind readers can tell apart; the lighter ones first on a dark page, on a light one
@@ -52,6 +53,17 @@ function addFigure({ title, note, label, make, move, timed, linked, tall, broad,
   return added;
 }
 
+// A picture without a neighbour takes the whole row.
+function fillRows() {
+  let alone = null;
+  const broaden = () => { alone?.classList.add("broad"); alone = null; };
+  for (const each of document.getElementById("pictures").children) {
+    if (each.matches("figure:not(.broad)")) alone = alone ? null : each;
+    else broaden();
+  }
+  broaden();
+}
+
 function axis(colors, text, more) {
   return { title: { text, standoff: 8 }, gridcolor: colors.grid, zerolinecolor: colors.grid, linecolor: colors.grid,
            automargin: true, exponentformat: "power", ...more };
@@ -59,12 +71,11 @@ function axis(colors, text, more) {
 
 // The layout of a figure; a timed one begins its shapes with the line at the slider's time.
 function layout(figure, colors, more) {
-  const narrow = window.innerWidth < 600;
   const base = {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: colors.ink, size: 12, family: "system-ui, sans-serif" },
     margin: { l: 55, r: 12, t: 12, b: 42 }, showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
     hovermode: figure.timed ? "x unified" : "closest", hoverlabel: { bgcolor: colors.panel, font: { color: colors.ink } },
-    dragmode: narrow ? false : "zoom", uirevision: "kept",
+    dragmode: isNarrow() ? false : "zoom", uirevision: "kept",
     modebar: { bgcolor: "rgba(0,0,0,0)", color: colors.soft, activecolor: colors.ink },
   };
   const size = page.printing ? { width: figure.div.clientWidth, height: figure.div.clientHeight } : { autosize: true };

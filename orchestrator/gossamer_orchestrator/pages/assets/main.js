@@ -54,6 +54,7 @@ async function main() {
     document.head.append(element("script", {}, library));
     page.content = JSON.parse(data, numbers);
     addPictures();
+    fillRows();
     status.textContent = "";
     darkness.addEventListener("change", () => drawAnew(page.figures));
     addEventListener("beforeprint", () => preparePaper(true));

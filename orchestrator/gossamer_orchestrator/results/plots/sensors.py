@@ -13,6 +13,7 @@ from gossamer_files.pictures import COLORS, axes_or_new
 from numpy.typing import NDArray
 
 from ...errors import ResultsError
+from ...words import duration
 from ..judgements import windows
 from ..roles import compensators, find, need, sensors
 from .axes import plain_axis, time_axis
@@ -60,7 +61,7 @@ def plot_strain(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) ->
     """Draw true and compensated strain at one sensor over time, the latter without its recorded delay."""
     time, true, compensated = _true_and_compensated(data, sensor)
     ax, late = axes_or_new(ax), float(data["time"][len(data["time"]) - len(time)] - data["time"][0])
-    label = f"compensated, drawn {1e3 * late:.3g} ms earlier" if late else "compensated"
+    label = f"compensated, drawn {duration(late)} earlier" if late else "compensated"
     ax.plot(time, true, color="black", lw=1.6, label="true")
     ax.plot(time, compensated, color=COLORS[1], lw=1.0, ls="--", label=label)
     error, is_percent = _error(true, compensated)

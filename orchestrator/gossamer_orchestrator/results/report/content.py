@@ -7,7 +7,7 @@ packs them.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,21 +20,17 @@ from ...pages.thin import Pixels
 from ..columns import LIKENESS
 from ..judgements import Judgement, changes, true_damage, windows
 from ..plots.axes import side
-from ..roles import compensators, find_all, sensors
+from ..roles import find_all
 from ..shapes import ShapeHistory, load_shapes
 from .membrane import membrane_mesh
-from .spectra import spectrogram, spectrum
+from .sensors import Array, Curve, curve_of, error_of, loops, sensor_curves, spectrogram_of
 from .surface import surface_content
 
 FRAMES = 240  # instants of the slider
 NUMBERS = 600_000  # of all frames of the membrane, at most
-LOOP_ROWS = 2000  # of a loop of resistance over strain
 OTHERS = 24  # curves of what has no picture of its own
 MOST_WINDOWS = 5000
 WATCH = "watch.json"
-
-Array = NDArray[np.float64]
-Curve = Callable[[xr.Dataset], Array]
 
 
 def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[str, Any]:
@@ -54,17 +50,16 @@ def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[
     heights = data.get(f"{membrane}.w")
     history = load_shapes(folder).get(membrane)
     rows, shown = _instants(time, heights, history)
-    curves, readers = _sensor_curves(data)
+    curves, readers = sensor_curves(data)
     centre = f"{membrane}.deflection"
-    covered = {"deflection": _reader(centre)} if centre in data else {}
+    covered = {"deflection": curve_of(centre)} if centre in data else {}
     others = _other_scalars(data, judged=bool(ended))
     t, lines = _thin_all(data, time, pixels, curves | covered | others)
     for number, reader in readers.items():
-        reader |= _loops(data, time, ended, reader)
-        reader |= _at_rows(data, rows, reader) | _strain_spectrogram(data, time, reader)
-        errors, more = _errors(data, time, pixels, reader)
-        reader |= errors
-        reader["curves"] = {key.split("/")[1]: lines[key] for key in curves if key.startswith(f"{number}/")} | more
+        own = {key.split("/")[1]: lines[key] for key in curves if key.startswith(f"{number}/")}
+        errors, more = error_of(data, time, pixels, reader)
+        reader |= loops(data, time, ended, reader, rows) | spectrogram_of(data, time, reader) | errors
+        reader["curves"] = own | more
     constant = {name: float(lines[name][0]) for name in others if np.ptp(lines[name]) == 0.0}
     return {
         "rows": len(time),
@@ -124,60 +119,18 @@ def read_watch(folder: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) else None
 
 
-def _sensor_curves(data: xr.Dataset) -> tuple[dict[str, Curve], dict[int, dict[str, Any]]]:
-    """Return the curves of each sensor, named ``number/what``, and what stands where."""
-    membrane = next(iter(find_all(data, "membrane")), "")
-    curves: dict[str, Curve] = {}
-    readers: dict[int, dict[str, Any]] = {}
-    for role, find in (("sensor", sensors), ("compensator", compensators)):
-        try:
-            found = find(data)
-        except ResultsError:  # there is no membrane
-            found = dict(enumerate(find_all(data, role), start=1))
-        for number, name in found.items():
-            readers.setdefault(number, {})[role] = name
-    strains = data.get(f"{membrane}.strain")
-    if not readers and strains is not None and strains.ndim == 2:
-        readers = {int(number): {} for number in strains[strains.dims[1]].to_numpy()}  # a membrane alone
-    for number, reader in sorted(readers.items()):
-        sensor, late = reader.get("sensor", ""), reader.get("compensator", "")
-        if strains is not None and strains.ndim == 2 and number in strains[strains.dims[1]].to_numpy():
-            place = int(np.flatnonzero(strains[strains.dims[1]].to_numpy() == number)[0])
-            curves[f"{number}/strain"] = _reader(f"{membrane}.strain", place)
-            reader["strain"] = (f"{membrane}.strain", place)
-        if f"{sensor}.resistance" in data:
-            curves[f"{number}/resistance"] = _reader(f"{sensor}.resistance")
-        if f"{late}.resistance" in data:
-            curves[f"{number}/reading"] = _reader(f"{late}.resistance")
-        if f"{late}.strain" in data:
-            curves[f"{number}/compensated"] = _reader(f"{late}.strain")
-            reader["delay"] = float(data[f"{late}.delay"][-1]) if f"{late}.delay" in data else 0.0
-            if f"{late}.strain_deviation" in data:
-                for what, sign in (("low", -2.0), ("high", 2.0)):
-                    curves[f"{number}/{what}"] = _band(f"{late}.strain", f"{late}.strain_deviation", sign)
-    return curves, dict(sorted(readers.items()))
-
-
-def _reader(name: str, place: int | None = None) -> Curve:
-    def read(part: xr.Dataset) -> Array:
-        values = part[name].to_numpy()
-        return np.asarray(values if place is None else values.reshape(len(values), -1)[:, place], dtype=float)
-
-    return read
-
-
-def _band(name: str, deviation: str, sign: float) -> Curve:
-    return lambda part: np.asarray(part[name].to_numpy() + sign * part[deviation].to_numpy(), dtype=float)
-
-
 def _other_scalars(data: xr.Dataset, *, judged: bool) -> dict[str, Curve]:
     """Return curves of recorded scalars that no other picture shows."""
-    known: dict[str, tuple[str, ...]] = {"membrane": ("deflection",), "sensor": ("resistance",), "detector": ("valid",)}
+    known: dict[str, tuple[str, ...]] = {
+        "membrane": ("deflection",),
+        "sensor": ("resistance", "strain"),
+        "detector": ("valid",),
+    }
     if judged:
         known["detector"] += LIKENESS
     known["compensator"] = ("resistance", "strain", "strain_deviation", "delay")
     shown = {f"{name}.{v}" for role, names in known.items() for name in find_all(data, role) for v in names}
-    return {str(n): _reader(str(n)) for n in data.data_vars if data[n].dims == ("time",) and n not in shown}
+    return {str(n): curve_of(str(n)) for n in data.data_vars if data[n].dims == ("time",) and n not in shown}
 
 
 def _thin_all(
@@ -192,85 +145,6 @@ def _thin_all(
         for name, read in curves.items():
             parts[name].append(pixels.thin(read(part)))
     return np.concatenate(times), {name: np.concatenate(each) for name, each in parts.items()}
-
-
-def _pair(data: xr.Dataset, reader: dict[str, Any]) -> tuple[Curve, Curve] | None:
-    """Return what a loop shows: strain, the compensated one if there is no other, and resistance."""
-    sensor, late = reader.get("sensor", ""), reader.get("compensator", "")
-    resistance = next((n for n in (f"{sensor}.resistance", f"{late}.resistance") if n in data), None)
-    if resistance is None or ("strain" not in reader and f"{late}.strain" not in data):
-        return None
-    strain = _reader(*reader["strain"]) if "strain" in reader else _reader(f"{late}.strain")
-    return strain, _reader(resistance)
-
-
-def _loops(data: xr.Dataset, time: Array, ended: Sequence[Judgement], reader: dict[str, Any]) -> dict[str, Any]:
-    """Return resistance over strain of the first and the last window, or of the last rows, and the spectra of both."""
-    pair = _pair(data, reader)
-    if pair is None:
-        return {}
-    ends = [int(np.searchsorted(time, window.time)) for window in ended]
-    if len(ends) > 1:
-        spans = [("first window", 0, ends[0]), ("last window", ends[-2], ends[-1])]
-    else:
-        spans = [("end of the run", max(0, len(time) - LOOP_ROWS), len(time) - 1)]
-    loops = []
-    for name, first, last in spans:
-        rows = slice(max(first, last - LOOP_ROWS), last + 1)
-        part = data.isel(time=rows)
-        strain, resistance = (read(part) for read in pair)
-        loop: dict[str, Any] = {"name": name, "strain": strain, "resistance": resistance}
-        loops.append(loop | spectrum(time[rows], resistance))
-    return {"loops": loops}
-
-
-def _strain_spectrogram(data: xr.Dataset, time: Array, reader: dict[str, Any]) -> dict[str, Any]:
-    """Return the spectrogram of the true strain of a sensor, of the compensated one if there is no other."""
-    late = f"{reader.get('compensator', '')}.strain"
-    if "strain" not in reader and late not in data:
-        return {}
-    read = _reader(*reader["strain"]) if "strain" in reader else _reader(late)
-    found = spectrogram(time, np.concatenate([read(data.isel(time=rows)) for rows in Pixels(len(time)).parts()]))
-    return {"spectrogram": found} if found else {}
-
-
-def _at_rows(data: xr.Dataset, rows: NDArray[np.intp], reader: dict[str, Any]) -> dict[str, Any]:
-    pair = _pair(data, reader)
-    if pair is None:
-        return {}
-    part = data.isel(time=rows)
-    strain, resistance = (read(part) for read in pair)
-    return {"at": {"strain": strain, "resistance": resistance}}
-
-
-def _errors(
-    data: xr.Dataset, time: Array, pixels: Pixels, reader: dict[str, Any]
-) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Return the error of the compensated strain, its delay taken out: RMS and the true range, and its curve.
-
-    The last rows have no error: their strain is not yet compensated.
-    """
-    late = reader.get("compensator", "")
-    if "strain" not in reader or f"{late}.strain" not in data:
-        return {}, {}
-    names = {"error": f"{late}.strain", "above": f"{late}.strain_deviation"}
-    parts: dict[str, list[Array]] = {what: [] for what, name in names.items() if name in data}
-    true = _reader(*reader["strain"])
-    shift = int(np.searchsorted(time, time[0] + reader["delay"] - 1e-9)) if reader["delay"] > 0.0 else 0
-    squares, count, low, high = 0.0, 0, np.inf, -np.inf
-    for rows in pixels.parts():
-        here = true(data.isel(time=rows))
-        later = data.isel(time=slice(rows.start + shift, rows.stop + shift))
-        for what, each in parts.items():
-            values = np.full(len(here), np.nan)
-            values[: later.sizes["time"]] = later[names[what]].to_numpy()
-            values = values - here if what == "error" else 2.0 * values
-            each.append(pixels.thin(values))
-            if what == "error":
-                squares, count = squares + float(np.nansum(values**2)), count + int(np.isfinite(values).sum())
-        low, high = min(low, float(np.fmin.reduce(here))), max(high, float(np.fmax.reduce(here)))
-    found = {"rms": float(np.sqrt(squares / count)), "span": high - low} if count else {}
-    return found, {what: np.concatenate(each) for what, each in parts.items()}
 
 
 def _damage(data: xr.Dataset, time: Array, ended: Sequence[Judgement]) -> dict[str, Any] | None:

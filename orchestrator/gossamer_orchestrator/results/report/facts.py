@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from ...pages import folded, table
+from ...words import counted
 from ..files import MESSAGES
 from ..judgements import Judgement
 from .verdict import found_zones
@@ -31,7 +32,7 @@ def run_table(data: xr.Dataset, content: Mapping[str, Any]) -> str:
     ]
     if "step" in known:
         rows.append(("Step", f"{float(known['step']):.6g} s{_every(int(known.get('record_every', 1)))}"))
-    rows.append(("Recorded", f"{content['rows']} instants of {len(data.data_vars)} variables"))
+    rows.append(("Recorded", f"{counted(content['rows'], 'instant')} of {counted(len(data.data_vars), 'variable')}"))
     if "wall_time" in known:
         rows.append(("Wall time", f"{float(known['wall_time']):.3g} s"))
     if int(known.get("divided_steps", 0)):
@@ -53,7 +54,7 @@ def messages(folder: Path) -> str:
     except (OSError, UnicodeDecodeError):
         return ""
     lines = "".join(f"<li>{escape(text)}</li>" for text in texts[:SHOWN_MESSAGES])
-    more = f"<p>{len(texts) - SHOWN_MESSAGES} more are in {MESSAGES}.</p>" if len(texts) > SHOWN_MESSAGES else ""
+    more = f"<p>All {len(texts)} are in {MESSAGES}.</p>" if len(texts) > SHOWN_MESSAGES else ""
     return f'<h3 id="messages">Messages of the run</h3><ul class="messages">{lines}</ul>{more}' if texts else ""
 
 
@@ -66,25 +67,44 @@ def components(data: xr.Dataset) -> str:
     fmus = json.loads(data.attrs.get("fmus", "{}"))
     if not fmus:
         return "<p>The results do not say which FMUs made them.</p>"
-    rows = [(name, each.get("file", ""), each.get("model", ""), each.get("guid", "")) for name, each in fmus.items()]
-    parts = [table(("component", "file", "model", "GUID"), rows, "Components")]
+    rows = [(name, each.get("file", ""), each.get("model", "")) for name, each in fmus.items()]
+    parts = [table(("component", "file", "model"), rows, "Components")]
     for name, each in fmus.items():
         start, values = each.get("start", {}), each.get("parameters", {})
         lines = [(v, f"{x:.9g}", "scenario" if v in start else "FMU") for v, x in values.items()]
         lines += [(v, str(x), "scenario") for v, x in start.items() if v not in values]
-        if lines:
-            inner = table(("name", "value", "set by"), lines, f"Parameters and start values of {name}")
-            parts.append(folded(f"{name}: {len(lines)} values", inner))
+        inner = table(("name", "value", "set by"), lines, f"Parameters and start values of {name}") if lines else ""
+        inner += f"<p>GUID of the FMU: <code>{escape(each.get('guid', 'not recorded'))}</code></p>"
+        parts.append(folded(f"{name}: {counted(len(lines), 'value')}", inner))
     return "\n".join(parts)
 
 
 def connections(data: xr.Dataset) -> str:
-    """Return a table of the connections."""
-    pairs = json.loads(data.attrs.get("connections", "[]"))
-    if not pairs:
+    """Return a table of the connections, and of what they do to their signals."""
+    found = json.loads(data.attrs.get("connections", "[]"))
+    if not found:
         return ""
-    inner = table(("from", "to"), pairs, "Connections", row_heads=False)
-    return folded(f"{len(pairs)} connections", inner)
+    rows = [(origin, target, _on_the_way(*change)) for origin, target, *change in found]
+    changed = any(words for _, _, words in rows)
+    head = ("from", "to", "on the way") if changed else ("from", "to")
+    inner = table(head, [row[: len(head)] for row in rows], "Connections", row_heads=False)
+    return folded(counted(len(found), "connection"), inner)
+
+
+def _on_the_way(change: Mapping[str, Any] | None = None) -> str:
+    """Say what a connection does to its signal; nothing if it arrives as it is, or was not recorded."""
+    change = change or {}
+    words = [f"{what} {change[what]:.9g}" for what in ("gain", "bias") if what in change]
+    if noise := change.get("noise"):
+        size = "standard deviation" if noise["kind"] == "normal" else "half-width"
+        words.append(f"{noise['kind']} noise, {size} {noise['amplitude']:.9g}, seed {noise.get('seed', 0)}")
+    if dropout := change.get("dropout"):
+        then = "the last is held" if dropout.get("hold", True) else "zero arrives"
+        lost = f"{100 * dropout['probability']:.9g} % of the samples are lost"
+        words.append(f"{lost}, {then}, seed {dropout.get('seed', 0)}")
+    if change.get("delayed"):
+        words.append("arrives one step later")
+    return "; ".join(words)
 
 
 def scenario(data: xr.Dataset) -> str:
@@ -120,4 +140,4 @@ def judgement_tables(ended: Sequence[Judgement]) -> str:
         rows.append([*row, f"{window.likeness_value:.3g}", "yes" if window.valid else "no"])
     more = f", the last {SHOWN_WINDOWS} of {len(ended)}" if len(ended) > SHOWN_WINDOWS else ""
     inner = table(head, rows, f"Windows of the detector{more}")
-    return "\n".join([*parts, folded(f"{len(ended)} windows", inner)])
+    return "\n".join([*parts, folded(counted(len(ended), "window"), inner)])

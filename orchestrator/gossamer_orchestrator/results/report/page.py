@@ -9,6 +9,7 @@ import xarray as xr
 
 from ...errors import ResultsError
 from ...pages import PAGE, Page, folded, table, write_page
+from ...words import counted
 from . import facts
 from .content import collect, windows_of
 from .verdict import make_verdict
@@ -67,7 +68,7 @@ def _constants(values: dict[str, float]) -> str:
     if not values:
         return ""
     inner = table(("variable", "value"), [(n, f"{v:.9g}") for n, v in values.items()], "Constant during the run")
-    return folded(f"{len(values)} recorded variables were constant", inner)
+    return folded(f"Constant: {counted(len(values), 'recorded variable')}", inner)
 
 
 def _thinning(content: dict[str, Any]) -> str:

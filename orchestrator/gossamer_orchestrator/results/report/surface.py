@@ -15,6 +15,7 @@ from ..shapes import ShapeHistory
 from ..surface import face_strains
 
 SEEN = 0.1  # of its size: how far a membrane that moves less is drawn
+CLEAR = 0.09  # of its size: from a sensor to the number of a zone
 STILL = 1e-9  # of its size: a motion that is round-off
 
 
@@ -34,8 +35,8 @@ def surface_content(history: ShapeHistory, shown: NDArray[np.intp]) -> dict[str,
         ``places`` (F, 3 N) [m], moved by ``factor`` times their displacement; ``deflection`` (F, N), its size [m];
         ``triangles`` (T, 3) and ``face``, the face of each; ``zone`` of each face, -1 for none, and how many ``zones``;
         ``strain`` and ``mark`` (F, n) as ``face_strains``; ``borders``, for each zone the nodes of its edge in pairs,
-        the last those of the whole membrane; ``labels``, a node in the middle of each zone; ``sensors``, the node
-        beside each and ``offsets`` from it.
+        the last those of the whole membrane; ``labels``, the node of each zone where its number stands; ``sensors``, the
+        node beside each and ``offsets`` from it.
     """
     surface, nodes = history.surface, history.surface.nodes
     away = history.places[shown] - nodes
@@ -56,7 +57,7 @@ def surface_content(history: ShapeHistory, shown: NDArray[np.intp]) -> dict[str,
         "strain": np.stack([each.largest for each in found]),
         "mark": np.stack([each.mark for each in found]).astype(float),
         "borders": [_border(surface.faces[some]) for some in [*(surface.zone == z for z in range(zones)), slice(None)]],
-        "labels": [_middle(surface, z) for z in range(zones)],
+        "labels": [_label(surface, z) for z in range(zones)],
         "sensors": beside,
         "offsets": (surface.sensor_points - nodes[beside]).tolist(),
     }
@@ -89,11 +90,14 @@ def _border(faces: Integers) -> list[int]:
     return pairs
 
 
-def _middle(surface: Surface, zone: int) -> int:
-    """Return the node of a zone nearest to its middle; -1 if it has no faces."""
+def _label(surface: Surface, zone: int) -> int:
+    """Return the node of a zone nearest to its middle, apart from sensors if one is; -1 if the zone has no faces."""
     some = surface.faces[surface.zone == zone]
     if not len(some):
         return -1
     members = np.unique(some[some >= 0])
     places: Array = surface.nodes[members]
-    return int(members[np.argmin(np.linalg.norm(places - places.mean(axis=0), axis=1))])
+    away = np.linalg.norm(places - places.mean(axis=0), axis=1)
+    apart = np.linalg.norm(places[:, None] - surface.sensor_points, axis=2).min(axis=1, initial=np.inf)
+    crowded = apart < CLEAR * np.ptp(surface.nodes, axis=0).max()
+    return int(members[np.lexsort((away, crowded))[0]])

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from ...pages.page import Kind
+from ...words import counted
 from ..judgements import Judgement, doubts
 from ..roles import find_all
 from ..tables import LEAST_SHOWN, instant
@@ -89,8 +90,8 @@ def _listed(judgement: Judgement, zones: list[int]) -> str:
         value, deviation = 100 * judgement.estimated[zone], 100 * judgement.deviation[zone]
         bar = f" ± {deviation:.1f}" if np.isfinite(deviation) else ""
         parts.append(f"zone {zone + 1} lost {value:.1f}{bar} % of its stiffness")
-    if len(zones) > MOST_NAMED:
-        parts.append(f"{len(zones) - MOST_NAMED} more zones are damaged less")
+    if more := len(zones[MOST_NAMED:]):
+        parts.append(f"{counted(more, 'more zone')} {'is' if more == 1 else 'are'} damaged less")
     return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
@@ -98,11 +99,17 @@ def _undamaged(judgement: Judgement, zones: list[int], certain: bool) -> str:
     """Say how sure the detector is of the other zones."""
     if not zones:
         return ""
-    which = f"the other {len(zones)} zones" if len(zones) < judgement.estimated.size else f"all {len(zones)} zones"
+    one, whole = len(zones) == 1, len(zones) == judgement.estimated.size
+    if one:
+        which = "its only zone" if whole else "the other zone"
+    else:
+        which = f"all {len(zones)} zones" if whole else f"the other {len(zones)} zones"
     if not certain:
-        return f"; {which} show less than {100 * LEAST_CLEAR:.0f} %; the detector states no uncertainty"
+        show = "shows" if one else "show"
+        return f"; {which} {show} less than {100 * LEAST_CLEAR:.0f} %; the detector states no uncertainty"
+    undamaged = "is undamaged," if one else "are undamaged, each"
     most = max(100 * float(judgement.deviation[zones].max()), 0.05)
-    return f"; {which} are undamaged, each within ± {most:.1f} % (± is one standard deviation)"
+    return f"; {which} {undamaged} within ± {most:.1f} % (± is one standard deviation)"
 
 
 def _truth(judgement: Judgement) -> str:
@@ -120,7 +127,7 @@ def _watch_sentences(watched: dict[str, Any] | None) -> list[str]:
         return []
     alarms, findings = watched.get("alarms", []), watched.get("findings", [])
     if not alarms:
-        return [f"The digital twin raised no alarm in {len(watched.get('misfit', []))} windows."]
+        return [f"The digital twin raised no alarm in {counted(len(watched.get('misfit', [])), 'window')}."]
     sentence = f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s"
     if findings:
         onset = instant(findings[0]["onset"], findings[0]["onset_deviation"])

@@ -63,7 +63,7 @@ function addMap(found, known, side) {
     make(colors) {
       const { z, text, ink } = fill(page.content.frames[page.instant]);
       const data = [
-        { type: "heatmap", x: labels, y: labels, z, showscale: window.innerWidth >= 600, zmin: 0, zmax: top, xgap: 2, ygap: 2, colorscale: damageScale(colors),
+        { type: "heatmap", x: labels, y: labels, z, showscale: !isNarrow(), zmin: 0, zmax: top, xgap: 2, ygap: 2, colorscale: damageScale(colors),
           colorbar: { title: { text: "%" }, thickness: 12 }, hoverinfo: "skip" },
         { type: "scatter", mode: "text", x: zones.map(([x]) => x), y: zones.map(([, y]) => y), text, textfont: { color: ink, size: 12 }, hoverinfo: "skip" }];
       const bare = { showgrid: false, zeroline: false, showticklabels: false, ticks: "", constrain: "domain", range: [0.5, side + 0.5] };
@@ -93,7 +93,7 @@ function addBars(found, known, count, beside) {
           error_y: { type: "data", array: bars, color: colors.ink, thickness: 1.5, width: 4 } },
         { type: "scatter", mode: "markers", x: zones, y: truth, name: "true", visible: Boolean(known), cliponaxis: false,
           marker: { symbol: "diamond-open", size: 11, color: colors.lines[1], line: { width: 2 } } }];
-      return { data, more: { xaxis: axis(colors, "zone", { dtick: count > 40 ? undefined : count > 8 && window.innerWidth < 600 ? 3 : 1 }), yaxis: axis(colors, "damage [%]", { range: [-0.06 * topDamage(), 1.15 * topDamage()] }) } };
+      return { data, more: { xaxis: axis(colors, "zone", { range: [0.4, count + 0.6], tick0: 1, dtick: count > 40 ? undefined : count > 8 && isNarrow() ? 3 : 1 }), yaxis: axis(colors, "damage [%]", { range: [-0.06 * topDamage(), 1.15 * topDamage()] }) } };
     },
     move(div, instant, time) {
       const { values, bars, truth } = fill(time);
@@ -160,7 +160,7 @@ function addTwin() {
     title: "Misfit of the digital twin", timed: true, note: "At the end of each of its windows: chi2 per sample, 1 where it explains the record, and the score of new damage over its mean.",
     make(colors) {
       const mode = time.length > MOST_MARKERS ? "lines" : "lines+markers";
-      const line = (y, name, color) => ({ type: "scatter", mode, x: time, y, name, line: { color } });
+      const line = (y, name, color) => ({ type: "scatter", mode, x: time, y, name, cliponaxis: false, line: { color } });
       const shapes = (alarms || []).map((x) => ({ type: "line", xref: "x", yref: "paper", x0: x, x1: x, y0: 0, y1: 1, line: { color: colors.alarm, width: 2, dash: "dashdot" } }));
       return { data: [line(misfit, "chi2 per sample", colors.lines[0]), line(score, "score of new damage", colors.lines[1])],
         more: { shapes, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "[1]", { type: "log", exponentformat: "power" }) } };
@@ -176,7 +176,7 @@ function addLikeness() {
     title: misfit ? "Misfit with what the detector was trained on" : "Similarity with what the detector was trained on", timed: true,
     note: `A judgement is valid ${misfit ? "up to" : "from"} ${limit}.`,
     make(colors) {
-      const data = [{ type: "scatter", mode: found.time.length > MOST_MARKERS ? "lines" : "lines+markers", x: found.time, y: found.likeness_values, name: found.likeness, line: { color: colors.lines[0] } }];
+      const data = [{ type: "scatter", mode: found.time.length > MOST_MARKERS ? "lines" : "lines+markers", x: found.time, y: found.likeness_values, name: found.likeness, cliponaxis: false, line: { color: colors.lines[0] } }];
       const shapes = [{ type: "line", xref: "paper", yref: "y", x0: 0, x1: 1, y0: limit, y1: limit, line: { color: colors.alarm, width: 1.5, dash: "dash" } }];
       return { data, more: { shapes, showlegend: false, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, `${found.likeness} [1]`, { rangemode: "tozero" }) } };
     },

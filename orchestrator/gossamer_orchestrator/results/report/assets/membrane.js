@@ -1,3 +1,21 @@
+// In a narrow window the scale of colours lies above the membrane, not beside it.
+const colorbarOf = (title) => ({ ...title, ...(isNarrow() ? { orientation: "h", x: 0.5, y: 1, yanchor: "top", len: 0.85, thickness: 10 } : { thickness: 12, len: 0.75, x: 1.0 }) });
+
+// Numbers of sensors stand in dots, those of zones in squares: so they can be read on every colour.
+const numbered = (symbol, size, fill, ink) => ({ type: "scatter3d", mode: "markers+text", textposition: "middle center", textfont: { size: isNarrow() ? 9 : 11, color: ink },
+  marker: { symbol, size: isNarrow() ? 0.8 * size : size, color: fill, line: { color: ink, width: 1 } } });
+const sensorDots = () => ({ ...numbered("circle", 7, "#CC79A7", "#000000"), name: "sensors", hoverinfo: "text" });
+const zoneSquares = (colors) => ({ ...numbered("square", 6, colors.panel, colors.ink), hoverinfo: "skip", showlegend: false });
+const upTo = (count) => Array.from({ length: count }, (_, k) => `${k + 1}`);
+
+// What a sensor shows at an instant; its strain is not known before its compensator has stated it.
+function sensorText(number, instant) {
+  const { at } = page.content.sensors.find((each) => each.number === number) || {};
+  if (!at) return `sensor ${number}`;
+  const strain = Number.isFinite(at.strain[instant]) ? at.strain[instant].toPrecision(4) : "not known yet";
+  return `sensor ${number}<br>strain ${strain}<br>resistance ${at.resistance[instant].toPrecision(5)} Ω`;
+}
+
 // The membrane as a surface; z is its deflection, x and y are parts of the stretched square.
 function flatMembrane(zones) {
   const nodes = 2 * zones + 1;
@@ -60,26 +78,18 @@ function addMembrane() {
   const outlines = (values, least) => squares && values ? Array.from(values.keys()).filter((z) => values[z] >= least).map(outline) : [];
   const points = (instant) => ({
     x: mesh.sensors.map(([x]) => side * x), y: mesh.sensors.map(([, y]) => side * y),
-    z: mesh.sensors.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.16 * top),
-    text: mesh.sensors.map((_, k) => {
-      const at = (content.sensors.find((each) => each.number === k + 1) || {}).at;
-      return `sensor ${k + 1}` + (at ? `<br>strain ${at.strain[instant].toPrecision(4)}<br>resistance ${at.resistance[instant].toPrecision(5)} Ω` : "");
-    }),
+    z: mesh.sensors.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.22 * top),
+    hovertext: mesh.sensors.map((_, k) => sensorText(k + 1, instant)),
   });
   const zoneTexts = (instant) => {
     const centres = Array.from({ length: zoneCount }, (_, z) => [(z % zones + 0.5) / zones, (Math.floor(z / zones) + 0.13) / zones]);
     return { x: centres.map(([x]) => side * x), y: centres.map(([, y]) => side * y),
-             z: centres.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.04 * top) };
+             z: centres.map(([x, y]) => scale * heightAt(mesh, surface(instant), x, y) + 0.16 * top) };
   };
   const intensity = (instant) => {
     if (select.value === "deflection") return Array.from(surface(instant), (value) => scale * value);
     const values = select.value === "true" ? trueAt(content.frames[instant]) : estimatedAt(content.frames[instant]);
     return cells.map((zone) => (values ? 100 * values[zone] : 0));
-  };
-  // Numbers are dark where the surface is light.
-  const zoneInk = (colors, heights) => {
-    const high = heights[Math.floor(mesh.nx / 2) * mesh.ny + Math.floor(mesh.ny / 2)] > 0;
-    return (select.value === "deflection" ? high : !colors.dark) ? "#101418" : "#ffffff";
   };
   const parts = (instant) => {
     const time = content.frames[instant];
@@ -88,7 +98,7 @@ function addMembrane() {
   };
   const figure = addFigure({
     title: "Membrane", tall: true, slow: true, control: select,
-    note: mesh.flat ? "Deflections of the nodes (membrane.w) are not recorded, so it is drawn flat." : "Heights have a scale of their own. Drag to turn; numbers are zones, dots sensors.",
+    note: mesh.flat ? "Deflections of the nodes (membrane.w) are not recorded, so it is drawn flat." : "Heights have a scale of their own. Drag to turn; squares are zones, dots sensors.",
     label: "The membrane in three dimensions, with zones, sensors and damaged zones marked; the tables below hold the numbers.",
     make(colors) {
       const [lines, estimated, real] = parts(page.instant), deflected = select.value === "deflection";
@@ -96,21 +106,20 @@ function addMembrane() {
       const skin = { type: "mesh3d", x: X, y: Y, z: Array.from(surface(page.instant), (value) => scale * value), i: I, j: J, k: K,
         intensity: intensity(page.instant), intensitymode: deflected ? "vertex" : "cell", cmin: deflected ? -top : 0, cmax: deflected ? top : topDamage(),
         colorscale: deflected ? "Viridis" : damageScale(colors), flatshading: false, lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 },
-        colorbar: { title: { text: deflected ? "mm" : "%" }, thickness: 12, len: 0.75, x: 1.0 }, hoverinfo: "skip", showscale: true };
+        colorbar: colorbarOf({ title: { text: deflected ? "mm" : "%" } }), hoverinfo: "skip", showscale: true };
       const data = [skin, line(lines, { color: colors.dark ? "#cfd6dd" : "#3d4650", width: 2 }, "zones"),
         line(estimated, { color: "#D55E00", width: 7 }, "judged damaged"),
         line(real, { color: colors.dark ? "#ffffff" : "#000000", width: 4, dash: "dash" }, "truly damaged"),
-        { type: "scatter3d", mode: "markers", ...points(page.instant), name: "sensors", hoverinfo: "text",
-          marker: { size: 6, color: "#CC79A7", line: { color: "#000000", width: 2 } } },
-        { type: "scatter3d", mode: "text", ...zoneTexts(page.instant), text: Array.from({ length: zoneCount }, (_, z) => `${z + 1}`), hoverinfo: "skip",
-          showlegend: false, textfont: { size: 11, color: zoneInk(colors, surface(page.instant)) } }];
+        { ...sensorDots(), ...points(page.instant), text: upTo(mesh.sensors.length) },
+        { ...zoneSquares(colors), ...zoneTexts(page.instant), text: upTo(zoneCount) }];
       data[1].showlegend = false;
       data[2].showlegend = Boolean(damage && damage.windows);
       data[3].showlegend = Boolean(damage && damage.true);
       const place = { gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)", nticks: 4 };
-      const far = window.innerWidth < 600 ? 1.35 : 1;
+      const power = 10 ** Math.floor(Math.log10(top)), highest = power * Math.floor(top / power); // a tick apart from those of y
+      const far = isNarrow() ? 1.5 : 1;
       const scene = { xaxis: { ...place, title: { text: `x [${mesh.unit}]` } }, yaxis: { ...place, title: { text: `y [${mesh.unit}]` } },
-        zaxis: { ...place, title: { text: mesh.flat ? "" : "w [mm]" }, nticks: 3, range: [-1.1 * top, 1.1 * top], visible: !mesh.flat },
+        zaxis: { ...place, title: { text: mesh.flat ? "" : "w [mm]" }, tickvals: [0, highest], range: [-1.1 * top, 1.1 * top], visible: !mesh.flat },
         aspectmode: "manual", aspectratio: { x: 1.25, y: 1.25, z: 0.45 }, camera: { eye: { x: -0.75 * far, y: -1.5 * far, z: 1.05 * far }, center: { x: 0, y: 0, z: -0.12 } } };
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
@@ -120,8 +129,7 @@ function addMembrane() {
       const heights = Array.from(surface(instant), (value) => scale * value);
       Plotly.restyle(div, {
         x: [X, ...found.map((f) => f.x)], y: [Y, ...found.map((f) => f.y)], z: [heights, ...found.map((f) => f.z)],
-        intensity: [values, ...same], text: [undefined, ...found.map((f) => f.text)],
-        "textfont.color": [...same, zoneInk(theme(), heights)],
+        intensity: [values, ...same], hovertext: [undefined, ...found.map((f) => f.hovertext)],
       });
     },
   });

@@ -5,6 +5,12 @@ function curve(name, x, y, color, more) {
   return { type: "scatter", mode: "lines", name, x, y, line: { color, width: 1.4, ...(more || {}).line }, ...(more || {}).rest };
 }
 
+// In s, shorter than a second in ms, in at most three digits.
+function duration(seconds) {
+  const [value, unit] = seconds >= 1 ? [seconds, "s"] : [1e3 * seconds, "ms"];
+  return `${Number(value.toPrecision(3))} ${unit}`;
+}
+
 // Lower and upper edge of a band, filled between.
 function band(x, low, high, color, name) {
   const edge = (y, more) => curve(name, x, y, color, { line: { width: 0 }, rest: { hoverinfo: "skip", ...more } });
@@ -24,14 +30,16 @@ function addSensors() {
   const figures = [];
   const add = (figure) => figures.push(addFigure(figure));
   if (some("strain", "compensated")) add({
-    title: "Strain", timed: true, broad: true, note: some("compensated") ? "True strain, and that of the compensator without its delay." : "",
-    label: some("compensated") ? "True strain and compensated strain over time." : "",
+    title: "Strain", timed: true, broad: true,
+    note: (!some("compensated") ? "" : some("strain") ? "True strain, and that of the compensator without its delay." : "Strain of the compensator without its delay; the true strain is not recorded.")
+      + (some("low") ? " The band is two strain_deviation wide to each side: the error that the compensator expects of noise and drift. It does not cover a sensor that behaves otherwise than it was identified, nor spikes of its resistance." : ""),
+    label: `${[some("strain") && "True strain", some("compensated") && "Compensated strain"].filter(Boolean).join(" and ")} over time.`,
     make(colors) {
       const { curves, delay, rms, span, number } = chosen(), t = content.time, data = [];
       const earlier = delay ? t.map((value) => value - delay) : t;
       if (curves.low) data.push(...band(earlier, curves.low, curves.high, colors.lines[1], "± 2 deviations"));
       if (curves.strain) data.push(curve("true", t, curves.strain, colors.ink, { line: { width: 2 } }));
-      const late = delay ? `compensated, drawn ${(1e3 * delay).toPrecision(3)} ms earlier` : "compensated";
+      const late = delay ? `compensated, drawn ${duration(delay)} earlier` : "compensated";
       if (curves.compensated) data.push(curve(late, earlier, curves.compensated, colors.lines[1], { line: { dash: curves.strain ? "dash" : "solid" } }));
       const text = span ? `sensor ${number}: RMS error ${rms.toPrecision(2)}, ${(100 * rms / span).toPrecision(2)} % of range` : "";
       const annotations = text ? [{ text, xref: "paper", yref: "paper", x: 1, y: 0, xanchor: "right", yanchor: "bottom", showarrow: false, bgcolor: translucent(colors.panel, 0.85) }] : [];
@@ -52,8 +60,8 @@ function addSensors() {
     title: "Resistance", timed: true, label: "Resistance of the sensor over time, and as the compensator reads it.",
     make(colors) {
       const { curves } = chosen(), data = [];
-      if (curves.reading) data.push(curve("as read, with noise", content.time, curves.reading, colors.lines[1], { line: { width: 1 } }));
-      if (curves.resistance) data.push(curve("of the sensor", content.time, curves.resistance, colors.lines[0]));
+      if (curves.resistance) data.push(curve("of the sensor", content.time, curves.resistance, colors.lines[0], { line: { width: curves.reading ? 4 : 1.4 } }));
+      if (curves.reading) data.push(curve("as read", content.time, curves.reading, colors.lines[1], { line: { width: 1.2 } }));
       return { data, more: { xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "resistance [Ω]") } };
     },
   });
@@ -63,7 +71,7 @@ function addSensors() {
     make(colors) {
       const data = (chosen().loops || []).map((loop, k) => curve(loop.name, loop.strain, loop.resistance, colors.lines[k]));
       const { x: [x], y: [y] } = marker(page.instant);
-      data.push({ type: "scatter", mode: "markers", x, y, name: "now", marker: { symbol: "diamond", size: 12, color: colors.ink, line: { color: colors.panel, width: 1.5 } } });
+      data.push({ type: "scatter", mode: "markers", x, y, name: "now", cliponaxis: false, marker: { symbol: "diamond", size: 12, color: colors.ink, line: { color: colors.panel, width: 1.5 } } });
       return { data, more: { xaxis: axis(colors, "strain [1]"), yaxis: axis(colors, "resistance [Ω]") } };
     },
     move(div, instant) { Plotly.restyle(div, marker(instant), [div.data.length - 1]); },

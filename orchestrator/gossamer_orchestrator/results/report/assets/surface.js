@@ -68,13 +68,11 @@ function addSurface() {
     return points(found);
   };
   const sensors = (instant) => ({
-    ...points(mesh.sensors.map((node, k) => above(instant, node, 0.02, mesh.offsets[k]))),
-    text: mesh.sensors.map((_, k) => {
-      const known = (content.sensors.find((each) => each.number === k + 1) || {}).at;
-      return `sensor ${k + 1}` + (known ? `<br>strain ${known.strain[instant].toPrecision(4)}<br>resistance ${known.resistance[instant].toPrecision(5)} Ω` : "");
-    }),
+    ...points(mesh.sensors.map((node, k) => above(instant, node, 0.04, mesh.offsets[k]))),
+    hovertext: mesh.sensors.map((_, k) => sensorText(k + 1, instant)),
   });
-  const labels = (instant) => points(mesh.labels.filter((node) => node >= 0).map((node) => above(instant, node, 0.015)));
+  const zones = mesh.labels.map((node, zone) => ({ node, text: `${zone + 1}` })).filter(({ node }) => node >= 0);
+  const labels = (instant) => points(zones.map(({ node }) => above(instant, node, 0.03)));
   const skin = (instant) => points(Array.from({ length: mesh.places[instant].length / 3 }, (_, node) => at(instant, node)));
   const intensity = (instant) => {
     if (select.value === "deflection") return Array.from(mesh.deflection[instant], (value) => 1e3 * value);
@@ -104,7 +102,7 @@ function addSurface() {
   const size = Math.max(...span.map(([low, high]) => high - low)) || 1;
   const figure = addFigure({
     title: "Membrane", tall: true, broad: !page.content.square, slow: true, control: select,
-    note: (mesh.factor === 1 ? "Drawn to scale." : `Displacements are drawn ${mesh.factor} times as large.`) + " Drag to turn; numbers are zones, dots sensors"
+    note: (mesh.factor === 1 ? "Drawn to scale." : `Displacements are drawn ${mesh.factor} times as large; the axes hold for the membrane at rest.`) + " Drag to turn; squares are zones, dots sensors"
       + (marks ? ", crosses faces that wrinkle or are slack." : "; no face wrinkles."),
     label: "The membrane in three dimensions, with zones, sensors, wrinkles and damaged zones marked; the tables below hold the numbers.",
     make(colors) {
@@ -112,28 +110,27 @@ function addSurface() {
       const line = (found, more, name) => ({ type: "scatter3d", mode: "lines", ...found, line: more, name, hoverinfo: "skip" });
       const data = [
         { type: "mesh3d", ...surface, i: I, j: J, k: K, intensity: intensity(page.instant), intensitymode: select.value === "deflection" ? "vertex" : "cell",
-          ...colour, colorbar: { thickness: 12, len: 0.75, x: 1.0, ...colorbar }, lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 }, hoverinfo: "skip", showscale: true },
+          ...colour, colorbar: colorbarOf(colorbar), lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 }, hoverinfo: "skip", showscale: true },
         { ...line(grid, { color: colors.dark ? "#cfd6dd" : "#3d4650", width: 2 }, "zones"), showlegend: false },
         { ...line(estimated, { color: "#D55E00", width: 7 }, "judged damaged"), showlegend: Boolean(damage && damage.windows) },
         { ...line(real, { color: colors.dark ? "#ffffff" : "#000000", width: 4, dash: "dash" }, "truly damaged"), showlegend: Boolean(damage && damage.true) },
-        { type: "scatter3d", mode: "markers", ...dots, name: "sensors", hoverinfo: "text", showlegend: mesh.sensors.length > 0, marker: { size: 6, color: "#CC79A7", line: { color: "#000000", width: 2 } } },
+        { ...sensorDots(), ...dots, text: upTo(mesh.sensors.length), showlegend: mesh.sensors.length > 0 },
         { type: "scatter3d", mode: "markers", ...crosses, name: "wrinkled or slack", hoverinfo: "skip", showlegend: marks, marker: { symbol: "x", size: 3, color: colors.ink } },
-        { type: "scatter3d", mode: "text", ...numbers, text: mesh.labels.map((node, z) => [node, `${z + 1}`]).filter(([node]) => node >= 0).map(([, text]) => text),
-          hoverinfo: "skip", showlegend: false, textfont: { size: 11, color: colors.dark && select.value !== "deflection" ? "#ffffff" : "#101418" } }];
+        { ...zoneSquares(colors), ...numbers, text: zones.map(({ text }) => text) }];
       const place = { gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)" };
       const range = (axis) => { const [low, high] = span[axis], room = Math.max(0.05 * (high - low), 0.02 * size); return [low - room, high + room]; };
-      const one = (axis, name) => ({ ...place, title: { text: `${name} [m]` }, range: range(axis), nticks: range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
+      const one = (axis, name) => ({ ...place, title: { text: `${name} [m]` }, range: range(axis), nticks: isNarrow() || range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
       const ratio = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.5 * (high - low) / size; });
-      const far = window.innerWidth < 600 ? 1.35 : 1;
+      const far = isNarrow() ? 1.35 : 1;
       const scene = { xaxis: one(0, "x"), yaxis: one(1, "y"), zaxis: one(2, "z"), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] },
-        camera: { eye: { x: -0.9 * far, y: -1.7 * far, z: 1.35 * far }, center: { x: 0, y: 0, z: -0.1 } } };
+        camera: { eye: { x: -0.95 * far, y: -1.8 * far, z: 1.4 * far }, center: { x: 0, y: 0, z: isNarrow() ? -0.2 : -0.34 } } };
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
     move(div, instant) {
       const found = parts(instant);
       Plotly.restyle(div, {
         x: found.map((f) => f.x), y: found.map((f) => f.y), z: found.map((f) => f.z),
-        intensity: [intensity(instant), ...Array(6).fill(undefined)], text: found.map((f) => f.text),
+        intensity: [intensity(instant), ...Array(6).fill(undefined)], hovertext: found.map((f) => f.hovertext),
       });
     },
   });
