@@ -301,7 +301,7 @@ def sweep(
         Variable to draw, one panel per case, such as membrane.deflection; damage if there is a detector, else
         the first that was recorded.
     pictures : bool, default True
-        Draw the picture.
+        Draw the picture, and write report.html, the page of the sweep.
 
     Returns
     -------

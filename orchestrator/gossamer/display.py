@@ -58,3 +58,10 @@ def draw_png(draw: Callable[[Any], object], size: tuple[float, float]) -> bytes:
     with picture(target, size) as figure:
         draw(figure.subplots())
     return target.getvalue()
+
+
+def page_of(files: Sequence[Path]) -> Path | None:
+    """Return the page among files, if there is one."""
+    from gossamer_orchestrator.pages import PAGE
+
+    return next((path for path in files if path.name == PAGE), None)

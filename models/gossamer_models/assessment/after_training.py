@@ -15,7 +15,7 @@ from ..detector.posterior_training import split
 from ..detector.thesis_tables import GROUPS
 from ..detector.thesis_training import SAMPLES, simulate_cases, with_noise
 from .figures import figures
-from .judges import DetectorJudge, PosteriorJudge, Verdicts
+from .judges import AlwaysZero, DetectorJudge, PosteriorJudge, Verdicts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,20 +24,21 @@ NOISES = {"clean": "no noise", "thesis": "the thesis' noise"}
 SEED = 1  # of the noise of the test cases of the thesis
 
 
-def held_out_errors(artifact: PosteriorArtifact, data: xr.Dataset, training: Training) -> dict[str, dict[str, float]]:
-    """Assess a posterior network on the last cases of its campaign, which were neither trained nor calibrated on.
+def held_out_verdicts(
+    artifact: PosteriorArtifact, data: xr.Dataset, training: Training
+) -> dict[str, tuple[Matrix, Verdicts]]:
+    """Judge the last cases of the campaign of a posterior network, which were neither trained nor calibrated on.
 
     Returns
     -------
     dict
-        By kind of record (window, damage and noise; and for the answer "always 0"): ``all zones`` and ``damaged zones``,
-        mean absolute errors [% damage]; ``in 95 % band``, share of the damaged zones of valid records; ``valid``, ``false
-        calls`` and ``wrong``, shares of the records; ``wrong and valid``, share of the wrong ones.
+        By kind of record (window, damage and noise; and for the answer "always 0"): true damage, shape (n, 16) [1], and
+        verdicts.
     """
-    sensing, random, found = Sensing.of(data), np.random.default_rng(training.seed), {}
+    sensing, random = Sensing.of(data), np.random.default_rng(training.seed)
     damage = data["damage"].to_numpy()
     damage = damage[damage.max(axis=1) > 0.0]
-    found["always 0"] = errors(damage, Verdicts(damage=0.0 * damage, valid=np.ones(len(damage), dtype=bool)))
+    found = {AlwaysZero.name: (damage, Verdicts(damage=0.0 * damage, valid=np.ones(len(damage), dtype=bool)))}
     for number in range(len(artifact.windows)):
         cut = cut_windows(data, number, training.samples, number == training.windows - 1, training.seed)
         test = split(cut, training)[2]
@@ -46,7 +47,7 @@ def held_out_errors(artifact: PosteriorArtifact, data: xr.Dataset, training: Tra
             verdicts = PosteriorJudge(artifact).window(number, sensing.samples(test.records, random, kind))
             for some, what in ((damaged, "damaged"), (~damaged, "healthy")):
                 if some.any():
-                    found[f"window {number + 1}, {what}, {noise}"] = errors(test.damage[some], verdicts[some])
+                    found[f"window {number + 1}, {what}, {noise}"] = test.damage[some], verdicts[some]
     return found
 
 
@@ -77,7 +78,22 @@ def thesis_errors(artifact: DetectorArtifact, *, noisy: bool) -> dict[str, tuple
 
 
 def errors(damage: Matrix, verdicts: Verdicts) -> dict[str, float]:
-    """Return the figures of ``held_out_errors`` that there are."""
+    """Return those of the figures of verdicts that there are.
+
+    Parameters
+    ----------
+    damage : ndarray, shape (n, 16)
+        True damage [1].
+    verdicts : Verdicts
+        Of the same n records.
+
+    Returns
+    -------
+    dict
+        ``all zones`` and ``damaged zones``, mean absolute errors [% damage]; ``in 95 % band``, share of the damaged zones of
+        valid records; ``valid``, ``false calls`` and ``wrong``, shares of the records; ``wrong and valid``, share of the
+        wrong ones.
+    """
     f = figures(damage, verdicts)
     found = {
         "all zones": f.error_all,

@@ -127,6 +127,8 @@ class PosteriorArtifact:
     periodic : bool
         Whether the last one judges all later windows: it was trained at any phase of the load. If not, later windows are
         not valid.
+    losses : list of list of float
+        Of each window: mean negative log likelihood of a training case, in every epoch; none of earlier trainings.
     trained_over : dict
         Ranges of the training by quantity: zones, depth [1], noise [1], and what else varied.
     held_out : dict
@@ -141,6 +143,7 @@ class PosteriorArtifact:
     block: int
     windows: tuple[PosteriorWindow, ...]
     periodic: bool
+    losses: list[list[float]] = field(default_factory=list)
     trained_over: dict[str, list[float]] = field(default_factory=dict)
     held_out: dict[str, dict[str, float]] = field(default_factory=dict)
     provenance: dict[str, str] = field(default_factory=dict)
@@ -168,6 +171,7 @@ class PosteriorArtifact:
             "windows": len(self.windows),
             "network": self.windows[0].network,
             "periodic": self.periodic,
+            "losses": [[float(f"{loss:.6g}") for loss in window] for window in self.losses],
             "trained_over": self.trained_over,
             "held_out": self.held_out,
         }
@@ -197,6 +201,7 @@ class PosteriorArtifact:
                 block=int(card["block"]),
                 windows=tuple(PosteriorWindow.of(network, found) for found in of_window),
                 periodic=bool(card["periodic"]),
+                losses=list(card.get("losses", [])),
                 trained_over=dict(card["trained_over"]),
                 held_out=dict(card["held_out"]),
                 provenance=dict(card["provenance"]),

@@ -287,8 +287,8 @@ class Fit:
                 noisy, clean, s2, damage = (part[rows] for part in drawn)
                 yield 0.5 * t.rate * (1.0 + np.cos(np.pi * done)), (noisy, clean, s2, damage)
 
-    def network(self, report: Callable[[], None]) -> Perceptron | FuzzyRules:
-        """Train the network for the damage of one quadrant."""
+    def network(self, report: Callable[[], None]) -> tuple[Perceptron | FuzzyRules, list[float]]:
+        """Train the network for the damage of one quadrant; return the mean of ``loss_gradient`` in each epoch, too."""
         t, lam = self.training, self.parts.variances.astype(np.float32)
         net: Perceptron | FuzzyRules
         if t.network == "neuro-fuzzy":
@@ -298,12 +298,14 @@ class Fit:
             net = FuzzyRules.of_cases(features(lam, noisy, s2), damage, t.references, self.random)
         else:
             net = Perceptron.random((t.components + 1, t.hidden, t.hidden, HEADS * QUADRANT), self.random)
-        adam = Adam(net.arrays)
+        adam, losses = Adam(net.arrays), []
         for rate, (noisy, _, s2, damage) in self._batches(t.epochs, t.spoilt):
             values = net.values(features(lam, noisy, s2))
-            adam.step(net.gradients(values, loss_gradient(values[-1], damage[:, IMAGE_ZONES[0]])[1])[0], rate)
+            loss, gradient = loss_gradient(values[-1], damage[:, IMAGE_ZONES[0]])
+            adam.step(net.gradients(values, gradient)[0], rate)
+            losses.append(loss)
             report()
-        return net
+        return net, np.reshape(losses, (t.epochs, -1)).mean(axis=1).tolist()
 
     def decoder(
         self, net: Perceptron | FuzzyRules, scales: Vector, report: Callable[[], None]

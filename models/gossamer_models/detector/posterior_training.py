@@ -60,12 +60,15 @@ def train_posterior(
     sensing = Sensing.of(data)
     cuts = [cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)]
     windows: list[PosteriorWindow] = []
+    losses: list[list[float]] = []
     done = itertools.count(1)
     total = sum((t.epochs + t.decoder_epochs) * max(4 * len(split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
     with threadpool_limits(1):  # small matrices: waking other threads for them costs more than their work
         for number, cut in enumerate(cuts):
             report = (lambda: None) if progress is None else (lambda: progress(next(done) / total))
-            windows.append(_train_window(cut, sensing, replace(t, seed=t.seed + number), report))
+            window, loss = _train_window(cut, sensing, replace(t, seed=t.seed + number), report)
+            windows.append(window)
+            losses.append(loss)
     return PosteriorArtifact(
         start_time=0.0,
         sampling_step=float(campaign["step"]),
@@ -73,6 +76,7 @@ def train_posterior(
         block=t.block,
         windows=tuple(windows),
         periodic=data.sizes["time"] > t.windows * t.samples,
+        losses=losses,
         trained_over=trained_over(campaign) | {"share of records with a spoilt sensor [1]": [t.spoilt, t.spoilt]},
         provenance={
             "campaign": str(data.attrs["sha256"]),
@@ -101,7 +105,9 @@ def split(cut: Windows, t: Training) -> tuple[Windows, Windows, Windows]:
     return train, calibration, test
 
 
-def _train_window(cut: Windows, sensing: Sensing, t: Training, report: Callable[[], None]) -> PosteriorWindow:
+def _train_window(
+    cut: Windows, sensing: Sensing, t: Training, report: Callable[[], None]
+) -> tuple[PosteriorWindow, list[float]]:
     random = np.random.default_rng(t.seed)
     train, calibration, _ = split(cut, t)
     x = features_of(train.records, t.block)
@@ -109,7 +115,7 @@ def _train_window(cut: Windows, sensing: Sensing, t: Training, report: Callable[
     parts = replace(parts, axes=parts.axes.astype(np.float16).astype(float))  # as the file holds them
     fit = Fit.of(parts, x, train, sensing, t)
     scales = np.sqrt(parts.variances + SMALL**2)
-    net = fit.network(report)
+    net, losses = fit.network(report)
     decoder, latent = fit.decoder(net, scales, report)
     window = PosteriorWindow(
         mean=parts.mean,
@@ -126,4 +132,4 @@ def _train_window(cut: Windows, sensing: Sensing, t: Training, report: Callable[
         errors=np.ones(t.components),
         limits=np.ones(4),
     )
-    return calibrate(window, t.block, calibration, sensing, random)
+    return calibrate(window, t.block, calibration, sensing, random), losses

@@ -41,8 +41,8 @@ def plot_placement(
     from matplotlib.colors import LogNorm
 
     ax = axes_or_new(ax)
-    view = _view(structure.mesh.nodes)
-    faces, zone = _faces(structure)
+    view = view_of(structure.mesh.nodes)
+    faces, zone = faces_of(structure)
     flat = [structure.mesh.nodes[nodes] @ view for nodes in faces]
     a90 = np.append(placement.a90, np.nan)  # the last is that of no zone
     colours = PolyCollection(flat, array=np.ma.masked_invalid(100.0 * a90[zone]), edgecolors="face", lw=0.4)
@@ -93,7 +93,7 @@ def save_picture(found: Placing, path: Path) -> None:
         bar.ax.yaxis.set_minor_formatter("{x:.3g}")
 
 
-def _view(nodes: Matrix) -> Matrix:
+def view_of(nodes: Matrix) -> Matrix:
     """Return the two directions to draw along, shape (3, 2): axes if the surface lies across one, else its widest ones."""
     extent = np.ptp(nodes, axis=0)
     if extent.min() <= 0.3 * extent.max():
@@ -101,7 +101,7 @@ def _view(nodes: Matrix) -> Matrix:
     return np.linalg.svd(nodes - nodes.mean(axis=0), full_matrices=False)[2][:2].T
 
 
-def _faces(structure: Structure) -> tuple[list[Vector], Vector]:
+def faces_of(structure: Structure) -> tuple[list[Vector], Vector]:
     """Return the corners of every face, and its zone, -1 for none."""
     corners, zones = [], []
     for block, elements in zip(structure.mesh.blocks, structure.elements, strict=True):

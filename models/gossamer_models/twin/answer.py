@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Matrix, Vector
+from .record import Record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +42,10 @@ class Answer:
         Sentences on what is wrong with the record or the answer.
     samples, simulations : int
         Values that were fitted, and cases that were simulated.
+    record : Record
+        What was fitted: the samples that were compared, of the sensors in ``order`` that were not left out.
+    predicted : ndarray, shape (4, n)
+        What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
     """
 
     damage: Vector
@@ -57,10 +62,13 @@ class Answer:
     doubts: tuple[str, ...] = field(default=())
     samples: int = 0
     simulations: int = 0
+    record: Record
+    predicted: Matrix
 
     def as_json(self) -> dict[str, Any]:
-        """Return the answer as JSON values."""
+        """Return the answer without its histories as JSON values."""
         return {
             name: value.tolist() if isinstance(value := getattr(self, name), np.ndarray) else value
             for name in self.__dataclass_fields__
+            if name not in ("record", "predicted")
         }

@@ -109,6 +109,10 @@ class Problem:
             J[:, simulated.size :] = (self._weights.weigh(self._read(point.predicted[None], rows)) - here).T
         return check_derivatives(J)
 
+    def reading(self, point: Point) -> Matrix:
+        """Return what the sensors read at a point, shape (4, n), in the unit of the record."""
+        return np.asarray(self._read(point.predicted[None], point.x[None])[0])
+
     def _read(self, y: Matrix, x: Matrix) -> Matrix:
         """Return what sensors with gain and offset read, shape (m, 4, n)."""
         return self.nuisances.read(y, self._reading.zero, self._reading.scale, x[:, N_ZONES:])

@@ -64,7 +64,7 @@ class Fit:
     @property
     def passes(self) -> bool:
         """Whether chi2 per sample is below its bound."""
-        return self.per_sample <= chi2_bound(self.problem)
+        return bool(self.per_sample <= chi2_bound(self.problem))
 
 
 def chi2_bound(problem: Problem) -> float:

@@ -214,6 +214,8 @@ class Twin:
             doubts=tuple(doubts),
             samples=problem.values,
             simulations=problem.simulations,
+            record=problem.record,
+            predicted=problem.reading(fit.point),
         )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from ..display import as_html, draw_png, first_of
+from ..display import as_html, draw_png, first_of, page_of
 
 if TYPE_CHECKING:
     from gossamer_models.assessment import Assessment as Assessed
@@ -30,6 +30,8 @@ class TwinAnswer:
     ----------
     path : Path
         JSON file of the answer.
+    page : Path or None
+        Its page; None if it could not be written.
     answer : gossamer_models.twin.Answer
         The whole answer: validity, doubts, and what else was fitted.
     data : xarray.Dataset
@@ -37,6 +39,7 @@ class TwinAnswer:
     """
 
     path: Path
+    page: Path | None
     answer: Answer
     data: xr.Dataset
 
@@ -114,6 +117,8 @@ class Campaign:
     ----------
     folder : Path
         The store.
+    page : Path or None
+        Its page; None if it could not be written.
     title : str
         Of the campaign.
     summary : gossamer_models.campaign.Summary
@@ -124,6 +129,7 @@ class Campaign:
     """
 
     folder: Path
+    page: Path | None
     title: str
     summary: Summary
     data: xr.Dataset
@@ -158,6 +164,8 @@ class TrainedDetector:
     ----------
     path : Path
         Its artifact.
+    page : Path or None
+        Its page; None if it could not be written.
     artifact : gossamer_models.detector.PosteriorArtifact or DetectorArtifact
         What was trained, and over which ranges; the latter of the thesis.
     held_out : dict of str to dict of str to float
@@ -168,6 +176,7 @@ class TrainedDetector:
     """
 
     path: Path
+    page: Path | None
     artifact: PosteriorArtifact | DetectorArtifact
     held_out: dict[str, dict[str, float]]
     data: xr.Dataset
@@ -187,9 +196,10 @@ class TrainedDetector:
         return as_html([self._verdict, f"The artifact is {self.path}."], self._print, None, "")
 
     def _print(self, console: Console) -> None:
-        from gossamer_orchestrator.cli.train import error_table
+        from gossamer_orchestrator.cli.pages.train import error_table
+        from gossamer_orchestrator.cli.tables import printed
 
-        console.print(error_table(self.held_out))
+        console.print(printed(error_table(self.held_out)))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -207,13 +217,18 @@ class DetectorAssessment:
         Probability of detection by ``detector``, ``condition`` and ``zone``, 0 for all zones together: ``a50``, ``a90``,
         ``a90_95`` [1], the ``threshold`` of a call and the share of ``false_calls`` [1].
     files : list of Path
-        Results and pictures.
+        Results, pictures and page.
     """
 
     result: Assessed
     data: xr.Dataset
     detections: xr.Dataset
     files: list[Path]
+
+    @property
+    def page(self) -> Path | None:
+        """Its page; None if it could not be written."""
+        return page_of(self.files)
 
     @property
     def _verdict(self) -> str:
@@ -232,10 +247,11 @@ class DetectorAssessment:
         return as_html(sentences, self._print, errors, "Errors of the detectors under each condition")
 
     def _print(self, console: Console) -> None:
-        from gossamer_orchestrator.cli.assess_detector import condition_table, detection_table
+        from gossamer_orchestrator.cli.pages.assess_detector import condition_table, detection_table
+        from gossamer_orchestrator.cli.tables import printed
 
-        console.print(condition_table(self.result))
-        console.print(detection_table(self.result))
+        console.print(printed(condition_table(self.result)))
+        console.print(printed(detection_table(self.result)))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -252,13 +268,18 @@ class SensorPlacement:
         ``a90`` and ``deviation`` [1] by ``placement``, "own" and "chosen", and ``zone`` with its ``group``; ``point`` [m]
         and ``direction`` [1] of each chosen ``sensor`` by ``axis``.
     files : list of Path
-        Table, picture and sensors.
+        Table, picture, sensors and page.
     """
 
     path: Path
     result: Placing
     data: xr.Dataset
     files: list[Path]
+
+    @property
+    def page(self) -> Path | None:
+        """Its page; None if it could not be written."""
+        return page_of(self.files)
 
     @property
     def _verdict(self) -> str:
@@ -282,9 +303,10 @@ class SensorPlacement:
         return as_html(sentences, self._print, picture, "Where the sensors are, and the a90 of each zone")
 
     def _print(self, console: Console) -> None:
-        from gossamer_orchestrator.cli.place_sensors import placement_table
+        from gossamer_orchestrator.cli.pages.place_sensors import zone_table
+        from gossamer_orchestrator.cli.tables import printed
 
-        console.print(placement_table(self.result))
+        console.print(printed(zone_table(self.result)))
 
 
 def _draw_zones(damage: NDArray[np.float64], deviation: NDArray[np.float64]) -> bytes:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from ..display import as_html, first_loop
+from ..display import as_html, first_loop, page_of
 
 if TYPE_CHECKING:
     from gossamer_models.identify import Identified
@@ -46,7 +45,7 @@ class Identification:
     @property
     def page(self) -> Path | None:
         """Page of the identification; None where none was written."""
-        return _page_of(self.files)
+        return page_of(self.files)
 
     @property
     def _verdict(self) -> str:
@@ -94,7 +93,7 @@ class Assessment:
     @property
     def page(self) -> Path | None:
         """Page of the assessment; None where none was written."""
-        return _page_of(self.files)
+        return page_of(self.files)
 
     @property
     def _verdict(self) -> str:
@@ -116,10 +115,3 @@ class Assessment:
 
         for table in tables(self.judged, self.stretch):
             console.print(table)
-
-
-def _page_of(files: Sequence[Path]) -> Path | None:
-    """Return the page among files, if there is one."""
-    from gossamer_orchestrator.pages import PAGE
-
-    return next((path for path in files if path.name == PAGE), None)

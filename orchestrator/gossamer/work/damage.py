@@ -23,14 +23,14 @@ def twin(record: Path, **options: Any) -> TwinAnswer:  # noqa: ANN401
     """Fit a simulation to a record."""
     from gossamer_orchestrator.cli.twin import fit_twin
 
-    answer, path = fit_twin(record, **options)
+    answer, path, pages = fit_twin(record, **options)
     values = {name: ("zone", getattr(answer, name), RATIO) for name in ("damage", "deviation", "probability")}
     data = xr.Dataset(
         values | {"covariance": (("zone", "other_zone"), answer.covariance, RATIO)},
         coords=_zones(answer.damage.size) | {"other_zone": np.arange(1, answer.damage.size + 1)},
         attrs={"valid": int(answer.valid), "chi2_per_sample": answer.chi2_per_sample, "chi2_bound": answer.chi2_bound},
     )
-    return TwinAnswer(path=path, answer=answer, data=data)
+    return TwinAnswer(path=path, page=next(iter(pages), None), answer=answer, data=data)
 
 
 def watch(record: Path, **options: Any) -> Watching:  # noqa: ANN401
@@ -57,17 +57,18 @@ def campaign(campaign: str, **options: Any) -> Campaign:  # noqa: ANN401
     from gossamer_models.campaign import read_campaign
     from gossamer_orchestrator.cli.campaign import campaign_given
 
-    summary, folder, title = campaign_given(campaign, **options)
-    return Campaign(folder=folder, title=title, summary=summary, data=read_campaign(folder))
+    summary, folder, title, pages = campaign_given(campaign, **options)
+    page = next(iter(pages), None)
+    return Campaign(folder=folder, page=page, title=title, summary=summary, data=read_campaign(folder))
 
 
 def train(source: str | None, **options: Any) -> TrainedDetector:  # noqa: ANN401
     """Train a detector on simulated damage."""
     from gossamer_orchestrator.cli.train import train_given
 
-    artifact, path, rows = train_given(source, **options)
+    artifact, path, rows, pages = train_given(source, **options)
     data = _by(("cases",), (((kind,), row) for kind, row in rows.items()))
-    return TrainedDetector(path=path, artifact=artifact, held_out=rows, data=data)
+    return TrainedDetector(path=path, page=next(iter(pages), None), artifact=artifact, held_out=rows, data=data)
 
 
 def assess_detector(artifact: list[Path] | None, **options: Any) -> DetectorAssessment:  # noqa: ANN401
@@ -114,7 +115,9 @@ def place_sensors(setup: Path | None, **options: Any) -> SensorPlacement:  # noq
         },
         attrs={"noise": found.noise, "samples": round(options["stop"] / options["step"])},
     )
-    return SensorPlacement(path=files[-1], result=found, data=data, files=files)
+    return SensorPlacement(
+        path=next(each for each in files if each.suffix == ".toml"), result=found, data=data, files=files
+    )
 
 
 def _zones(count: int) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..scenario.shipped import find_scenario
-from .command import Result, show, stderr
-from .common import keep_inputs, model_errors
+from .command import Result, note, show, stderr
+from .common import keep_inputs, model_errors, save_page
 
 if TYPE_CHECKING:
     from gossamer_models.campaign import Summary
@@ -29,8 +29,9 @@ def campaign(
 ) -> Result:
     """Simulate the cases of a campaign.
 
-    Draws damage, load, material and sensors of each case, simulates them and prints the folder of the store. Run it again
-    to go on after an interruption: finished chunks are kept, and the numbers depend on the file alone.
+    Draws damage, load, material and sensors of each case, simulates them, and prints the folder of the store and
+    the path of report.html, the page of the campaign. Run it again to go on after an interruption: finished chunks are kept,
+    and the numbers depend on the file alone.
 
     For example:
 
@@ -39,7 +40,7 @@ def campaign(
         gossamer campaign my_campaign.toml --out out/mine.zarr --scheduler tcp://192.168.0.5:8786
     """
     try:
-        summary, path, title = campaign_given(campaign, out=out, workers=workers, scheduler=scheduler)
+        summary, path, title, pages = campaign_given(campaign, out=out, workers=workers, scheduler=scheduler)
     except KeyboardInterrupt:
         text = "Interrupted; finished chunks are kept. Run the same command again to go on."
         typer.echo(text, err=True)
@@ -47,20 +48,27 @@ def campaign(
     stderr().print(summary_table(title, path, summary))
     if summary.failed:
         stderr().print(failed(summary), style="bold yellow", highlight=False)
-    show(path)
+    for each in (path, *pages):
+        show(each)
+    for page in pages:
+        note(f"Open {page}, or type 'gossamer view {page.parent}'.")
     found = {"cases": summary.cases, "simulated": summary.simulated, "failed": summary.failed}
-    return Result({"store": path, **found, "wall_time_s": summary.seconds, "size_bytes": size_of(path)})
+    return Result(
+        {"store": path, "page": next(iter(pages), None), **found}
+        | {"wall_time_s": summary.seconds, "size_bytes": size_of(path)}
+    )
 
 
 def campaign_given(
     campaign: str, *, out: Path | None, workers: int | None, scheduler: str | None
-) -> tuple[Summary, Path, str]:
-    """Simulate the cases with the options of the command; return what was done, the folder of the store and a title."""
-    from gossamer_models.campaign import run_campaign
+) -> tuple[Summary, Path, str, list[Path]]:
+    """Simulate the cases with the options of the command; return what was done, store, title, and page if written."""
+    from gossamer_models.campaign import read_campaign, run_campaign
 
     from ..run.progress import ProgressBar
     from .campaign_file import load_campaign
     from .described_file import locating
+    from .pages.campaign import campaign_page
 
     file = find_scenario(campaign, "campaign")
     path = Path("out/campaigns") / f"{file.stem}.zarr" if out is None else out
@@ -79,7 +87,16 @@ def campaign_given(
                 source=source.text,
                 progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"),
             )
-    return summary, path, wanted.title or file.stem
+    title = wanted.title or file.stem
+    pages = save_page(lambda: campaign_page(title, read_campaign(path), summary), page_beside(path))
+    return summary, path, title, pages
+
+
+def page_beside(store: Path) -> Path:
+    """Return the page of a store: not inside it, where programs that read Zarr would warn of it."""
+    from ..pages import PAGE
+
+    return (store.with_suffix("") if store.suffix else store.with_name(f"{store.name}_page")) / PAGE
 
 
 def size_of(path: Path) -> int:

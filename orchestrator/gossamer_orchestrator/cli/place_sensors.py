@@ -11,12 +11,11 @@ import typer
 from gossamer_files import replacing
 
 from ..errors import OrchestratorError
-from .command import Result, show, stderr
-from .common import keep_inputs, model_errors
+from .command import Result, note, show, stderr
+from .common import keep_inputs, model_errors, save_page
 
 if TYPE_CHECKING:
     from gossamer_models.placement import Placement, Placing
-    from rich.table import Table
 
 
 def place_sensors(
@@ -50,7 +49,8 @@ def place_sensors(
 
     Prints for every zone a90, the damage that is detected in 90 % of cases at 5 % false alarms: with the setup's own
     sensors, or the four of the thesis, and with the chosen ones. All zones, the load's amplitude, the damping and an offset
-    of each sensor are unknown. Writes a table, a picture, and the chosen sensors as tables of a setup.
+    of each sensor are unknown. Writes a table, a picture, the chosen sensors as tables of a setup, and report.html, the page
+    of the placement.
 
     For example:
 
@@ -58,6 +58,10 @@ def place_sensors(
 
         gossamer place-sensors sail.toml --set pressure_amplitude=2 --set pressure_frequency=0.5 --stop 20 --step 0.02
     """
+    from ..pages import PAGE
+    from .pages.place_sensors import zone_table
+    from .tables import printed
+
     found, paths = place_given(
         setup,
         mesh=mesh,
@@ -71,10 +75,12 @@ def place_sensors(
         check=check,
         out=out,
     )
-    stderr().print(placement_table(found))
+    stderr().print(printed(zone_table(found)))
     stderr().print(summary(found, samples=round(stop / step)), highlight=False)
     for path in paths:
         show(path)
+    if out / PAGE in paths:
+        note(f"Open {out / PAGE}, or type 'gossamer view {out}'.")
     placements = {name: _as_content(p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None}
     zones = [zone.group for zone in found.structure.setup.zones]
     return Result({"files": paths, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates})
@@ -94,11 +100,13 @@ def place_given(
     check: int,
     out: Path,
 ) -> tuple[Placing, list[Path]]:
-    """Choose sensors with the options of the command; return what was found, and the table, the picture and the sensors."""
+    """Choose sensors with the options of the command; return what was found; table, picture, sensors and page."""
     from gossamer_models.placement import NOISE, save_picture, sensors_text, square_structure, write_csv
     from gossamer_models.placement import place_sensors as place
 
+    from ..pages import PAGE
     from ..run.progress import ProgressBar
+    from .pages.place_sensors import placement_page
     from .setup_file import load_structure
 
     paths = [out / name for name in ("placement.csv", "placement.png", "sensors.toml")]
@@ -129,7 +137,7 @@ def place_given(
         save_picture(found, paths[1])
         with replacing(paths[2]) as unfinished:
             unfinished.write_text(sensors_text(found), encoding="utf-8")
-    return found, paths
+    return found, paths + save_page(lambda: placement_page(found, round(stop / step)), out / PAGE)
 
 
 def _as_content(placement: Placement) -> dict[str, Any]:
@@ -168,39 +176,17 @@ def _numbers(texts: Sequence[str]) -> dict[str, float]:
     return found
 
 
-def placement_table(found: Placing) -> Table:
-    """Return a table of the smallest damage that is found, a row for each zone."""
-    from rich.table import Table
-
-    placements = [(name, p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None]
-    head = [f"a90 [%], {len(p.sensors)} {name} sensors" for name, p in placements]
-    checked = [(name, p.check) for name, p in placements if p.check is not None]
-    head += [f"{name}: deviation at 30 % damage, predicted and of {c.records} fits [%]" for name, c in checked]
-    table = Table("zone", "group", *head, title="Smallest damage that is found")
-    for k, zone in enumerate(found.structure.setup.zones):
-        cells = [f"{100.0 * p.a90[k]:.2f}" for _, p in placements]
-        cells += [f"{100.0 * c.predicted[k]:.2f}, {100.0 * c.observed[k]:.2f}" for _, c in checked]
-        table.add_row(str(k + 1), zone.group, *cells)
-    table.add_section()
-    table.add_row("worst", "", *(f"{100.0 * p.a90.max():.2f}" for _, p in placements), style="bold")
-    return table
-
-
 def summary(found: Placing, samples: int) -> str:
     """Say what was chosen from what, whether the check agrees, and where the sensors are."""
+    from .pages.place_sensors import check_sentence
+
     lines = [
         f"{len(found.chosen.sensors)} of {found.candidates} candidates; {samples} samples with white noise of deviation "
         f"{found.noise:.3g}; a90 of 95 % stands for 95 % or more."
     ]
     for name, placement in (("own", found.own), ("chosen", found.chosen)):
         if placement is not None and placement.check is not None:
-            c = placement.check
-            verdict = "agrees" if c.agrees else "does NOT agree"
-            lines.append(
-                f"{c.records} fits with the {name} sensors: mean square error over the predicted variance {c.spread:.3f}, "
-                f"expected 1 ± {c.spread_error:.3f}, which {verdict}; false alarms {100.0 * c.false_alarms:.1f} % (5), "
-                f"a90 found in {100.0 * c.found:.1f} % (90)."
-            )
+            lines.append(check_sentence(name, placement.check))
     for k, sensor in enumerate(found.chosen.sensors):
         point, direction = (", ".join(f"{x:.4g}" for x in v) for v in (sensor.point, sensor.direction))
         lines.append(f"sensor {k + 1}: point ({point}) m, direction ({direction})")

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..scenario.shipped import find_scenario
-from .command import Result, show, stderr
-from .common import FMUS, FmuFolder, ScenarioName, Step, Stop, keep_inputs, model_errors
+from .command import Result, note, show, stderr
+from .common import FMUS, FmuFolder, ScenarioName, Step, Stop, keep_inputs, model_errors, save_page
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -51,13 +51,15 @@ def sweep(
             metavar="NAME",
         ),
     ] = None,
-    pictures: Annotated[bool, typer.Option(help="Draw the picture.")] = True,
+    pictures: Annotated[
+        bool, typer.Option(help="Draw the picture, and write report.html, the page of the sweep.")
+    ] = True,
 ) -> Result:
     """Run a scenario with many values.
 
     Writes a folder per case with what gossamer run writes; a table cases.csv; sweep.zarr, which xarray opens with everything
-    along the dimension case; and sweep.png with a panel per case. The same command again runs what is missing. A cluster
-    needs this version of Gossamer and the same folders on all its machines.
+    along the dimension case; sweep.png with a panel per case; and report.html, the page of the sweep. The same command again
+    runs what is missing. A cluster needs this version of Gossamer and the same folders on all its machines.
 
     For example:
 
@@ -67,6 +69,7 @@ def sweep(
 
         gossamer sweep damaged --set "membrane.damage[1]=0:0.5:6" --scheduler tcp://192.168.0.5:8786
     """
+    from ..pages import PAGE
     from ..run.sweep import is_finished
 
     try:
@@ -88,6 +91,8 @@ def sweep(
     stderr().print(case_table(cases, ended))
     for file in files:
         show(file)
+    if folder / PAGE in files:
+        note(f"Open {folder / PAGE}, or type 'gossamer view {folder}'.")
     found = [
         {"case": case.number, "values": case.values, "folder": folder / case.name, "ended": text}
         for case, text in zip(cases, ended, strict=True)
@@ -115,10 +120,12 @@ def run_cases(
     KeyboardInterrupt
         It was interrupted; the message says how to go on.
     """
+    from ..pages import PAGE
     from ..results.plots.cases import save_cases
     from ..run.gathered import TABLE, combine, write_table
     from ..run.progress import ProgressBar
     from ..run.sweep import make_cases, on_cores, read_ranges, run_sweep
+    from .pages.sweep import sweep_page
 
     path = find_scenario(scenario)
     folder = Path("out") / f"{path.stem}_sweep" if out is None else out
@@ -147,6 +154,8 @@ def run_cases(
         if pictures:
             varied = [name for name in cases[0].values if len({str(case.values[name]) for case in cases}) > 1]
             files += save_cases(store, folder, plot, varied)
+    if pictures:
+        files += save_page(lambda: sweep_page(path.stem, cases, ended, folder, plot), folder / PAGE)
     return cases, ended, folder, files
 
 

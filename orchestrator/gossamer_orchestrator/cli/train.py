@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -13,16 +14,16 @@ import typer
 from ..errors import OrchestratorError, ScenarioError
 from ..names import suggest
 from ..scenario.shipped import find_scenario, shipped_scenarios
-from .command import Result, show, stderr
-from .common import keep_inputs, model_errors
+from .command import Result, note, show, stderr
+from .common import keep_inputs, model_errors, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_models.campaign import Campaign
     from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
     from gossamer_models.detector.posterior_artifact import Network
-    from rich.table import Table
 
+    from ..pages import Page
 
 logger = logging.getLogger(__name__)
 NOMINAL = "detector_nominal"
@@ -82,15 +83,21 @@ def train(
 
         gossamer train multiple_noisy --kind thesis
     """
-    _, path, rows = train_given(source, kind=kind, out=out, window=window, epochs=epochs)
-    stderr().print(error_table(rows))
-    show(path)
-    return Result({"artifact": path, "held_out": rows, "units": UNITS})
+    from .pages.train import error_table
+    from .tables import printed
+
+    _, path, rows, pages = train_given(source, kind=kind, out=out, window=window, epochs=epochs)
+    stderr().print(printed(error_table(rows)))
+    for each in (path, *pages):
+        show(each)
+    for page in pages:
+        note(f"Open {page}, or type 'gossamer view {page.parent}'.")
+    return Result({"artifact": path, "page": next(iter(pages), None), "held_out": rows, "units": UNITS})
 
 
 def train_given(
     source: str | None, *, kind: str, out: Path | None, window: float | None, epochs: int | None
-) -> tuple[PosteriorArtifact | DetectorArtifact, Path, dict[str, dict[str, float]]]:
+) -> tuple[PosteriorArtifact | DetectorArtifact, Path, dict[str, dict[str, float]], list[Path]]:
     """Train a detector with the options of the command.
 
     Returns
@@ -101,6 +108,8 @@ def train_given(
         Its file.
     dict of str to dict of str to float
         Errors by kind of record, see ``gossamer_models.assessment.after_training``.
+    list of Path
+        Its page, if it was written.
     """
     if kind == Kind.THESIS:
         if window is not None or epochs is not None:
@@ -111,11 +120,12 @@ def train_given(
         return _train_thesis(source or "single", out)
     keep_inputs([Path(source or NOMINAL)], [out])
     network: Network = "neuro-fuzzy" if kind == Kind.NEURO_FUZZY else "perceptron"
-    from gossamer_models.assessment.after_training import held_out_errors
+    from gossamer_models.assessment.after_training import errors, held_out_verdicts
     from gossamer_models.detector.posterior_settings import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
     from ..run.progress import ProgressBar
+    from .pages.train import training_page
 
     with model_errors():
         data, name, length = _data(source or NOMINAL)
@@ -133,13 +143,14 @@ def train_given(
         with ProgressBar("training", stderr()) as bar:
             artifact = train_posterior(data, training, lambda done: bar.update(done, 1.0))
         command = f"gossamer train {name} --kind {kind} --epochs {training.epochs}"
+        judged = held_out_verdicts(artifact, data, training)
         artifact = replace(
             artifact,
-            held_out=held_out_errors(artifact, data, training),
+            held_out={what: errors(*pair) for what, pair in judged.items()},
             provenance={"command": command, **artifact.provenance},
         )
         artifact.write(path)
-    return artifact, path, artifact.held_out
+    return artifact, path, artifact.held_out, _save(lambda: training_page(name, artifact, judged), path)
 
 
 def _data(source: str) -> tuple[xr.Dataset, str, float | None]:
@@ -199,11 +210,14 @@ def _campaign_of(file: Path, nominal: Campaign) -> tuple[Campaign, float | None]
     return replace(nominal, membrane=replace(nominal.membrane, parameters=constants), stop=steps * nominal.step), length
 
 
-def _train_thesis(name: str, out: Path | None) -> tuple[DetectorArtifact, Path, dict[str, dict[str, float]]]:
+def _train_thesis(
+    name: str, out: Path | None
+) -> tuple[DetectorArtifact, Path, dict[str, dict[str, float]], list[Path]]:
     from gossamer_models.assessment.after_training import thesis_errors
     from gossamer_models.detector.thesis_training import TRAININGS, train_detector
 
     from ..run.progress import ProgressBar
+    from .pages.train import thesis_page
 
     if name not in TRAININGS:
         msg = f"the thesis has no training {name!r}. {suggest(name, TRAININGS)}"
@@ -216,19 +230,11 @@ def _train_thesis(name: str, out: Path | None) -> tuple[DetectorArtifact, Path, 
     rows: dict[str, dict[str, float]] = {}
     for cases, (ours, printed) in found.items():
         rows |= {cases: ours, f"{cases}: the thesis": printed}
-    return artifact, path, rows
+    return artifact, path, rows, _save(lambda: thesis_page(name, artifact, rows), path)
 
 
-def error_table(found: dict[str, dict[str, float]]) -> Table:
-    """Return a table of errors and shares, a row for each kind of record."""
-    from rich.table import Table
+def _save(describe: Callable[[], Page], artifact: Path) -> list[Path]:
+    """Write the page of an artifact into the folder of its name beside it; return its path."""
+    from ..pages import PAGE
 
-    errors, shares = (
-        ("all zones", "damaged zones"),
-        ("in 95 % band", "valid", "false calls", "wrong", "wrong and valid"),
-    )
-    table = Table("cases", *errors, *shares, title="Mean absolute error [% damage]; shares [%]")
-    for cases, row in found.items():
-        numbers = [f"{row[name]:.2f}" if name in row else "" for name in errors]
-        table.add_row(cases, *numbers, *(f"{100.0 * row[name]:.1f}" if name in row else "" for name in shares))
-    return table
+    return save_page(describe, artifact.with_suffix("") / PAGE)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from gossamer_files import replacing
 
-from .command import INVALID, Result, show, stderr
-from .common import keep_inputs, model_errors
+from .command import INVALID, Result, note, show, stderr
+from .common import keep_inputs, model_errors, save_page
 from .twin_options import (
     ElementsOption,
     KindOption,
@@ -67,7 +67,7 @@ def twin(
         gossamer twin measured.csv --fit offset,amplitude,frequency,damping --set pressure_amplitude=9500
     """
     console = stderr()
-    answer, path = fit_twin(
+    answer, path, pages = fit_twin(
         record,
         fit=fit,
         kind=kind,
@@ -84,8 +84,14 @@ def twin(
     console.print(summary(answer), highlight=False)
     for doubt in answer.doubts:
         console.print(f"{doubt[0].upper()}{doubt[1:]}.", style="bold yellow", highlight=False)
-    show(path)
-    return Result({"file": path, **answer.as_json(), "units": UNITS}, 0 if answer.valid else INVALID)
+    for each in (path, *pages):
+        show(each)
+    for page in pages:
+        note(f"Open {page}, or type 'gossamer view {page.parent}'.")
+    return Result(
+        {"file": path, "page": next(iter(pages), None), **answer.as_json(), "units": UNITS},
+        0 if answer.valid else INVALID,
+    )
 
 
 def fit_twin(
@@ -101,10 +107,12 @@ def fit_twin(
     order: int,
     sparse: bool,
     out: Path | None,
-) -> tuple[Answer, Path]:
-    """Fit a simulation to a record with the options of the command; return the answer and the file it was written to."""
+) -> tuple[Answer, Path, list[Path]]:
+    """Fit a simulation to a record with the options of the command; return the answer, its file, and its page if written."""
     from gossamer_models.twin import Twin
 
+    from ..pages import PAGE
+    from .pages.twin import twin_page
     from .twin_record import find_record, sensor_of
 
     console = stderr()
@@ -129,20 +137,19 @@ def fit_twin(
         logger.info("%d simulations for %d values", answer.simulations, answer.samples)
         with replacing(path) as unfinished:
             unfinished.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
-    return answer, path
+    return answer, path, save_page(lambda: twin_page(record.stem, answer), path.with_suffix("") / PAGE)
 
 
 def zone_table(answer: Answer) -> Table:
     """Return a table with one row per zone."""
     from rich.table import Table
 
-    remarks = ["remark"] if answer.unresolved else []
-    table = Table("zone", "damage [%]", "P(damaged)", *remarks, title="Digital twin")
-    for k in range(len(answer.damage)):
-        remark = ["cannot tell" if k + 1 in answer.unresolved else ""] if remarks else []
-        style = "bold" if answer.damage[k] > 0.0 else "dim"
-        damage = f"{100.0 * answer.damage[k]:.2f} ± {100.0 * answer.deviation[k]:.2f}"
-        table.add_row(str(k + 1), damage, f"{answer.probability[k]:.3f}", *remark, style=style)
+    from .pages.twin import zone_cells
+
+    shown = zone_cells(answer)
+    table = Table(*shown.head, title=shown.caption)
+    for row, damage in zip(shown.rows, answer.damage, strict=True):
+        table.add_row(*row, style="bold" if damage > 0.0 else "dim")
     return table
 
 

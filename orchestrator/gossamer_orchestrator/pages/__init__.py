@@ -1,13 +1,14 @@
 """Pages of results: one HTML file each that opens from disk, without a network or a server."""
 
-from .charts import SCRIPT, Chart, band, bars, curve, drawn, heat, points, with_interval
+from .charts import SCRIPT, Chart, band, bars, curve, drawn, heat, names_from_top, points, with_interval
 from .page import PAGE, Page, write_page
-from .tables import folded, table
+from .tables import Html, folded, link, table
 
 __all__ = [
     "PAGE",
     "SCRIPT",
     "Chart",
+    "Html",
     "Page",
     "band",
     "bars",
@@ -15,6 +16,8 @@ __all__ = [
     "drawn",
     "folded",
     "heat",
+    "link",
+    "names_from_top",
     "points",
     "table",
     "with_interval",

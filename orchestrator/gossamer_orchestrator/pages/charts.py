@@ -44,6 +44,8 @@ class Chart:
         More of plotly's layout, for instance ``{"yaxis": {"type": "log"}}``.
     broad : bool
         As wide as the page.
+    tall : bool
+        Higher than others, for instance as high as wide.
     linked : str
         Charts of the same name are zoomed together along x.
     """
@@ -57,6 +59,7 @@ class Chart:
     text: str = ""
     layout: Mapping[str, Any] = field(default_factory=dict)
     broad: bool = False
+    tall: bool = False
     linked: str = ""
 
 
@@ -129,6 +132,11 @@ def with_interval(trace: Trace, low: ArrayLike, high: ArrayLike, axis: str = "y"
 def bars(name: str, x: ArrayLike, y: ArrayLike, color: str = "@0") -> Trace:
     """Return bars; ``x`` may be words."""
     return {"type": "bar", "name": name, "x": np.asarray(x), "y": np.asarray(y), "marker": {"color": color}}
+
+
+def names_from_top(names: Sequence[str]) -> dict[str, Any]:
+    """Return the layout of y with names from the top down, for bars or points of ``"orientation": "h"``; all find place."""
+    return {"type": "category", "categoryorder": "array", "categoryarray": list(names)[::-1], "dtick": 1}
 
 
 def heat(x: ArrayLike, y: ArrayLike, z: ArrayLike, label: str, **more: Any) -> Trace:  # noqa: ANN401

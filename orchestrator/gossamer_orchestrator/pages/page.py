@@ -69,7 +69,7 @@ class Page:
 
 
 def write_page(page: Page, path: Path) -> Path:
-    """Write a page that opens from disk; return its path.
+    """Write a page that opens from disk, and its folder if need be; return its path.
 
     Raises
     ------
@@ -92,8 +92,10 @@ def write_page(page: Page, path: Path) -> Path:
             for each in (*(ASSETS / name for name in SHARED), *page.scripts, ASSETS / "main.js")
         ),
     )
-    with writing(path, ResultsError), replacing(path) as new:
-        new.write_text(text, encoding="utf-8")
+    with writing(path, ResultsError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as new:
+            new.write_text(text, encoding="utf-8")
     return path
 
 

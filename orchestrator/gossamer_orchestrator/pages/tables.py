@@ -4,6 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from urllib.parse import quote
+
+
+class Html(str):
+    """A cell of a table that is HTML already."""
+
+    __slots__ = ()
+
+
+def link(text: str, target: str) -> Html:
+    """Return a link to an address, for instance to a file relative to the page."""
+    return Html(f'<a href="{escape(quote(target))}">{escape(text)}</a>')
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]], caption: str, *, row_heads: bool = True) -> str:
@@ -13,11 +25,15 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], caption: str, *
         lines.append("<thead><tr>" + "".join(f'<th scope="col">{escape(text)}</th>' for text in head) + "</tr></thead>")
     lines.append("<tbody>")
     for first, *rest in rows:
-        begin = f'<th scope="row">{escape(str(first))}</th>' if row_heads else f"<td>{escape(str(first))}</td>"
-        lines.append(f"<tr>{begin}" + "".join(f"<td>{escape(str(cell))}</td>" for cell in rest) + "</tr>")
+        begin = f'<th scope="row">{_cell(first)}</th>' if row_heads else f"<td>{_cell(first)}</td>"
+        lines.append(f"<tr>{begin}" + "".join(f"<td>{_cell(cell)}</td>" for cell in rest) + "</tr>")
     return '<div class="wide">' + "\n".join(lines) + "</tbody></table></div>"
 
 
 def folded(summary: str, inner: str) -> str:
     """Return HTML that its reader unfolds."""
     return f"<details><summary>{escape(summary)}</summary>{inner}</details>"
+
+
+def _cell(value: object) -> str:
+    return value if isinstance(value, Html) else escape(str(value))

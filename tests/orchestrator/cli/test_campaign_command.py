@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 from gossamer_models import campaign as models
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.campaign_file import load_campaign
+from gossamer_orchestrator.cli.pages.campaign import campaign_page
 from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from reading_pages import read_page, values
 from typer.testing import CliRunner
 
 DOCS = Path(__file__).parents[3] / "docs" / "campaigns.md"
@@ -56,14 +59,16 @@ def test_a_campaign_prints_its_store_and_goes_on_where_it_stopped(call, tmp_path
     pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
     path, out = written(tmp_path), tmp_path / "a.zarr"
     result = call("campaign", path, "--out", out, "--workers", 1)
-    assert (result.exit_code, result.stdout) == (0, f"{out}\n"), result.stderr
+    page = tmp_path / "a" / "report.html"
+    assert (result.exit_code, result.stdout.split()) == (0, [str(out), str(page)]), result.stderr
     assert "Right" in result.stderr
     assert "cases per second" in result.stderr
     data = models.read_campaign(out)
     assert data.attrs["campaign.toml"] == path.read_text()
     assert data.sizes == {"case": 6, "sensor": 4, "time": 10, "zone": 16}
     again = call("campaign", path, "--out", out)
-    assert (again.exit_code, again.stdout) == (0, f"{out}\n")
+    assert (again.exit_code, again.stdout.split()) == (0, [str(out), str(page)])
+    assert "All cases were there before this run." in read_page(page)[0].inside[None]
     other = call("campaign", written(tmp_path, ("cases = 6", "cases = 7")), "--out", out)
     assert (other.exit_code, other.stdout) == (1, "")
     assert "cases: 6 there, 7 here" in other.stderr
@@ -72,6 +77,42 @@ def test_a_campaign_prints_its_store_and_goes_on_where_it_stopped(call, tmp_path
     assert blocked.exit_code == 1
     assert blocked.stderr.startswith(f"cannot use {tmp_path / 'file'}")
     assert blocked.stderr.endswith("Name another place with --out.\n")
+
+
+def test_the_page_shows_what_was_drawn_and_the_histories(call, tmp_path):
+    pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
+    path, out = written(tmp_path, ("cases = 6", "cases = 40"), ("chunk = 4", "chunk = 40")), tmp_path / "a.zarr"
+    assert call("campaign", path, "--out", out, "--workers", 1).exit_code == 0
+    data = models.read_campaign(out)
+    page, charts = read_page(tmp_path / "a/report.html")
+    assert page.inside["verdict"] == "All 40 cases are simulated."
+    assert "1 to 2 zones lose 5 to 50 % of their stiffness." in page.inside[None]
+    assert "Varied: pressure_amplitude times 0.9 to 1.1." in page.inside[None]
+    there = data["damage"].to_numpy() > 0.0
+    assert values(charts["Cases with damage in a zone"]["traces"][0]["y"]) == there.sum(axis=0).tolist()
+    assert sum(values(charts["Damage of damaged zones"]["traces"][0]["y"])) == there.sum()
+    assert sum(values(charts["Amplitude of the built-in follower pressure"]["traces"][0]["y"])) == 40
+    low, high, middle, *few = charts["Sensor 2"]["traces"]
+    strain = 100.0 * data["strain"].to_numpy()[:, 1]
+    for trace, share in ((low, 5), (high, 95), (middle, 50)):
+        assert values(trace["y"]) == pytest.approx(np.percentile(strain, share, axis=0), rel=1e-5)
+    assert [each["name"] for each in few] == ["case 0", "case 20", "case 39"]
+
+
+def test_cases_that_failed_are_listed_with_what_was_drawn(call, tmp_path):
+    pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
+    path, out = written(tmp_path), tmp_path / "a.zarr"
+    assert call("campaign", path, "--out", out, "--workers", 1).exit_code == 0
+    data = models.read_campaign(out).load()
+    data["failed"][4] = True
+    data["strain"][4] = np.nan
+    page = campaign_page("mine", data, models.Summary(cases=6, failed=1, simulated=6, seconds=2.0))
+    assert page.sentence == "1 of 6 cases failed; their histories are not a number."
+    assert page.more[0] == "This run simulated 6 of them in 2.0 s, 3 cases a second."
+    assert f"<td>{float(data['pressure_amplitude'][4]):.6g}</td>" in page.facts
+    strains = page.content["charts"][-1]["traces"]
+    assert all(np.isfinite(each["y"]).all() for each in strains)
+    assert [each["name"] for each in strains[3:]] == ["case 0", "case 2", "case 5"]
 
 
 MISTAKES = {

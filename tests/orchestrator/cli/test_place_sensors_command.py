@@ -9,6 +9,7 @@ import gossamer
 import numpy as np
 import pytest
 from gossamer_orchestrator.cli import app
+from reading_pages import read_page, values
 from typer.testing import CliRunner
 
 pytest.importorskip("meshio", reason="a mesh file needs the extra mesh")
@@ -68,7 +69,7 @@ def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
     setup.write_text(SETUP + SENSOR)
     result = call(setup, *LOAD, "--count", 2, "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
-    for name in ("placement.csv", "placement.png", "sensors.toml"):
+    for name in ("placement.csv", "placement.png", "sensors.toml", "report.html"):
         assert str(tmp_path / "out" / name) in result.stdout.splitlines()
     with (tmp_path / "out" / "placement.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -76,6 +77,15 @@ def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
     worst = {name: max(float(row[f"{name} a90 [1]"]) for row in rows) for name in ("own", "chosen")}
     assert worst["chosen"] < worst["own"]
     assert "worst" in result.stderr
+
+    page, charts = read_page(tmp_path / "out" / "report.html")
+    assert f"a90 = {100.0 * worst['chosen']:.3g} % damage" in page.inside["verdict"]
+    chosen = charts["Smallest damage found in 90 % of cases"]["traces"][1]
+    assert values(chosen["y"]) == pytest.approx([100.0 * float(row["chosen a90 [1]"]) for row in rows], rel=1e-4)
+    drawn = charts["1 own sensors, worst zone a90 = 95 % or more"]["traces"]
+    areas = [each for each in drawn if each.get("fill")]
+    assert [each["name"].partition(":")[0] for each in areas] == ["zone 1", "zone 2"]
+    assert np.nanmax(values(areas[0]["x"])) == pytest.approx(0.3)
 
     text = (tmp_path / "out" / "sensors.toml").read_text()
     assert len(tomllib.loads(text)["sensors"]) == 2

@@ -13,6 +13,7 @@ from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.train import _campaign_of, _is_scenario
 from gossamer_orchestrator.errors import ScenarioError
 from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from reading_pages import read_page, values
 from typer.testing import CliRunner
 
 SMALL = """
@@ -40,11 +41,19 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
     assert artifact.trained_over["damage [1]"] == [0.3, 0.5]
     found = artifact.held_out["window 1, damaged, no noise"]
     assert found["all zones"] < artifact.held_out["always 0"]["all zones"]
+    assert result.stdout.split() == ["out/detector/small.json", "out/detector/small/report.html"]
+    page, charts = read_page(tmp_path / "out/detector/small/report.html")
+    assert f"off by {found['all zones']:.2f} % damage over all zones" in page.inside["verdict"]
+    first, second = charts["Mean negative log likelihood of a case"]["traces"]
+    assert values(first["y"]) == pytest.approx(artifact.losses[0], rel=1e-5)
+    assert len(values(second["x"])) == 60
+    assert artifact.losses[1][-1] < artifact.losses[1][0]
     again = gossamer.train("out/campaigns/small.zarr", window=0.03, epochs=60, out="again.json")
     assert again.held_out == artifact.held_out
     assert float(again.data["all_zones"].sel(cases="window 1, damaged, no noise")) == found["all zones"]
     assert math.isnan(again.data["damaged_zones"].sel(cases="window 1, healthy, no noise"))
     assert "The mean absolute error over all zones is" in again._repr_html_()
+    assert str(again.page) == "again/report.html"
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "out/detector/small.npz").read_bytes()
 
 

@@ -12,6 +12,7 @@ from gossamer_models.twin.forward import Forward
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.twin import zone_table
 from gossamer_orchestrator.results.files import save_results
+from reading_pages import read_page, values
 from typer.testing import CliRunner
 
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
@@ -70,10 +71,28 @@ def test_a_table_gives_the_damage_of_each_zone(call, tmp_path, strain):
     path = table(tmp_path / "r.csv", strain[0])
     result = call(path, *MESH, "--set", "mass_damping=30", "--noise", "1e-5")
     assert result.exit_code == 0, result.stderr
-    assert result.stdout.split() == [str(tmp_path / "twin.json")]
+    assert result.stdout.split() == [str(tmp_path / "twin.json"), str(tmp_path / "twin/report.html")]
+    page, charts = read_page(tmp_path / "twin/report.html")
+    assert page.inside["verdict"].startswith("Damaged: zone 6 by 30.00 ± ")
+    assert "within its bound" in page.inside[None]
+    measured, read = charts["Sensor 2"]["traces"]
+    assert values(measured["y"]) == pytest.approx(100.0 * strain[0, 1], rel=1e-5)
+    assert values(read["y"]) == pytest.approx(100.0 * strain[0, 1], abs=1e-3)
+    assert values(charts["Damage"]["traces"][0]["y"]) == pytest.approx(100.0 * TRUE, abs=1e-2)
     np.testing.assert_allclose(json.loads((tmp_path / "twin.json").read_text())["damage"], TRUE, atol=1e-4)
     assert "30.00 ±" in result.stderr
     assert "valid: chi2 per sample" in result.stderr
+
+
+def test_an_answer_that_is_not_valid_is_written_and_its_page_says_so(call, tmp_path, strain):
+    """The noise is estimated from the record."""
+    noisy = strain[0] + np.random.default_rng(0).normal(0.0, 2e-3, strain[0].shape)
+    result = call(table(tmp_path / "r.csv", noisy), *MESH, "--set", "mass_damping=10")
+    assert result.exit_code == 3, result.output
+    assert json.loads((tmp_path / "twin.json").read_text())["valid"] is False
+    page, _ = read_page(tmp_path / "twin/report.html")
+    assert page.inside["verdict"].startswith("Not valid. What it says, not to be used:")
+    assert "ABOVE its bound" in page.inside[None]
 
 
 @pytest.mark.parametrize("kind", ["resistance", "strain"])

@@ -98,7 +98,9 @@ def test_a_sweep_draws_a_panel_per_case_of_what_is_asked_for(call, tmp_path):
     done = call("one.u=1,2,3", more=["--plot", "one.y", "--json"])
     assert done.exit_code == 0, done.stderr
     found = json.loads(done.stdout)
-    assert found["files"] == [str(tmp_path / "out" / name) for name in ("cases.csv", "sweep.zarr", "sweep.png")]
+    assert found["files"] == [
+        str(tmp_path / "out" / name) for name in ("cases.csv", "sweep.zarr", "sweep.png", "report.html")
+    ]
     assert [case["values"] for case in found["cases"]] == [{"one.u": u} for u in (1, 2, 3)]
     assert {case["ended"] for case in found["cases"]} == {"complete"}
     assert "no case recorded 'one.z'. Did you mean 'one.y'?" in call("one.u=1,2,3", more=["--plot", "one.z"]).stderr

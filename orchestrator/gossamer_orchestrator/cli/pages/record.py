@@ -133,7 +133,7 @@ def _of_strain(seen: Seen) -> list[Chart]:
     ]
 
 
-def _over_time(seen: Seen, title: str, y: str, traces: list[Any], *, broad: bool = True, **words: str) -> Chart:
+def _over_time(seen: Seen, title: str, y: str, traces: list[Any], *, note: str, text: str, broad: bool = True) -> Chart:
     """Return a picture over time with the first stretch marked."""
     marked = seen.record.time[seen.first]
     area = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below", "line": {"width": 0}}
@@ -148,7 +148,8 @@ def _over_time(seen: Seen, title: str, y: str, traces: list[Any], *, broad: bool
         layout={"shapes": shapes},
         linked=f"time of {seen.record.name}",
         broad=broad,
-        **words,
+        note=note,
+        text=text,
     )
 
 

@@ -69,29 +69,35 @@ function fillNumbers(figure) {
 
 // Every point of traces that share a few places along x; else of each trace its smallest, its largest and its last value.
 function numbersOf({ div, title }) {
-  const { xaxis, yaxis } = div.layout, x = textOf(xaxis?.title?.text) || "x", y = textOf(yaxis?.title?.text) || "y";
-  const traces = div.data.filter((trace) => trace.visible !== false && valuesOf(trace).some(isKnown));
+  const { xaxis, yaxis } = div.layout, titles = [textOf(xaxis?.title?.text) || "x", textOf(yaxis?.title?.text) || "y"];
+  const lying = div.data.some((trace) => trace.orientation === "h"), [x, y] = lying ? titles.reverse() : titles;
+  const upright = (trace) => (lying ? { ...trace, x: trace.y, y: trace.x, error_y: trace.error_x } : trace);
+  const traces = div.data.map(upright).filter((trace) => trace.visible !== false && valuesOf(trace).some(isKnown));
   const [first] = traces, plain = traces.every((trace) => ["scatter", "bar"].includes(trace.type));
   const places = first ? Array.from(first.x || []) : [];
   const same = (trace) => trace.x.length === places.length && places.every((place, k) => trace.x[k] === place);
   if (plain && places.length <= MOST_ROWS && traces.every(same)) {
-    const columns = traces.flatMap(({ name, y: values, error_y: bars }) => [[name || y, values], ...(bars ? [[bars.arrayminus ? "+" : "±", bars.array]] : []), ...(bars?.arrayminus ? [["-", bars.arrayminus]] : [])]);
+    const columns = traces.flatMap(({ y: values, error_y: bars, ...trace }) => [[nameOf(trace) || y, values], ...(bars ? [[bars.arrayminus ? "+" : "±", bars.array]] : []), ...(bars?.arrayminus ? [["-", bars.arrayminus]] : [])]);
     return { head: [x, ...columns.map(([name]) => name)], rows: places.map((place, k) => [place, ...columns.map(([, values]) => (isKnown(values[k]) ? values[k] : "–"))]) };
   }
   const rows = traces.map((trace) => {
     const values = valuesOf(trace), known = values.map((value, k) => k).filter((k) => isKnown(values[k]));
     const extreme = (sign) => known.reduce((best, k) => (sign * values[k] > sign * values[best] ? k : best), known[0]);
     const least = extreme(-1), most = extreme(1), last = known[known.length - 1];
-    const edge = trace.line?.width === 0 ? (trace.fill ? ", upper edge" : ", lower edge") : "";
-    return [(trace.name || textOf(trace.colorbar?.title?.text) || title) + edge, values[least], placeOf(trace, least), values[most], placeOf(trace, most), trace.z || trace.intensity ? "–" : values[last]];
+    return [nameOf(trace) || textOf(trace.colorbar?.title?.text) || title, values[least], placeOf(trace, least), values[most], placeOf(trace, most), trace.z || trace.intensity ? "–" : values[last]];
   });
   const at = `at ${x}${traces.some((trace) => trace.z) ? `, ${y}` : ""}`;
   return { head: ["shown", "smallest", at, "largest", at, "last"], rows };
 }
 
-// Words, and lines and dots in space, are marks on what is shown, without a value of their own.
-function valuesOf({ type, mode, x, y, z, intensity }) {
-  if (type === "scatter3d" || mode === "text") return [];
+// Of an area between two curves, each edge has the name of the area.
+function nameOf({ name, line, fill }) {
+  return name && line?.width === 0 ? `${name}, ${fill ? "upper" : "lower"} edge` : name;
+}
+
+// Words, areas, and lines and dots in space, are marks on what is shown, without a value of their own.
+function valuesOf({ type, mode, fill, x, y, z, intensity }) {
+  if (type === "scatter3d" || mode === "text" || fill === "toself") return [];
   if (intensity) return Array.from(intensity);
   return z ? z.flatMap((row) => Array.from(row)) : Array.from(y || x || []);
 }
