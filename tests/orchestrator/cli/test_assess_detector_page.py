@@ -153,6 +153,7 @@ def test_in_a_browser_all_names_find_place_and_the_numbers_stand_by_name(browser
     tops = sorted(each.bounding_box()["y"] for each in figure.locator(".ytick").all())
     assert len(tops) == 32
     assert np.diff(tops).min() > 12.0
+    assert page.evaluate("Math.min(...page.figures.map((each) => each.div.clientHeight))") >= 300
     figure.locator("summary").click()
     cells = figure.locator("tbody tr").first.locator("th, td").all_text_contents()
     assert cells[:2] + cells[4:5] == ["noise", "75", "75"]

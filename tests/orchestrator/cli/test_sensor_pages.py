@@ -271,6 +271,7 @@ def test_in_a_browser_a_page_fits_zooms_together_and_asks_for_nothing(browser, r
     view = {"viewport": {"width": width, "height": 900}, "color_scheme": scheme}
     page = opened(browser, path.as_uri(), troubles, **view)
     assert page.locator("figure").count() == figures
+    assert page.evaluate("Math.min(...page.figures.map((each) => each.div.clientHeight))") >= 300
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     over_time = "page.figures.filter((each) => each.linked)"
     page.evaluate(f"Plotly.relayout({over_time}[0].div, {{'xaxis.range[0]': 10, 'xaxis.range[1]': 30}})")

@@ -1,6 +1,6 @@
 // Charts that Python describes, traces and layout of plotly, with colours by name.
 const VALUES = new Set(["x", "y", "z", "text", "customdata", "array", "arrayminus"]);
-const LINE = 27;  // of the height of a chart for each name along y [px], axis and legend included
+const LINE = 27; // of the height of a chart for each name along y [px], axis and legend included
 
 function painted(value, colors, key) {
   if (VALUES.has(key) && value && typeof value === "object" && !value.color) return value;
@@ -24,6 +24,6 @@ function addPictures() {
       }),
     });
     const names = yaxis?.categoryarray?.length || 0;
-    div.style.minHeight = `${LINE * names}px`;
+    if (names) div.style.height = `${LINE * names}px`; // at least as high as others
   }
 }
