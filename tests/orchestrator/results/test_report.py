@@ -195,7 +195,11 @@ def test_a_stranger_s_run_has_a_page_and_its_words_are_only_words(tmp_path):
     )
     page = page_of(data, tmp_path)
     assert page.inside["verdict"].startswith("No judgement: the run had no detector.")
-    page = page_of(data.assign({"detector.valid": data["a.y"]}), tmp_path)
+    data["detector.valid"] = 0.0 * data["time"]
+    page = page_of(data, tmp_path)
+    assert page.inside["verdict"].startswith("No judgement: the results lack detector.damage. Add it to [record]")
+    data["detector.damage"] = (("time", "zone"), np.zeros((2, 4)))
+    page = page_of(data, tmp_path)
     assert page.inside["verdict"].startswith("No judgement: until t = 1 s no window ended.")
     assert "&lt;script&gt;$x" in (tmp_path / "report.html").read_text(encoding="utf-8")
     with pytest.raises(ResultsError, match="have no row"):

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ...errors import ResultsError
 from ...pages.page import Kind
 from ...words import counted
 from ..judgements import Judgement, doubts
-from ..roles import find_all
+from ..roles import find_all, need
 from ..tables import LEAST_SHOWN, instant
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
@@ -59,10 +60,7 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
     """
     more = _watch_sentences(watched)
     if not ended:
-        end = float(data["time"][-1])
-        why = f"until t = {end:.6g} s no window ended" if find_all(data, "detector") else "the run had no detector"
-        sentence = f"No judgement: {why}. The pictures show what was recorded."
-        return Verdict("none", sentence, more)
+        return Verdict("none", f"No judgement: {_why_none(data)} The pictures show what was recorded.", more)
     reasons = doubts(data, list(ended))
     valid = [window for window in ended if window.valid]
     if not valid:
@@ -82,6 +80,18 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
     else:
         more.insert(0, "The true damage is not recorded.")
     return Verdict("damage" if found else "healthy", sentence, reasons + more)
+
+
+def _why_none(data: xr.Dataset) -> str:
+    """Say why there is not a single window."""
+    detectors = find_all(data, "detector")
+    if not detectors:
+        return "the run had no detector."
+    try:
+        need(data, f"{detectors[0]}.damage", f"{detectors[0]}.valid")
+    except ResultsError as error:
+        return str(error)
+    return f"until t = {float(data['time'][-1]):.6g} s no window ended."
 
 
 def _listed(judgement: Judgement, zones: list[int]) -> str:
