@@ -60,6 +60,14 @@ def test_the_verdict_counts_cases_and_compares_with_always_zero(swept):
     assert "as good here" not in text
 
 
+def test_a_sweep_without_damage_says_nothing_of_how_well_damage_is_found(swept):
+    """Of healthy membranes the answer 'always 0' is right, whatever the detector is worth."""
+    cases, ended, folder = swept
+    page, _ = page_of((cases[:2], ended[:2], folder))
+    assert "is 0.00 % damage; the answer 'always 0' has 0.00 %." in page.inside[None]
+    assert "as good here" not in page.inside[None]
+
+
 def test_a_reason_of_many_failures_is_named_once(swept):
     cases, _, folder = swept
     page, _ = page_of((cases, ["no FMU 'x'"] * 4 + ["diverged"] * 2, folder))

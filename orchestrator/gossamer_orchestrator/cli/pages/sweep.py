@@ -85,7 +85,7 @@ def _judged(ended: Sequence[Ended]) -> list[str]:
         sentences.append(
             f"Their mean absolute error over all zones is {error:.2f} % damage; the answer 'always 0' has {zero:.2f} %."
         )
-        if zero <= error:
+        if 0.0 < zero <= error:
             sentences.append("The answer 'always 0' is as good here, so the detector tells nothing.")
     return sentences
 
