@@ -77,10 +77,10 @@ def test_a_verdict_says_what_is_not_known(data, certain, later_window_invalid, t
     never = data.copy(deep=True)
     never["detector.valid"][:] = 0.0
     assert page_of(never, tmp_path).inside["verdict"].startswith("No valid judgement. 2 windows of the detector ended")
-    write_report(later_window_invalid(data), tmp_path)
-    assert "The window that ended at 8.0000 s gave no valid judgement" in (tmp_path / "report.html").read_text(
-        encoding="utf-8"
-    )
+    page = page_of(later_window_invalid(data), tmp_path)
+    assert "The window that ended at 8.0000 s gave no valid judgement" in page.inside[None]
+    assert page.inside["verdict"].startswith("No damage: judged at t = 4.0000 s")
+    assert any(attributes.get("class") == "verdict invalid" for _, attributes in page.tags)
 
 
 def test_where_no_true_damage_is_recorded_the_estimate_stands_alone(certain, tmp_path):

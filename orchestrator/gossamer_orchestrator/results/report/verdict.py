@@ -79,7 +79,8 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
         more.insert(0, _truth(last))
     else:
         more.insert(0, "The true damage is not recorded.")
-    return Verdict("damage" if found else "healthy", sentence, reasons + more)
+    healthy: Kind = "healthy" if ended[-1].valid else "invalid"  # what came later is not known to be so
+    return Verdict("damage" if found else healthy, sentence, reasons + more)
 
 
 def _why_none(data: xr.Dataset) -> str:
