@@ -73,7 +73,7 @@ def test_a_table_gives_the_damage_of_each_zone(call, tmp_path, strain):
     assert result.exit_code == 0, result.stderr
     assert result.stdout.split() == [str(tmp_path / "twin.json"), str(tmp_path / "twin/report.html")]
     page, charts = read_page(tmp_path / "twin/report.html")
-    assert page.inside["verdict"].startswith("Damaged: zone 6 by 30.00 ± ")
+    assert page.inside["verdict"].startswith("Damaged in the first 0.12 s: zone 6 by 30.00 ± ")
     assert "within its bound" in page.inside[None]
     measured, read = charts["Sensor 2"]["traces"]
     assert values(measured["y"]) == pytest.approx(100.0 * strain[0, 1], rel=1e-5)

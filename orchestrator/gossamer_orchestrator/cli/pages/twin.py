@@ -15,7 +15,8 @@ def twin_page(name: str, answer: Answer) -> Page:
     found = np.flatnonzero(answer.damage > 0.0)
     parts = [f"zone {z + 1} by {100.0 * answer.damage[z]:.2f} ± {100.0 * answer.deviation[z]:.2f} %" for z in found]
     kind: Kind = "invalid" if not answer.valid else "damage" if parts else "healthy"
-    said = f"damaged: {', '.join(parts)}" if parts else "no zone is damaged"
+    when = f"in the first {answer.record.step * answer.record.samples:.3g} s"
+    said = f"damaged {when}: {', '.join(parts)}" if parts else f"no zone is damaged {when}"
     sentence = f"{said[0].upper()}{said[1:]}." if answer.valid else f"Not valid. What it says, not to be used: {said}."
     explained = "within" if answer.chi2_per_sample <= answer.chi2_bound else "ABOVE"
     more = [f"{doubt[0].upper()}{doubt[1:]}." for doubt in answer.doubts]
