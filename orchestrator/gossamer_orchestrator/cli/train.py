@@ -143,6 +143,7 @@ def train_given(
         with ProgressBar("training", stderr()) as bar:
             artifact = train_posterior(data, training, lambda done: bar.update(done, 1.0))
         command = f"gossamer train {name} --kind {kind} --epochs {training.epochs}"
+        command += f" --window {window:g}" if window is not None else ""
         judged = held_out_verdicts(artifact, data, training)
         artifact = replace(
             artifact,

@@ -34,7 +34,7 @@ def test_the_worst_zones_are_compared(found):
 
 def test_a_choice_that_is_no_better_is_said_first(found):
     page = placement_page(replace(found, chosen=found.own), 100)
-    assert page.sentence.startswith("No placement was found that is better than the membrane's own.")
+    assert page.sentence.startswith("No placement of 4 sensors was found that is better than the membrane's own.")
 
 
 def test_zones_that_are_not_found_and_a_check_that_fails_are_stated(found):

@@ -12,6 +12,7 @@ from gossamer_models.twin.least_squares import MOST_DAMAGE
 from numpy.typing import NDArray
 
 from ...pages import SCRIPT, Chart, Page, bars, drawn, points, table
+from ...words import counted
 from ..tables import Shown, on_page
 
 NAMED = 40  # zones with a label: more would cover the picture
@@ -29,7 +30,8 @@ def placement_page(found: Placing, samples: int) -> Page:
     if own is not None:
         worst += f"; with the membrane's own {len(own.sensors)} it has {_percent(own.a90.max())}"
     if own is not None and chosen.a90.max() >= own.a90.max():
-        worst = f"No placement was found that is better than the membrane's own. {worst}"
+        many = counted(len(chosen.sensors), "sensor")
+        worst = f"No placement of {many} was found that is better than the membrane's own. {worst}"
     disagree = [name for name, p in shown if p.check is not None and not p.check.agrees]
     lost = {name: [z + 1 for z in np.flatnonzero(p.a90 >= MOST_DAMAGE)] for name, p in shown}
     more = ["a90 is the damage that is detected in 90 % of cases at 5 % false alarms."]

@@ -44,11 +44,13 @@ def training_page(name: str, artifact: PosteriorArtifact, judged: Judged) -> Pag
     if len(lost) == len(kinds):
         sentence = f"This detector tells nothing: the answer '{ZERO}' is as good. {sentence}"
     unsure = [kind for kind in kinds if artifact.held_out[kind]["valid"] == 0.0]
+    if len(unsure) == len(kinds):
+        sentence = f"Not a single record is valid, so no estimate is to be used. {sentence}"
     fewest = min(len(judged[kind][0]) for kind in kinds)
     more = [_line(kind, artifact.held_out[kind]) for kind in kinds]
     if lost:
         more.append(f"The answer '{ZERO}' is as good or better over all zones: {'; '.join(lost)}.")
-    if unsure:
+    if 0 < len(unsure) < len(kinds):
         more.append(f"Not a single record is valid, so no estimate is to be used: {'; '.join(unsure)}.")
     if fewest < FEW:
         more.append(f"Of some kinds only {fewest} records were held out: rough figures.")
