@@ -216,7 +216,7 @@ def shown_tables(judged: tuple[Judged, ...], stretch: str) -> list[Shown]:
             if (own := each.scales) is not None
         ]
         scales = [(name, *(f"{number:.4g}" for number in four)) for name, four in numbers]
-        names = ("record", "gain, first", "last", "offset, first", "last")
+        names = ("record", "gain, first", "relaxed", "offset, first", "relaxed")
         in_ohm = " in ohm" * all(each.record.unit == "ohm" for each in judged)
         made.append(Shown(names, scales, f"Scales of each record{in_ohm}."))
     return made

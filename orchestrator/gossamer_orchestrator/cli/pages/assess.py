@@ -103,8 +103,8 @@ def _scales(judged: Judged) -> list[Chart]:
         Chart(
             section=record.name,
             title=f"Fitted {name}",
-            note=f"In the end {last:.5g}.",
-            text=f"The {name} changes from {values[0]:.5g} to {values[-1]:.5g}, in the end {last:.5g}.",
+            note=f"{last:.5g} once nothing relaxes any more.",
+            text=f"The {name} changes from {values[0]:.5g} to {values[-1]:.5g}; once nothing relaxes, {last:.5g}.",
             x="time [s]",
             y=f"{name} [unit of the resistance]",
             traces=[curve(name, record.time, values)],
