@@ -104,8 +104,9 @@ def _of_strain(seen: Seen) -> list[Chart]:
             histories += band(label, t, recovered - reach, recovered + reach, color)
             errors += band(label, t, -reach, reach, color)
             where = f"Outside the {seen.stretch}" if rest is not seen.first else "Here"
-            beyond = float(np.mean((np.abs(error) > reach)[known & rest])) if (known & rest).any() else np.nan
-            stated.append(f"{where} {100.0 * beyond:.1f} % of the errors of {name} leave the band; 5 % would be right.")
+            if (known & rest).any():
+                beyond = 100.0 * float(np.mean((np.abs(error) > reach)[known & rest]))
+                stated.append(f"{where} {beyond:.1f} % of the errors of {name} leave the band; 5 % would be right.")
         histories.append(curve(name, t, recovered, color))
         errors.append(curve(name, t, error, color))
     silent = [name for name, found in seen.recovered.items() if found.deviation is None]
