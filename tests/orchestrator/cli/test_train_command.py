@@ -38,6 +38,7 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
     artifact = PosteriorArtifact.read(tmp_path / "out/detector/small.json")
     assert len(artifact.windows) == 2
     assert artifact.samples == 100
+    assert artifact.provenance["command"] == "gossamer train small --kind neuro-fuzzy --epochs 60 --window 0.03"
     assert artifact.trained_over["damage [1]"] == [0.3, 0.5]
     found = artifact.held_out["window 1, damaged, no noise"]
     assert found["all zones"] < artifact.held_out["always 0"]["all zones"]
