@@ -109,12 +109,17 @@ def true_damage(data: xr.Dataset) -> str:
 
 
 def changes(data: xr.Dataset) -> NDArray[np.intp]:
-    """List the rows in which a value differs from that of the row before, with few rows in memory at a time."""
+    """List the rows in which a value differs from that of the row before, with few rows in memory at a time.
+
+    Values that are not a number are alike.
+    """
     found = [np.zeros(0, dtype=np.intp)]
     for first in range(0, data.sizes["time"] - 1, _ROWS):
         part = data.isel(time=slice(first, first + _ROWS + 1))
         table = np.hstack([part[name].to_numpy().reshape(part.sizes["time"], -1) for name in part.data_vars])
-        found.append(first + 1 + np.flatnonzero(np.any(np.diff(table, axis=0) != 0.0, axis=1)))
+        before, after = table[:-1], table[1:]
+        differ = (before != after) & ~(np.isnan(before) & np.isnan(after))
+        found.append(first + 1 + np.flatnonzero(differ.any(axis=1)))
     return np.concatenate(found)
 
 
@@ -161,6 +166,8 @@ def _why(judgement: Judgement) -> str:
     elif risk > LARGEST_RISK:
         why = f"its risk, the chance that a zone is wrong by more than 10 %, is {100 * risk:.2g} %, above 1 %"
         advice = "Noise, or damage that began within the window, leaves it unsure."
+    elif judgement.likeness and math.isnan(measure):
+        why, advice = f"its {judgement.likeness} is not a number", "Look for the first strain that is none."
     elif judgement.likeness == "misfit" and math.isnan(risk):
         why, advice = f"its misfit, {measure:.2g}, is valid, and its risk was not recorded", "Record it to see why."
     elif judgement.likeness:

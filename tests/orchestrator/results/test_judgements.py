@@ -41,6 +41,13 @@ def test_a_run_without_a_judgement_says_whether_a_window_ended_and_what_resemble
         judge(data.drop_vars("detector.similarity"))
 
 
+def test_a_detector_that_is_not_a_number_from_some_time_on_ended_one_window_then(data):
+    for name in ("damage", "index", "valid", "similarity"):
+        data[f"detector.{name}"][5:] = np.nan
+    assert [judgement.time for judgement in windows(data)] == [4.0, 5.0]
+    assert "its similarity is not a number. Look" in doubts(data, windows(data))[0]
+
+
 def test_doubts_say_why_a_window_is_not_valid_from_what_was_recorded(data):
     data = data.drop_vars("detector.similarity")
     data["detector.misfit"] = 0.24 + 0.0 * data["detector.valid"]
