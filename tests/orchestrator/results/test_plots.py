@@ -141,6 +141,12 @@ def test_pictures_are_drawn_for_what_was_recorded(data, tmp_path):
     assert "damage_history" not in names
 
 
+def test_what_was_recorded_of_some_places_only_is_not_drawn_at_others(data, tmp_path):
+    nodes = np.arange(1, 8)
+    some = data.assign_coords(w_i=nodes, w_j=nodes).isel(zone=slice(7), sensor=slice(2), w_i=[3], w_j=[3])
+    assert [path.stem for path in plots.save_pictures(some, tmp_path)] == ["damage_history"]
+
+
 def test_nothing_is_drawn_of_a_stranger_s_run_and_one_line_says_why(tmp_path, caplog):
     assert plots.save_pictures(xr.Dataset({"a.y": ("time", [0.0])}), tmp_path) == []
     (record,) = caplog.records

@@ -122,7 +122,12 @@ def _rows_and_columns(components: dict[int, str], role: str) -> tuple[int, int]:
 
 
 def _element(values: xr.DataArray, number: int) -> NDArray[np.float64]:
-    """Return element ``number`` (from 1) of an array over time."""
+    """Return element ``number`` (from 1) of an array over time; raise ``ResultsError`` if it was not recorded."""
+    if number not in values[values.dims[1]]:
+        msg = (
+            f"the results lack {values.name}[{number}]. Add it to [record] variables in the scenario and run it again."
+        )
+        raise ResultsError(msg)
     return values.sel({values.dims[1]: number}).to_numpy()
 
 
