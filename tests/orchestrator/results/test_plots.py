@@ -59,6 +59,13 @@ def test_an_error_that_is_a_rounding_error_is_seen_on_its_log_scale(data):
     assert ax.lines[0].get_ydata().max() < high
 
 
+@pytest.mark.parametrize("rows", [slice(5, None), slice(None)])
+def test_a_strain_that_is_no_number_leaves_all_pictures(data, tmp_path, rows):
+    data["compensator2.strain"][rows] = np.nan
+    names = {path.stem for path in plots.save_pictures(data, tmp_path)}
+    assert names == {"sensors", "strains", "damage", "damage_history", "deflection"}
+
+
 def test_errors_of_a_strain_that_hardly_changes_are_strains(data):
     """A run of a few steps ends before the load bends the membrane."""
     data["membrane.strain"] = 0.02 + 1e-9 * data["membrane.strain"]

@@ -129,7 +129,7 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="time [s]", ylabel="damage [%]", title="Damage over time; a dotted line ends a window")
     ax.set_xlim(time[0], time[-1] + 0.03 * (time[-1] - time[0]))  # room for the last judgement
     time_axis(ax)
-    ax.set_ylim(-1.0, max(10.0, 1.15 * float(np.nan_to_num([t, e]).max())))
+    ax.set_ylim(-1.0, max(10.0, 1.15 * float(np.nan_to_num([t, e], posinf=0.0).max())))
     legend_below(ax, 4)
     return ax
 
