@@ -102,9 +102,9 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     ended = windows(data)
     t, e = 100.0 * true.to_numpy(), 100.0 * estimated.to_numpy()
     deviation = data.get(f"{detector}.deviation", math.nan * estimated)
-    bars = (
-        200.0 * (deviation if deviation.shape == e.shape else math.nan * estimated).to_numpy()
-    )  # of all zones, or none
+    if deviation.shape != e.shape:  # recorded of some zones only
+        deviation = math.nan * estimated
+    bars = 200.0 * deviation.to_numpy()  # two standard deviations
     e[time < (ended[0].time if ended else math.inf)] = math.nan  # nothing is known before the first judgement
     damaged = list(np.flatnonzero((t > 0.0).any(axis=0)))
     largest = np.nan_to_num(e).max(axis=0)
