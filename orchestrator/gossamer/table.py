@@ -149,7 +149,8 @@ def _read(wanted: Parameter, value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, Mapping) and (wanted.about.metavar or "").startswith(NAMED):
         several = wanted.about.metavar != "NAME=VALUE"
         return [f"{name}={_listed(each) if several else _text(each)}" for name, each in value.items()]
-    return [_one(wanted, each) for each in ([value] if isinstance(value, str | os.PathLike) else value)]
+    is_one = isinstance(value, str | os.PathLike) or not isinstance(value, Iterable)
+    return [_one(wanted, each) for each in ([value] if is_one else value)]
 
 
 def _one(wanted: Parameter, value: Any) -> Any:  # noqa: ANN401
@@ -186,5 +187,16 @@ def _listed(value: Any) -> str:  # noqa: ANN401
 
 def _text(value: Any) -> str:  # noqa: ANN401
     """Return a value as the command line writes it."""
-    plain = value.tolist() if hasattr(value, "tolist") else value  # of numpy
-    return plain if isinstance(plain, str) else json.dumps(list(plain) if isinstance(plain, tuple | range) else plain)
+    return value if isinstance(value, str) else json.dumps(value, default=_plain)
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401
+    """Return what JSON does not know as what it knows."""
+    if hasattr(value, "tolist"):  # of numpy
+        return value.tolist()
+    if isinstance(value, range):
+        return list(value)
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    msg = f"{value!r} is no value. Give a number, a text, True or False, or a list of them."
+    raise OrchestratorError(msg)

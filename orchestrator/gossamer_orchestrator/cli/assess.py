@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from .command import Result, note, show, stderr
-from .common import PictureForm, check_form, keep_inputs, model_errors, save_page
+from .command import Result, show, stderr
+from .common import PictureForm, check_form, keep_inputs, model_errors, note_page, save_page
 from .identify import CommandWithFields, parameter
 from .recognised import print_recognised, print_remarks
 
@@ -108,7 +108,7 @@ def assess(
     for path in paths:
         show(path)
     if out / PAGE in paths:
-        note(f"Open {out / PAGE}, or type 'gossamer view {out}'.")
+        note_page(out / PAGE)
     return Result({"files": paths, "errors": [row for each in judged for row in _errors(each)], "remarks": remarks})
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .command import Result, note, show, stderr
-from .common import keep_inputs, model_errors, save_page
+from .command import Result, show, stderr
+from .common import keep_inputs, model_errors, note_page, save_page
 
 if TYPE_CHECKING:
     from gossamer_models.assessment import Assessment
@@ -57,7 +57,7 @@ def assess_detector(
     for path in paths:
         show(path)
     if out / PAGE in paths:
-        note(f"Open {out / PAGE}, or type 'gossamer view {out}'.")
+        note_page(out / PAGE)
     return Result({"files": paths, "conditions": found.rows, "detections": found.detections, "units": UNITS})
 
 

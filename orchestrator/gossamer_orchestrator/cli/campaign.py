@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..scenario.shipped import find_scenario
-from .command import Result, note, show, stderr
-from .common import keep_inputs, model_errors, save_page
+from ..words import counted
+from .command import Result, show, stderr
+from .common import keep_inputs, model_errors, note_page, save_page
 
 if TYPE_CHECKING:
     from gossamer_models.campaign import Summary
@@ -51,7 +52,7 @@ def campaign(
     for each in (path, *pages):
         show(each)
     for page in pages:
-        note(f"Open {page}, or type 'gossamer view {page.parent}'.")
+        note_page(page)
     found = {"cases": summary.cases, "simulated": summary.simulated, "failed": summary.failed}
     return Result(
         {"store": path, "page": next(iter(pages), None), **found}
@@ -106,14 +107,15 @@ def size_of(path: Path) -> int:
 
 def failed(summary: Summary) -> str:
     """Say how many cases broke."""
-    return f"{summary.failed} cases broke: 'failed' marks them, and their histories are not a number."
+    return f"{counted(summary.failed, 'case')} broke: 'failed' is 1 there, and the histories are not a number."
 
 
 def summary_table(title: str, path: Path, summary: Summary) -> Table:
     """Return a table of what was simulated."""
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table("cases", "of them now", "failed", "seconds", "cases per second", "size [MB]", title=title)
+    table = Table("cases", "of them now", "failed", "seconds", "cases per second", "size [MB]", title=escape(title))
     rate = summary.simulated / summary.seconds
     cells = (
         summary.cases,

@@ -12,6 +12,7 @@ import typer
 from gossamer_files.pictures import FORMS
 
 from ..errors import OrchestratorError
+from .command import note
 
 if TYPE_CHECKING:
     from ..pages import Page
@@ -86,6 +87,12 @@ def save_page(describe: Callable[[], Page], path: Path) -> list[Path]:
     except Exception as error:
         logger.warning("%s was not written: %s: %s", path, type(error).__name__, error)
         return []
+
+
+def note_page(page: Path) -> None:
+    """Say which page to open, and the command that opens it."""
+    folder = f'"{page.parent}"' if " " in str(page.parent) else page.parent
+    note(f"Open {page}, or type 'gossamer view {folder}'.")
 
 
 def kinds_of(paths: Iterable[Path]) -> str:

@@ -19,7 +19,7 @@ from rich.console import Console
 
 from ..errors import OrchestratorError
 from .command import Command, Result, as_options, note, show, stderr
-from .common import PictureForm, check_form, keep_inputs, model_errors, save_page
+from .common import PictureForm, check_form, keep_inputs, model_errors, note_page, save_page
 from .recognised import UNITS, print_recognised, print_remarks
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ def identify(
     if (command := _command_to_build(result, out)) is not None:
         note(f"To build its FMUs, type '{command}'.")
     if paths[-1].name == PAGE:
-        note(f"Open {paths[-1]}, or type 'gossamer view {paths[-1].parent}'.")
+        note_page(paths[-1])
     return Result({"artifact": out, "files": paths[1:], **result_as_json(result, chosen)})
 
 

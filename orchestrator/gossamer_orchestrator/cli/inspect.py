@@ -68,7 +68,7 @@ def variable_table(title: str, variables: Sequence[Mapping[str, Any]]) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=title, expand=False)
+    table = Table(title=escape(title), expand=False)
     for heading in HEADINGS:
         table.add_column(heading, overflow="fold", no_wrap=heading in ("variable", "causality", "type"))
     for _, group in groupby(variables, key=lambda each: each["causality"]):

@@ -11,8 +11,8 @@ import typer
 from gossamer_files import replacing
 
 from ..errors import OrchestratorError
-from .command import Result, note, show, stderr
-from .common import keep_inputs, model_errors, save_page
+from .command import Result, show, stderr
+from .common import keep_inputs, model_errors, note_page, save_page
 
 if TYPE_CHECKING:
     from gossamer_models.placement import Placement, Placing
@@ -80,7 +80,7 @@ def place_sensors(
     for path in paths:
         show(path)
     if out / PAGE in paths:
-        note(f"Open {out / PAGE}, or type 'gossamer view {out}'.")
+        note_page(out / PAGE)
     placements = {name: _as_content(p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None}
     zones = [zone.group for zone in found.structure.setup.zones]
     return Result({"files": paths, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates})

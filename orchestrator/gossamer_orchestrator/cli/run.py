@@ -17,7 +17,7 @@ from ..results.drawing import Drawing
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .command import INVALID, Result, note, show, stderr
-from .common import FMUS, FmuFolder, Master, ScenarioName, Step, Stop
+from .common import FMUS, FmuFolder, Master, ScenarioName, Step, Stop, note_page
 from .pictures import stride_of
 from .watch import LARGE, LiveWatch
 
@@ -192,7 +192,7 @@ def _run(
         found["watch"] = json.loads((out / WATCHED).read_text(encoding="utf-8"))
         found["valid"] = found["valid"] is not False and found["watch"]["misfit"][-1] <= LARGE
     if out / PAGE in drawn:
-        note(f"Open {out / PAGE}, or type 'gossamer view {out}'.")
+        note_page(out / PAGE)
     about = {
         "scenario": find_scenario(scenario),
         "ended": data.attrs["ended"],
@@ -205,6 +205,7 @@ def _run(
 
 def draw(drawing: Drawing, data: xr.Dataset, out: Path, say: Callable[[str], None]) -> list[Path]:
     """Draw pictures and write the page of a run; return their paths. What cannot be written is logged and ends no run."""
+    from ..pages import PAGE
     from ..results.report import write_report
 
     paths: list[Path] = []
@@ -212,8 +213,8 @@ def draw(drawing: Drawing, data: xr.Dataset, out: Path, say: Callable[[str], Non
     drawing.begin(out, stride_of(data, say))
     try:
         page = [write_report(data, out)]
-    except ResultsError as error:
-        logger.error("%s", error)
+    except Exception as error:
+        logger.error("%s was not written: %s: %s", out / PAGE, type(error).__name__, error)
     try:
         paths = drawing.finish()
     except ResultsError as error:

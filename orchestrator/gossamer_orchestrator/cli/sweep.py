@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..scenario.shipped import find_scenario
-from .command import Result, note, show, stderr
-from .common import FMUS, FmuFolder, ScenarioName, Step, Stop, keep_inputs, model_errors, save_page
+from .command import Result, show, stderr
+from .common import FMUS, FmuFolder, ScenarioName, Step, Stop, keep_inputs, model_errors, note_page, save_page
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -92,7 +92,7 @@ def sweep(
     for file in files:
         show(file)
     if folder / PAGE in files:
-        note(f"Open {folder / PAGE}, or type 'gossamer view {folder}'.")
+        note_page(folder / PAGE)
     found = [
         {"case": case.number, "values": case.values, "folder": folder / case.name, "ended": text}
         for case, text in zip(cases, ended, strict=True)

@@ -14,8 +14,8 @@ import typer
 from ..errors import OrchestratorError, ScenarioError
 from ..names import suggest
 from ..scenario.shipped import find_scenario, shipped_scenarios
-from .command import Result, note, show, stderr
-from .common import keep_inputs, model_errors, save_page
+from .command import Result, show, stderr
+from .common import keep_inputs, model_errors, note_page, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -91,7 +91,7 @@ def train(
     for each in (path, *pages):
         show(each)
     for page in pages:
-        note(f"Open {page}, or type 'gossamer view {page.parent}'.")
+        note_page(page)
     return Result({"artifact": path, "page": next(iter(pages), None), "held_out": rows, "units": UNITS})
 
 

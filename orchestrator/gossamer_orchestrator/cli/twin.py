@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from gossamer_files import replacing
 
-from .command import INVALID, Result, note, show, stderr
-from .common import keep_inputs, model_errors, save_page
+from .command import INVALID, Result, show, stderr
+from .common import keep_inputs, model_errors, note_page, save_page
 from .twin_options import (
     ElementsOption,
     KindOption,
@@ -87,7 +87,7 @@ def twin(
     for each in (path, *pages):
         show(each)
     for page in pages:
-        note(f"Open {page}, or type 'gossamer view {page.parent}'.")
+        note_page(page)
     return Result(
         {"file": path, "page": next(iter(pages), None), **answer.as_json(), "units": UNITS},
         0 if answer.valid else INVALID,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -76,6 +77,9 @@ def find_record(path: Path, kind: str | None, noise: float | None, stop: float |
     else:
         found = find_in_results(load_results(path), kind, noise, params)
     if stop is not None:
+        if not math.isfinite(stop):
+            msg = f"--stop is {stop:g}. Write a positive number."
+            raise OrchestratorError(msg)
         samples = max(0, round(stop / found.record.step))
         found = replace(found, record=replace(found.record, values=found.record.values[:, :samples]))
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -264,6 +265,9 @@ class WatchReport:
 
 def _samples(window: float, found: Found) -> int:
     """Count the samples of a window, and refuse too few."""
+    if not math.isfinite(window):
+        msg = f"--window is {window:g}. Write a positive number."
+        raise OrchestratorError(msg)
     samples = round(window / found.record.step)
     if samples < LEAST_WINDOW:
         msg = f"a window of {window:g} s is {samples} samples of the record; it needs {LEAST_WINDOW} or more."

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import ResultsError
 from .columns import LIKENESS, WATCHED
-from .roles import find, find_all, need
+from .roles import find, find_all, is_whole, need
 
 _ROWS = 20_000
 # of a valid judgement, by the interface of the detectors
@@ -71,15 +71,20 @@ class Judgement:
 
 
 def windows(data: xr.Dataset) -> list[Judgement]:
-    """List the judgement at the end of every window, valid or not, in order of time."""
-    detector = find(data, "detector")
-    need(data, f"{detector}.damage", f"{detector}.valid")
+    """List the judgement at the end of every window, valid or not, in order of time.
+
+    Raises
+    ------
+    ResultsError
+        There is no detector, or its damage was not recorded of all zones.
+    """
+    detector = recorded_detector(data)
     watched = [f"{detector}.{name}" for name in WATCHED if f"{detector}.{name}" in data.data_vars]
     data = data.isel(time=changes(data[watched]))
     time, estimated, valid = (data[name].to_numpy() for name in ("time", f"{detector}.damage", f"{detector}.valid"))
     likeness = next((name for name in LIKENESS if f"{detector}.{name}" in data.data_vars), "")
     true, deviation, measure, risk = (
-        data[name].to_numpy() if name in data.data_vars else np.full(shape, math.nan)
+        data[name].to_numpy() if name in data.data_vars and data[name].shape == shape else np.full(shape, math.nan)
         for name, shape in (
             (true_damage(data), estimated.shape),
             (f"{detector}.deviation", estimated.shape),
@@ -102,10 +107,29 @@ def windows(data: xr.Dataset) -> list[Judgement]:
     ]
 
 
+def recorded_detector(data: xr.Dataset) -> str:
+    """Return the detector of a run, whose damage was recorded of all zones.
+
+    Raises
+    ------
+    ResultsError
+        There is no detector, or its damage was not recorded so.
+    """
+    detector = find(data, "detector")
+    damage, _ = need(data, f"{detector}.damage", f"{detector}.valid")
+    if not is_whole(damage):
+        msg = f"the results lack {detector}.damage of some zones. Record {detector}.damage* and run the scenario again."
+        raise ResultsError(msg)
+    return detector
+
+
 def true_damage(data: xr.Dataset) -> str:
-    """Name the variable that is the true damage; empty if none was recorded."""
+    """Name the variable that is the true damage; empty if it was not recorded of all zones, those of the detector."""
     name = f"{next(iter(find_all(data, 'membrane')), '')}.damage"
-    return name if name in data.data_vars else ""
+    estimated = data.get(f"{next(iter(find_all(data, 'detector')), '')}.damage")
+    if name not in data.data_vars or not is_whole(data[name]):
+        return ""
+    return name if estimated is None or estimated.shape == data[name].shape else ""
 
 
 def changes(data: xr.Dataset) -> NDArray[np.intp]:

@@ -16,7 +16,7 @@ import xarray as xr
 from .columns import PLACES
 from .plots.axes import side
 from .report.membrane import SENSORS
-from .roles import find_all
+from .roles import find_all, is_whole
 
 
 def with_places(data: xr.Dataset) -> xr.Dataset:
@@ -52,20 +52,20 @@ def with_places(data: xr.Dataset) -> xr.Dataset:
     changed: dict[str, xr.Variable] = {}
     coordinates: dict[str, Any] = {}
     for name in of_zones:
-        if width**2 == count and _is_whole(data[name], count):
+        if width**2 == count and is_whole(data[name], count):
             changed[name] = _renamed(data[name], "zone")
     if changed:
         coordinates |= zone_places(width, length, metres)
         coordinates["zone"] = ("zone", np.arange(1, count + 1), {"long_name": "zone"})
     strain = f"{membrane}.strain"
-    if strain in data and len(_places(data[strain])) == 1 and _is_whole(data[strain], len(SENSORS)):
+    if strain in data and len(_places(data[strain])) == 1 and is_whole(data[strain], len(SENSORS)):
         changed[strain] = _renamed(data[strain], "sensor")
         coordinates["sensor"] = ("sensor", np.arange(1, len(SENSORS) + 1), {"long_name": "sensor"})
         for axis, values in zip("xy", zip(*SENSORS, strict=True), strict=True):
             described = metres | {"long_name": f"{axis} of the sensor"}
             coordinates[f"sensor_{axis}"] = ("sensor", length / 3.0 * np.array(values), described)
     heights = f"{membrane}.w"
-    if heights in data and len(_places(data[heights])) == 2 and _is_whole(data[heights]):
+    if heights in data and len(_places(data[heights])) == 2 and is_whole(data[heights]):
         changed[heights] = _renamed(data[heights], "x", "y")
         for axis, nodes in zip("xy", data[heights].shape[-2:], strict=True):
             described = metres | {"long_name": f"{axis} of the node"}
@@ -77,7 +77,7 @@ def with_places(data: xr.Dataset) -> xr.Dataset:
         {
             dim: f"{dim}_index"
             for dim in ("zone", "sensor")
-            if dim in coordinates and dim in rest.dims and rest.sizes[dim] != len(coordinates[dim][1])
+            if dim in coordinates and dim in rest.dims and not np.array_equal(rest[dim], coordinates[dim][1])
         }
     )
     return rest.assign(changed).assign_coords(coordinates)[list(data.data_vars)]
@@ -103,12 +103,6 @@ def _squares(data: xr.Dataset) -> list[str]:
 
 def _places(array: xr.DataArray) -> tuple[Hashable, ...]:
     return tuple(dim for dim in array.dims if dim not in ("case", "time"))
-
-
-def _is_whole(array: xr.DataArray, count: int | None = None) -> bool:
-    """Tell whether all places, from 1, were recorded: ``count`` of them, where it is known."""
-    labels = [array[dim].to_numpy() for dim in _places(array)]
-    return all(np.array_equal(each, np.arange(1, len(each) + 1)) and count in (None, len(each)) for each in labels)
 
 
 def _renamed(array: xr.DataArray, *dims: str) -> xr.Variable:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import xarray as xr
 
 from ..errors import ResultsError
@@ -43,6 +44,17 @@ def need(data: xr.Dataset, *names: str) -> list[xr.DataArray]:
         msg = f"the results lack {', '.join(missing)}. Add it to [record] variables in the scenario and run it again."
         raise ResultsError(msg)
     return [data[name] for name in names]
+
+
+def is_whole(values: xr.DataArray, count: int | None = None) -> bool:
+    """Tell whether all elements of an array, from 1, were recorded: ``count`` of them, where it is known.
+
+    A dimension whose labels are no numbers of elements, such as the places of nodes [m], has all of them.
+    """
+    dims = [dim for dim in values.dims if dim not in ("case", "time")]
+    numbered = [values[dim].to_numpy() for dim in dims if dim in values.coords and values[dim].dtype.kind == "i"]
+    from_one = all(np.array_equal(each, np.arange(1, len(each) + 1)) for each in numbered)
+    return from_one and all(count in (None, values.sizes[dim]) for dim in dims)
 
 
 def sensors(data: xr.Dataset) -> dict[int, str]:

@@ -37,9 +37,10 @@ def zone_table(judgement: Judgement) -> Table:
         show_header=False,
         show_lines=True,
     )
-    for row in reversed(range(side)):
+    zones = judgement.true.size
+    for row in reversed(range(-(-zones // side))):
         cells = []
-        for zone in range(row * side, (row + 1) * side):
+        for zone in range(row * side, min((row + 1) * side, zones)):
             true, estimated = 100 * judgement.true[zone], 100 * judgement.estimated[zone]
             numbers = f"{true:.0f} -> {estimated:.1f}" if known else f"{estimated:.1f}"
             if certain:

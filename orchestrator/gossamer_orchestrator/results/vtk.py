@@ -16,7 +16,7 @@ from ..errors import ResultsError, writing
 from ..fmi.shape import Array, Surface
 from .files import make_folder
 from .judgements import windows
-from .roles import find_all
+from .roles import find_all, is_whole
 from .shapes import ShapeHistory
 from .surface import face_strains
 
@@ -102,7 +102,7 @@ def _on_faces(surface: Surface, values: Array) -> Array:
 
 def _damages(data: xr.Dataset, membrane: str, time: float) -> Iterator[tuple[str, Array]]:
     """Give the true damage of the zones at a time, and that of the last valid judgement before it, as far as recorded."""
-    if f"{membrane}.damage" in data:
+    if f"{membrane}.damage" in data and is_whole(data[f"{membrane}.damage"]):
         row = int(np.searchsorted(data["time"].to_numpy(), time * (1.0 + 1e-12) + 1e-12, side="right")) - 1
         yield "true_damage", data[f"{membrane}.damage"].isel(time=max(row, 0)).to_numpy().ravel()
     if membrane != next(iter(find_all(data, "membrane")), None):

@@ -24,12 +24,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from ..errors import OrchestratorError, SimulationError
+from ..errors import OrchestratorError, ScenarioError, SimulationError
 from ..exchange.open import open_scenario
 from ..results.files import RESUME
 from ..scenario.changes import changed
 from ..scenario.plan import make_plan
-from ..scenario.schema import Given, Scenario
+from ..scenario.schema import MASTERS, Given, Scenario
 from . import checkpoint
 from .finite import FiniteCheck
 from .master import Observer, Simulation
@@ -116,6 +116,9 @@ def _run(task: Task, report: Report) -> None:
     )
     with opened as scenario:
         if task.master is not None:
+            if task.master not in MASTERS:
+                msg = f"there is no master {task.master!r}. Choose {' or '.join(MASTERS)}."
+                raise ScenarioError(msg)
             order = scenario.order if task.master == "gauss-seidel" else None
             scenario = scenario.model_copy(update={"master": task.master, "order": order})
         scenario = changed(scenario, task.values, task.fmus)

@@ -26,7 +26,7 @@ class ProgressBar:
     def __init__(self, label: str = "", console: Console | None = None) -> None:
         self._console = Console(stderr=True) if console is None else console
         self._progress = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             TaskProgressColumn(),
             TextColumn("{task.fields[text]}", markup=False),

@@ -44,7 +44,7 @@ A TOML file such as::
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, field_validator
 
@@ -52,6 +52,8 @@ from ..names import split_endpoint
 from .source import Source
 
 MAX_STEPS = 1e8
+Master = Literal["gauss-seidel", "jacobi"]
+MASTERS = get_args(Master)
 Value = bool | int | float | str
 Given = Value | list[Value] | list[list[Value]]  # the elements of an array, or its rows
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
@@ -297,7 +299,7 @@ class Scenario(Table):
     step: float = Field(gt=0.0)
     start: float = 0.0
     stop: float
-    master: Literal["gauss-seidel", "jacobi"] = "gauss-seidel"
+    master: Master = "gauss-seidel"
     order: list[Name] | None = None
     components: dict[Name, Component] = Field(min_length=1)
     connections: list[Connection] = Field(default_factory=list)

@@ -16,6 +16,7 @@ import xarray as xr
 from gossamer_orchestrator import OrchestratorError, ProgressBar
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.command import INVALID, Command, Group, Result, as_json, note, show, stderr
+from gossamer_orchestrator.cli.inspect import variable_table
 from rich.console import Console
 from typer.testing import CliRunner
 
@@ -216,6 +217,15 @@ def test_a_bar_on_a_terminal_shows_the_elapsed_time():
         bar.update(1.0, 4.0)
     assert "25%" in file.getvalue()
     assert "elapsed" in file.getvalue()
+
+
+def test_a_name_in_brackets_is_no_markup():
+    file = io.StringIO()
+    with ProgressBar("a[/b]", Console(file=file, force_terminal=True, width=120)) as bar:
+        bar.update(1.0, 4.0)
+    Console(file=file).print(variable_table("fan: Speed [/s]", []))
+    assert "a[/b]" in file.getvalue()
+    assert "Speed [/s]" in file.getvalue()
 
 
 def test_quiet_progress_prints_nothing(monkeypatch):

@@ -118,6 +118,7 @@ def test_a_sensor_that_does_not_move_is_named(call, tmp_path, strain):
         (("--set", "density=heavy"), "'heavy' is no number"),
         (("--kind", "stress"), "Write strain or resistance"),
         (("--stop", "0.003"), "needs 60 or more"),
+        (("--stop", "inf"), "--stop is inf. Write a positive number."),
         (("--fit", "offset,colour"), "no nuisance 'colour'"),
         (("--sensor", "missing.json", "--kind", "resistance"), "needs the columns time and resistance"),
     ],

@@ -61,6 +61,7 @@ def test_an_alarm_is_printed_and_the_finding_written(record):
     ("options", "message"),
     [
         (["--window", "0.001"], "needs 20 or more"),
+        (["--window", "nan"], "--window is nan. Write a positive number."),
         (["--window", "0.4"], "less than two windows"),
         (["--set", "stiffness=1"], "no parameter 'stiffness'"),
     ],

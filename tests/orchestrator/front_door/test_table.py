@@ -82,6 +82,7 @@ def test_its_errors_are_those_of_the_orchestrator():
         ({"membrane.damage[1]": 0.3, "seed": 2}, ["membrane.damage[1]=0.3", "seed=2"]),
         ({"a.x": np.float64(0.1), "a.on": True, "a.name": "steel"}, ["a.x=0.1", "a.on=true", "a.name=steel"]),
         ({"membrane.damage": np.array([0.5, 0.25])}, ["membrane.damage=[0.5, 0.25]"]),
+        ({"a.n": [np.int64(1), 2], "a.m": (1, 2)}, ["a.n=[1, 2]", "a.m=[1, 2]"]),
         (["seed=2"], ["seed=2"]),
         ("seed=2", ["seed=2"]),
     ],
@@ -119,11 +120,17 @@ def test_lists_of_numbers_and_names_may_be_sequences():
         ({"fmus": None}, "fmus is None. Give a value"),
         ({"fmus": 3}, "fmus is 3. Give a path"),
         ({"limit": True}, "limit is True. Give a number"),
+        ({"set": {"a.x": {1}}}, r"\{1\} is no value. Give a number"),
     ],
 )
 def test_a_wrong_value_is_refused_by_name(wrong, message):
     with pytest.raises(gossamer.OrchestratorError, match=message):
         values("run", defaults("run") | wrong)
+
+
+def test_what_may_be_several_is_refused_by_name_where_it_is_neither_one_nor_several():
+    with pytest.raises(gossamer.OrchestratorError, match=r"fmus is 5\. Give a path"):
+        gossamer.verify(5)
 
 
 def test_a_choice_that_is_not_offered_is_refused_with_those_that_are():

@@ -48,6 +48,15 @@ def test_a_detector_that_is_not_a_number_from_some_time_on_ended_one_window_then
     assert "its similarity is not a number. Look" in doubts(data, windows(data))[0]
 
 
+def test_damage_of_some_zones_is_not_that_of_other_zones(data):
+    some = data.isel(zone=slice(8, 12))
+    with pytest.raises(ResultsError, match=r"lack detector\.damage of some zones\. Record detector\.damage\*"):
+        windows(some)
+    true = some["membrane.damage"].rename(zone="damage_index")
+    beside = data.drop_vars("membrane.damage").assign({"membrane.damage": true})
+    assert np.isnan(judge(beside).true).all()
+
+
 def test_doubts_say_why_a_window_is_not_valid_from_what_was_recorded(data):
     data = data.drop_vars("detector.similarity")
     data["detector.misfit"] = 0.24 + 0.0 * data["detector.valid"]
@@ -76,6 +85,12 @@ def test_doubts_name_sensors_out_of_range_and_a_last_window_that_is_not_valid(da
         "is below one half: 0.28. It was trained on nothing like this. The judgement shown is that at 4.0000 s."
     )
     assert beyond.startswith("Outside their identified range during the run: sensor2.")
+
+
+def test_the_table_has_every_zone_also_where_they_are_no_square(data):
+    console = Console(file=io.StringIO(), width=100)
+    console.print(zone_table(judge(data.isel(zone=slice(7)))))
+    assert all(f"zone {zone} " in console.file.getvalue() for zone in range(1, 8))
 
 
 def test_tables_show_the_membrane_as_it_is_seen(data):

@@ -81,6 +81,14 @@ def test_some_zones_beside_all_zones_have_a_dimension_of_their_own(whole):
     assert placed["row"].sizes == {"zone": 16}
 
 
+def test_zones_with_other_numbers_keep_them_beside_as_many_zones(whole):
+    detector = whole["detector.damage"].rename(zone="damage_index")
+    later = whole[["membrane.damage"]].assign_coords(zone=np.arange(2, 18)).assign({"detector.damage": detector})
+    placed = with_places(later)
+    assert placed["membrane.damage"]["zone_index"].to_numpy().tolist() == list(range(2, 18))
+    assert placed["zone"].to_numpy().tolist() == list(range(1, 17))
+
+
 def test_cases_of_a_sweep_keep_their_dimension(whole):
     both = whole.expand_dims(case=[1, 2])
     placed = with_places(both.assign_coords(time=whole["time"]))

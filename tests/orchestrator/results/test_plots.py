@@ -59,6 +59,13 @@ def test_an_error_that_is_a_rounding_error_is_seen_on_its_log_scale(data):
     assert ax.lines[0].get_ydata().max() < high
 
 
+@pytest.mark.parametrize("rows", [slice(5, None), slice(None)])
+def test_a_strain_that_is_no_number_can_be_drawn(data, rows):
+    data["compensator2.strain"][rows] = np.nan
+    plots.plot_strain(data, 2, ax=Figure().add_subplot())
+    assert np.isfinite(plots.plot_strain_error(data, 2, ax=Figure().add_subplot()).get_ylim()).all()
+
+
 def test_errors_of_a_strain_that_hardly_changes_are_strains(data):
     """A run of a few steps ends before the load bends the membrane."""
     data["membrane.strain"] = 0.02 + 1e-9 * data["membrane.strain"]
@@ -135,10 +142,17 @@ def test_pictures_are_drawn_for_what_was_recorded(data, tmp_path):
     assert names == {"sensors", "strains", "damage", "damage_history", "deflection"}
     names = {path.stem for path in plots.save_pictures(data.drop_vars("membrane.w"), tmp_path / "some")}
     assert names == {"sensors", "strains", "damage", "damage_history"}
-    names = {path.stem for path in plots.save_pictures(data.isel(time=slice(6)), tmp_path / "one_window")}
+    judged = data[["membrane.damage", *(name for name in data if name.startswith("detector."))]]
+    names = {path.stem for path in plots.save_pictures(judged.isel(time=slice(6)), tmp_path / "one_window")}
     assert "damage_history" in names  # damage changes
-    names = {path.stem for path in plots.save_pictures(data.isel(time=slice(5)), tmp_path / "constant")}
+    names = {path.stem for path in plots.save_pictures(judged.isel(time=slice(5)), tmp_path / "constant")}
     assert "damage_history" not in names
+
+
+def test_what_was_recorded_of_some_places_only_is_not_drawn_at_others(data, tmp_path):
+    nodes = np.arange(1, 8)
+    some = data.assign_coords(w_i=nodes, w_j=nodes).isel(zone=slice(7), sensor=slice(2), w_i=[3], w_j=[3])
+    assert [path.stem for path in plots.save_pictures(some, tmp_path)] == ["damage_history"]
 
 
 def test_nothing_is_drawn_of_a_stranger_s_run_and_one_line_says_why(tmp_path, caplog):

@@ -59,6 +59,11 @@ def test_the_master_of_a_file_can_be_replaced(chain, fmus):
     assert jacobi.attrs["master"] == "jacobi"
 
 
+def test_a_master_that_there_is_not_is_refused(chain, fmus):
+    with pytest.raises(ScenarioError, match=r"there is no master 'Jacobi'\. Choose gauss-seidel or jacobi"):
+        run_scenario(chain(), fmus, master="Jacobi")
+
+
 GROUP = '[[groups]]\ncomponents = ["source", "integral"]\n'
 
 

@@ -63,9 +63,17 @@ def plot_zones(
         Largest damage of the colours [%]; at least 50.
     ax : matplotlib.axes.Axes, optional
         Where to draw.
+
+    Raises
+    ------
+    ResultsError
+        So many zones do not fill a square.
     """
+    n, top = math.isqrt(percent.size), max(50.0, top)
+    if n**2 != percent.size:
+        msg = f"{percent.size} zones are no square. Add those that are missing to [record] variables and run it again."
+        raise ResultsError(msg)
     ax, (length, unit) = axes_or_new(ax), size
-    n, top = round(percent.size**0.5), max(50.0, top)
     extent = (0.0, length, 0.0, length)
     ax.imshow(percent.reshape(n, n), origin="lower", extent=extent, vmin=0.0, vmax=top, cmap="Blues")
     width = length / n
@@ -93,7 +101,10 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     ax, time = axes_or_new(ax), data["time"].to_numpy()
     ended = windows(data)
     t, e = 100.0 * true.to_numpy(), 100.0 * estimated.to_numpy()
-    bars = 200.0 * data.get(f"{detector}.deviation", math.nan * estimated).to_numpy()  # two standard deviations
+    deviation = data.get(f"{detector}.deviation", math.nan * estimated)
+    if deviation.shape != e.shape:  # recorded of some zones only
+        deviation = math.nan * estimated
+    bars = 200.0 * deviation.to_numpy()  # two standard deviations
     e[time < (ended[0].time if ended else math.inf)] = math.nan  # nothing is known before the first judgement
     damaged = list(np.flatnonzero((t > 0.0).any(axis=0)))
     largest = np.nan_to_num(e).max(axis=0)
@@ -118,7 +129,7 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="time [s]", ylabel="damage [%]", title="Damage over time; a dotted line ends a window")
     ax.set_xlim(time[0], time[-1] + 0.03 * (time[-1] - time[0]))  # room for the last judgement
     time_axis(ax)
-    ax.set_ylim(-1.0, max(10.0, 1.15 * float(np.nan_to_num([t, e]).max())))
+    ax.set_ylim(-1.0, max(10.0, 1.15 * float(np.nan_to_num([t, e], posinf=0.0).max())))
     legend_below(ax, 4)
     return ax
 

@@ -8,7 +8,8 @@ import numpy as np
 import xarray as xr
 from gossamer_files.pictures import COLORS, GREY, axes_or_new
 
-from ..roles import find, need
+from ...errors import ResultsError
+from ..roles import find, is_whole, need
 from ..shapes import ShapeHistory
 from ..surface import TAUT, face_strains
 from .axes import side, time_axis
@@ -31,6 +32,9 @@ def plot_deflection(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
 
     membrane, (length, unit) = find(data, "membrane"), side(data)
     w, centre = need(data, f"{membrane}.w", f"{membrane}.deflection")
+    if not is_whole(w):
+        msg = f"the results lack {membrane}.w of some nodes. Record {membrane}.w* and run the scenario again."
+        raise ResultsError(msg)
     ax = axes_or_new(ax)
     k = int(np.argmax(np.abs(centre.to_numpy())))
     nodes = 1e3 * np.pad(w.to_numpy()[k], 1)

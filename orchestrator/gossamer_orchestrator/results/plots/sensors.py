@@ -83,8 +83,9 @@ def plot_strain_error(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = No
     error, is_percent = _error(true, compensated)
     ax, size = axes_or_new(ax), np.maximum(np.abs(error), LEAST_ERROR)
     ax.plot(time, size, color=COLORS[0], lw=0.8)
-    limits = (0.5 * float(np.quantile(size, 0.02)), 2.0 * float(size.max()))
-    ax.set(xlabel="time [s]", ylabel="error [%]" if is_percent else "error [1]", yscale="log", ylim=limits)
+    ax.set(xlabel="time [s]", ylabel="error [%]" if is_percent else "error [1]", yscale="log")
+    if (known := size[np.isfinite(size)]).size:
+        ax.set_ylim(0.5 * float(np.quantile(known, 0.02)), 2.0 * float(known.max()))
     ax.margins(x=0.0)
     time_axis(ax)
     return ax
@@ -122,7 +123,12 @@ def _rows_and_columns(components: dict[int, str], role: str) -> tuple[int, int]:
 
 
 def _element(values: xr.DataArray, number: int) -> NDArray[np.float64]:
-    """Return element ``number`` (from 1) of an array over time."""
+    """Return element ``number`` (from 1) of an array over time; raise ``ResultsError`` if it was not recorded."""
+    if number not in values[values.dims[1]]:
+        msg = (
+            f"the results lack {values.name}[{number}]. Add it to [record] variables in the scenario and run it again."
+        )
+        raise ResultsError(msg)
     return values.sel({values.dims[1]: number}).to_numpy()
 
 

@@ -20,7 +20,7 @@ from ...pages.thin import Pixels
 from ..columns import LIKENESS
 from ..judgements import Judgement, changes, true_damage, windows
 from ..plots.axes import side
-from ..roles import find_all
+from ..roles import find_all, is_whole
 from ..shapes import ShapeHistory, load_shapes
 from .membrane import membrane_mesh
 from .sensors import Array, Curve, curve_of, error_of, loops, sensor_curves, spectrogram_of
@@ -48,6 +48,8 @@ def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[
     time, pixels = data["time"].to_numpy(), Pixels(data.sizes["time"])
     membrane = next(iter(find_all(data, "membrane")), "")
     heights = data.get(f"{membrane}.w")
+    if heights is not None and not is_whole(heights):
+        heights = None
     history = load_shapes(folder).get(membrane)
     rows, shown = _instants(time, heights, history)
     curves, readers = sensor_curves(data)
@@ -170,5 +172,6 @@ def _damage(data: xr.Dataset, time: Array, ended: Sequence[Judgement]) -> dict[s
         for name in ("probability", "index"):
             if f"{detector}.{name}" in data:
                 values = data[f"{detector}.{name}"].isel(time=at).to_numpy()
-                found[name] = values.reshape(len(at), -1)
+                if values.shape == found["estimated"].shape:  # else of some zones only
+                    found[name] = values
     return {"true": true, "windows": found}

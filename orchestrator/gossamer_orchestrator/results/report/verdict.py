@@ -12,8 +12,8 @@ import xarray as xr
 from ...errors import ResultsError
 from ...pages.page import Kind
 from ...words import counted
-from ..judgements import Judgement, doubts
-from ..roles import find_all, need
+from ..judgements import Judgement, doubts, recorded_detector
+from ..roles import find_all
 from ..tables import LEAST_SHOWN, instant
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
@@ -85,11 +85,10 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
 
 def _why_none(data: xr.Dataset) -> str:
     """Say why there is not a single window."""
-    detectors = find_all(data, "detector")
-    if not detectors:
+    if not find_all(data, "detector"):
         return "the run had no detector."
     try:
-        need(data, f"{detectors[0]}.damage", f"{detectors[0]}.valid")
+        recorded_detector(data)
     except ResultsError as error:
         return str(error)
     return f"until t = {float(data['time'][-1]):.6g} s no window ended."
