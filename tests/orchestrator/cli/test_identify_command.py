@@ -12,6 +12,8 @@ from gossamer_models.sensor import SensorArtifact
 from gossamer_orchestrator.cli import app
 from typer.testing import CliRunner
 
+QUICK = ["--modes", "2", "--relaxations", "1", "--starts", "1"]
+
 
 @pytest.fixture
 def measured(tmp_path):
@@ -30,7 +32,7 @@ def measured(tmp_path):
 
 def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
     out = tmp_path / "sensor.json"
-    options = ["--modes", "2", "--relaxations", "1", "--train", "0:80", "--starts", "1", "--out", str(out)]
+    options = [*QUICK, "--train", "0:80", "--out", str(out)]
     result = CliRunner().invoke(app, ["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     printed = result.stdout.split()
@@ -173,17 +175,7 @@ def test_cells_without_numbers_and_a_row_cut_short_are_told_with_the_columns_bef
     for line, cells in ((10, 2), (30, 2), (31, 1), (50, 1)):
         lines[line] = ",".join([*lines[line].split(",")[:cells], *[["OL", "n/a"][cells == 1]] * (line in (10, 50))])
     measured.write_text("\n".join(lines) + "\n")
-    options = [
-        "--modes",
-        "2",
-        "--relaxations",
-        "1",
-        "--starts",
-        "1",
-        "--no-pictures",
-        "--out",
-        str(tmp_path / "s.json"),
-    ]
+    options = [*QUICK, "--no-pictures", "--out", str(tmp_path / "s.json")]
     result = CliRunner().invoke(app, ["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     said = "4 samples without a finite number were left out, the first in line 11: "
@@ -194,17 +186,7 @@ def test_cells_without_numbers_and_a_row_cut_short_are_told_with_the_columns_bef
 
 def test_a_signal_whose_unit_is_not_stated_is_not_called_ohm(measured, tmp_path):
     measured.write_text(measured.read_text().replace("R_ohm", "R", 1))
-    options = [
-        "--modes",
-        "2",
-        "--relaxations",
-        "1",
-        "--starts",
-        "1",
-        "--no-pictures",
-        "--out",
-        str(tmp_path / "s.json"),
-    ]
+    options = [*QUICK, "--no-pictures", "--out", str(tmp_path / "s.json")]
     told = {}
     for unit in ([], ["--resistance-unit", "1"], ["--resistance-unit", "ohm"]):
         result = CliRunner().invoke(app, ["identify", str(measured), *options, *unit])
