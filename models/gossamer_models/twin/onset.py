@@ -6,6 +6,9 @@ mean of each sensor removed; ``J`` derivatives; ``h`` step [s].
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
@@ -28,6 +31,28 @@ SHARES = (0.4, 0.7, 1.0)  # of a step of Newton's method
 BEST = 3  # onsets that are refined
 
 
+@dataclass(frozen=True)
+class Seen:
+    """A window that has been judged.
+
+    Attributes
+    ----------
+    time : float
+        When it began [s].
+    place : Place
+        Where the simulation stood then.
+    y : ndarray, shape (4, n)
+        Readings; not a number where one is missing.
+    expected : ndarray, shape (4, n)
+        Readings of the twin without new damage.
+    """
+
+    time: float
+    place: Place
+    y: Matrix
+    expected: Matrix
+
+
 class OnsetProblem:
     """Least squares for damages that begin within some windows, as ``descend`` takes it.
 
@@ -37,10 +62,8 @@ class OnsetProblem:
     ----------
     running : Running
         Simulation.
-    place : Place
-        Where it stands before the first reading.
-    y : ndarray, shape (4, n)
-        Readings; not a number where one is missing.
+    windows : sequence of Seen
+        Windows one after the other.
     sigma : ndarray, shape (4,)
         Noise.
     before : ndarray, shape (16,)
@@ -49,8 +72,10 @@ class OnsetProblem:
         Step [s].
     """
 
-    def __init__(self, running: Running, place: Place, y: Matrix, sigma: Vector, before: Vector, h: float) -> None:
-        self._running, self._place, self._sigma, self._before, self._h = running, place, sigma, before, h
+    def __init__(self, running: Running, windows: Sequence[Seen], sigma: Vector, before: Vector, h: float) -> None:
+        self._running, self._windows, self._sigma, self._before, self._h = running, windows, sigma, before, h
+        y = np.concatenate([seen.y for seen in windows], axis=1)
+        self._starts = np.cumsum([0, *(seen.y.shape[1] for seen in windows[:-1])])
         self._present, self._steps = np.isfinite(y), y.shape[1]
         self._y = weigh(y[None], self._present, sigma)[0]
         self.low = np.zeros(1 + N_ZONES)
@@ -58,14 +83,22 @@ class OnsetProblem:
         self.values = int(self._present.sum()) - N_SENSORS
         self.prior = np.r_[float(self._steps) ** -2, np.ones(N_ZONES)]  # weak: any time, any damage
 
-    def history(self, x: Matrix) -> Matrix:
-        """Return damage at the end of every step, shape (m, n, 16); a step in which it begins has a part of it."""
-        share = np.clip(np.arange(1, self._steps + 1) - x[:, :1], 0.0, 1.0)
-        return np.asarray(self._before + share[:, :, None] * (x[:, None, 1:] - self._before))
+    def simulate(self, x: Matrix) -> tuple[Matrix, Place]:
+        """Return readings for rows of unknowns, shape (m, 4, n), and the place where the first row ends.
+
+        Windows that end before any onset are not simulated again.
+        """
+        first = int(np.searchsorted(self._starts, x[:, 0].min(), side="right")) - 1
+        steps = np.arange(self._starts[first] + 1, self._steps + 1)
+        share = np.clip(steps - x[:, :1], 0.0, 1.0)  # a step in which damage begins has a part of it
+        damage = self._before + share[:, :, None] * (x[:, None, 1:] - self._before)
+        readings, place = self._running.advance(self._windows[first].place, damage, self._h)
+        expected = [np.repeat(seen.expected[None], len(x), axis=0) for seen in self._windows[:first]]
+        return np.concatenate([*expected, readings], axis=2), place
 
     def points(self, x: Matrix) -> list[Point]:
         """Simulate rows of unknowns, shape (m, 17)."""
-        readings = self._readings(x)
+        readings = self.simulate(x)[0]
         r = self._y - weigh(readings, self._present, self._sigma)
         return points_at(x, readings, r, self.prior)
 
@@ -79,7 +112,7 @@ class OnsetProblem:
         """
         places = np.flatnonzero(free)
         rows, steps = neighbours(point.x, places, np.where(places == 0, 1.0, DAMAGE_STEP), self.high)
-        weighed = weigh(self._readings(rows), self._present, self._sigma)
+        weighed = weigh(self.simulate(rows)[0], self._present, self._sigma)
         return check_derivatives((weighed - (self._y - point.r)).T / steps)
 
     def first_guesses(self, steps: int) -> list[Vector]:
@@ -97,9 +130,6 @@ class OnsetProblem:
             points = sorted(self.points(np.array(trials)), key=lambda point: point.chi2)
             guesses = np.array([point.x for point in points[:BEST]])
         return list(guesses)
-
-    def _readings(self, x: Matrix) -> Matrix:
-        return self._running.advance(self._place, self.history(x), self._h)[0]
 
 
 def weigh(rows: Matrix, present: Rows, sigma: Vector) -> Matrix:

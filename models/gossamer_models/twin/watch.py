@@ -6,23 +6,25 @@ Symbols: ``y`` readings of a window, shape (4, n); ``r`` residuals in units of t
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import chi2 as chi2_distribution
 
-from ..arrays import Matrix, Vector
+from ..arrays import Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
 from ..membrane import MembraneParams
 from ..membrane.mesh import N_ZONES
 from ..sensor import SensorArtifact
 from .descent import Minimum, descend
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, Quadratic
-from .onset import OnsetProblem, weigh
+from .onset import OnsetProblem, Seen, weigh
 from .record import N_SENSORS
-from .running import Place, Running
+from .running import Running
 from .sparse import Box, drop_zones
 
 SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
@@ -73,15 +75,6 @@ class Window:
     alarm: bool
     misfit: float
     finding: Finding | None = None
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """A window that has been judged: the place and time it began at, and its readings."""
-
-    time: float
-    place: Place
-    y: Matrix
 
 
 class Watch:
@@ -151,7 +144,7 @@ class Watch:
         self._place, self._time = self._running.begin(self._damage, step), 0.0
         self._threshold = float(chi2_distribution.isf(false_alarms, N_ZONES)) / N_ZONES
         self._scale = 0.0  # nothing seen yet
-        self._before: list[_Seen] = []
+        self._before: list[Seen] = []
         self._alarmed = False
 
     def advance(self, readings: ArrayLike) -> Window:
@@ -195,7 +188,7 @@ class Watch:
         statistic = T / max(self._scale, 1.0)
         alarm = not first and not self._alarmed and statistic > self._threshold
         kept = self._before if self._alarmed else self._before[-1:]
-        self._before = [*kept, _Seen(self._time, self._place, y)]
+        self._before = [*kept, Seen(self._time, self._place, y, found[0])]
         self._time += n * self._h
         finding = None
         if self._alarmed:
@@ -210,14 +203,13 @@ class Watch:
 
     def _find(self) -> Finding:
         """Fit onset and damages to the windows since the one before the alarm, and go on from there."""
-        start, y = self._before[0], np.concatenate([seen.y for seen in self._before], axis=1)
-        problem = OnsetProblem(self._running, start.place, y, self._sigma, self._damage, self._h)
+        problem = OnsetProblem(self._running, self._before, self._sigma, self._damage, self._h)
         whole = np.ones(1 + N_ZONES, dtype=bool)
         possible = sum(seen.y.shape[1] for seen in self._before[:-1])
-        found = min((descend(problem, guess, whole) for guess in problem.first_guesses(possible)), key=_chi2)
+        found = _deepest(problem, problem.first_guesses(possible), whole)
         for _ in range(ROUNDS):  # chi2 has a valley for each period of the stiffer waves
             beside = [found.point.x + shift * np.eye(1 + N_ZONES)[0] for shift in SHIFTS]
-            better = min((descend(problem, x, whole, most=4) for x in beside), key=_chi2)
+            better = _deepest(problem, beside, whole, most=4)
             if better.point.chi2 >= found.point.chi2:
                 break
             found = better
@@ -229,10 +221,10 @@ class Watch:
         found = descend(problem, np.clip(found.model.at + move, problem.low, problem.high), stays)
         deviation = np.zeros(1 + N_ZONES)
         deviation[stays] = np.sqrt(np.diag(np.linalg.pinv(found.model.A, hermitian=True)))
-        self._place = self._running.advance(start.place, problem.history(found.point.x[None]), self._h)[1]
+        self._place = problem.simulate(found.point.x[None])[1]
         self._damage = found.point.x[1:].copy()
         return Finding(
-            onset=start.time + self._h * float(found.point.x[0]),
+            onset=self._before[0].time + self._h * float(found.point.x[0]),
             onset_deviation=self._h * float(deviation[0]),
             damage=self._damage.copy(),
             deviation=deviation[1:],
@@ -240,5 +232,9 @@ class Watch:
         )
 
 
-def _chi2(minimum: Minimum) -> float:
-    return minimum.point.chi2
+def _deepest(problem: OnsetProblem, starts: list[Vector], free: Rows, most: int = 12) -> Minimum:
+    """Descend from some starts, in parallel; return the minimum with the smallest chi2."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return min(
+            pool.map(lambda start: descend(problem, start, free, most), starts), key=lambda found: found.point.chi2
+        )
