@@ -42,6 +42,7 @@ set = {{ u = 3.0 }}
 variables = ["?.y*"]
 """
 STOPS = f"fault = {faults.WAIT}, at = 2400, pause = 3e-4"  # in step 2400 it waits until there is a file called gate
+LATE = f"fault = {faults.WAIT}, at = 3900, pause = 3e-4"
 
 
 class Started:
@@ -193,7 +194,7 @@ def test_after_kill_9_at_any_moment_what_was_written_is_right_and_earlier_result
     """Kills of the program and of the process of the run, most of them followed by --resume, then to the end."""
     moments, options, times = random.Random(11), [], kills or 3
     for number in range(times):
-        run = start("pause = 3e-4", *options)
+        run = start(LATE, *options)
         run.wait_for_rows()
         time.sleep(moments.uniform(0.0, 1.5))
         run.kill()
@@ -203,7 +204,9 @@ def test_after_kill_9_at_any_moment_what_was_written_is_right_and_earlier_result
         assert_beginning_of(whole, data)
         anew = number % 3 == 2 and number < times - 1  # or many kills would outlast the run
         options = ["--resume"] if (run.out / "unfinished.npz").is_file() and not anew else []
-    code, text = start("pause = 3e-4", *options).end()
+    run = start(LATE, *options)
+    run.gate.touch()
+    code, text = run.end()
     assert code == 0, text
     data = load_results(run.out)
     assert data.sizes == whole.sizes
