@@ -25,7 +25,6 @@ from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
 from .replay import Recovered, recover_by_fit
-from .review import fitted_ranges
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import determined, start_errors
@@ -262,7 +261,6 @@ def identify_files(
         "sha256": ", ".join(digest(path) for path in paths),
         "command": command,
         "train": train,
-        **fitted_ranges(fit.records, fit.train),
         **stated,
         **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in errors},
         "doubts": " ".join(doubted),

@@ -1,7 +1,6 @@
 """A stored sensor judged on other records: the work of the command ``gossamer assess``."""
 
 from .judge import Judged, judge_files, save_judged
-from .ranges import fitted_ranges
 from .scales import RelaxingScales, fit_scales
 
-__all__ = ["Judged", "RelaxingScales", "fit_scales", "fitted_ranges", "judge_files", "save_judged"]
+__all__ = ["Judged", "RelaxingScales", "fit_scales", "judge_files", "save_judged"]

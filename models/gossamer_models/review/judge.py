@@ -206,7 +206,7 @@ def judge_files(
                 cubic=cubic((record.strain,), (record.resistance,), (first,))[0],
                 cubic_strain=cubic((record.resistance,), (record.strain,), (first,))[0],
                 known=digest(path) in artifact.provenance.get("sha256", ""),
-                elsewhere=hardly_overlapping(record, artifact, full_scale, own_scales=own_scales),
+                elsewhere=hardly_overlapping(record, offset, gain, full_scale, own_scales=own_scales),
             )
         )
     return tuple(judged)

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
-
-from ..arrays import Rows
 from ..fitting.records import Record
-from ..sensor import SensorArtifact
 
-LEAST_OVERLAP = 0.25  # of the larger of two ranges
+LEAST_OVERLAP = 0.25  # of one of two ranges
 
 Range = tuple[float, float]
 
 
-def fitted_ranges(records: Sequence[Record], train: Sequence[Rows]) -> dict[str, str]:
-    """Return what the provenance of an artifact states of the samples that were fitted: strain [1] and resistance [ohm]."""
-    found = {}
-    for quantity in ("strain", "resistance"):
-        values = np.concatenate([getattr(r, quantity)[rows] for r, rows in zip(records, train, strict=True)])
-        found[f"fitted {quantity}"] = f"{float(values.min())!r} to {float(values.max())!r}"
-    return found
-
-
 def hardly_overlapping(
-    record: Record, artifact: SensorArtifact, full_scale: float, *, own_scales: bool
+    record: Record, offset: float, gain: float, full_scale: float, *, own_scales: bool
 ) -> tuple[str, ...]:
     """Say where the range of a record hardly overlaps with that which a sensor was identified on.
 
@@ -33,45 +18,41 @@ def hardly_overlapping(
     ----------
     record : Record
         What the sensor is judged on.
-    artifact : SensorArtifact
-        The sensor. If its provenance lacks ``fitted_ranges``, strain counts from 0 to full scale, and resistance does not.
+    offset, gain : float
+        Resistance of the sensor at rest, and its static rise to full scale [ohm].
     full_scale : float
         Strain [1] at the end of its range.
     own_scales : bool
         Whether scales of the record are fitted, so that its resistance may lie anywhere.
+
+    Notes
+    -----
+    Strain that fills little of the range of the sensor is said as well. Resistance is not, and it may exceed its range: the
+    sensor relaxes beyond its static rise.
     """
     sentences = []
-    strain = _stated(artifact, "strain") or (0.0, full_scale)
-    here = float(record.strain.min()), float(record.strain.max())
-    if _overlap(here, strain) < LEAST_OVERLAP:
+    here, known = (float(record.strain.min()), float(record.strain.max())), (0.0, full_scale)
+    if _shared(here, known) < LEAST_OVERLAP * max(_size(here), _size(known)):
         sentences.append(
-            f"strain is {_text(here, 100.0, ' %')}, but the sensor was identified on {_text(strain, 100.0, ' %')}: the "
-            "ranges hardly overlap. Check the unit (--strain-unit), or name a record of like strain"
+            f"strain is {100 * here[0]:.4g} to {100 * here[1]:.4g} %, but the sensor was identified on 0 to "
+            f"{100 * full_scale:.4g} %: the ranges hardly overlap. Check the unit (--strain-unit), or name a record of like "
+            "strain"
         )
-    resistance = None if own_scales else _stated(artifact, "resistance")
     here = float(record.resistance.min()), float(record.resistance.max())
-    if resistance is not None and _overlap(here, resistance) < LEAST_OVERLAP:
+    known = min(offset, offset + gain), max(offset, offset + gain)
+    if not own_scales and _shared(here, known) < LEAST_OVERLAP * min(_size(here), _size(known)):
         unit = " ohm" * (record.unit == "ohm")
         sentences.append(
-            f"resistance is {_text(here, 1.0, unit)}, but the sensor was identified on {_text(resistance, 1.0, unit)}: the "
-            "ranges hardly overlap. Check column and unit (--resistance, --resistance-unit), or give --fit-scales"
+            f"resistance is {here[0]:.5g} to {here[1]:.5g}{unit}, but the sensor was identified on {known[0]:.5g} to "
+            f"{known[1]:.5g}{unit} between rest and full scale: the ranges hardly overlap. Check column and unit "
+            "(--resistance, --resistance-unit), or give --fit-scales"
         )
     return tuple(f"{record.name}: {sentence}." for sentence in sentences)
 
 
-def _stated(artifact: SensorArtifact, quantity: str) -> Range | None:
-    try:
-        low, high = map(float, artifact.provenance[f"fitted {quantity}"].split(" to "))
-    except (KeyError, ValueError):
-        return None
-    return low, high
+def _size(ends: Range) -> float:
+    return ends[1] - ends[0]
 
 
-def _overlap(one: Range, other: Range) -> float:
-    """Return what two ranges share, over the larger of them [1]."""
-    shared = min(one[1], other[1]) - max(one[0], other[0])
-    return max(shared, 0.0) / max(one[1] - one[0], other[1] - other[0])
-
-
-def _text(ends: Range, factor: float, unit: str) -> str:
-    return f"{factor * ends[0]:.5g} to {factor * ends[1]:.5g}{unit}"
+def _shared(one: Range, other: Range) -> float:
+    return max(min(one[1], other[1]) - max(one[0], other[0]), 0.0)
