@@ -156,9 +156,10 @@ def training_rows(record: Record, train: str) -> Rows:
         raise DataError(msg)
     end = float(record.time[-1])
     if high is not None and high > end + max(ROUNDED * end, float(np.median(np.diff(record.time)))):
+        half = float(f"{0.5 * end:.3g}")
         msg = (
             f"{record.name} ends at {end:g} s, counted from its first sample, and {train!r} goes beyond. Write "
-            f"0:{0.5 * end:.3g} for its first half, or 100% for all of it."
+            f"0:{half:g} for its first half, or 100% for all of it."
         )
         raise DataError(msg)
     return rows
