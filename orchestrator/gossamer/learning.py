@@ -71,10 +71,10 @@ def identify(
     model : str or None
         One of those above; auto if no option of a model is given, else preisach.
     budget : float or None
-        Seconds after which auto tries no more settings; 60 if not given. The few that it must try, the last
-        fit, the checks and the pictures take half a minute more, or longer for long records.
+        Of --model auto: seconds after which it tries no more settings; 60 if not given. The few that it must
+        try, the last fit, the checks and the pictures take half a minute more, or longer for long records.
     train : str, default "50%"
-        What to fit: 0:200 for seconds, 50% for a leading part.
+        What to fit: 0:200 for seconds from the first sample, 50% for a leading part; the rest is a test.
     full_scale : float or None
         Strain [1] at the end of the range; the largest if not given.
     rest_resistance : float or None

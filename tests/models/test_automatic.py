@@ -156,6 +156,14 @@ def test_what_is_chosen_recovers_strain_better_than_a_cubic(hasty):
     assert error_on([found], [STRAIN], [~half(PLAY)[0]]) < rivals[1].strain[0]
 
 
+def test_the_direct_inverse_is_a_finalist_beside_the_filter_however_little_time_there_is(hasty):
+    finalists = {trial.what: trial.error for trial in hasty[0].trials if trial.stage == "compensator" and trial.final}
+    assert len(finalists) == 2
+    assert "direct inverse" in finalists
+    kept = compensators.NEAR * min(finalists.values())
+    assert finalists[hasty[0].method.text] <= kept
+
+
 def test_what_is_chosen_is_said_in_the_words_of_the_options(hasty):
     words = hasty[0].text
     assert re.match(r"sensor: extension reversing, .*ridge [\d.]+.*, with an error of [\d.]+ % of range, ", words)

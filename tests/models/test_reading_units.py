@@ -1,6 +1,7 @@
 """No silent unit: however a file is written, its numbers are read in their unit, or refused by name."""
 
 import datetime
+import re
 
 import numpy as np
 import pytest
@@ -150,6 +151,72 @@ def test_a_preamble_is_passed_over(tmp_path):
     found = same(read(tmp_path, text_of(above=above))).found
     assert "header in line 5" in found.written
     same(read(tmp_path, text_of("# time_s strain R_ohm").replace(",", " ")))
+
+
+def test_a_comment_is_a_header_only_where_no_other_line_above_the_numbers_is(tmp_path):
+    found = same(read(tmp_path, text_of(above="# time, strain, resistance of specimen 3, by hand.\n"))).found
+    assert "header in line 2" in found.written
+    for header, message in (
+        (
+            "# Measured on Monday, at 10.\n# in lab 3\nzeta,kappa,no.",
+            r"line 3: no column .* time among zeta, kappa, no\. Name",
+        ),
+        ("# zeta,kappa,lambda", "line 1: no column is recognised as time among zeta, kappa, lambda"),
+        ("# Measured on Monday", "line 2: numbers, but no names of columns"),
+    ):
+        with pytest.raises(DataError, match=message):
+            read(tmp_path, text_of(header))
+
+
+def test_of_many_columns_twelve_are_named(tmp_path):
+    names = ",".join(f"channel{k}" for k in range(19))
+    with pytest.raises(DataError, match=r"channel10, channel11 and 7 more\. Name one \(--strain\)"):
+        read(tmp_path, f"{names}\n" + 3 * (",".join(["1"] * 19) + "\n"))
+
+
+def test_the_result_of_a_run_is_called_so_and_read_where_columns_are_named(tmp_path):
+    text = text_of("time [s],membrane.strain[1] [1],sensor1.resistance [ohm]")
+    with pytest.raises(DataError) as refused:
+        read(tmp_path, text)
+    assert re.search(r"r\.csv is a result of a run, .* Name a file that was measured", str(refused.value))
+    assert "no column" not in str(refused.value)
+    same(read(tmp_path, text, Columns(strain="membrane.strain[1] [1]", resistance="sensor1.resistance [ohm]")))
+
+
+@pytest.mark.parametrize(
+    "header", ["elapsed,Elongation [1],R_ohm", "Elapsed Time (s),dehnung_x [1],R_ohm", "elapsed_s,Strain mm/mm,R_ohm"]
+)
+def test_elapsed_time_and_elongation_are_recognised(tmp_path, header):
+    same(read(tmp_path, text_of(header)))
+
+
+@pytest.mark.parametrize(
+    "header", ["time_s,elongation [mm],R_ohm", "time_s,strain_mm,R_ohm", "time_s,Dehnung / µm,R_ohm"]
+)
+def test_a_displacement_is_no_strain_and_the_remedy_is_said(tmp_path, header):
+    remedy = "divide it by the gauge length first, and write the ratio"
+    with pytest.raises(
+        DataError, match=rf"line 1: '.m' in '.*' is not a unit of strain\. That is a displacement: {remedy}"
+    ):
+        read(tmp_path, text_of(header))
+    with pytest.raises(DataError, match=f"'mm' is not a unit of strain. .*{remedy}"):
+        read(tmp_path, text_of("time_s,strain,R_ohm"), Columns(strain_unit="mm"))
+
+
+def test_a_date_is_the_time_only_with_the_time_of_day_and_where_no_other_column_is(tmp_path):
+    rows = list(zip(T, STRAIN, OHM, strict=True))
+    beside = "".join(f"2024-05-31,{t:.10g},{s:.10g},{r:.10g}\n" for t, s, r in rows)
+    assert same(read(tmp_path, f"date,elapsed,strain [1],R_ohm\n{beside}")).found.remarks == ()
+    for header in ("date", "Date/Time"):
+        same(read(tmp_path, text_of(f"{header},strain,R_ohm", [f"2024-05-31T12:00:0{t:.1f}" for t in T])))
+    with pytest.raises(
+        DataError, match=r"line 2: column 'date' holds dates without times of day, 1 for 40 samples\. Name a"
+    ):
+        read(tmp_path, text_of("date,strain,R_ohm", ["2024-05-31"] * 40))
+    with pytest.raises(
+        DataError, match=r"column 'Date' holds numbers, which may be days\. State their unit \(--time-unit\)"
+    ):
+        read(tmp_path, text_of("Date,strain,R_ohm", 45443.5 + T))
 
 
 @pytest.mark.parametrize("zone", ["", "Z", "+02:00"])

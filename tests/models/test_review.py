@@ -1,6 +1,7 @@
 """A stored sensor on other records: what it was never fitted to, mounted again, drifted; and what is refused."""
 
 import hashlib
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -62,6 +63,25 @@ def test_a_sensor_on_a_record_of_its_own_making_errs_by_rounding(measured, store
         assert judged.strain(rows, judged.recovered["inverse"].strain) < 1e-6
     assert not judged.fitted.any()
     assert judged.sentences() == ()
+
+
+def test_a_record_of_other_strain_or_resistance_than_the_sensor_was_identified_on_is_said_with_both_ranges(
+    measured, stored, tmp_path
+):
+    small, far = (
+        replace(measured, strain=0.1 * measured.strain),
+        replace(measured, resistance=measured.resistance + 2000.0),
+    )
+    (sentence,) = judge_files(stored, [write(tmp_path / "r.csv", small)])[0].elsewhere
+    assert re.search(
+        r"r\.csv: strain is 0 to 1\.\d+ %, but the sensor was identified on 0 to 20 %: .*--strain-unit", sentence
+    )
+    (sentence,) = judge_files(stored, [write(tmp_path / "r.csv", far)])[0].elsewhere
+    assert re.search(
+        r"resistance is 3000 to 3\d+\.?\d* ohm, but the sensor was identified on 1000 to 1300 ohm between", sentence
+    )
+    assert judge_files(stored, [write(tmp_path / "r.csv", far)], own_scales=True)[0].elsewhere == ()
+    assert judge_files(stored, [write(tmp_path / "r.csv", measured)])[0].elsewhere == ()
 
 
 def test_its_scales_are_found_again_without_touching_the_sensor(measured, stored, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError, Stepper
 from gossamer_models.compensator import compensator_model
-from gossamer_models.fitting import Columns
+from gossamer_models.fitting import Columns, training_rows
 from gossamer_models.identify import identify_files, settings_for
 from gossamer_models.replay import predict_resistance
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
@@ -227,3 +227,7 @@ def test_a_file_becomes_an_artifact_with_provenance(tmp_path, known):
             identify_files([path], train=train)
     with pytest.raises(DataError, match="no sample lies in '500:600'"):
         identify_files([path], train="500:600")
+    end = known.time[-1]
+    assert training_rows(known, f"0:{1.009 * end}").all()
+    with pytest.raises(DataError, match=rf"ends at {end:g} s, .* '0:9000' goes beyond\. Write 0:{end / 2:.3g} for"):
+        identify_files([path], train="0:9000")

@@ -17,6 +17,7 @@ DRAWS = 1000
 CONFIDENCE = 0.9
 HERE = "this sensor"
 RIVALS = ("static cubic", "regression on lags")
+DOES = {"forward": "predicts the output", "strain": "recovers the strain"}  # by the quantity of a ``Standing``
 
 Interval = tuple[float, float, float]  # value, low end, high end
 
@@ -99,19 +100,19 @@ def beside(error: Interval, name: str, other: Interval) -> str:
     return f"as well as {name}, {numbers}: the intervals of confidence overlap"
 
 
-def defeats(table: Sequence[Standing]) -> tuple[str, ...]:
-    """Return a sentence for every record and quantity in which the sensor is no better than a rival."""
+def defeats(table: Sequence[Standing], quantities: Sequence[str] = tuple(DOES)) -> tuple[str, ...]:
+    """Return a sentence for every record and quantity (keys of ``DOES``) in which the sensor is no better than a rival."""
     found = []
     for here in table:
         if here.model != HERE:
             continue
-        for quantity, text in (("forward", "predicts the output"), ("strain", "recovers the strain")):
+        for quantity in quantities:
             own = getattr(here, quantity)
             for other in table:
                 its = getattr(other, quantity)
                 if other.record == here.record and other.model in RIVALS and own and its:
                     words = beside(its, HERE, own)
-                    sentence = f"{here.record}: a {other.model} {text} of the test stretch {words}."
+                    sentence = f"{here.record}: a {other.model} {DOES[quantity]} of the test stretch {words}."
                     found += [f"{sentence} More or richer training data may change that."] * bool(words)
     return tuple(found)
 

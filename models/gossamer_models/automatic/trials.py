@@ -69,13 +69,14 @@ class Bench:
         *,
         until: float,
         share: tuple[float, float],
+        surely: int = 1,
     ) -> list[tuple[float, Setting]]:
         """Try settings and return errors [% of range] and settings that every judge saw, the best first.
 
         Parameters
         ----------
         stage, settings : str, iterable
-            What is chosen, and what to try; the first setting is always tried.
+            What is chosen, and what to try.
         name, judges : callable
             Name of a setting, and its errors [% of range] by one or more cuts of the training stretch. All settings face
             the first judge, the ``SEEDED`` best ones the others too; the geometric mean counts, so that no cut rules.
@@ -83,6 +84,8 @@ class Bench:
             Time of ``time.monotonic`` after which no further setting is tried.
         share : tuple of float
             Progress [1] before and after.
+        surely : int
+            Number of the first settings that are tried however late it is.
         """
         waiting = list(settings)
         spent = dict.fromkeys(range(len(waiting)), 0.0)
@@ -96,7 +99,7 @@ class Bench:
             spent[number] += time.monotonic() - begin
 
         for number, setting in enumerate(waiting):
-            if time.monotonic() > until and any(np.isfinite(log[0]) for log in logs.values()):
+            if number >= surely and time.monotonic() > until and any(np.isfinite(log[0]) for log in logs.values()):
                 self.untried += len(waiting) - number
                 break
             self.progress(share[0] + (share[1] - share[0]) * number / len(waiting), f"{stage}: {name(setting)}")

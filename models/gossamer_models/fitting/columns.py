@@ -13,14 +13,21 @@ from pathlib import Path
 from ..errors import DataError
 from .options import option
 from .table import MISSING, is_number
-from .units import SI, STRAIN, factor
+from .units import LENGTH, SI, STRAIN, factor
 
+DATE = "date"  # a day is no time, so such a column is the time only where no other one is
 WORDS = {
-    "time": ("time", "timestamp", "datetime", "zeit", "t"),  # T is a temperature as well
-    "strain": ("strain", "eps", "epsilon", "ε", "dehnung"),
+    "time": ("time", "timestamp", "datetime", "date_time", "date/time", "zeit", "t", "elapsed", DATE),  # T: temperature
+    "strain": ("strain", "eps", "epsilon", "ε", "dehnung", "elongation"),
     "resistance": ("resistance", "r", "widerstand"),
 }
-BEGINNINGS = {"time": ("time", "timestamp"), "strain": ("strain", "eps"), "resistance": ("resistance", "r")}
+BEGINNINGS = {
+    "time": ("time", "timestamp", "elapsed"),
+    "strain": ("strain", "eps", "dehnung", "elongation"),
+    "resistance": ("resistance", "r"),
+}
+MOST_NAMES = 12  # of columns that a message lists
+OF_A_RUN = re.compile(r"[\w-]+\.\S+ \[\S+\]")  # sensor1.resistance [ohm], in the results of a run
 UNITS = {"time": "s, ms, us, min or h", "strain": "1, %, permille or ustrain", "resistance": "ohm, kohm, Mohm or 1"}
 NO_UNIT = ("", "-")
 LIKE_UNITS = ("min", "day", "month", "year")  # names of columns that hold something else
@@ -100,34 +107,53 @@ def wanted_columns(path: Path, header: list[str], line: int, columns: Columns) -
             mistakes.append(f"{path}: a column or unit of time and a sampling step are given. Leave one of them out.")
         if not columns.sampling_step > 0.0:
             mistakes.append(f"the sampling step must be a positive time [s], not {columns.sampling_step:g}")
+    unnamed = columns.strain is None and columns.resistance is None
+    of_a_run = header[0] == "time [s]" and len(header) > 1 and all(map(OF_A_RUN.fullmatch, header[1:]))
+    if mistakes and unnamed and of_a_run:
+        mistakes = [
+            f"{path} is a result of a run, and its sensors are identified already. Name a file that was measured, or the "
+            "columns of one sensor here (--strain, --resistance)."
+        ]
     if mistakes:
         raise DataError("\n".join(mistakes))
     return wanted
+
+
+def _listed(names: list[str]) -> str:
+    """Return names of columns for a message, without a full stop of their own at the end."""
+    left = len(names) - MOST_NAMES
+    return ", ".join(names[:MOST_NAMES]).rstrip(".") + f" and {left} more" * (left > 0)
+
+
+def no_unit(text: str, what: str) -> str:
+    """Return what to do about a unit that a column cannot have: of strain, a length is divided by another one first."""
+    if what == "strain" and LENGTH.fullmatch(text.strip()):
+        return "That is a displacement: divide it by the gauge length first, and write the ratio"
+    return f"State the unit (--{what}-unit): {UNITS[what]}"
 
 
 def find(path: Path, header: list[str], line: int, columns: Columns, what: str) -> Column:
     """Return one column with its unit, by option or by name."""
     name, unit = getattr(columns, what), getattr(columns, f"{what}_unit")
     if unit is not None and factor(unit, what) is None:
-        msg = f"{unit!r} is not a unit of {what}; it is one such as {UNITS[what]}"
+        msg = f"{unit!r} is not a unit of {what}. {no_unit(unit, what)}."
         raise DataError(msg)
     parsed = [split_name(cell, what) for cell in header]
     places, others = _named(header, name) if name is not None else _recognised(parsed, what)
     if len(places) > 1:
-        may = ", ".join(header[k] for k in places)
+        may = _listed([header[k] for k in places])
         msg = f"{path}, line {line}: {len(places)} columns may be the {what}: {may}. Name one (--{what})."
         raise DataError(msg)
     if not places:
         which = "no column is recognised as" if name is None else f"no column {name!r} for"
         step = " or give the sampling step (--sampling-step)" if what == "time" else ""
-        msg = f"{path}, line {line}: {which} {what} among {', '.join(header)}. Name one (--{what}){step}."
+        msg = f"{path}, line {line}: {which} {what} among {_listed(header)}. Name one (--{what}){step}."
         raise DataError(msg)
     place = places[0]
     _, stated, strange = parsed[place]
     if unit is None and strange is not None:
         msg = (
-            f"{path}, line {line}: {strange!r} in {header[place]!r} is not a unit of {what}. State the unit "
-            f"(--{what}-unit), {UNITS[what]}."
+            f"{path}, line {line}: {strange!r} in {header[place]!r} is not a unit of {what}. {no_unit(strange, what)}."
         )
         raise DataError(msg)
     column = Column(
@@ -166,7 +192,7 @@ def read_units(path: Path, line: int, row: list[str], wanted: list[Column], colu
             if getattr(columns, f"{column.what}_unit") is None:
                 msg = (
                     f"{path}, line {line}: under the header stands {' | '.join(cells)}, and {cell!r} is neither a number "
-                    f"nor a unit of {column.what}. State the unit (--{column.what}-unit), {UNITS[column.what]}."
+                    f"nor a unit of {column.what}. {no_unit(cell, column.what)}."
                 )
                 raise DataError(msg)
             found.append(column)
@@ -176,9 +202,9 @@ def read_units(path: Path, line: int, row: list[str], wanted: list[Column], colu
 
 
 def split_name(cell: str, what: str) -> tuple[str, str | None, str | None]:
-    """Divide ``strain [%]``, ``t_ms`` or ``R / kΩ`` into name, unit, and what stands in brackets but is no unit."""
+    """Divide ``strain [%]``, ``t_ms`` or ``R / kΩ`` into name, unit, and what stands for a unit but is none."""
     text = cell.strip()
-    if match := re.fullmatch(r"(.*?)[\s_]*[\[(]\s*(.*?)\s*[\])]", text):
+    if match := re.fullmatch(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]", text):
         if factor(match[2], what) is not None:
             return _stem(match[1]), match[2], None
         return _stem(match[1]), None, match[2]
@@ -186,6 +212,8 @@ def split_name(cell: str, what: str) -> tuple[str, str | None, str | None]:
         match = re.fullmatch(pattern, text)
         if match and match[2] != "1" and factor(match[2], what) is not None:
             return _stem(match[1]), match[2], None
+    if what == "strain" and (match := re.fullmatch(rf"(.+?)[\s_,/]+({LENGTH.pattern})", text)) and len(match[2]) > 1:
+        return _stem(match[1]), None, match[2]
     alone = len(text) > 1 and text.lower() not in (*WORDS[what], *LIKE_UNITS) and factor(text, what) is not None
     if alone and (STRAIN.fullmatch(text) if what == "strain" else not _ratio(text)):
         return WORDS[what][0], text, None
@@ -211,6 +239,7 @@ def _recognised(parsed: list[tuple[str, str | None, str | None]], what: str) -> 
         or (unit is not None and factor(unit, what) is not None and not _ratio(unit))
     ]
     like = [k for k in like if parsed[k][2] is None] or like  # a unit in brackets that is another quantity's
+    like = [k for k in like if parsed[k][0] != DATE] or like
     exact = ([k for k in like if parsed[k][0] == word] for word in WORDS[what])
     return next((group for group in exact if group), like), like
 

@@ -6,7 +6,7 @@ Rules, each with the line of the file named where it applies:
 - ``table.py`` finds encoding, preamble, header, delimiter and decimal mark, ``columns.py`` the columns and their units.
   What was recognised goes with the record, ``found.py``, to be shown before a fit.
 - A column without a unit is in s, 1 or ohm. Times without one that may be milliseconds or a count are refused.
-- ISO 8601 timestamps are seconds after the first one.
+- ISO 8601 timestamps are seconds after the first one. Dates without times of day are refused if samples share one.
 - Lines with more cells than the header has names are refused: a decimal comma divides a number.
 - Samples with a missing value or no finite number are left out; more than ``MOST_MISSING`` of them are refused.
 - Samples with the same time are averaged. Times that go backwards are refused; ``sort`` sorts them instead.
@@ -33,10 +33,10 @@ from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..errors import DataError
-from .columns import Column, Columns, read_units, wanted_columns
+from .columns import DATE, Column, Columns, read_units, wanted_columns
 from .found import Found, Quantity, gaps_of, unclear_clock, written
 from .records import Record
-from .repairs import LARGEST_JUMP, Samples, check, drop_missing, order_times
+from .repairs import DAY, LARGEST_JUMP, Samples, check, drop_missing, order_times
 from .table import Numbers, Table, is_number, open_table, rows_of, why_no_number
 
 
@@ -90,6 +90,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     if columns.sampling_step is not None:
         samples.repairs.append(f"no clock was read: samples are taken as {columns.sampling_step:g} s apart")
     drop_missing(samples, " | ".join(raw.unread), _advice(raw.unread, raw.wanted))
+    _check_days(raw, samples.columns[0])
     order_times(samples, sort=columns.sort)
     _check_clock(raw, samples.columns[0])
     check(samples)
@@ -218,6 +219,18 @@ def _advice(row: list[str], wanted: list[Column]) -> str:
     return why_no_number(bad)
 
 
+def _check_days(raw: _Raw, time: Vector) -> None:
+    """Refuse dates without times of day, on one of which several samples lie."""
+    days = np.unique(time)
+    if raw.numbers.clock is not None and days.size < time.size and not (days % DAY).any():
+        clock = next(c for c in raw.wanted if c.what == "time")
+        msg = (
+            f"{raw.table.path}, line {raw.lines[0]}: column {clock.name!r} holds dates without times of day, {days.size} "
+            f"for {time.size} samples. Name a column of time (--time), or write 2024-05-31T12:00:00.5."
+        )
+        raise DataError(msg)
+
+
 def _check_clock(raw: _Raw, time: Vector) -> None:
     """Refuse times whose unit is unclear, and timestamps in a column that states a unit of its own."""
     clock = next((c for c in raw.wanted if c.what == "time"), None)
@@ -228,6 +241,9 @@ def _check_clock(raw: _Raw, time: Vector) -> None:
         if clock.factor != 1.0:
             msg = f"{where}: column {clock.name!r} is in {clock.unit}, but holds timestamps. Leave the unit out."
             raise DataError(msg)
+    elif clock.unit is None and clock.name.lower() == DATE:
+        msg = f"{where}: column {clock.name!r} holds numbers, which may be days. State their unit (--time-unit)."
+        raise DataError(msg)
     elif (why := unclear_clock(clock, time)) is not None:
         msg = f"{where}: {why}"
         raise DataError(msg)

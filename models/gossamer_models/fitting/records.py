@@ -16,6 +16,7 @@ from .found import Found
 MOST_SAMPLES = 50_000  # of all records of a fit
 MOST_RESAMPLED = 4  # times as many samples as before
 SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median of the absolute second difference of unit white noise
+ROUNDED = 0.01  # of a record: its end may be named in a round number
 LARGEST_STRAIN = 5.0  # no sensor reads more
 
 
@@ -133,8 +134,9 @@ def training_rows(record: Record, train: str) -> Rows:
     Raises
     ------
     DataError
-        The text is neither, or no sample lies there.
+        The text is neither, no sample lies there, or it ends after the record does.
     """
+    high = None
     try:
         if train.endswith("%"):
             share = 0.01 * float(train[:-1])
@@ -151,6 +153,14 @@ def training_rows(record: Record, train: str) -> Rows:
         raise DataError(msg) from None
     if not rows.any():
         msg = f"{record.name} runs from 0 to {record.time[-1]:g} s: no sample lies in {train!r}. Name another stretch."
+        raise DataError(msg)
+    end = float(record.time[-1])
+    if high is not None and high > end + max(ROUNDED * end, float(np.median(np.diff(record.time)))):
+        half = float(f"{0.5 * end:.3g}")
+        msg = (
+            f"{record.name} ends at {end:g} s, counted from its first sample, and {train!r} goes beyond. Write "
+            f"0:{half:g} for its first half, or 100% for all of it."
+        )
         raise DataError(msg)
     return rows
 

@@ -2,7 +2,8 @@ r"""A text file as a table: its encoding, preamble, header, row of units and dec
 
 A meter writes lines of its own above the header, a row of units below it, decimal commas, UTF-16 or Latin-1.
 ``open_table`` finds out which, and refuses by name what no rule covers. The header is the first line in which all wanted
-columns are recognised. Cells are read one by one, so a file of any length fits.
+columns are recognised; a line of comment is one only where no other line above the numbers is. Cells are read one by one,
+so a file of any length fits.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, time
 from itertools import islice
 from pathlib import Path
-from typing import TextIO
+from typing import NamedTuple, TextIO
 
 from ..errors import DataError
 
@@ -178,35 +179,64 @@ def open_table(path: Path, check: Callable[[list[str], int], object]) -> Table:
     Raises
     ------
     DataError
-        No line is a header; the message is that of the line above the first numbers.
+        No line is a header; the message is that of the last text above the first numbers, a comment only if it has as many
+        cells as the numbers.
     OSError, UnicodeError, csv.Error
         The file cannot be read.
     """
     encoding = _encoding(path)
     with path.open(encoding=encoding, newline="") as file:
         lines = [line.strip("\r\n") for line in islice(file, MOST_PREAMBLE)]
-    refused: list[tuple[list[str], DataError]] = []
-    above: DataError | None = None
+    refused: list[_Refused] = []
+    commented: Table | None = None
     for k, line in enumerate(lines):
         delimiter = _delimiter(line)
-        header = split(line, delimiter)
+        header, comment = split(line, delimiter), line.lstrip().startswith(COMMENTS)
         if not any(header):
             continue
+        if commented is not None and not comment and _numeric(header):
+            break
         try:
             check(header, k + 1)
         except DataError as error:
-            if above is None and refused and _numeric(header):
-                above = refused[-1][1]
-            refused.append((header, error))
+            refused.append(_Refused(k + 1, delimiter, header, comment, error))
             continue
-        return Table(path=path, encoding=encoding, delimiter=delimiter, header=header, header_line=k + 1)
+        table = Table(path=path, encoding=encoding, delimiter=delimiter, header=header, header_line=k + 1)
+        if not comment:
+            return table
+        commented = commented or table
+    if commented is not None:
+        return commented
     if not refused:
         msg = f"cannot read {path}: it is empty. Name a CSV file with a header line."
         raise DataError(msg)
-    if _numeric(refused[0][0]):
-        msg = f"{path}, line 1: numbers, but no names of columns. Write a header line: time_s,strain [%],R_ohm."
-        raise DataError(msg)
-    raise above or refused[0][1]
+    raise _why_no_header(path, refused)
+
+
+class _Refused(NamedTuple):
+    """A line that is no header, and why."""
+
+    line: int
+    delimiter: str
+    cells: list[str]
+    comment: bool
+    error: DataError
+
+
+def _why_no_header(path: Path, refused: list[_Refused]) -> DataError:
+    """Return the error of the line that is most like a header: the last text above the first numbers."""
+    rows = [k for k, each in enumerate(refused) if not each.comment and _numeric(each.cells)]
+    if not rows:
+        return next((each for each in refused if not each.comment), refused[0]).error
+    above = refused[: next((k for k in rows if k > 0), 0)]
+    texts = [each for each in above if not each.comment and not _numeric(each.cells)]
+    first = refused[rows[0]]
+    shape = first.delimiter, len(first.cells)
+    names = texts or [each for each in above if each.comment and (each.delimiter, len(each.cells)) == shape]
+    if names:
+        return names[-1].error
+    msg = f"{path}, line {first.line}: numbers, but no names of columns. Write a header line: time_s,strain [%],R_ohm."
+    return DataError(msg)
 
 
 def split(line: str, delimiter: str) -> list[str]:

@@ -21,6 +21,7 @@ SPELLINGS = (
 STRAIN = re.compile(r"(µ|μ|u|micro|m|milli|) ?(ε|epsilon|strain)")
 STRAIN_PREFIXES = {"µ": 1e-6, "μ": 1e-6, "u": 1e-6, "micro": 1e-6, "m": 1e-3, "milli": 1e-3, "": 1.0}
 ONE_UNIT = re.compile(r"[^\W\d_]+|[%‰]|([µμ]?m+) ?/ ?m+")
+LENGTH = re.compile(r"[cmnuµμ]?m|inch(?:es)?|(?:milli|centi|micro)?met(?:er|re)s?")  # of a displacement
 ANGLES = ("radian", "degree", "turn", "bit", "count")  # without a dimension, yet no strains
 
 

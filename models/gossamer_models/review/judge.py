@@ -27,6 +27,7 @@ from ..fitting.records import Record, training_rows
 from ..fitting.tables import table_path, write_predictions
 from ..replay import REACH, Recovered, recover, sensor_output
 from ..sensor import Scales, SensorArtifact
+from .ranges import hardly_overlapping
 from .scales import RelaxingScales, fit_scales
 
 LEAST_JUDGED = 0.25  # share of a record that must lie before its first strain beyond the full scale
@@ -52,6 +53,8 @@ class Judged:
         Resistance [ohm] and strain [1] by static cubics.
     known : bool
         Whether the sensor was fitted to this file.
+    elsewhere : tuple of str
+        Where its ranges hardly overlap with those that the sensor was identified on, a sentence each.
     """
 
     record: Record
@@ -62,6 +65,7 @@ class Judged:
     cubic: Vector
     cubic_strain: Vector
     known: bool = False
+    elsewhere: tuple[str, ...] = ()
 
     @property
     def fitted(self) -> Rows:
@@ -122,12 +126,12 @@ class Judged:
         return found
 
     def sentences(self) -> tuple[str, ...]:
-        """Say how the record was repaired, whether the sensor knows it, and where it is no better than the static cubic."""
+        """Say how the record was repaired, how it relates to what the sensor knows, and where a static cubic is as good."""
         name, defeats = self.record.name, self.defeats()
         said = list(self.record.repaired)
         if self.known:
             said.append(f"{name} is a record that the sensor was fitted to: its errors say little of others.")
-        said += defeats
+        said += [*self.elsewhere, *defeats]
         if defeats and self.scales is None:
             said.append(f"{name}: its sensor may be mounted or drifted otherwise; find its own scales (--fit-scales).")
         return tuple(said)
@@ -202,6 +206,7 @@ def judge_files(
                 cubic=cubic((record.strain,), (record.resistance,), (first,))[0],
                 cubic_strain=cubic((record.resistance,), (record.strain,), (first,))[0],
                 known=digest(path) in artifact.provenance.get("sha256", ""),
+                elsewhere=hardly_overlapping(record, offset, gain, full_scale, own_scales=own_scales),
             )
         )
     return tuple(judged)
@@ -226,7 +231,10 @@ def up_to_full_scale(record: Record, full_scale: float) -> Record:
 
 
 def read_sensor(path: Path) -> SensorArtifact:
-    """Read a Preisach sensor; refuse a fractional one by name."""
+    """Read a Preisach sensor; refuse a fractional one by name, and say how to make one that is not there."""
+    if not path.exists():
+        msg = f"there is no sensor {path}. Make it with 'gossamer identify', or name another file."
+        raise ArtifactError(msg)
     if artifact_schema(path) == "gossamer.fractional":
         msg = f"{path} holds a fractional model, which recovers no strain. Judge a sensor of --model preisach."
         raise ArtifactError(msg)

@@ -107,12 +107,17 @@ def identify(
     budget: Annotated[
         float | None,
         typer.Option(
-            help="Seconds after which auto tries no more settings; 60 if not given. The few that it must try, the last fit, "
-            "the checks and the pictures take half a minute more, or longer for long records.",
+            help="Of --model auto: seconds after which it tries no more settings; 60 if not given. The few that it must "
+            "try, the last fit, the checks and the pictures take half a minute more, or longer for long records.",
             min=1.0,
         ),
     ] = None,
-    train: Annotated[str, typer.Option(help="What to fit: 0:200 for seconds, 50% for a leading part.")] = "50%",
+    train: Annotated[
+        str,
+        typer.Option(
+            help="What to fit: 0:200 for seconds from the first sample, 50% for a leading part; the rest is a test."
+        ),
+    ] = "50%",
     full_scale: Annotated[
         float | None, typer.Option(help="Strain [1] at the end of the range; the largest if not given.")
     ] = None,
@@ -184,16 +189,21 @@ def identify(
         pictures=pictures,
         form=form,
     )
+    from gossamer_models.automatic import defeats
+
     from ..pages import PAGE
     from .identify_report import print_result, result_as_json
 
     console = stderr()
     print_result(console, result, rest_of(result, rest_resistance))
-    print_remarks(console, result.remarks, result.fit.records)
+    warnings = defeats(result.standings, ["strain"])
+    print_remarks(console, [text for text in result.remarks if text not in warnings], result.fit.records)
     for path in paths:
         show(path)
     if (command := _command_to_build(result, out)) is not None:
         note(f"To build its FMUs, type '{command}'.")
+    for sentence in warnings:  # beside the command to build, which they question
+        console.print(f"Warning: {sentence}", style="bold red", markup=False)
     if paths[-1].name == PAGE:
         note_page(paths[-1])
     return Result({"artifact": out, "files": paths[1:], **result_as_json(result, chosen)})

@@ -47,7 +47,7 @@ def view(
 
         gossamer view out/damage_begins
 
-        gossamer view out/mine/sensor.json
+        gossamer view out/mine/sensor
     """
     path = newest_page(results)
     show(path)

@@ -21,9 +21,11 @@ class ProgressBar:
         Stands before the bar.
     console : rich.console.Console or None
         Where to draw; None is stderr.
+    remaining : bool
+        Whether to show the remaining time, which supposes that what is done grows evenly.
     """
 
-    def __init__(self, label: str = "", console: Console | None = None) -> None:
+    def __init__(self, label: str = "", console: Console | None = None, *, remaining: bool = True) -> None:
         self._console = Console(stderr=True) if console is None else console
         self._progress = Progress(
             TextColumn("{task.description}", markup=False),
@@ -35,7 +37,7 @@ class ProgressBar:
             console=self._console,
             disable=not (self._console.is_terminal or self._console.is_jupyter),
         )
-        self._task = self._progress.add_task(label, total=None, text="", first=0.0, aside=0.0)
+        self._task = self._progress.add_task(label, total=None, text="", first=0.0, aside=0.0, even=remaining)
         self._begun = False
         self._first: float | None = None  # time of a run when its bar began [s]
         self._last, self._aside = 0.0, ""  # when ``show`` was called last [s], and what it was given
@@ -129,7 +131,7 @@ class _Remaining(ProgressColumn):
 def _remaining(task: Task) -> str:
     """Say how long the task still takes at the mean speed so far, without waits: what ends in lumps has no present speed."""
     done = task.completed - task.fields["first"]
-    if task.total is None or done <= 0.0 or task.elapsed is None:
+    if not task.fields["even"] or task.total is None or done <= 0.0 or task.elapsed is None:
         return ""
     spent = task.elapsed - task.fields["aside"]
     return f"{_clock(spent * (task.total - task.completed) / done)} remaining"

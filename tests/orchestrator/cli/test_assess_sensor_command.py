@@ -57,11 +57,12 @@ def test_without_scales_of_its_own_the_record_is_judged_as_it_is(folder):
 
 def test_what_cannot_be_assessed_is_said_in_one_message(folder):
     for arguments, message in (
-        (["absent.json", "other.csv"], "cannot read the artifact"),
+        (["absent.json", "other.csv"], "Make it with 'gossamer identify'"),
         (["sensor.json", "absent.csv"], "cannot read"),
         (["sensor.json", "other.csv", "--compensator", "oracle"], "Choose one of inverse, estimator, filter, exact."),
         (["sensor.json", "other.csv", "--strain-unit", "1"], "column 'Dehnung' is in 1, but the row of units says %"),
         (["sensor.json", "other.csv", "--stretch", "900:"], "no sample lies in '900:'"),
+        (["sensor.json", "other.csv", "--stretch", "0:900"], "other.csv ends at 149.5 s"),
     ):
         paths = [str(folder / each) if each.endswith((".json", ".csv")) else each for each in arguments]
         result = CliRunner().invoke(app, ["assess", *paths, "--out", str(folder / "out")])

@@ -194,6 +194,18 @@ def test_what_remains_is_at_the_mean_speed_and_without_what_was_done_before(monk
     assert file.getvalue().splitlines()[-1] == "sweep: 50 %, 0:01:40 elapsed, 0:03:20 remaining"
 
 
+def test_a_task_whose_parts_take_unlike_times_shows_the_elapsed_time_alone(monkeypatch):
+    monkeypatch.setattr("gossamer_orchestrator.run.progress.EVERY", 0.05)
+    file = io.StringIO()
+    with ProgressBar("identify", Console(file=file), remaining=False) as bar:
+        task = bar._progress.tasks[0]
+        task.start_time, task._get_time = 0.0, lambda: 100.0
+        bar.update(0.2, 1.0)
+        bar.update(0.4)
+        time.sleep(0.2)
+    assert file.getvalue().splitlines()[-1] == "identify: 40 %, 0:01:40 elapsed"
+
+
 def test_what_a_run_waits_for_is_named_and_no_part_of_its_speed():
     """10 s for a tenth of the run, then 300 s of waiting: what remains takes 90 s."""
     file, clock = io.StringIO(), [0.0]

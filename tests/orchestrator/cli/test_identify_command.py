@@ -200,6 +200,24 @@ def test_a_signal_whose_unit_is_not_stated_is_not_called_ohm(measured, tmp_path)
     assert ["ohm" in told[unit] for unit in ("", "1", "ohm")] == [False, False, True]
 
 
+def test_a_simple_model_that_recovers_strain_better_is_a_warning_beside_the_command_to_build(measured, tmp_path):
+    lines = measured.read_text().splitlines()
+    cells = [line.split(",") for line in lines[1:]]
+    strains = np.array([float(strain) for _, strain, _ in cells])
+    ohm = 100.0 + 40.0 * strains + 10.0 * strains**3  # without memory, which the sensor below supposes alone
+    rows = (f"{t},{s},{r}" for (t, s, _), r in zip(cells, ohm, strict=True))
+    measured.write_text("\n".join([lines[0], *rows]) + "\n")
+    options = ["--modes", "1", "--relaxations", "0", "--starts", "1", "--no-pictures", "--full-scale", "0.13"]
+    result = CliRunner().invoke(app, ["identify", str(measured), *options, "--out", str(tmp_path / "s.json")])
+    assert result.exit_code == 0, result.output
+    told = " ".join(result.stderr.split())
+    warning = (
+        r"Warning: measured\.csv: a static cubic recovers the strain .* this sensor, [\d.]+ against [\d.]+ % of range"
+    )
+    assert told.count("a static cubic recovers the strain") == 1
+    assert re.search(rf"To build its FMUs, type '[^']+'\. {warning}", told)
+
+
 def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
     for arguments, message in (
         ([str(measured), "--model", "neural"], "there is no model 'neural'; choose one of auto, preisach"),
@@ -210,6 +228,8 @@ def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
         ([str(measured), "--modes", "3", "--budget", "9"], "and preisach chooses nothing"),
         ([str(measured), "--model", "auto", "--modes", "3"], "--model auto chooses modes itself"),
         ([str(measured), "--train", "900:"], "no sample lies in '900:'"),
+        ([str(measured), "--train", "0:9000"], "measured.csv ends at 119.5 s, counted from its first sample"),
+        ([str(measured), "--strain-unit", "mm"], "divide it by the gauge length first"),
         ([str(measured), "--tau", "soon"], "cannot read --tau 'soon' as numbers"),
         ([str(measured), "--tau", "3,100"], "need one value of tau per relaxation: 2 != 7"),
         ([str(measured), "--exponents", "1.5", "--relaxations", "1"], "exponents in (0, 1]"),

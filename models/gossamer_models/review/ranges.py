@@ -1,0 +1,58 @@
+"""Whether a record lies where a sensor was identified: ranges of strain and resistance, side by side."""
+
+from __future__ import annotations
+
+from ..fitting.records import Record
+
+LEAST_OVERLAP = 0.25  # of one of two ranges
+
+Range = tuple[float, float]
+
+
+def hardly_overlapping(
+    record: Record, offset: float, gain: float, full_scale: float, *, own_scales: bool
+) -> tuple[str, ...]:
+    """Say where the range of a record hardly overlaps with that which a sensor was identified on.
+
+    Parameters
+    ----------
+    record : Record
+        What the sensor is judged on.
+    offset, gain : float
+        Resistance of the sensor at rest, and its static rise to full scale [ohm].
+    full_scale : float
+        Strain [1] at the end of its range.
+    own_scales : bool
+        Whether scales of the record are fitted, so that its resistance may lie anywhere.
+
+    Notes
+    -----
+    Strain that fills little of the range of the sensor is said as well. Resistance is not, and it may exceed its range: the
+    sensor relaxes beyond its static rise.
+    """
+    sentences = []
+    here, known = (float(record.strain.min()), float(record.strain.max())), (0.0, full_scale)
+    if _shared(here, known) < LEAST_OVERLAP * max(_size(here), _size(known)):
+        sentences.append(
+            f"strain is {100 * here[0]:.4g} to {100 * here[1]:.4g} %, but the sensor was identified on 0 to "
+            f"{100 * full_scale:.4g} %: the ranges hardly overlap. Check the unit (--strain-unit), or name a record of like "
+            "strain"
+        )
+    here = float(record.resistance.min()), float(record.resistance.max())
+    known = min(offset, offset + gain), max(offset, offset + gain)
+    if not own_scales and _shared(here, known) < LEAST_OVERLAP * min(_size(here), _size(known)):
+        unit = " ohm" * (record.unit == "ohm")
+        sentences.append(
+            f"resistance is {here[0]:.5g} to {here[1]:.5g}{unit}, but the sensor was identified on {known[0]:.5g} to "
+            f"{known[1]:.5g}{unit} between rest and full scale: the ranges hardly overlap. Check column and unit "
+            "(--resistance, --resistance-unit), or give --fit-scales"
+        )
+    return tuple(f"{record.name}: {sentence}." for sentence in sentences)
+
+
+def _size(ends: Range) -> float:
+    return ends[1] - ends[0]
+
+
+def _shared(one: Range, other: Range) -> float:
+    return max(min(one[1], other[1]) - max(one[0], other[0]), 0.0)
