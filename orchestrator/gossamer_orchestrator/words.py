@@ -1,6 +1,10 @@
-"""Numbers with their words: counts and durations."""
+"""Numbers with their words: counts, durations, and values with what they are uncertain by."""
 
 from __future__ import annotations
+
+import math
+
+MOST_DIGITS = 9  # behind the point
 
 
 def counted(number: int, thing: str) -> str:
@@ -12,3 +16,26 @@ def duration(seconds: float) -> str:
     """Return a duration in s, a shorter one than a second in ms, in at most three digits, as ``7.2 ms``."""
     value, unit = (seconds, "s") if seconds >= 1.0 else (1e3 * seconds, "ms")
     return f"{float(f'{value:.3g}'):.12g} {unit}"
+
+
+def uncertain(value: float, deviation: float, unit: str = "") -> str:
+    """Return a value and its standard deviation in one unit, both with the digits that the deviation leaves.
+
+    Parameters
+    ----------
+    value, deviation : float
+        In the same unit.
+    unit : str
+        Stands behind both; none behind a ratio.
+
+    Returns
+    -------
+    str
+        For instance ``0.767098 ± 0.000003 s``; without a deviation above 0 the value alone, in six digits.
+    """
+    after = f" {unit}" if unit else ""
+    if not 0.0 < deviation < math.inf:
+        return f"{value:.6g}{after}"
+    digits = -math.floor(math.log10(deviation / 2.0))  # one digit of a deviation, two where the first is 1
+    digits = min(max(digits, 0), MOST_DIGITS)
+    return f"{value:.{digits}f} ± {deviation:.{digits}f}{after}"

@@ -34,6 +34,8 @@ class TwinAnswer:
         Its page; None if it could not be written.
     answer : gossamer_models.twin.Answer
         The whole answer: validity, doubts, and what else was fitted.
+    compared : str
+        A sentence if only the beginning of the record was compared, else empty.
     data : xarray.Dataset
         ``damage``, ``deviation`` and ``probability`` [1] by ``zone``, with row and column; ``covariance`` [1].
     """
@@ -41,6 +43,7 @@ class TwinAnswer:
     path: Path
     page: Path | None
     answer: Answer
+    compared: str
     data: xr.Dataset
 
     @property
@@ -56,7 +59,7 @@ class TwinAnswer:
         return f"TwinAnswer({str(self.path)!r}: {self._verdict})"
 
     def _repr_html_(self) -> str:
-        doubts = [f"{text[0].upper()}{text[1:]}." for text in self.answer.doubts]
+        doubts = [f"{text[0].upper()}{text[1:]}." for text in self.answer.doubts] + [self.compared] * bool(self.compared)
         picture = _draw_zones(self.answer.damage, self.answer.deviation)
         return as_html([self._verdict, *doubts], self._print, picture, "Damage of the zones")
 

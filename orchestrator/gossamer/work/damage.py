@@ -23,14 +23,14 @@ def twin(record: Path, **options: Any) -> TwinAnswer:  # noqa: ANN401
     """Fit a simulation to a record."""
     from gossamer_orchestrator.cli.twin import fit_twin
 
-    answer, path, pages = fit_twin(record, **options)
+    answer, path, pages, compared = fit_twin(record, **options)
     values = {name: ("zone", getattr(answer, name), RATIO) for name in ("damage", "deviation", "probability")}
     data = xr.Dataset(
         values | {"covariance": (("zone", "other_zone"), answer.covariance, RATIO)},
         coords=_zones(answer.damage.size) | {"other_zone": np.arange(1, answer.damage.size + 1)},
         attrs={"valid": int(answer.valid), "chi2_per_sample": answer.chi2_per_sample, "chi2_bound": answer.chi2_bound},
     )
-    return TwinAnswer(path=path, page=next(iter(pages), None), answer=answer, data=data)
+    return TwinAnswer(path=path, page=next(iter(pages), None), answer=answer, compared=compared, data=data)
 
 
 def watch(record: Path, **options: Any) -> Watching:  # noqa: ANN401

@@ -70,16 +70,28 @@ def newest_page(results: Path) -> Path:
         There is neither a page nor results of a run.
     """
     from ..pages import PAGE
-    from ..results.files import CSV, NETCDF, UNFINISHED_NETCDF
+    from ..results.files import RECORDED
 
     of_artifact = results.with_suffix("") / PAGE
     folder = of_artifact.parent if results.suffix in STORES and of_artifact.is_file() else _folder(results)
-    if results.suffix in STORES and not (folder / PAGE).is_file():
-        msg = f"{results} has no page {of_artifact}. The command that wrote it writes one, unless --no-pictures forbids it."
-        raise ResultsError(msg)
-    path, recorded = folder / PAGE, [folder / name for name in (NETCDF, UNFINISHED_NETCDF, CSV)]
+    path, recorded = folder / PAGE, [folder / name for name in RECORDED]
+    missing = results.suffix in STORES and not results.exists() and folder != of_artifact.parent
+    if missing or not any(each.is_file() for each in (path, *recorded)):
+        raise ResultsError(_nothing_at(results))
     latest = max((each.stat().st_mtime for each in recorded if each.is_file()), default=0.0)
     return path if path.is_file() and path.stat().st_mtime >= latest else make_page(results)
+
+
+def _nothing_at(results: Path) -> str:
+    """Say what is missing, and which folders near by have a page or results."""
+    from ..pages import PAGE
+    from ..results.files import MAKE_SOME, RECORDED, others
+
+    if results.suffix in STORES and results.exists():
+        page = results.with_suffix("") / PAGE
+        return f"{results} has no page {page}. The command that wrote it writes one, unless --no-pictures forbids it."
+    what = f"the folder {results} has no page and no results" if results.is_dir() else f"there is no file or folder {results}"
+    return f"{what}. {others(results, (PAGE, *RECORDED)) or MAKE_SOME}"
 
 
 def make_page(results: Path) -> Path:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import logging
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from gossamer_files import replacing
 
+from ..errors import OrchestratorError
 from .command import INVALID, Result, show, stderr
 from .common import keep_inputs, model_errors, note_page, save_page
 from .twin_options import (
+    NUISANCE_UNITS,
     ElementsOption,
     KindOption,
     NoiseOption,
@@ -22,15 +25,16 @@ from .twin_options import (
     ValuesOption,
     beside,
     file_of,
+    name_of,
 )
 
 if TYPE_CHECKING:
-    from gossamer_models.twin import Answer
+    from gossamer_models.twin import Answer, Record
     from rich.table import Table
 
 logger = logging.getLogger(__name__)
 NUISANCES = "offset"
-UNITS = {"damage": "1", "deviation": "1", "probability": "1", "covariance": "1", "phase": "rad", "pressure": "Pa"}
+UNITS = dict.fromkeys(("damage", "deviation", "probability", "covariance"), "1") | NUISANCE_UNITS
 
 
 def twin(
@@ -67,7 +71,7 @@ def twin(
         gossamer twin measured.csv --fit offset,amplitude,frequency,damping --set pressure_amplitude=9500
     """
     console = stderr()
-    answer, path, pages = fit_twin(
+    answer, path, pages, compared = fit_twin(
         record,
         fit=fit,
         kind=kind,
@@ -82,6 +86,8 @@ def twin(
     )
     console.print(zone_table(answer))
     console.print(summary(answer), highlight=False)
+    if compared:
+        console.print(compared, highlight=False, markup=False)
     for doubt in answer.doubts:
         console.print(f"{doubt[0].upper()}{doubt[1:]}.", style="bold yellow", highlight=False)
     for each in (path, *pages):
@@ -107,8 +113,14 @@ def fit_twin(
     order: int,
     sparse: bool,
     out: Path | None,
-) -> tuple[Answer, Path, list[Path]]:
-    """Fit a simulation to a record with the options of the command; return the answer, its file, and its page if written."""
+) -> tuple[Answer, Path, list[Path], str]:
+    """Fit a simulation to a record with the options of the command.
+
+    Returns
+    -------
+    tuple
+        The answer, its file, its page if it was written, and a sentence if only the beginning was compared.
+    """
     from gossamer_models.twin import Twin
 
     from ..pages import PAGE
@@ -116,7 +128,7 @@ def fit_twin(
     from .twin_record import find_record, sensor_of
 
     console = stderr()
-    path = beside(record, "twin.json") if out is None else out
+    path = beside(record, "twin.json") if out is None else _file(out)
     keep_inputs([file_of(record), sensor], [path])
     with model_errors():
         with console.status("reading"):
@@ -137,7 +149,28 @@ def fit_twin(
         logger.info("%d simulations for %d values", answer.simulations, answer.samples)
         with replacing(path) as unfinished:
             unfinished.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
-    return answer, path, save_page(lambda: twin_page(record.stem, answer), path.with_suffix("") / PAGE)
+    compared = _compared(record, found.record, answer.record, stop)
+    pages = save_page(lambda: twin_page(name_of(record), answer, compared), path.with_suffix("") / PAGE)
+    return answer, path, pages, compared
+
+
+def _file(out: Path) -> Path:
+    """Return the file that was named, with an ending: its page is in the folder of its name without it."""
+    if out.is_dir():
+        msg = f"cannot write {out}: it is a folder. Name a file in it with --out."
+        raise OrchestratorError(msg)
+    return out if out.suffix else out.with_name(f"{out.name}.json")
+
+
+def _compared(path: Path, given: Record, used: Record, stop: float | None) -> str:
+    """Say which part of a record was compared; nothing if it is all of it."""
+    if used.samples >= given.samples:
+        return ""
+    whole = f"{'a record of' if stop is None else 'the first'} {given.step * given.samples:.3g} s"
+    return (
+        f"Compared: 0 to {used.step * used.samples:.3g} s of {whole}. For damage that begins later use 'gossamer watch "
+        f"{shlex.quote(str(path))}'."
+    )
 
 
 def zone_table(answer: Answer) -> Table:
@@ -155,9 +188,9 @@ def zone_table(answer: Answer) -> Table:
 
 def summary(answer: Answer) -> str:
     """Say whether an answer is valid, and what else was fitted."""
+    from .pages.twin import nuisance_cells
+
     verdict = "valid" if answer.valid else "NOT valid"
-    lines = [f"{verdict}: chi2 per sample {answer.chi2_per_sample:.3f}, bound {answer.chi2_bound:.3f}"]
-    for name, (value, deviation) in answer.nuisances.items():
-        if not name.startswith("pressure["):
-            lines.append(f"{name}: {value:.4g} ± {deviation:.2g}")
-    return "\n".join(lines)
+    first = f"{verdict}: chi2 per sample {answer.chi2_per_sample:.3f}, bound {answer.chi2_bound:.3f}"
+    others = [f"{name}: {text}" for name, text in nuisance_cells(answer) if not name.startswith("pressure[")]
+    return "\n".join([first, *others])

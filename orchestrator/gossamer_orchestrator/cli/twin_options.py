@@ -25,10 +25,22 @@ ElementsOption: TypeAlias = Annotated[
 ]
 OrderOption: TypeAlias = Annotated[int, typer.Option(help="Their order; 1 for bilinear ones.")]
 
+NUISANCE_UNITS = {"phase": "rad", "pressure": "Pa"}  # of what is fitted beside damage; the others are ratios
+
 
 def beside(record: Path, name: str) -> Path:
     """Return the path of a file beside a record, or in its folder if it is one."""
     return (record if record.is_dir() else record.parent) / name
+
+
+def name_of(record: Path) -> str:
+    """Return the name of a record: that of the folder of a run, or of a CSV file without its ending."""
+    from ..results.files import RECORDED
+
+    path = record.resolve()
+    if path.is_dir():
+        return path.name
+    return path.parent.name if path.name in RECORDED else path.stem
 
 
 def file_of(record: Path) -> Path:

@@ -38,6 +38,7 @@ LEAST_WINDOW = 20  # samples
 ROUNDING = 1e-9
 LARGE = 2.0  # chi2 per sample of a window that the twin does not explain
 FALSE_ALARMS = 1e-5
+FITTING = "fitting onset and damage"
 UNITS = {"alarms": "s", "onset": "s", "onset_deviation": "s", "damage": "1", "deviation": "1", "misfit": "1"}
 
 
@@ -114,11 +115,12 @@ def watch_given(
             raise OrchestratorError(msg)
         report, firsts = WatchReport(console), range(0, found.record.samples - samples + 1, samples)
         with ProgressBar("watching", stderr()) as bar:
-            bar.update(text="compiling,")
+            bar.update(aside="compiling")
             watching = _begin(found, sensor, elements_per_side, order, false_alarms)
-            for done, first in enumerate(firsts, start=1):
+            for done, first in enumerate(firsts):
+                bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,", FITTING if report.alarmed else "")
                 report.take(watching.advance(found.record.values[:, first : first + samples]))
-                bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,")
+            bar.update(len(firsts), text=f"{len(firsts)} windows,")
     return report, report.end(path)
 
 
@@ -173,7 +175,7 @@ class LiveWatch:
             if found.record.samples < samples:
                 return
             if report.alarmed:
-                simulation.say("fitting onset and damage")
+                simulation.say(FITTING)
             report.take(self._watching.advance(found.record.values[:, :samples]))
             simulation.say("")
             rest = time > time[0] + (samples - 0.5) * found.record.step
@@ -302,10 +304,10 @@ def finding_table(finding: Finding) -> Table:
     """Return a table of the damaged zones."""
     from rich.table import Table
 
-    from ..results.tables import instant
+    from ..results.tables import damage_rows, since
 
-    title = f"Damage since t = {instant(finding.onset, finding.onset_deviation)}"
+    title = since(finding.onset, finding.onset_deviation)
     table = Table("zone", "damage [%]", title=title, min_width=len(title))
-    for k in (finding.damage > 0.0).nonzero()[0]:
-        table.add_row(str(k + 1), f"{100.0 * finding.damage[k]:.2f} ± {100.0 * finding.deviation[k]:.2f}")
+    for row in damage_rows(finding.damage.tolist(), finding.deviation.tolist()):
+        table.add_row(*row)
     return table

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .thin import Pixels
+from .words import unbroken
 
 SCRIPT = Path(__file__).parent / "assets/charts.js"
 
@@ -65,7 +66,8 @@ class Chart:
 
 def drawn(charts: Sequence[Chart]) -> dict[str, Any]:
     """Return the content of a page of charts, which ``SCRIPT`` draws."""
-    return {"charts": [asdict(chart) for chart in charts]}
+    words = [{name: unbroken(getattr(chart, name)) for name in ("title", "note")} for chart in charts]
+    return {"charts": [asdict(chart) | each for chart, each in zip(charts, words, strict=True)]}
 
 
 def curve(name: str, x: ArrayLike, y: ArrayLike, color: str = "@0", **more: Any) -> Trace:  # noqa: ANN401

@@ -13,7 +13,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 from string import Template
@@ -23,6 +22,7 @@ import numpy as np
 from gossamer_files import replacing
 
 from ..errors import ResultsError, writing
+from .words import written
 
 PAGE = "report.html"
 ASSETS = Path(__file__).with_name("assets")
@@ -77,14 +77,14 @@ def write_page(page: Page, path: Path) -> Path:
         The file cannot be written; a page that was there is as it was.
     """
     text = Template((ASSETS / "page.html").read_text(encoding="utf-8")).substitute(
-        title=escape(page.title),
+        title=written(page.title),
         kind=page.kind,
-        verdict=escape(page.sentence),
-        more="".join(f"<li>{escape(sentence)}</li>" for sentence in page.more),
+        verdict=written(page.sentence),
+        more="".join(f"<li>{written(sentence)}</li>" for sentence in page.more),
         style=(ASSETS / "page.css").read_text(encoding="utf-8"),
         controls=page.controls,
         facts=page.facts,
-        how=escape(page.how),
+        how=written(page.how),
         library=_library(),
         data=_packed(json.dumps(_finite(page.content), default=_plain, allow_nan=False).encode()),
         script="\n".join(

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from urllib.parse import quote
 
+from .words import written
+
 
 class Html(str):
     """A cell of a table that is HTML already."""
@@ -20,9 +22,9 @@ def link(text: str, target: str) -> Html:
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]], caption: str, *, row_heads: bool = True) -> str:
     """Return a table in HTML; the first cell of each row is its heading."""
-    lines = [f"<table><caption>{escape(caption)}</caption>"]
+    lines = [f"<table><caption>{written(caption)}</caption>"]
     if head:
-        lines.append("<thead><tr>" + "".join(f'<th scope="col">{escape(text)}</th>' for text in head) + "</tr></thead>")
+        lines.append("<thead><tr>" + "".join(f'<th scope="col">{written(text)}</th>' for text in head) + "</tr></thead>")
     lines.append("<tbody>")
     for first, *rest in rows:
         begin = f'<th scope="row">{_cell(first)}</th>' if row_heads else f"<td>{_cell(first)}</td>"
@@ -32,8 +34,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], caption: str, *
 
 def folded(summary: str, inner: str) -> str:
     """Return HTML that its reader unfolds."""
-    return f"<details><summary>{escape(summary)}</summary>{inner}</details>"
+    return f"<details><summary>{written(summary)}</summary>{inner}</details>"
 
 
 def _cell(value: object) -> str:
-    return value if isinstance(value, Html) else escape(str(value))
+    return value if isinstance(value, Html) else written(value)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import logging
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +30,10 @@ logger = logging.getLogger(__name__)
 NETCDF, CSV = "results.nc", "results.csv"
 MESSAGES = "messages.txt"  # warnings of the run, a line each
 UNFINISHED_NETCDF, RESUME = "unfinished.nc", "unfinished.npz"
+RECORDED = (NETCDF, UNFINISHED_NETCDF, CSV)  # files that hold results
 CSV_VALUES = 10_000_000  # above, a CSV file is written on demand only
+MAKE_SOME = "Make them with 'gossamer run'."
+MOST_NAMED = 3  # folders
 _CSV_BYTES = 20  # a value, at most
 _LOADED = 20_000_000  # [byte] results above stay on the disk until they are used
 _CELLS = 500_000  # values that are in memory at a time
@@ -108,9 +112,12 @@ def load_results(path: Path) -> xr.Dataset:
     """
     path = Path(path)
     if path.is_dir():
-        path = _last_run(path)
+        folder, path = path, _last_run(path)
+        if not path.is_file():
+            msg = f"the folder {folder} has no results. {others(folder) or MAKE_SOME}"
+            raise ResultsError(msg)
     if not path.is_file():
-        msg = f"there are no results at {path}. Make them with 'gossamer run'."
+        msg = f"there are no results at {path}. {others(path) or MAKE_SOME}"
         raise ResultsError(msg)
     if path.suffix == ".toml":
         msg = f"{path} is a scenario. Name the folder of its run, out/{path.stem} by default."
@@ -136,6 +143,17 @@ def load_results(path: Path) -> xr.Dataset:
         )
         raise ResultsError(msg)
     return data
+
+
+def others(path: Path, names: Sequence[str] = RECORDED) -> str:
+    """Name the folders that hold one of some files, below a path or else beside it; nothing if there is none."""
+    for place in (path, path.parent):
+        files = [file for name in names for depth in ("*", "*/*") for file in place.glob(f"{depth}/{name}")]
+        found = sorted({file.parent for file in files} - {path}, key=lambda each: (len(each.parts), each))
+        if found:
+            more = f", or another of the {len(found)} in {place}" if len(found) > MOST_NAMED else ""
+            return f"Did you mean {' or '.join(map(str, found[:MOST_NAMED]))}{more}?"
+    return ""
 
 
 def _last_run(folder: Path) -> Path:

@@ -1,23 +1,29 @@
-"""Tables of the detector's judgements for a terminal, and how a time with its deviation is written."""
+"""Tables of judgements for a terminal, and the rows of those that stand on a page too."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from ..words import duration
+from ..words import uncertain
 from .judgements import Judgement
 
 LEAST_SHOWN = 0.0005  # damage that is shown as 0.1 %; among zones with less, none is the most damaged
 
 
-def instant(seconds: float, deviation: float) -> str:
-    """Write a time and its standard deviation [s] with the digits that the deviation leaves: 0.767098 s ± 0.0035 ms."""
-    digits = 6 if not 0.0 < deviation < math.inf else min(max(-math.floor(math.log10(deviation)), 0), 9)
-    return f"{seconds:.{digits}f} s ± {duration(deviation)}"
+def since(onset: float, deviation: float) -> str:
+    """Return the title of a table of damage that began at an onset with a standard deviation [s]."""
+    return f"Damage since t = {uncertain(onset, deviation, 's')}"
+
+
+def damage_rows(damage: Sequence[float], deviation: Sequence[float]) -> list[tuple[str, str]]:
+    """Return number and damage [%] of each damaged zone, from damages and standard deviations [1]."""
+    pairs = zip(damage, deviation, strict=True)
+    return [(f"{k}", f"{100.0 * d:.2f} ± {100.0 * s:.2f}") for k, (d, s) in enumerate(pairs, start=1) if d > 0.0]
 
 
 def zone_table(judgement: Judgement) -> Table:

@@ -37,10 +37,12 @@ class ProgressBar:
             console=self._console,
             disable=not (self._console.is_terminal or self._console.is_jupyter),
         )
-        self._task = self._progress.add_task(label, total=None, text="", first=0.0, aside=0.0, even=remaining)
+        fields = {"text": "", "first": 0.0, "aside": 0.0, "waits": False, "even": remaining}
+        self._task = self._progress.add_task(label, total=None, **fields)
         self._begun = False
+        self._text = ""
         self._first: float | None = None  # time of a run when its bar began [s]
-        self._last, self._aside = 0.0, ""  # when ``show`` was called last [s], and what it was given
+        self._last = 0.0  # when ``update`` or ``show`` was called last [s]
         self._ended = threading.Event()
         self._lines: threading.Thread | None = None
 
@@ -51,7 +53,9 @@ class ProgressBar:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def update(self, done: float | None = None, total: float | None = None, text: str | None = None) -> None:
+    def update(
+        self, done: float | None = None, total: float | None = None, text: str | None = None, aside: str = ""
+    ) -> None:
         """Say how far the task is.
 
         Parameters
@@ -60,13 +64,17 @@ class ProgressBar:
             What is done, and all of it, in any unit; None leaves what was said last.
         text : str or None
             What stands behind the bar; None leaves what was said last.
+        aside : str
+            What the task waits for, which is no part of its speed: until the next call only the elapsed time is shown.
         """
         self._begin()
+        self._wait(aside)
         task = self._progress.tasks[0]
         if task.total is None and total is not None:  # what an earlier program did tells nothing of the speed
             task.fields["first"] = task.completed = done or 0.0
-        text = task.fields["text"] if text is None else text
-        self._progress.update(self._task, completed=done, total=total, text=text)
+        self._text = self._text if text is None else text
+        shown = f"{self._text} {aside},".lstrip() if aside else self._text
+        self._progress.update(self._task, completed=done, total=total, text=shown)
 
     def show(self, tick: int, ticks: int, seconds: float, aside: str = "") -> None:
         """Say how far a run is; to be called every now and then.
@@ -78,18 +86,16 @@ class ProgressBar:
         seconds : float
             Present time [s].
         aside : str
-            What the run waits for, which is no part of its speed.
+            As of ``update``.
         """
         self._begin()
+        self._wait(aside)
         if self._first is None:
             self._first = seconds
         task = self._progress.tasks[0]
-        now = task.elapsed or 0.0
-        if self._aside:
-            task.fields["aside"] += now - self._last
-        self._last, self._aside = now, aside
-        rate = (seconds - self._first) / max(now - task.fields["aside"], 1e-9)
-        self.update(tick, ticks, f"t = {seconds:.4f} s, {aside or f'{rate:.3g} simulated s per s'},")
+        rate = (seconds - self._first) / max((task.elapsed or 0.0) - task.fields["aside"], 1e-9)
+        speed = "" if aside else f" {rate:.3g} simulated s per s,"
+        self.update(tick, ticks, f"t = {seconds:.4f} s,{speed}", aside)
 
     def stop(self) -> None:
         """Leave the bar as it is now."""
@@ -99,6 +105,15 @@ class ProgressBar:
         self._ended.set()
         if self._lines is not None:
             self._lines.join()
+
+    def _wait(self, aside: str) -> None:
+        """Count the time since the last call as a wait if it was one, and note whether one begins."""
+        task = self._progress.tasks[0]
+        now = task.elapsed or 0.0
+        if task.fields["waits"]:
+            task.fields["aside"] += now - self._last
+        self._last = now
+        task.fields["waits"] = bool(aside)
 
     def _begin(self) -> None:
         if self._begun:
@@ -129,9 +144,13 @@ class _Remaining(ProgressColumn):
 
 
 def _remaining(task: Task) -> str:
-    """Say how long the task still takes at the mean speed so far, without waits: what ends in lumps has no present speed."""
+    """Say how long the task still takes at the mean speed so far, without waits: what ends in lumps has no present speed.
+
+    While it waits nobody knows.
+    """
     done = task.completed - task.fields["first"]
-    if not task.fields["even"] or task.total is None or done <= 0.0 or task.elapsed is None:
+    known = task.fields["even"] and not task.fields["waits"]
+    if not known or task.total is None or done <= 0.0 or task.elapsed is None:
         return ""
     spent = task.elapsed - task.fields["aside"]
     return f"{_clock(spent * (task.total - task.completed) / done)} remaining"

@@ -7,11 +7,23 @@ from gossamer_models.twin import Answer
 
 from ...pages import SCRIPT, Chart, Page, band, curve, drawn, heat, points, table
 from ...pages.page import Kind
+from ...words import uncertain
 from ..tables import Shown, on_page
+from ..twin_options import NUISANCE_UNITS
 
 
-def twin_page(name: str, answer: Answer) -> Page:
-    """Describe what the twin says of a record, and how what its sensors read compares with it."""
+def twin_page(name: str, answer: Answer, compared: str) -> Page:
+    """Describe what the twin says of a record, and how what its sensors read compares with it.
+
+    Parameters
+    ----------
+    name : str
+        Of the record.
+    answer : Answer
+        What was fitted.
+    compared : str
+        A sentence if only the beginning of the record was compared.
+    """
     found = np.flatnonzero(answer.damage > 0.0)
     parts = [f"zone {z + 1} by {100.0 * answer.damage[z]:.2f} ± {100.0 * answer.deviation[z]:.2f} %" for z in found]
     kind: Kind = "invalid" if not answer.valid else "damage" if parts else "healthy"
@@ -19,7 +31,7 @@ def twin_page(name: str, answer: Answer) -> Page:
     said = f"damaged {when}: {', '.join(parts)}" if parts else f"no zone is damaged {when}"
     sentence = f"{said[0].upper()}{said[1:]}." if answer.valid else f"Not valid. What it says, not to be used: {said}."
     explained = "within" if answer.chi2_per_sample <= answer.chi2_bound else "ABOVE"
-    more = [f"{doubt[0].upper()}{doubt[1:]}." for doubt in answer.doubts]
+    more = [f"{doubt[0].upper()}{doubt[1:]}." for doubt in answer.doubts] + [compared] * bool(compared)
     more.append(
         f"Chi2 per sample is {answer.chi2_per_sample:.3f}, {explained} its bound of {answer.chi2_bound:.3f}, which a right "
         "model passes in 999 of 1000 records."
@@ -52,6 +64,14 @@ def zone_cells(answer: Answer) -> Shown:
     ]
     remarks = ["remark"] if answer.unresolved else []
     return Shown(("zone", "damage [%]", "P(damaged)", *remarks), rows, "Digital twin")
+
+
+def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
+    """Return name and value with its standard deviation of what was fitted beside damage."""
+    return [
+        (name, uncertain(*given, NUISANCE_UNITS.get(name.partition("[")[0], "")))
+        for name, given in answer.nuisances.items()
+    ]
 
 
 def _damage(answer: Answer) -> list[Chart]:
@@ -114,7 +134,7 @@ def _histories(answer: Answer) -> list[Chart]:
 
 
 def _facts(answer: Answer) -> str:
-    nuisances = [(name, f"{value:.6g} ± {deviation:.2g}") for name, (value, deviation) in answer.nuisances.items()]
+    nuisances = nuisance_cells(answer)
     rows = [
         ("Values that were fitted", answer.samples),
         ("Simulated cases", answer.simulations),

@@ -16,6 +16,7 @@ from ...pages import folded, table
 from ...words import counted
 from ..files import MESSAGES
 from ..judgements import Judgement
+from ..tables import damage_rows, since
 from .verdict import found_zones
 
 SHOWN_WINDOWS = 60
@@ -53,7 +54,7 @@ def messages(folder: Path) -> str:
         texts = (folder / MESSAGES).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
         return ""
-    lines = "".join(f"<li>{escape(text)}</li>" for text in texts[:SHOWN_MESSAGES])
+    lines = "".join(f"<li>{written(text)}</li>" for text in texts[:SHOWN_MESSAGES])
     more = f"<p>All {len(texts)} are in {MESSAGES}.</p>" if len(texts) > SHOWN_MESSAGES else ""
     return f'<h3 id="messages">Messages of the run</h3><ul class="messages">{lines}</ul>{more}' if texts else ""
 
@@ -111,6 +112,15 @@ def scenario(data: xr.Dataset) -> str:
     """Return the scenario's text."""
     text = data.attrs.get("scenario")
     return folded("The scenario file", f"<pre>{escape(str(text))}</pre>") if text else ""
+
+
+def watch_tables(watched: Mapping[str, Any] | None) -> str:
+    """Return a table of the damages that began while the twin watched the run, for each onset."""
+    found = (watched or {}).get("findings", [])
+    titles = [f"{since(each['onset'], each['onset_deviation'])}, by the digital twin" for each in found]
+    rows = [damage_rows(each["damage"], each["deviation"]) for each in found]
+    head = ("zone", "damage ± standard deviation [%]")
+    return "\n".join(table(head, *each) for each in zip(rows, titles, strict=True))
 
 
 def judgement_tables(ended: Sequence[Judgement]) -> str:

@@ -42,6 +42,7 @@ def write_report(data: xr.Dataset, folder: Path) -> Path:
     parts = (
         facts.run_table(data, content),
         facts.messages(folder),
+        facts.watch_tables(content["watch"]),
         facts.judgement_tables(ended),
         facts.components(data),
         facts.connections(data),

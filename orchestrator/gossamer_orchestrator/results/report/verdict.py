@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from ...errors import ResultsError
 from ...pages.page import Kind
-from ...words import counted
+from ...words import counted, uncertain
 from ..judgements import Judgement, doubts, recorded_detector
 from ..roles import find_all
-from ..tables import LEAST_SHOWN, instant
+from ..tables import LEAST_SHOWN
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
 MOST_NAMED = 4  # zones
@@ -69,7 +70,7 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
     certain = bool(np.isfinite(last.deviation).all())
     rest = [z for z in range(last.estimated.size) if z not in found]
     if found:
-        sentence = f"Damaged: {_listed(last, found)}, judged at t = {last.time:.4f} s{_undamaged(last, rest, certain)}."
+        sentence = f"Damaged: {_listed(last.estimated, last.deviation, found, 1)}, judged at t = {last.time:.4f} s{_undamaged(last, rest, certain)}."
         first = next(window for window in valid if found_zones(window))
         if first is not last:
             more.insert(0, f"The first valid window that shows damage ended at t = {first.time:.4f} s.")
@@ -94,12 +95,13 @@ def _why_none(data: xr.Dataset) -> str:
     return f"until t = {float(data['time'][-1]):.6g} s no window ended."
 
 
-def _listed(judgement: Judgement, zones: list[int]) -> str:
+def _listed(damage: ArrayLike, deviation: ArrayLike, zones: Sequence[int], digits: int) -> str:
+    """Say what the first of some zones lost; the first of them says of what."""
     parts = []
     for zone in zones[:MOST_NAMED]:
-        value, deviation = 100 * judgement.estimated[zone], 100 * judgement.deviation[zone]
-        bar = f" ± {deviation:.1f}" if np.isfinite(deviation) else ""
-        parts.append(f"zone {zone + 1} lost {value:.1f}{bar} % of its stiffness")
+        value, error = 100 * np.asarray(damage)[zone], 100 * np.asarray(deviation)[zone]
+        bar = f" ± {error:.{digits}f}" if np.isfinite(error) else ""
+        parts.append(f"zone {zone + 1} lost {value:.{digits}f}{bar} %{' of its stiffness' * (not parts)}")
     if more := len(zones[MOST_NAMED:]):
         parts.append(f"{counted(more, 'more zone')} {'is' if more == 1 else 'are'} damaged less")
     return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
@@ -138,8 +140,12 @@ def _watch_sentences(watched: dict[str, Any] | None) -> list[str]:
     alarms, findings = watched.get("alarms", []), watched.get("findings", [])
     if not alarms:
         return [f"The digital twin raised no alarm in {counted(len(watched.get('misfit', [])), 'window')}."]
-    sentence = f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s"
-    if findings:
-        onset = instant(findings[0]["onset"], findings[0]["onset_deviation"])
-        sentence += f" and dates the onset of damage to t = {onset}"
-    return [sentence + "."]
+    return [f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s.", *map(_dated, findings)]
+
+
+def _dated(finding: Mapping[str, Any]) -> str:
+    """Say when damage began that the twin found, and what the most damaged zones lost."""
+    sentence = f"The digital twin dates the onset of damage to t = {uncertain(finding['onset'], finding['onset_deviation'], 's')}"
+    damage = np.asarray(finding["damage"])
+    zones = [int(z) for z in np.argsort(-damage, kind="stable") if damage[z] > 0.0]
+    return f"{sentence}: {_listed(damage, finding['deviation'], zones, 2)}." if zones else f"{sentence}."
