@@ -11,6 +11,7 @@ import atexit
 import ctypes
 import os
 import sys
+import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, lru_cache
@@ -73,7 +74,8 @@ class GossamerSlave(Fmi2Slave):
             sys.path.remove(self.resources)
         finalize_before_exit(self.resources)
         self.stepper = Stepper(load_model(self.resources))
-        self.stepper.warn = lambda text: self.complain(text, Fmi2Status.warning)
+        own = weakref.proxy(self)  # no circle: an instance that is reset or freed gives its memory back at once
+        self.stepper.warn = lambda text: own.complain(text, Fmi2Status.warning)
         self.values = self.stepper.values.data  # read in place: three times faster than get_values
         self.first_result = self.stepper.model.slices()[2].start
         self.initializing = False
