@@ -167,6 +167,24 @@ def test_a_thousand_instances_come_and_go(fmus, unzipped):
     assert int(done.stdout) < 8_000
 
 
+FREED = """
+import gc
+gc.disable()
+keep = Instance(*sys.argv[1:])
+for k in range(3):
+    keep.initialize()
+    keep.slave.reset()
+    Instance(*sys.argv[1:]).slave.freeInstance()
+print(sum(type(each).__name__ == "GossamerSlave" for each in gc.get_objects()))
+"""
+
+
+def test_an_instance_that_is_reset_or_freed_is_gone_before_python_looks_for_circles(fmus, unzipped):
+    """A slave holds buffers of up to 1 MiB, and a host may not wait for the collector of its interpreter."""
+    done = in_a_process(FREED, fmus["sensor"], unzipped["sensor"])
+    assert (done.returncode, done.stdout) == (0, "1\n"), done.stderr
+
+
 INTERRUPTED = """
 import os, signal, threading, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a test run in the background ignores it
