@@ -92,18 +92,23 @@ def values(command: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def words_of_python(command: str) -> Iterator[None]:
-    """Name the arguments of a function in its errors as Python does: ``strain_unit=``, not ``--strain-unit``."""
+    """Name the arguments of a function in its errors as Python does."""
+    try:
+        yield
+    except OrchestratorError as error:
+        error.args = (in_python(command, str(error)), *error.args[1:])
+        raise
+
+
+def in_python(command: str, text: str) -> str:
+    """Return a text with the options of a command as Python names them: ``strain_unit=``, not ``--strain-unit``."""
 
     def named(found: re.Match[str]) -> str:
         name = (found[1] or "").replace("-", "_")
         wanted = parameters(command).get(name)
         return found[0] if wanted is None else f"{name}={'True' * (wanted.kind is bool)}"
 
-    try:
-        yield
-    except OrchestratorError as error:
-        error.args = (_OPTION.sub(named, str(error)), *error.args[1:])
-        raise
+    return _OPTION.sub(named, text)
 
 
 def as_call(command: str, taken: Mapping[str, Any]) -> str:

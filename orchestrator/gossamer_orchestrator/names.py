@@ -35,6 +35,17 @@ def split_indices(name: str) -> tuple[str, tuple[int, ...]]:
     return found[1], tuple(int(i) for i in found[2].split(","))
 
 
+def _numbered(name: str, candidates: Iterable[str]) -> list[str]:
+    """List what differs from a name in its number alone: elements of an array, or ``sensor1`` beside ``sensor9``."""
+    base, indices = split_indices(name)
+    if indices:
+        return [each for each in candidates if split_indices(each)[1] and split_indices(each)[0] == base]
+    stem = name.rstrip("0123456789")
+    if stem in ("", name):
+        return []
+    return [each for each in candidates if each.rstrip("0123456789") == stem and each != stem]
+
+
 def suggest(name: str, known: Iterable[str]) -> str:
     """Suggest the known name that was probably meant, or list some.
 
@@ -47,6 +58,9 @@ def suggest(name: str, known: Iterable[str]) -> str:
     elements = [candidate for candidate in candidates if candidate.startswith(f"{name}[")]
     if elements:
         return f"It is an array: {elements[0]} .. {elements[-1]}."
+    numbered = _numbered(name, candidates)
+    if len(numbered) > 1:
+        return f"There are {len(numbered)}: {numbered[0]} .. {numbered[-1]}."
     close = difflib.get_close_matches(name, candidates, n=1)
     if close:
         return f"Did you mean {close[0]!r}?"

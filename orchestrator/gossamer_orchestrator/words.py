@@ -12,6 +12,11 @@ def counted(number: int, thing: str) -> str:
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
 
 
+def recorded(variables: int, scalars: int) -> str:
+    """Return how much is recorded: variables, arrays whole, and the scalars that these are where there are arrays."""
+    return counted(variables, "variable") + (f" ({scalars} scalars)" if scalars > variables else "")
+
+
 def duration(seconds: float) -> str:
     """Return a duration in s, a shorter one than a second in ms, in at most three digits, as ``7.2 ms``."""
     value, unit = (seconds, "s") if seconds >= 1.0 else (1e3 * seconds, "ms")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from contextlib import nullcontext
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import xarray as xr
 from gossamer_orchestrator.results.places import with_places
 
 from ..results.chain import Run, Sweep, Validation, Verification
+from ..table import in_python
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +41,8 @@ def validate(scenario: str, fmus: Path, **options: Any) -> Validation:  # noqa: 
     """Check a scenario and its FMUs without running it."""
     from gossamer_orchestrator.cli.validate import validate_given
 
-    return Validation(outline=validate_given(scenario, fmus, **options))
+    outline = validate_given(scenario, fmus, **options)
+    return Validation(outline=replace(outline, warnings=[in_python("validate", each) for each in outline.warnings]))
 
 
 def demo(out: Path) -> Run:

@@ -90,7 +90,11 @@ def _nothing_at(results: Path) -> str:
     if results.suffix in STORES and results.exists():
         page = results.with_suffix("") / PAGE
         return f"{results} has no page {page}. The command that wrote it writes one, unless --no-pictures forbids it."
-    what = f"the folder {results} has no page and no results" if results.is_dir() else f"there is no file or folder {results}"
+    what = (
+        f"the folder {results} has no page and no results"
+        if results.is_dir()
+        else f"there is no file or folder {results}"
+    )
     return f"{what}. {others(results, (PAGE, *RECORDED)) or MAKE_SOME}"
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Callable
 from contextlib import nullcontext
 from math import isnan
@@ -17,14 +16,12 @@ from ..results.drawing import Drawing
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .command import INVALID, Result, note, show, stderr
-from .common import FMUS, FmuFolder, Master, ScenarioName, Step, Stop, note_page
+from .common import FMUS, FmuFolder, Master, ScenarioName, Step, Stop, note_page, save_page
 from .pictures import stride_of
 from .watch import LARGE, LiveWatch
 
 if TYPE_CHECKING:
     import xarray as xr
-
-logger = logging.getLogger(__name__)
 
 DEMO = "damage_begins"
 WATCHED = "watch.json"
@@ -204,22 +201,13 @@ def _run(
 
 
 def draw(drawing: Drawing, data: xr.Dataset, out: Path, say: Callable[[str], None]) -> list[Path]:
-    """Draw pictures and write the page of a run; return their paths. What cannot be written is logged and ends no run."""
+    """Draw pictures and write the page of a run; return their paths. What goes wrong is a warning and ends no run."""
     from ..pages import PAGE
-    from ..results.report import write_report
+    from ..results.report import run_page
 
-    paths: list[Path] = []
-    page: list[Path] = []
     drawing.begin(out, stride_of(data, say))
-    try:
-        page = [write_report(data, out)]
-    except Exception as error:
-        logger.error("%s was not written: %s: %s", out / PAGE, type(error).__name__, error)
-    try:
-        paths = drawing.finish()
-    except ResultsError as error:
-        logger.error("%s", error)
-    return [*paths, *page]
+    page = save_page(lambda: run_page(data, out), out / PAGE)
+    return [*drawing.finish(), *page]
 
 
 def _judged(data: xr.Dataset) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..words import recorded
 from .command import Result, show, stderr
 from .common import FMUS, FmuFolder, Master, ScenarioName, Step, Stop
 
@@ -91,7 +92,7 @@ def summary(found: Outline) -> str:
     return (
         f"The scenario can run: {components} component{'s' * (components != 1)}, {connections} "
         f"connection{'s' * (connections != 1)}, steps of {found.step:g} s from {found.start:g} to {found.stop:g} s, "
-        f"{found.master}; {found.variables} variables are recorded at {found.points} points."
+        f"{found.master}; {recorded(found.variables, found.scalars)} are recorded at {found.points} points."
     )
 
 

@@ -108,8 +108,8 @@ def describe_fmu(path: Path) -> str:
         names = archive.namelist()
     places = [PurePosixPath(name).parts for name in names]
     platforms = sorted({parts[1] for parts in places if parts[0] == "binaries" and len(parts) > 2})
-    kind = "runs in Python" if "resources/slavemodule.txt" in names else "native"
-    return f"{kind}, for {', '.join(platforms) or 'no platform'}"
+    kind = "in Python" if "resources/slavemodule.txt" in names else "native"
+    return f"{kind}, on {' or '.join(platforms) or 'no platform'}"
 
 
 def check_target(path: Path, ending: str) -> None:

@@ -3,6 +3,7 @@
 from .charts import SCRIPT, Chart, band, bars, curve, drawn, heat, names_from_top, points, with_interval
 from .page import PAGE, Page, write_page
 from .tables import Html, folded, link, table
+from .words import written
 
 __all__ = [
     "PAGE",
@@ -22,4 +23,5 @@ __all__ = [
     "table",
     "with_interval",
     "write_page",
+    "written",
 ]

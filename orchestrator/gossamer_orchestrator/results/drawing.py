@@ -6,13 +6,14 @@ They end with this process: at once while they wait for their task, else when th
 from __future__ import annotations
 
 import json
+import logging
 import os
 import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
 
-from ..errors import ResultsError
+logger = logging.getLogger(__name__)
 
 SHARES = ((0, 1), (1, None))  # of the pages, for a process each: the first one takes about as long as all others
 
@@ -52,13 +53,7 @@ class Drawing:
                 process.stdin.close()
 
     def finish(self) -> list[Path]:
-        """Wait for the pictures; return their paths.
-
-        Raises
-        ------
-        ResultsError
-            Some are missing.
-        """
+        """Wait for the pictures; return the paths of those that were drawn, and warn of what went wrong."""
         from .plots.save import Drawn, paths_of
 
         pages, problems = [], []
@@ -68,10 +63,11 @@ class Drawing:
                 if "error" in report:
                     problems.append(report["error"])
                 else:
-                    pages.append(Drawn(Path(report["path"]), report["seconds"], report["why_not"]))
+                    pages.append(Drawn(**report | {"path": Path(report["path"])}))
             if code := process.wait():
                 problems.append(f"a process that draws them ended with exit code {code}.")
+        problems += [page.failure for page in pages if page.failure]
         if problems:
-            msg = f"Pictures are missing: {problems[0]} Draw them again with 'gossamer plot'."
-            raise ResultsError(msg)
+            why = " ".join(dict.fromkeys(problems))
+            logger.warning("pictures are missing: %s Draw them again with 'gossamer plot'.", why)
         return paths_of(pages)

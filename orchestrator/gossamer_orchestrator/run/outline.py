@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..results.columns import group, plan_columns
 from ..scenario.plan import ComponentPlan, Plan
 from ..scenario.schema import Connection
 
@@ -24,8 +25,9 @@ class Outline:
     connections : list of dict
         One per scalar: ``from`` and ``to`` with their units, ``from_unit`` and ``to_unit``; ``gain`` and ``bias`` where the
         scenario states them or units are converted.
-    variables, points : int
-        How many are recorded, and at how many instants at least.
+    variables, scalars, points : int
+        How many variables are recorded, arrays whole as results hold them; how many scalars these are, each element of an
+        array one; and at how many instants at least.
     warnings : list of str
         What the run would warn of before its first step.
     """
@@ -37,6 +39,7 @@ class Outline:
     components: list[dict[str, Any]]
     connections: list[dict[str, Any]]
     variables: int
+    scalars: int
     points: int
     warnings: list[str] = field(default_factory=list)
 
@@ -51,7 +54,8 @@ def outline(plan: Plan) -> Outline:
         master=scenario.master,
         components=[_component(each) for each in plan.components],
         connections=[_connection(each, plan) for each in plan.connections],
-        variables=len(plan.columns),
+        variables=len(group(plan_columns(plan))[0]),
+        scalars=len(plan.columns),
         points=scenario.ticks // scenario.record.every + 1,
     )
 

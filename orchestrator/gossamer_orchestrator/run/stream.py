@@ -62,7 +62,7 @@ def check_space(plan: Plan, folder: Path) -> None:
     size, free = 8 * rows * (len(plan.columns) + 1), shutil.disk_usage(folder).free
     if size > free:
         msg = (
-            f"{scenario.source.where(('record',))}: {len(plan.columns)} variables at {rows} points take {size / 1e9:.3g} "
+            f"{scenario.source.where(('record',))}: {len(plan.columns)} scalars at {rows} points take {size / 1e9:.3g} "
             f"GB, and {folder} has {free / 1e9:.3g} GB free. Record fewer variables, or fewer points with 'every', or name "
             "another place with --out."
         )

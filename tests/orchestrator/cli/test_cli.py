@@ -101,7 +101,7 @@ def test_unknown_scenarios_and_fmus_are_refused_with_a_suggestion(call):
 def test_a_build_says_what_its_fmus_run_in(call, tmp_path):
     result = call("build", "sensor", "--out", tmp_path)
     assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'sensor.fmu'}\n"), result.stderr
-    assert re.fullmatch(r"FMI 2.0: sensor \(runs in Python, for .*linux64.*\)\n", result.stderr)
+    assert re.fullmatch(r"FMI 2.0: sensor \(in Python, on .*linux64.*\)\n", result.stderr)
 
 
 def test_progress_of_compiling_is_a_line_each_where_there_is_no_terminal(call, fmus, tmp_path, monkeypatch):

@@ -243,7 +243,7 @@ def test_the_command_prints_the_path(fmus, tmp_path):
     arguments = ["container", tmp_path / "ring.toml", "--fmus", fmus, "--out", tmp_path / "ring.fmu", "--fmi", 3]
     result = CliRunner().invoke(app, [str(a) for a in arguments])
     assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'ring.fmu'}\n"), result.stderr
-    assert result.stderr.startswith("packed: delay, gain (runs in Python, for ")
+    assert result.stderr.startswith("packed: delay, gain (in Python, on ")
     assert fmpy.read_model_description(str(tmp_path / "ring.fmu")).fmiVersion == "3.0"
 
 

@@ -157,7 +157,7 @@ def test_the_command_writes_what_run_reads(fmus, tmp_path):
     call = lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])  # noqa: E731
     written = call("export-ssp", tmp_path / "chain.toml", "--fmus", fmus, "--out", tmp_path / "chain.ssp")
     assert (written.exit_code, written.stdout) == (0, f"{tmp_path / 'chain.ssp'}\n"), written.stderr
-    assert written.stderr.startswith("packed: integrator, gain (runs in Python, for ")
+    assert written.stderr.startswith("packed: integrator, gain (in Python, on ")
     for source in ("toml", "ssp"):
         out = ("--fmus", fmus, "--out", tmp_path / source, "--no-pictures", "--step", 0.25)
         result = call("run", tmp_path / f"chain.{source}", *out)

@@ -283,7 +283,7 @@ def fill(path):
 def test_results_larger_than_the_disk_are_refused_before_the_run(hostile, disk):
     out = disk(0.5)
     scenario = parse_scenario(SCENARIO.format(parameters=""))
-    with pytest.raises(Exception, match=r"21 variables at 4001 points take 0.000704 GB, and .* has .* GB free"):
+    with pytest.raises(Exception, match=r"21 scalars at 4001 points take 0.000704 GB, and .* has .* GB free"):
         run_scenario(scenario, hostile, out)
     assert list(out.iterdir()) == []
 

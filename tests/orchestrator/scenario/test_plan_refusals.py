@@ -171,9 +171,7 @@ def test_results_that_do_not_fit_on_the_disk_are_refused_before_the_run(chain, f
     plan = make_plan(chain(("stop = 1.0", "stop = 1e7")), fmus)
     assert len(plan.columns) == 5
     monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=4_000_000_000))
-    message = (
-        r"chain.toml:1: 5 variables at 100000001 points take 4.8 GB, and .* has 4 GB free. Record fewer .* 'every'"
-    )
+    message = r"chain.toml:1: 5 scalars at 100000001 points take 4.8 GB, and .* has 4 GB free. Record fewer .* 'every'"
     with pytest.raises(ResultsError, match=message):
         check_space(plan, tmp_path)
 

@@ -61,7 +61,7 @@ async function main() {
     addEventListener("afterprint", () => preparePaper(false));
     await drawAll();
   } catch (error) {
-    status.textContent = `The pictures cannot be drawn: ${error.message} The tables below are complete.`;
+    status.textContent = `The pictures cannot be drawn: ${error.message.replace(/[.\s]*$/, "")}. The tables below are complete.`;
     throw error;
   }
 }

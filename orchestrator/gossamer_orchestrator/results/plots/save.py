@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten
@@ -12,7 +13,7 @@ from textwrap import shorten
 import xarray as xr
 from gossamer_files.pictures import picture
 
-from ...errors import ResultsError, writing
+from ...errors import OrchestratorError, ResultsError, writing
 from ..shapes import load_shapes
 from . import damage, deflection, sensors
 
@@ -34,12 +35,15 @@ class Drawn:
     seconds : float
         How long it took [s].
     why_not : str
-        Why it was not drawn; empty if it was.
+        What was not recorded, so that there is nothing to draw; else empty.
+    failure : str
+        What went wrong, a sentence; else empty.
     """
 
     path: Path
     seconds: float
     why_not: str = ""
+    failure: str = ""
 
 
 def save_pictures(data: xr.Dataset, folder: Path, form: str = "png", shapes: Path | None = None) -> list[Path]:
@@ -61,25 +65,33 @@ def save_pictures(data: xr.Dataset, folder: Path, form: str = "png", shapes: Pat
     Raises
     ------
     ResultsError
-        A picture cannot be written.
+        Some pictures could not be drawn or written; the others are.
     """
-    return paths_of(draw_pages(data, folder, form, shapes or folder))
+    pages = list(draw_pages(data, folder, form, shapes or folder))
+    paths = paths_of(pages)
+    if failures := [page.failure for page in pages if page.failure]:
+        raise ResultsError("\n".join(failures))
+    return paths
 
 
 def draw_pages(data: xr.Dataset, folder: Path, form: str, shapes: Path, share: slice = slice(None)) -> Iterator[Drawn]:
-    """Draw a share of ``PAGES``, with the arguments of ``save_pictures``."""
+    """Draw a share of ``PAGES``, with the arguments of ``save_pictures``; one that fails keeps none from being drawn."""
     pages = list((PAGES | deflection.shape_pages(data, load_shapes(shapes))).items())
     for name, (draw, size) in pages[share]:
-        begun, path, why_not = time.perf_counter(), folder / f"{name}.{form}", ""
-        with writing(path, ResultsError):
-            try:
-                with picture(path, size) as figure:
-                    draw(data, figure)
-                    figure.suptitle(shorten(str(data.attrs.get("title", "")), LONGEST_TITLE), parse_math=False)
-            except ResultsError as error:
-                path.unlink(missing_ok=True)  # of an earlier run
-                why_not = str(error)
-        yield Drawn(path, time.perf_counter() - begun, why_not)
+        begun, path, why_not, failure = time.perf_counter(), folder / f"{name}.{form}", "", ""
+        try:
+            with writing(path), picture(path, size) as figure:
+                draw(data, figure)
+                figure.suptitle(shorten(str(data.attrs.get("title", "")), LONGEST_TITLE), parse_math=False)
+        except ResultsError as error:
+            why_not = str(error)
+            with suppress(OSError):
+                path.unlink()  # of an earlier run
+        except OrchestratorError as error:
+            failure = str(error)
+        except Exception as error:
+            failure = f"{path} was not drawn: {type(error).__name__}: {error}."
+        yield Drawn(path, time.perf_counter() - begun, why_not, failure)
 
 
 def paths_of(pages: Iterable[Drawn]) -> list[Path]:
@@ -88,9 +100,9 @@ def paths_of(pages: Iterable[Drawn]) -> list[Path]:
     for page in pages:
         if page.why_not:
             reasons.append(page.why_not)
-        else:
+        elif not page.failure:
             paths.append(page.path)
             logger.info("drew %s in %.1f s", page.path, page.seconds)
-    if not paths:
+    if reasons and not paths:
         logger.warning("no pictures: %s", reasons[0])
     return paths

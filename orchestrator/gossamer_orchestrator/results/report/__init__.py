@@ -1,5 +1,5 @@
 """The page of a run."""
 
-from .page import write_report
+from .page import run_page, write_report
 
-__all__ = ["write_report"]
+__all__ = ["run_page", "write_report"]

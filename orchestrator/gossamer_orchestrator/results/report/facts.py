@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ...pages import folded, table
-from ...words import counted
+from ...pages import folded, table, written
+from ...words import counted, recorded
 from ..files import MESSAGES
 from ..judgements import Judgement
 from ..tables import damage_rows, since
@@ -33,7 +33,8 @@ def run_table(data: xr.Dataset, content: Mapping[str, Any]) -> str:
     ]
     if "step" in known:
         rows.append(("Step", f"{float(known['step']):.6g} s{_every(int(known.get('record_every', 1)))}"))
-    rows.append(("Recorded", f"{counted(content['rows'], 'instant')} of {counted(len(data.data_vars), 'variable')}"))
+    scalars = sum(int(np.prod(variable.shape[1:])) for variable in data.data_vars.values())
+    rows.append(("Recorded", f"{counted(content['rows'], 'instant')} of {recorded(len(data.data_vars), scalars)}"))
     if "wall_time" in known:
         rows.append(("Wall time", f"{float(known['wall_time']):.3g} s"))
     if int(known.get("divided_steps", 0)):

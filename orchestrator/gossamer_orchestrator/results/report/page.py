@@ -19,19 +19,30 @@ SCRIPTS = ("membrane.js", "surface.js", "damage.js", "sensors.js", "run.js")
 
 
 def write_report(data: xr.Dataset, folder: Path) -> Path:
-    """Write ``report.html`` from results; return its path.
+    """Write ``report.html``, what ``run_page`` describes, into a folder; return its path.
+
+    Raises
+    ------
+    ResultsError
+        As ``run_page``, or the folder cannot be written; a page that was there is as it was.
+    """
+    return write_page(run_page(data, folder), folder / PAGE)
+
+
+def run_page(data: xr.Dataset, folder: Path) -> Page:
+    """Describe the page of a run from its results.
 
     Parameters
     ----------
     data : xarray.Dataset
         Results, for instance of ``load_results``; they may be longer than memory.
     folder : Path
-        Where to write; ``watch.json`` is read from there.
+        Where ``watch.json``, shapes and messages may be.
 
     Raises
     ------
     ResultsError
-        There is not a single row, or the folder cannot be written; a page that was there is as it was.
+        There is not a single row.
     """
     if not data.sizes.get("time", 0):
         msg = f"the results for {folder} have no row. Run the scenario again."
@@ -49,7 +60,7 @@ def write_report(data: xr.Dataset, folder: Path) -> Path:
         _constants(content["constant"]),
         facts.scenario(data),
     )
-    page = Page(
+    return Page(
         title=str(data.attrs.get("title") or data.attrs.get("scenario_name") or "A run"),
         kind=verdict.kind,
         sentence=verdict.sentence,
@@ -61,7 +72,6 @@ def write_report(data: xr.Dataset, folder: Path) -> Path:
         how=f"{_thinning(content)} Strain of a compensator is drawn earlier by the delay that it states. Bands are two "
         "standard deviations wide to each side.",
     )
-    return write_page(page, folder / PAGE)
 
 
 def _constants(values: dict[str, float]) -> str:

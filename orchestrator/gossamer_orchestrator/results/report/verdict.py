@@ -70,7 +70,8 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
     certain = bool(np.isfinite(last.deviation).all())
     rest = [z for z in range(last.estimated.size) if z not in found]
     if found:
-        sentence = f"Damaged: {_listed(last.estimated, last.deviation, found, 1)}, judged at t = {last.time:.4f} s{_undamaged(last, rest, certain)}."
+        listed = _listed(last.estimated, last.deviation, found, 1)
+        sentence = f"Damaged: {listed}, judged at t = {last.time:.4f} s{_undamaged(last, rest, certain)}."
         first = next(window for window in valid if found_zones(window))
         if first is not last:
             more.insert(0, f"The first valid window that shows damage ended at t = {first.time:.4f} s.")
@@ -97,7 +98,7 @@ def _why_none(data: xr.Dataset) -> str:
 
 def _listed(damage: ArrayLike, deviation: ArrayLike, zones: Sequence[int], digits: int) -> str:
     """Say what the first of some zones lost; the first of them says of what."""
-    parts = []
+    parts: list[str] = []
     for zone in zones[:MOST_NAMED]:
         value, error = 100 * np.asarray(damage)[zone], 100 * np.asarray(deviation)[zone]
         bar = f" ± {error:.{digits}f}" if np.isfinite(error) else ""
@@ -145,7 +146,8 @@ def _watch_sentences(watched: dict[str, Any] | None) -> list[str]:
 
 def _dated(finding: Mapping[str, Any]) -> str:
     """Say when damage began that the twin found, and what the most damaged zones lost."""
-    sentence = f"The digital twin dates the onset of damage to t = {uncertain(finding['onset'], finding['onset_deviation'], 's')}"
+    onset = uncertain(finding["onset"], finding["onset_deviation"], "s")
+    sentence = f"The digital twin dates the onset of damage to t = {onset}"
     damage = np.asarray(finding["damage"])
     zones = [int(z) for z in np.argsort(-damage, kind="stable") if damage[z] > 0.0]
     return f"{sentence}: {_listed(damage, finding['deviation'], zones, 2)}." if zones else f"{sentence}."
