@@ -66,5 +66,4 @@ def suggest(name: str, known: Iterable[str]) -> str:
         return f"Did you mean {close[0]!r}?"
     if not candidates:
         return "There are none."
-    shown = ", ".join(candidates[:8]) + (", ..." if len(candidates) > 8 else "")
-    return f"Known: {shown}."
+    return f"Known: {', '.join(candidates[:8])}{', ...' if len(candidates) > 8 else '.'}"

@@ -32,10 +32,15 @@ class Reader(HTMLParser):
 
     def handle_data(self, text):
         for _, name in self.open:
-            self.inside[name] = self.inside.get(name, "") + text
+            self.inside[name] = self.inside.get(name, "") + with_spaces(text)
 
     def unpacked(self, name):
         return gzip.decompress(base64.b64decode(self.inside[name])).decode()
+
+
+def with_spaces(text):
+    """Return text with a space for each no-break space, as it is typed."""
+    return text.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def numbers(packed):
@@ -50,7 +55,7 @@ def read_page(path):
     for _, attributes in page.tags:
         assert "src" not in attributes
         assert not attributes.get("href", "#").startswith("http")
-    charts = json.loads(page.unpacked("data"))["charts"]
+    charts = json.loads(with_spaces(page.unpacked("data")).replace("\\u00a0", " "))["charts"]
     return page, {chart["title"]: chart for chart in charts}
 
 

@@ -91,8 +91,12 @@ def save_page(describe: Callable[[], Page], path: Path) -> list[Path]:
 
 def note_page(page: Path) -> None:
     """Say which page to open, and the command that opens it."""
-    folder = f'"{page.parent}"' if " " in str(page.parent) else page.parent
-    note(f"Open {page}, or type 'gossamer view {folder}'.")
+    note(f"Open {page}, or type 'gossamer view {typed(page.parent)}'.")
+
+
+def typed(path: Path) -> str:
+    """Return a path as it is typed in a command."""
+    return f'"{path}"' if " " in str(path) else str(path)
 
 
 def kinds_of(paths: Iterable[Path]) -> str:

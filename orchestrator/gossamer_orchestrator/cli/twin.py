@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +12,7 @@ from gossamer_files import replacing
 
 from ..errors import OrchestratorError
 from .command import INVALID, Result, show, stderr
-from .common import keep_inputs, model_errors, note_page, save_page
+from .common import keep_inputs, model_errors, note_page, save_page, typed
 from .twin_options import (
     NUISANCE_UNITS,
     ElementsOption,
@@ -169,7 +168,7 @@ def _compared(path: Path, given: Record, used: Record, stop: float | None) -> st
     whole = f"{'a record of' if stop is None else 'the first'} {given.step * given.samples:.3g} s"
     return (
         f"Compared: 0 to {used.step * used.samples:.3g} s of {whole}. For damage that begins later use 'gossamer watch "
-        f"{shlex.quote(str(path))}'."
+        f"{typed(path)}'."
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import logging
+import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -219,8 +220,27 @@ def test_what_a_run_waits_for_is_named_and_no_part_of_its_speed():
         bar._progress.refresh()
         waiting = file.getvalue()
         bar.show(10, 100, 0.1)
-    assert "t = 0.1000 s, compiling the twin (once), 0:05:10 elapsed, 0:01:30 remaining" in waiting
+    assert "t = 0.1000 s, compiling the twin (once), 0:05:10 elapsed\n" in f"{waiting.rstrip()}\n"
+    assert "remaining" not in waiting.split("compiling")[-1]
     assert "t = 0.1000 s, 0.01 simulated s per s, 0:05:10 elapsed, 0:01:30 remaining" in file.getvalue()
+
+
+def test_while_a_task_waits_only_the_elapsed_time_is_shown():
+    """Two of four windows in 20 s, and then a fit of 60 s, which tells nothing of the others."""
+    file, clock = io.StringIO(), [0.0]
+    with ProgressBar("watching", Console(file=file, force_terminal=True, color_system=None, width=120)) as bar:
+        task = bar._progress.tasks[0]
+        task.start_time, task._get_time = 0.0, lambda: clock[0]
+        bar.update(0, 4, "0 of 4 windows,")
+        for seconds, done, aside in ((20.0, 2, "fitting onset and damage"), (80.0, 3, "")):
+            clock[0] = seconds
+            bar._progress.refresh()
+            bar.update(done, 4, f"{done} of 4 windows,", aside)
+            bar._progress.refresh()
+    lines = [line.strip() for line in re.split(r"[\r\n]", file.getvalue())]
+    assert any(line.endswith("2 of 4 windows, fitting onset and damage, 0:00:20 elapsed") for line in lines)
+    assert any(line.endswith("fitting onset and damage, 0:01:20 elapsed") for line in lines)
+    assert any(line.endswith("3 of 4 windows, 0:01:20 elapsed, 0:00:07 remaining") for line in lines)
 
 
 def test_a_bar_on_a_terminal_shows_the_elapsed_time():

@@ -1,16 +1,17 @@
 """``gossamer twin``: tables and results of a run in, a table of zones and a JSON file out."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 from gossamer_models.membrane import MembraneParams
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin import Answer
+from gossamer_models.twin import Answer, Record
 from gossamer_models.twin.forward import Forward
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.twin import zone_table
+from gossamer_orchestrator.cli.twin import _compared, zone_table
 from gossamer_orchestrator.results.files import save_results
 from reading_pages import read_page, values
 from typer.testing import CliRunner
@@ -82,6 +83,29 @@ def test_a_table_gives_the_damage_of_each_zone(call, tmp_path, strain):
     np.testing.assert_allclose(json.loads((tmp_path / "twin.json").read_text())["damage"], TRUE, atol=1e-4)
     assert "30.00 ±" in result.stderr
     assert "valid: chi2 per sample" in result.stderr
+
+
+def test_a_file_without_an_ending_gets_one_so_that_its_page_has_a_folder(call, results, tmp_path):
+    result = call(results, *MESH, "--kind", "strain", "--out", tmp_path / "answer")
+    assert result.stdout.split() == [str(tmp_path / "answer.json"), str(tmp_path / "answer/report.html")]
+    page, _ = read_page(tmp_path / "answer/report.html")
+    assert ("title", {}) in page.tags
+    assert f"Digital twin of {tmp_path.name}" in (tmp_path / "answer/report.html").read_text(encoding="utf-8")
+    folder = call(results, *MESH, "--out", tmp_path)
+    assert (folder.exit_code, folder.stderr) == (
+        1,
+        f"cannot write {tmp_path}: it is a folder. Name a file in it with --out.\n",
+    )
+
+
+def test_what_was_compared_of_a_longer_record_is_said():
+    given, used = (Record(step=3e-4, values=np.zeros((4, n)), kind="strain", noise=None) for n in (5100, 1000))
+    sentence = _compared(Path("out/my run"), given, used, None)
+    assert sentence == (
+        "Compared: 0 to 0.3 s of a record of 1.53 s. For damage that begins later use 'gossamer watch \"out/my run\"'."
+    )
+    assert _compared(Path("out"), given, used, 1.53).startswith("Compared: 0 to 0.3 s of the first 1.53 s.")
+    assert _compared(Path("out"), used, used, None) == ""
 
 
 def test_an_answer_that_is_not_valid_is_written_and_its_page_says_so(call, tmp_path, strain):

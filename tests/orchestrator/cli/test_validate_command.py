@@ -54,7 +54,8 @@ def test_a_right_scenario_shows_components_and_converted_units_and_leaves_nothin
     assert [each["component"] for each in found["components"]] == ["p", "k"]
     (wired,) = found["connections"]
     assert (wired["from_unit"], wired["to_unit"], wired["gain"]) == ("Pa", "kPa", pytest.approx(1e-3))
-    assert found["points"] == 11
+    assert (found["points"], found["variables"], found["scalars"]) == (11, 5, 7)
+    assert "5 variables (7 scalars) are recorded at 11 points." in result.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
 
 

@@ -99,6 +99,13 @@ def test_a_scenario_is_checked_without_a_run(scenario, fmus, tmp_path, monkeypat
     assert sorted(tmp_path.iterdir()) == there
 
 
+def test_one_text_is_one_setting_and_warnings_name_arguments_of_python(scenario, fmus, tmp_path):
+    later = tmp_path / "later.toml"
+    later.write_text(f'{scenario.read_text()}\n[[events]]\ntime = 1e6\ncomponent = "g"\nset = {{ u = 2.0 }}\n')
+    (warning,) = gossamer.validate(later, fmus=fmus, set="g.u=3.0", stop=0.5).outline.warnings
+    assert warning == "warning: stop=: the run ends before the events at 1e+06 s, which are left out"
+
+
 def test_an_fmu_shows_its_variables(fmus):
     about = gossamer.info(fmus / "gain.fmu")
     assert about.variables["u"]["causality"] == "input"

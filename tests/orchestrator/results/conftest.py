@@ -60,9 +60,8 @@ def report(tmp_path_factory) -> str:
     data.attrs["fmus"] = json.dumps(
         {name: {"file": f"{model}.fmu", "model": model, "guid": guid} for name, model in fmus.items()}
     )
-    (tmp_path / "watch.json").write_text(
-        '{"alarms": [6.0], "findings": [{"onset": 5.0, "onset_deviation": 0.1}], "misfit": []}'
-    )
+    finding = {"onset": 5.0, "onset_deviation": 0.1, "damage": [0.0, 0.3] + [0.0] * 14, "deviation": [0.01] * 16}
+    (tmp_path / "watch.json").write_text(json.dumps({"alarms": [6.0], "findings": [finding], "misfit": []}))
     return write_report(data, tmp_path).as_uri()
 
 

@@ -86,8 +86,9 @@ def test_only_the_wanted_is_recorded_at_every_nth_step_and_the_last(chain, fmus,
 
 
 def test_what_is_not_ours_is_refused(tmp_path):
-    with pytest.raises(ResultsError, match=r"there are no results at .*gossamer run"):
-        load_results(tmp_path)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ResultsError, match=r"the folder .*empty has no results. Make them with 'gossamer run'."):
+        load_results(tmp_path / "empty")
     (tmp_path / "results.nc").write_bytes(b"CDF\x02 truncated")
     with pytest.raises(ResultsError, match=r"cannot read results from"):
         load_results(tmp_path)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.results.drawing import SHARES, Drawing
 from gossamer_orchestrator.results.files import NETCDF, save_results
-from gossamer_orchestrator.results.plots import save_pictures
+from gossamer_orchestrator.results.plots import save, save_pictures
 
 
 @pytest.fixture
@@ -34,14 +36,33 @@ def test_they_end_with_a_run_that_has_no_results():
     assert ended(drawing)
 
 
-def test_a_picture_that_is_missing_is_an_error(folder):
+def test_what_goes_wrong_in_a_process_is_a_warning(folder, caplog):
     (folder / NETCDF).write_bytes(b"CDF")
     with Drawing() as drawing:
         drawing.begin(folder, 1)
-        with pytest.raises(ResultsError, match=r"^Pictures are missing: cannot read results from .*gossamer plot"):
-            drawing.finish()
+        assert drawing.finish() == []
+    (warning,) = caplog.messages
+    assert re.match(r"^pictures are missing: cannot read results from .*gossamer plot", warning)
+    caplog.clear()
     with Drawing() as drawing:
         drawing._processes[0].kill()
         drawing.begin(folder, 1)
-        with pytest.raises(ResultsError, match="a process that draws them ended with exit code"):
-            drawing.finish()
+        drawing.finish()
+    assert "a process that draws them ended with exit code" in caplog.messages[0]
+
+
+def test_a_picture_that_fails_is_named_and_the_others_are_drawn(folder, caplog):
+    (folder / "damage.png").mkdir()  # in the way
+    with Drawing() as drawing:
+        drawing.begin(folder, 1)
+        assert {path.stem for path in drawing.finish()} == {"strains", "sensors", "deflection", "damage_history"}
+    (warning,) = caplog.messages
+    assert warning.startswith(f"pictures are missing: cannot write {folder / 'damage.png'}: ")
+
+
+def test_gossamer_plot_draws_the_others_and_then_says_which_picture_failed(data, tmp_path, monkeypatch):
+    _, size = save.PAGES["deflection"]
+    monkeypatch.setitem(save.PAGES, "deflection", (lambda *_: 1 / 0, size))
+    with pytest.raises(ResultsError, match=r"deflection.png was not drawn: ZeroDivisionError: division by zero\.$"):
+        save_pictures(data, tmp_path)
+    assert {path.stem for path in tmp_path.iterdir()} == {"strains", "sensors", "damage", "damage_history"}

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import math
 
 import numpy as np
 import pytest
 from gossamer_orchestrator import ResultsError, judge
 from gossamer_orchestrator.results.judgements import doubts, windows
-from gossamer_orchestrator.results.tables import history_table, instant, zone_table
+from gossamer_orchestrator.results.tables import history_table, zone_table
+from gossamer_orchestrator.words import uncertain
 from rich.console import Console
 
 
@@ -154,7 +156,10 @@ def test_where_no_true_damage_is_recorded_tables_show_the_estimate_alone(data):
         assert not any(word in text for word in ("nan", "->", "true", "mean absolute error", "│ - "))
 
 
-def test_the_deviation_of_a_time_says_how_many_digits_it_has():
-    assert instant(0.767098, 3.5e-6) == "0.767098 s ± 0.0035 ms"
-    assert instant(0.767098, 4e-4) == "0.7671 s ± 0.4 ms"
-    assert instant(0.767098, 0.0) == "0.767098 s ± 0 ms"
+def test_a_value_has_the_unit_and_the_digits_of_its_deviation():
+    assert uncertain(0.767098, 3.6e-6, "s") == "0.767098 ± 0.000004 s"
+    assert uncertain(0.767098, 4e-4, "s") == "0.7671 ± 0.0004 s"
+    assert uncertain(0.0123, 0.00119) == "0.0123 ± 0.0012"
+    assert uncertain(9871.3, 42.0, "Pa") == "9871 ± 42 Pa"
+    assert uncertain(0.767098, 0.0, "s") == "0.767098 s"
+    assert uncertain(0.767098, math.inf, "s") == "0.767098 s"

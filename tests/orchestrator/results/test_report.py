@@ -10,7 +10,9 @@ import pytest
 import xarray as xr
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.pages import Chart, drawn
 from gossamer_orchestrator.pages.thin import Pixels
+from gossamer_orchestrator.pages.words import unbroken
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.results.report import write_report
@@ -56,17 +58,37 @@ def test_the_page_is_one_valid_file_that_needs_no_network(certain, tmp_path):
 
 
 def test_the_verdict_is_a_sentence_with_its_uncertainty(certain, tmp_path):
-    (tmp_path / "watch.json").write_text(
-        json.dumps({"alarms": [6.0], "findings": [{"onset": 5.0, "onset_deviation": 1e-3}], "misfit": [1.0]})
-    )
     page = page_of(certain, tmp_path)
     assert page.inside["verdict"] == (
-        "Damaged: zone 2 lost 20.0 ± 2.0 % of its stiffness and zone 7 lost 4.0 ± 0.4 % of its stiffness, judged at "
+        "Damaged: zone 2 lost 20.0 ± 2.0 % of its stiffness and zone 7 lost 4.0 ± 0.4 %, judged at "
         "t = 8.0000 s; the other 14 zones are undamaged, each within ± 0.1 % (± is one standard deviation)."
     )
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "True then: 30 % in zone 2; the mean absolute error over all zones is 0.8" in text
-    assert "first alarm at t = 6.0000 s and dates the onset of damage to t = 5.000 s ± 1 ms." in text
+    assert "True then: 30 % in zone 2; the mean absolute error over all zones is 0.8" in page.inside[None]
+
+
+def test_what_the_twin_found_beside_the_run_stands_on_the_page_with_its_deviations(certain, tmp_path):
+    damage, deviation = np.zeros(16), np.full(16, 0.001)
+    damage[[1, 6]], deviation[6] = (0.2, 0.305), 0.0062
+    finding = {"onset": 5.0, "onset_deviation": 3e-3, "damage": damage.tolist(), "deviation": deviation.tolist()}
+    (tmp_path / "watch.json").write_text(json.dumps({"alarms": [6.0], "findings": [finding], "misfit": [1.0]}))
+    text = page_of(certain, tmp_path).inside[None]
+    assert "The digital twin raised its first alarm at t = 6.0000 s." in text
+    assert (
+        "The digital twin dates the onset of damage to t = 5.000 ± 0.003 s: zone 7 lost 30.50 ± 0.62 % of its " in text
+    )
+    assert "stiffness and zone 2 lost 20.00 ± 0.10 %." in text
+    rows = text[text.index("Damage since t = 5.000 ± 0.003 s, by the digital twin") :].split()
+    assert rows[rows.index("[%]") + 1 :][:8] == ["2", "20.00", "±", "0.10", "7", "30.50", "±", "0.62"]
+
+
+def test_no_line_of_a_page_ends_between_a_number_and_its_unit(certain, tmp_path):
+    text = write_report(certain, tmp_path).read_text(encoding="utf-8")
+    assert "zone 2 lost 20.0\xa0±\xa02.0\xa0% of its stiffness" in text
+    assert "30\xa0% in zone 2" in text  # of the list below the headline
+    assert "0\xa0s to 9\xa0s" in text  # of a table
+    assert unbroken("5 steps of 3e-4 s, 20 mm and 3 more") == "5 steps of 3e-4\xa0s, 20\xa0mm and 3 more"
+    (chart,) = drawn([Chart(title="First 5 s", x="", y="", traces=[], note="Within 2 %.")])["charts"]
+    assert (chart["title"], chart["note"]) == ("First 5\xa0s", "Within 2\xa0%.")
 
 
 def test_a_verdict_says_what_is_not_known(data, certain, later_window_invalid, tmp_path):
@@ -221,3 +243,23 @@ def test_report_writes_a_page_and_view_opens_it(certain, tmp_path, monkeypatch):
     result = CliRunner().invoke(app, ["report", str(tmp_path / "nowhere")])
     assert result.exit_code == 1
     assert "there are no results at" in result.stderr
+
+
+def test_a_folder_without_results_names_those_below_it_or_beside_it(certain, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save_results(certain, tmp_path / "out/damaged")
+    (tmp_path / "out/fmus").mkdir()
+
+    def said(*arguments):
+        result = CliRunner().invoke(app, list(arguments))
+        assert (result.exit_code, result.stdout) == (1, "")
+        return result.stderr
+
+    assert said("view", "out") == "the folder out has no page and no results. Did you mean out/damaged?\n"
+    assert said("view", ".") == "the folder . has no page and no results. Did you mean out/damaged?\n"
+    assert said("report", "out/fmus") == "the folder out/fmus has no results. Did you mean out/damaged?\n"
+    assert said("report", "out/damagd") == "there are no results at out/damagd. Did you mean out/damaged?\n"
+    assert said("view", "sensor.json") == "there is no file or folder sensor.json. Did you mean out/damaged?\n"
+    for name in "abc":
+        save_results(certain, tmp_path / "out" / name)
+    assert said("plot", "out").endswith("Did you mean out/a or out/b or out/c, or another of the 4 in out?\n")

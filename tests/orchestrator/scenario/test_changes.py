@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from gossamer_orchestrator import ScenarioError, load_results, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.cli import app
+from gossamer_orchestrator.names import suggest
 from gossamer_orchestrator.scenario.changes import changed, read_changes
 from typer.testing import CliRunner
 
@@ -88,6 +89,14 @@ def test_a_wrong_value_is_named(fmus, text, message):
     with pytest.raises(ScenarioError) as caught:
         values(fmus, text)
     assert message in str(caught.value)
+
+
+def test_a_number_beyond_the_last_one_says_how_many_there_are():
+    names = ["membrane", *(f"sensor{k}" for k in range(1, 9))]
+    assert suggest("sensor9", names) == "There are 8: sensor1 .. sensor8."
+    assert suggest("damage[17]", [f"damage[{k}]" for k in range(1, 17)]) == "There are 16: damage[1] .. damage[16]."
+    assert suggest("membrane1", names) == "Did you mean 'membrane'?"
+    assert suggest("sensr1", names) == "Did you mean 'sensor1'?"
 
 
 def test_the_command_sets_values(fmus, tmp_path):
