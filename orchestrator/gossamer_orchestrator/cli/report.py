@@ -72,10 +72,10 @@ def newest_page(results: Path) -> Path:
     from ..pages import PAGE
     from ..results.files import RECORDED
 
-    of_artifact = results.with_suffix("") / PAGE
-    folder = of_artifact.parent if results.suffix in STORES and of_artifact.is_file() else _folder(results)
+    own = results.parent / results.stem  # folder of the page of an artifact or a store
+    folder = own if results.suffix in STORES and (own / PAGE).is_file() else _folder(results)
     path, recorded = folder / PAGE, [folder / name for name in RECORDED]
-    missing = results.suffix in STORES and not results.exists() and folder != of_artifact.parent
+    missing = results.suffix in STORES and not results.exists() and folder != own
     if missing or not any(each.is_file() for each in (path, *recorded)):
         raise ResultsError(_nothing_at(results))
     latest = max((each.stat().st_mtime for each in recorded if each.is_file()), default=0.0)

@@ -155,8 +155,14 @@ def fit_twin(
 
 def _file(out: Path) -> Path:
     """Return the file that was named, with an ending: its page is in the folder of its name without it."""
-    if out.is_dir():
+    from ..results.files import RECORDED
+
+    if out.name in ("", ".."):
         msg = f"cannot write {out}: it is a folder. Name a file in it with --out."
+        raise OrchestratorError(msg)
+    folder = out.with_suffix("")
+    if any((folder / name).is_file() for name in RECORDED):
+        msg = f"the page of {out} would replace that of the run in {folder}. Name another file with --out."
         raise OrchestratorError(msg)
     return out if out.suffix else out.with_name(f"{out.name}.json")
 

@@ -91,11 +91,15 @@ def test_a_file_without_an_ending_gets_one_so_that_its_page_has_a_folder(call, r
     page, _ = read_page(tmp_path / "answer/report.html")
     assert ("title", {}) in page.tags
     assert f"Digital twin of {tmp_path.name}" in (tmp_path / "answer/report.html").read_text(encoding="utf-8")
-    folder = call(results, *MESH, "--out", tmp_path)
-    assert (folder.exit_code, folder.stderr) == (
-        1,
-        f"cannot write {tmp_path}: it is a folder. Name a file in it with --out.\n",
-    )
+    again = call(results, *MESH, "--kind", "strain", "--out", tmp_path / "answer")
+    assert (again.exit_code, again.stdout) == (0, result.stdout)
+
+
+@pytest.mark.parametrize("ending", ["", ".json"])
+def test_the_page_of_a_run_is_not_replaced(call, results, tmp_path, ending):
+    refused = call(results, *MESH, "--out", f"{tmp_path}{ending}")
+    assert refused.exit_code == 1
+    assert f"would replace that of the run in {tmp_path}. Name another file with --out." in refused.stderr
 
 
 def test_what_was_compared_of_a_longer_record_is_said():
