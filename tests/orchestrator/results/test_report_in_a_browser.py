@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -128,3 +131,15 @@ def test_without_deflections_the_membrane_is_flat_and_says_so(browser, data, tmp
     page = opened(browser, write_report(stranger, tmp_path).as_uri(), troubles)
     assert page.locator("figure").count() == 1
     assert troubles == []
+
+
+def test_data_that_cannot_be_unpacked_are_said_in_whole_sentences(browser, report, tmp_path):
+    text = Path(report.removeprefix("file://")).read_text(encoding="utf-8")
+    broken = tmp_path / "broken.html"
+    broken.write_text(re.sub(r'(id="data">)[^<]*', r"\1AAAA", text), encoding="utf-8")
+    page = browser.new_page()
+    page.goto(broken.as_uri())
+    page.wait_for_function("document.getElementById('status').textContent.startsWith('The pictures')")
+    said = page.inner_text("#status")
+    assert re.fullmatch(r"The pictures cannot be drawn: [^.]+(\.[^.]+)*\. The tables below are complete\.", said), said
+    page.close()
