@@ -61,7 +61,8 @@ async function main() {
     addEventListener("afterprint", () => preparePaper(false));
     await drawAll();
   } catch (error) {
-    status.textContent = `The pictures cannot be drawn: ${error.message.replace(/[.\s]*$/, "")}. The tables below are complete.`;
+    const why = error.message.replace(/[.\s]*$/, "");
+    status.textContent = `The pictures cannot be drawn: ${why}. The tables below are complete.`;
     throw error;
   }
 }
