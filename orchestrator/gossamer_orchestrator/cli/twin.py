@@ -128,7 +128,7 @@ def fit_twin(
 
     console = stderr()
     path = beside(record, "twin.json") if out is None else _file(out)
-    keep_inputs([file_of(record), sensor], [path])
+    keep_inputs([file_of(record), sensor], [out, path])
     with model_errors():
         with console.status("reading"):
             found = find_record(record, kind, noise, stop, values or [])
