@@ -100,7 +100,7 @@ def test_strain_and_marks_are_those_that_the_model_states(pull):
 
 @pytest.mark.parametrize("frame", [False, True])
 def test_the_shape_of_the_square_is_strained_as_its_sensors_measure(frame):
-    """A face is not as small as a sensor, so within a few percent; the size is that of the run."""
+    """A face is not as small as a sensor, so within a few percent; size and places from the corner are those of the run."""
     model = membrane_model(8, 2, frame=frame)
     stepper = Stepper(model, side_length=0.4, edge_displacement=0.004, poisson_ratio=0.4)
     stepper.initialize()
@@ -109,7 +109,9 @@ def test_the_shape_of_the_square_is_strained_as_its_sensors_measure(frame):
         stepper.step(3e-4)
     shape = shape_of(model)
     (places, eigenstrain), drawn = shape.read(stepper.state), shape.surface(stepper.state)
-    assert np.abs(places).max(axis=0)[:2] == pytest.approx([0.204, 0.204], abs=1e-15)
+    assert places[:, :2].min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-15)
+    assert places[:, :2].max(axis=0) == pytest.approx([0.408, 0.408], abs=1e-15)
+    assert drawn.sensor_points[1] == pytest.approx([0.004 + 0.4 * 2 / 3, 0.004 + 0.4 / 3, 0.0], abs=1e-15)
     assert places[len(places) // 2, 2] == pytest.approx(stepper.get("deflection"), abs=1e-15)
     assert drawn.poisson_ratio.tolist() == [0.4]
     assert not eigenstrain.any()
