@@ -146,7 +146,8 @@ class Shape:
         if (size := self._files["size"]) < 0:
             return np.zeros(3)
         held: Array = values[size] * self._surface.nodes + self._ways(values)
-        return held.min(axis=0)
+        corner: Array = held.min(axis=0)
+        return corner
 
     def _doubles(self, state: bytes, place: str, count: str) -> Array:
         begin, size = self._layout[place], self._layout[count]
