@@ -6,7 +6,6 @@ packs them.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from ..judgements import Judgement, changes, true_damage, windows
 from ..plots.axes import side
 from ..roles import find_all, is_whole
 from ..shapes import ShapeHistory, load_shapes
+from ..watch import read_watch
 from .membrane import membrane_mesh
 from .sensors import Array, Curve, curve_of, error_of, loops, sensor_curves, spectrogram_of
 from .surface import surface_content
@@ -30,7 +30,6 @@ FRAMES = 240  # instants of the slider
 NUMBERS = 600_000  # of all frames of the membrane, at most
 OTHERS = 24  # curves of what has no picture of its own
 MOST_WINDOWS = 5000
-WATCH = "watch.json"
 
 
 def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[str, Any]:
@@ -110,15 +109,6 @@ def windows_of(data: xr.Dataset) -> list[Judgement]:
         return []
     stride = -(-len(ended) // MOST_WINDOWS) if ended else 1
     return ended[::-1][::stride][::-1]
-
-
-def read_watch(folder: Path) -> dict[str, Any] | None:
-    """Read what the twin found, if it watched the run."""
-    try:
-        content = json.loads((folder / WATCH).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) else None
 
 
 def _other_scalars(data: xr.Dataset, *, judged: bool) -> dict[str, Curve]:
