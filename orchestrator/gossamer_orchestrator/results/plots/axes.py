@@ -37,7 +37,7 @@ def plain_axis(ax: Axes, which: Literal["x", "y"]) -> None:
 
 
 def short_axis(ax: Axes, which: Literal["x", "y"]) -> None:
-    """Write few digits at each tick of an axis, and a power or a beginning that they share once; scaled as ``plain_axis``."""
+    """Write few digits at each tick of an axis, and what they share, a power or a beginning, once."""
     from matplotlib.ticker import MaxNLocator
 
     axis, _, _ = _widened(ax, which)

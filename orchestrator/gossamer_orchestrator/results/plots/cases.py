@@ -113,8 +113,8 @@ def _is_damage(values: xr.DataArray) -> bool:
 def _diamonds(ax: Axes, true: xr.DataArray) -> None:
     ended = true.dropna("time", how="all")
     if ended.sizes["time"]:
-        look = {"marker": "D", "ms": 5, "mfc": "none", "mec": COLORS[1], "ls": ""}
-        ax.plot(ended[ended.dims[-1]], ended.isel(time=-1), label="true", **look)
+        zones, last = ended[ended.dims[-1]], ended.isel(time=-1)
+        ax.plot(zones, last, marker="D", ms=5, mfc="none", mec=COLORS[1], ls="", label="true")
 
 
 def _panel(ax: Axes, case: xr.DataArray, varied: Sequence[str], *, is_valid: bool) -> None:

@@ -158,8 +158,8 @@ def _mark(watch: Mapping[str, Any], ax: Axes) -> None:
     found = watch.get("findings", [])
     if found:
         onsets, bars = [each["onset"] for each in found], [2.0 * each["onset_deviation"] for each in found]
-        top = {"transform": ax.get_xaxis_transform(), "fmt": "v", "ms": 7}
-        ax.errorbar(onsets, [0.97] * len(found), xerr=bars, color="black", label="onset, twin", **top)
+        heights, in_axes = [0.97] * len(found), ax.get_xaxis_transform()
+        ax.errorbar(onsets, heights, xerr=bars, fmt="v", ms=7, color="black", label="onset, twin", transform=in_axes)
 
 
 def _damage(data: xr.Dataset, figure: Figure) -> None:
