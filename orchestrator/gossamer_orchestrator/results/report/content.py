@@ -79,6 +79,7 @@ def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[
         ],
         "constant": constant,
         "square": heights is not None or history is None,
+        "side": side(data),
         "membrane": None if heights is None or history is not None else membrane_mesh(data, membrane, rows, side(data)),
         "surface": None if history is None else surface_content(history, shown),
         "damage": _damage(data, time, ended),
@@ -119,7 +120,7 @@ def _other_scalars(data: xr.Dataset, *, judged: bool) -> dict[str, Curve]:
         "detector": ("valid",),
     }
     if judged:
-        known["detector"] += LIKENESS
+        known["detector"] += (*LIKENESS, "risk")
     known["compensator"] = ("resistance", "strain", "strain_deviation", "delay")
     shown = {f"{name}.{v}" for role, names in known.items() for name in find_all(data, role) for v in names}
     return {str(n): curve_of(str(n)) for n in data.data_vars if data[n].dims == ("time",) and n not in shown}
@@ -157,6 +158,7 @@ def _damage(data: xr.Dataset, time: Array, ended: Sequence[Judgement]) -> dict[s
             "valid": [window.valid for window in ended],
             "likeness": ended[-1].likeness,
             "likeness_values": np.array([window.likeness_value for window in ended]),
+            "risk": np.array([window.risk for window in ended]),
         }
         detector = find_all(data, "detector")[0]
         for name in ("probability", "index"):
