@@ -26,20 +26,24 @@
   });
   const zones = Array.from({ length: 16 }, (_, n) => [stride * (n % 4 + 0.5), stride * (Math.floor(n / 4) + 0.5)]); // their middles
   const damaged = (k) => (k >= motion.onset ? outlines : [null]);
-  const ink = () => (document.body.getAttribute("data-md-color-scheme") === "slate" ? "#cfd6dd" : "#3d4650");
-  const narrow = place.clientWidth < 500, far = narrow ? 1.3 : 0.85;
+  const isDark = () => document.body.getAttribute("data-md-color-scheme") === "slate";
+  const ink = () => (isDark() ? "#e6eaee" : "#1b2026");
+  // Deflections have two signs: none is the colour of the paper.
+  const colors = () => (isDark() ? ["#8fd0f5", "#2f7fb8", "#2a323c", "#a87416", "#ffd166"] : ["#2f7fb8", "#8fc1e3", "#eef0f2", "#ecb94f", "#c47f00"]).map((color, i) => [i / 4, color]);
+  const narrow = place.clientWidth < 500, far = narrow ? 1.0 : 0.78;
+  const bar = narrow ? { orientation: "h", x: 0.5, y: 0, yanchor: "bottom", len: 0.8, title: { text: "deflection [mm]", side: "top" } } : { x: 0.99, xanchor: "right", len: 0.8, title: { text: "deflection<br>[mm]" } };
   const z = surface(0), plain = { visible: false };
   Plotly.newPlot(place, [
-    { type: "surface", x: along, y: along, z, cmin: -top, cmax: top, colorscale: "Viridis", hoverinfo: "skip", showscale: !narrow, colorbar: { title: { text: "mm" }, thickness: 10, len: 0.6 } },
+    { type: "surface", x: along, y: along, z, cmin: -top, cmax: top, colorscale: colors(), hoverinfo: "skip", colorbar: { ...bar, thickness: 10, nticks: 5 } },
     { type: "scatter3d", mode: "lines", ...line(z, grid), line: { color: ink(), width: 2 }, hoverinfo: "skip" },
-    { type: "scatter3d", mode: "text", ...line(z, zones), text: zones.map((_, n) => String(n + 1)), textfont: { color: "#ffffff", size: narrow ? 10 : 13 }, hoverinfo: "skip" },
+    { type: "scatter3d", mode: "text", ...line(z, zones), text: zones.map((_, n) => String(n + 1)), textfont: { color: ink(), size: narrow ? 10 : 13 }, hoverinfo: "skip" },
     { type: "scatter3d", mode: "lines", ...line(z, damaged(0)), line: { color: "#D55E00", width: 8 }, hoverinfo: "skip" },
   ], {
     paper_bgcolor: "rgba(0,0,0,0)", font: { color: ink() }, showlegend: false, margin: { l: 0, r: 0, t: 0, b: 0 },
     scene: { xaxis: plain, yaxis: plain, zaxis: { ...plain, range: [-1.1 * top, 1.1 * top] }, aspectmode: "manual", aspectratio: { x: 1, y: 1, z: (2.2 * top) / (1e3 * SIDE) },
-      camera: { eye: { x: -0.7 * far, y: -1.3 * far, z: 0.6 * far }, center: { x: 0, y: 0, z: 0 } } },
+      camera: { eye: { x: -0.7 * far, y: -1.3 * far, z: 0.6 * far }, center: { x: narrow ? 0 : 0.06, y: 0, z: narrow ? -0.1 : -0.03 } } },
   }, { displayModeBar: false, responsive: true });
-  new MutationObserver(() => Plotly.update(place, { "line.color": ink() }, { "font.color": ink() }, [1]))
+  new MutationObserver(() => Plotly.update(place, { colorscale: [colors()], "line.color": [undefined, ink()], "textfont.color": [undefined, undefined, ink()] }, { "font.color": ink() }, [0, 1, 2]))
     .observe(document.body, { attributeFilter: ["data-md-color-scheme"] }); // the theme sets it late, and readers change it
   let picture = 0, moving = !window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   const show = () => {

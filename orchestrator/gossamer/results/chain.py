@@ -49,8 +49,8 @@ class Run:
     @cached_property
     def verdict(self) -> Verdict:
         """What the page of the run says first."""
-        from gossamer_orchestrator.results.report.content import read_watch
         from gossamer_orchestrator.results.report.verdict import make_verdict
+        from gossamer_orchestrator.results.watch import read_watch
 
         return make_verdict(self.data, self.judgements, read_watch(self.folder))
 

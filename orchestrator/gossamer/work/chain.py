@@ -34,7 +34,7 @@ def run(scenario: str, out: Path | None, fmus: Path, *, pictures: bool, **option
         data, folder = simulate(scenario, out, fmus, **options)
         if drawing:
             draw(drawing, data, folder, logger.warning)
-    return Run(folder=folder, data=with_places(data))
+    return Run(folder=folder, data=with_places(data, folder))
 
 
 def validate(scenario: str, fmus: Path, **options: Any) -> Validation:  # noqa: ANN401
@@ -80,17 +80,19 @@ def load(results: str | PathLike[str]) -> Run:
     from gossamer_orchestrator import load_results
 
     path = Path(results)
-    data = load_results(path)
-    return Run(folder=path if path.is_dir() else path.parent, data=with_places(data))
+    folder = path if path.is_dir() else path.parent
+    return Run(folder=folder, data=with_places(load_results(path), folder))
 
 
 def sweep(scenario: str, ranges: list[str], out: Path | None, fmus: Path, **options: Any) -> Sweep:  # noqa: ANN401
     """Run a scenario with many values."""
     from gossamer_orchestrator.cli.sweep import run_cases
+    from gossamer_orchestrator.run.sweep import is_finished
 
     cases, ended, folder, files = run_cases(scenario, ranges, out, fmus, **options)
     store = next((path for path in files if path.suffix == ".zarr"), None)
-    data = None if store is None else with_places(xr.open_zarr(store, consolidated=False))
+    finished = (folder / case.name for case, text in zip(cases, ended, strict=True) if is_finished(text))
+    data = None if store is None else with_places(xr.open_zarr(store, consolidated=False), next(finished, None))
     return Sweep(folder=folder, cases=cases, ended=ended, data=data)
 
 

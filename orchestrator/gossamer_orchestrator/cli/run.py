@@ -13,6 +13,7 @@ import typer
 
 from ..errors import OrchestratorError, ResultsError
 from ..results.drawing import Drawing
+from ..results.watch import WATCH
 from ..scenario.shipped import find_scenario
 from .build import build_fmus
 from .command import INVALID, Result, note, show, stderr
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DEMO = "damage_begins"
-WATCHED = "watch.json"
 
 
 def run(
@@ -153,7 +153,7 @@ def simulate(
     options |= {
         "values": read_changes(values or []),
         "resume": resume,
-        "observers": [LiveWatch(folder / WATCHED)] if watched else [],
+        "observers": [LiveWatch(folder / WATCH)] if watched else [],
     }
     return run_scenario(path, fmus, folder, progress=ProgressBar(path.stem, stderr()), **options), folder
 
@@ -178,15 +178,15 @@ def _run(
             for text in ("Interrupted.", *getattr(error, "__notes__", ())):
                 typer.echo(text, err=True)
             raise typer.Exit(130) from None
-        files = [out / name for name in (NETCDF, CSV, *[WATCHED] * watched) if (out / name).is_file()]
+        files = [out / name for name in (NETCDF, CSV, *[WATCH] * watched) if (out / name).is_file()]
         for path in files:
             show(path)
         found = _judged(data)
         drawn = draw(drawing, data, out, note) if drawing else []
     for path in drawn:
         show(path)
-    if watched and (out / WATCHED).is_file():
-        found["watch"] = json.loads((out / WATCHED).read_text(encoding="utf-8"))
+    if watched and (out / WATCH).is_file():
+        found["watch"] = json.loads((out / WATCH).read_text(encoding="utf-8"))
         found["valid"] = found["valid"] is not False and found["watch"]["misfit"][-1] <= LARGE
     if out / PAGE in drawn:
         note_page(out / PAGE)

@@ -13,6 +13,7 @@ from gossamer_files import replacing
 from rich.console import Console
 
 from ..errors import OrchestratorError
+from ..results.watch import WATCH
 from .command import INVALID, Result, is_quiet, show, stderr
 from .common import keep_inputs, model_errors
 from .twin_options import (
@@ -105,7 +106,7 @@ def watch_given(
     from ..run.progress import ProgressBar
     from .twin_record import find_record
 
-    path = beside(record, "watch.json") if out is None else out
+    path = beside(record, WATCH) if out is None else out
     keep_inputs([file_of(record), sensor], [path])
     with model_errors():
         found = find_record(record, kind, noise, None, values or [])

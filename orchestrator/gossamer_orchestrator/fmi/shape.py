@@ -1,7 +1,8 @@
 r"""The shape of a membrane, read from the resources of its FMU and from its serialized state.
 
 Symbols: ``N`` nodes, ``n`` faces, ``R`` regions, ``K`` sensors. An FMU that can be drawn holds two files: ``shape.npz``, the
-nodes, faces and what moves them, and ``state.json``, where variables and states lie among the bytes of a state.
+nodes, faces and what moves them, and ``state.json``, where variables and states lie among the bytes of a state. A membrane
+whose size is a variable, the square, has places from the corner of its held edge, as all results of it; a mesh has its own.
 """
 
 from __future__ import annotations
@@ -99,11 +100,11 @@ class Shape:
         """Return what does not change during a run, with the size of the membrane and its material in a state."""
         values, files = self._doubles(state, "values", "n_values"), self._files
         size = _value(values, files["size"], 1.0)
-        known = self._surface
+        known, corner = self._surface, self._corner(values)
         return replace(
             known,
-            nodes=size * known.nodes,
-            sensor_points=size * known.sensor_points,
+            nodes=size * known.nodes - corner,
+            sensor_points=size * known.sensor_points - corner,
             poisson_ratio=_value(values, files["poisson_from"], known.poisson_ratio),
         )
 
@@ -128,12 +129,25 @@ class Shape:
         values, x = self._doubles(state, "values", "n_values"), self._doubles(state, "x", "n_x")
         surface, files = self.surface(state), self._files
         first, moving = int(files["q"]), files["moving"]
-        places = surface.nodes + np.tensordot(_value(values, files["moved_by"], 1.0), files["ways"], axes=1)
+        places = surface.nodes + self._ways(values)
         places[moving] += x[first : first + 3 * len(moving)].reshape(-1, 3)
         E, nu, S = values[files["youngs_modulus"]], surface.poisson_ratio, files["prestress"]
         warm = files["thermal_expansion"] * _value(values, files["temperature"], 0.0)
         along, across = ((S[:, a] - nu * S[:, 1 - a]) / E - warm for a in range(2))
         return places, np.column_stack([along, across, (1.0 + nu) * S[:, 2] / E])
+
+    def _ways(self, values: Array) -> Array:
+        """Return how inputs and parameters move the nodes, shape (N, 3) [m]."""
+        moved: Array = np.tensordot(_value(values, self._files["moved_by"], 1.0), self._files["ways"], axes=1)
+        return moved
+
+    def _corner(self, values: Array) -> Array:
+        """Return the least place of the held edge along each axis [m], shape (3,); zero where the size is no variable."""
+        if (size := self._files["size"]) < 0:
+            return np.zeros(3)
+        held: Array = values[size] * self._surface.nodes + self._ways(values)
+        corner: Array = held.min(axis=0)
+        return corner
 
     def _doubles(self, state: bytes, place: str, count: str) -> Array:
         begin, size = self._layout[place], self._layout[count]

@@ -149,7 +149,7 @@ def attributes(plan: Plan) -> dict[str, Any]:
 
 
 def _provenance(component: ComponentPlan) -> dict[str, Any]:
-    """Describe a component: its FMU, what the scenario set, and all Real parameters with their values."""
+    """Describe a component: its FMU, what the scenario set, all Real parameters with their values, and units of both."""
     fmu, start = component.fmu, component.start
     values = {v: start.get(v, fmu.variables[v].start) for v in fmu.names("parameter", kind="Real")}
     return {
@@ -158,6 +158,7 @@ def _provenance(component: ComponentPlan) -> dict[str, Any]:
         "guid": fmu.description.guid,
         "start": start,
         "parameters": {v: float(value) for v, value in values.items() if value is not None},
+        "units": {v: unit for v in {**values, **start} if (unit := fmu.unit(v))},
     }
 
 

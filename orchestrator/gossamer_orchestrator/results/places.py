@@ -1,6 +1,7 @@
 """Where on the membrane the recorded values belong: zones, nodes and sensors as coordinates of a dataset.
 
 Symbols: ``x``, ``y`` from the corner of the stretched square at the origin [m]; a row of zones runs along x, row 1 at y = 0.
+Of a membrane from a mesh ``x``, ``y``, ``z`` are those of its mesh [m], without strain.
 """
 
 from __future__ import annotations
@@ -8,44 +9,46 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Hashable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from ..fmi.shape import Array, Surface
 from .columns import PLACES
+from .files import load_results
 from .plots.axes import side
 from .report.membrane import SENSORS
 from .roles import find_all, is_whole
+from .shapes import load_shapes
 
 
-def with_places(data: xr.Dataset) -> xr.Dataset:
+def with_places(data: xr.Dataset, folder: Path | None = None) -> xr.Dataset:
     """Give results the places of zones, sensors and nodes.
 
     Parameters
     ----------
     data : xarray.Dataset
         Results, as ``load_results`` gives them, or those of a sweep, with a dimension ``case``.
+    folder : Path, optional
+        Folder of the run, or of one of the cases, where the shape of a membrane from a mesh may be.
 
     Returns
     -------
     xarray.Dataset
         The same values. The dimension ``zone`` of what the membrane and the detectors give by zone has coordinates
         ``row``, ``column`` and the centre ``zone_x``, ``zone_y``; the dimension ``sensor`` of the membrane's strain
-        ``sensor_x``, ``sensor_y``; its deflection ``w`` the dimensions ``x`` and ``y``. A membrane from a mesh file, and
-        what was recorded of some zones or sensors only, have no places. Places are in parts of the side, of unit 1, where
-        the results do not say how long it is.
+        ``sensor_x``, ``sensor_y``; its deflection ``w`` the dimensions ``x`` and ``y``. Of a membrane from a mesh file,
+        zones have the centres ``zone_x``, ``zone_y``, ``zone_z`` of its mesh, and sensors the same three, where the run
+        recorded its shape. What was recorded of some zones or sensors only has no places. Places are in parts of the
+        side, of unit 1, where the results do not say how long it is.
     """
-    found = {"membrane": _squares(data), "detector": find_all(data, "detector")}
+    found = {role: find_all(data, role) for role in ("membrane", "detector")}
+    if meshes := _meshes(data, folder, found["membrane"]):
+        return _on_mesh(data, folder, meshes[0], found["detector"])
     membrane = next(iter(found["membrane"]), "")
-    zones = [
-        f"{name}.{variable}"
-        for role, names in found.items()
-        for name in names
-        for variable, place in PLACES[role].items()
-        if place == "zone"
-    ]
-    of_zones = [name for name in zones if name in data and len(_places(data[name])) == 1]
+    of_zones = [name for role, names in found.items() for name in _of_zones(data, role, names)]
     count = max((data[name].shape[-1] for name in of_zones), default=0)
     width, (length, unit) = math.isqrt(count), side(data)
     metres = {"units": unit if unit == "m" else "1"}
@@ -94,11 +97,52 @@ def zone_places(width: int, length: float, units: dict[str, str]) -> dict[str, A
     }
 
 
-def _squares(data: xr.Dataset) -> list[str]:
-    """List the square membranes: all but those whose parameters are known and have no side."""
-    fmus = json.loads(data.attrs.get("fmus", "{}"))
-    known = {name: fmus.get(name, {}).get("parameters") for name in find_all(data, "membrane")}
-    return [name for name, parameters in known.items() if not parameters or "side_length" in parameters]
+def _meshes(data: xr.Dataset, folder: Path | None, membranes: list[str]) -> list[str]:
+    """List the membranes from meshes: those whose parameters are known and have no side."""
+    fmus = data.attrs.get("fmus")
+    if fmus is None and folder is not None:  # cases of a sweep differ in values, so the sweep says nothing of its FMUs
+        fmus = load_results(folder).attrs.get("fmus")
+    known = {name: each.get("parameters") for name, each in json.loads(fmus or "{}").items()}
+    return [name for name in membranes if known.get(name) and "side_length" not in known[name]]
+
+
+def _on_mesh(data: xr.Dataset, folder: Path | None, membrane: str, detectors: list[str]) -> xr.Dataset:
+    """Give zones and sensors of a membrane from a mesh their places, where its shape was recorded."""
+    history = None if folder is None else load_shapes(folder).get(membrane)
+    if history is None:
+        return data
+    zones = _of_zones(data, "membrane", [membrane]) + _of_zones(data, "detector", detectors)
+    coordinates: dict[str, Any] = {}
+    for dim, what, names, places in (
+        ("zone", "the centre of the zone", zones, _zone_centres(history.surface)),
+        ("sensor", "the sensor", [f"{membrane}.strain"], history.surface.sensor_points),
+    ):
+        if any(name in data and data[name].dims[-1] == dim and is_whole(data[name], len(places)) for name in names):
+            for axis, values in zip("xyz", places.T, strict=True):
+                described = {"units": "m", "long_name": f"{axis} of {what}"}
+                coordinates[f"{dim}_{axis}"] = (dim, values, described)
+    return data.assign_coords(coordinates)
+
+
+def _zone_centres(surface: Surface) -> Array:
+    """Return the mean place of the faces of each zone by their area, shape (zones, 3) [m]; not a number without faces."""
+    corners = surface.nodes[
+        np.where(surface.faces < 0, surface.faces[:, [2]], surface.faces)
+    ]  # a triangle's last twice
+    a, b, c, d = np.swapaxes(corners, 0, 1)
+    halves = [np.linalg.norm(np.cross(one - a, other - a), axis=1) / 2.0 for one, other in ((b, c), (c, d))]
+    centres = halves[0][:, None] * (a + b + c) / 3.0 + halves[1][:, None] * (a + c + d) / 3.0
+    zones = range(int(surface.zone.max(initial=-1)) + 1)
+    some = [surface.zone == zone for zone in zones]
+    with np.errstate(invalid="ignore"):
+        found = [centres[each].sum(axis=0) / (halves[0] + halves[1])[each].sum() for each in some]
+    return np.array(found).reshape(-1, 3)
+
+
+def _of_zones(data: xr.Dataset, role: str, names: list[str]) -> list[str]:
+    """List the recorded variables of components with a role that have a value for each zone."""
+    found = [f"{name}.{variable}" for name in names for variable, place in PLACES[role].items() if place == "zone"]
+    return [name for name in found if name in data and len(_places(data[name])) == 1]
 
 
 def _places(array: xr.DataArray) -> tuple[Hashable, ...]:

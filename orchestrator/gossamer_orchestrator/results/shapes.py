@@ -1,9 +1,9 @@
 """The shapes of the membranes of a run on disk: ``shapes.nc``, netCDF 3, beside ``results.nc``.
 
 For each membrane that can be drawn, ``NAME.shape`` over time, node and axis holds the places of the nodes [m] at some
-instants, and ``NAME.eigenstrain`` the strain beyond the geometry. ``NAME.nodes``, ``NAME.faces`` and so on are its
-``Surface``. As with ``results.nc``, ``unfinished_shapes.nc`` takes the place of ``shapes.nc`` while a run goes on, and is
-whole at any time.
+instants, those of a square from its corner, and ``NAME.eigenstrain`` the strain beyond the geometry. ``NAME.nodes``,
+``NAME.faces`` and so on are its ``Surface``. As with ``results.nc``, ``unfinished_shapes.nc`` takes the place of
+``shapes.nc`` while a run goes on, and is whole at any time.
 """
 
 from __future__ import annotations

@@ -82,6 +82,7 @@ def test_the_last_judgements_stand_over_what_varies_with_their_deviations(swept)
     assert values(zone["x"]) == pytest.approx([0.0, 0.0, 0.2, 0.2, 0.4])
     assert values(zone["y"]) == pytest.approx([0.0, 0.0, 18.0, 18.0, 36.0])
     assert values(zone["error_y"]["array"]) == pytest.approx([0.0, 0.0, 2.0, 2.0, 4.0])
+    assert charts["Last valid judgement over membrane.damage[2]"]["layout"]["xaxis"]["ticktext"] == ["0", "0.2", "0.4"]
     cells = charts["Mean absolute error over all zones [% damage]"]["traces"][0]
     assert (cells["x"], cells["y"]) == (["0", "0.2", "0.4"], ["1", "2"])
     assert values(cells["z"]) == [pytest.approx([0.0, 0.5, 1.0]), pytest.approx([0.0, 0.5, np.nan], nan_ok=True)]

@@ -51,6 +51,7 @@ def report(tmp_path_factory) -> str:
     data, tmp_path = made_up().drop_vars("detector.similarity"), tmp_path_factory.mktemp("report")
     data["detector.deviation"] = (data["detector.damage"].dims, 0.1 * data["detector.damage"].to_numpy())
     data["detector.misfit"] = ("time", np.full(10, 0.4))
+    data["detector.risk"] = ("time", 0.004 * (np.arange(10) >= 8))
     for k in range(1, 5):
         data[f"compensator{k}.strain_deviation"] = ("time", np.full(10, 1e-3))
         data[f"compensator{k}.resistance"] = ("time", 100.0 + np.arange(10.0) + 0.1)

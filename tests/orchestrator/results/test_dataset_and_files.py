@@ -8,11 +8,13 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_orchestrator import ProgressBar, ResultsError, load_results, run_scenario
+from gossamer_fmus import build_fmu
+from gossamer_orchestrator import ProgressBar, ResultsError, load_results, parse_scenario, run_scenario
 from gossamer_orchestrator.results.columns import Column
 from gossamer_orchestrator.results.dataset import arrange
 from gossamer_orchestrator.results.files import save_results
 from rich.console import Console
+from sails import sail_model
 from stopping import WaitAt
 
 
@@ -40,6 +42,16 @@ def test_results_carry_scenario_units_guids_and_versions(chain, fmus, tmp_path):
     assert set(json.loads(data.attrs["versions"])) == {"gossamer", "FMPy", "numpy"}
     assert data.attrs["ended"] == "complete"
     assert data["time"].attrs["units"] == "s"
+
+
+def test_results_carry_the_units_that_the_fmu_states_of_parameters_and_inputs(tmp_path):
+    build_fmu(sail_model(), tmp_path)
+    inputs = '"pull" = 0.0, "pressure" = 0.0, "temperature[*]" = 0.0, "base_acceleration[*]" = 0.0, "damage[1]" = 0.2'
+    text = f"step = 1e-3\nstop = 1e-3\n[components.sail]\nfmu = 'membrane'\ninputs = {{ {inputs} }}\n"
+    sail = json.loads(run_scenario(parse_scenario(text), tmp_path).attrs["fmus"])["sail"]
+    assert set(sail["units"]) == {*sail["parameters"], *sail["start"]}
+    named = ("youngs_modulus[1]", "pressure", "damage[1]")
+    assert [sail["units"][name] for name in named] == ["Pa", "Pa", "1"]
 
 
 def test_elements_become_dimensions_with_their_indices_as_labels():

@@ -7,7 +7,10 @@ import json
 import numpy as np
 import pytest
 from gossamer_orchestrator import judge
+from gossamer_orchestrator.fmi.shape import Surface
+from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.places import with_places
+from gossamer_orchestrator.results.shapes import create_shapes
 
 SIDE = 0.588 + 2 * 0.006
 
@@ -57,10 +60,43 @@ def test_a_side_that_is_not_known_counts_as_one(whole):
     assert (float(x[3]), x.attrs["units"]) == (0.5, "1")
 
 
-def test_a_membrane_from_a_mesh_has_none_of_the_places_of_a_square(whole):
-    sail = whole[["membrane.damage", "membrane.strain"]].isel(zone=slice(4))
+@pytest.fixture
+def sail(whole):
+    """Results of a membrane from a mesh, with two zones and two sensors, and a detector that knows these zones."""
+    names = ["membrane.damage", "membrane.strain", "detector.damage"]
+    sail = whole[names].isel(zone=slice(2), sensor=slice(2)).assign_attrs(schema="gossamer.results", version=1)
     sail.attrs["fmus"] = json.dumps({"membrane": {"model": "membrane", "parameters": {"mass_damping": 1.0}}})
-    assert set(with_places(sail).coords) == {"time", "zone", "sensor"}
+    return sail
+
+
+def test_a_membrane_from_a_mesh_has_none_of_the_places_of_a_square(sail, tmp_path):
+    assert set(with_places(sail).coords) == set(with_places(sail, tmp_path).coords) == {"time", "zone", "sensor"}
+
+
+def test_zones_and_sensors_of_a_mesh_are_where_its_shape_has_them(sail, tmp_path):
+    """A square of 1 m beside a triangle of 3 m2, and a face of no zone; so in a sweep, which names no FMUs."""
+    nodes = np.array([[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1], [7, 0, 1], [7, 9, 1]], dtype=float)
+    surface = Surface(
+        nodes=nodes,
+        faces=np.array([[0, 1, 2, 3], [1, 4, 2, -1], [4, 5, 2, -1]]),
+        element=np.arange(3),
+        region=np.zeros(3, dtype=int),
+        zone=np.array([0, 1, -1]),
+        poisson_ratio=np.array([0.3]),
+        direction=np.array([[1.0, 0.0, 0.0]]),
+        sensor_points=np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]]),
+        sensor_directions=np.array([[1.0, 0.0, 0.0]] * 2),
+    )
+    create_shapes(tmp_path / "shapes.nc", {"membrane": surface}, 0.0, {"membrane": (nodes, np.zeros((1, 3)))}).close()
+    save_results(sail, tmp_path)
+    swept = sail.expand_dims(case=[1, 2]).drop_attrs()
+    for placed in (with_places(sail, tmp_path), with_places(swept, tmp_path)):
+        assert placed["detector.damage"]["zone_x"].to_numpy() == pytest.approx([0.5, 3.0])
+        assert placed["membrane.damage"]["zone_y"].to_numpy() == pytest.approx([0.5, 1.0 / 3.0])
+        assert placed["zone_z"].to_numpy() == pytest.approx([1.0, 1.0])
+        assert placed["membrane.strain"]["sensor_y"].to_numpy() == pytest.approx([0.2, 0.4])
+        assert placed["zone_x"].attrs == {"units": "m", "long_name": "x of the centre of the zone"}
+        assert "row" not in placed.coords
 
 
 def test_some_zones_alone_have_no_places(whole):

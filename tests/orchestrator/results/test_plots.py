@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -37,6 +38,42 @@ def test_titles_say_when_and_how_well(data, later_window_invalid):
     assert ax.get_xlim()[1] > 9.0
     markers = {line.get_marker(): list(line.get_xdata()) for line in ax.lines if line.get_marker() in ("o", "x")}
     assert markers == {"o": [4.0], "x": [8.0]}
+
+
+def test_the_history_of_damage_names_its_band_and_marks_what_the_twin_saw(data, tmp_path):
+    data["detector.deviation"] = (data["detector.damage"].dims, 0.1 * data["detector.damage"].to_numpy())
+    watch = {"alarms": [6.0, 7.0], "findings": [{"onset": 5.2, "onset_deviation": 0.1, "damage": [0.3]}]}
+    ax = plots.plot_damage_history(data, watch=watch, ax=Figure().add_subplot())
+    named = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert {name: named.count(name) for name in ("± 2 standard deviations", "alarm, twin", "onset, twin")} == {
+        "± 2 standard deviations": 1,
+        "alarm, twin": 1,
+        "onset, twin": 1,
+    }
+    assert [line.get_xdata()[0] for line in ax.lines if line.get_linestyle() == "-."] == [6.0, 7.0]
+    assert [line.get_xdata().tolist() for line in ax.lines if line.get_marker() == "v"] == [[5.2]]
+    plots.save_pictures(data, tmp_path / "without")
+    (tmp_path / "watch.json").write_text(json.dumps(watch))
+    plots.save_pictures(data, tmp_path)
+    plain, marked = (folder / "damage_history.png" for folder in (tmp_path / "without", tmp_path))
+    assert plain.read_bytes() != marked.read_bytes()
+
+
+def test_the_compensated_strain_is_a_thin_line_on_the_broad_true_one(data):
+    ax = plots.plot_strain(data, 1, ax=Figure().add_subplot())
+    true, compensated = ax.lines
+    assert true.get_linewidth() > 3.0 * compensated.get_linewidth()
+    assert true.get_zorder() <= compensated.get_zorder()
+
+
+def test_no_number_beside_a_strain_is_long_however_little_it_changes(data):
+    for change in (1e-9, 1e-6, 1e-3, 1.0):
+        few = 0.0204081632653 + change * (data["membrane.strain"] - 0.02)
+        both = data.assign({"membrane.strain": few, "compensator1.strain": few[:, 0]})
+        figure = Figure(figsize=(5.5, 3.5))
+        ax = plots.plot_strain(both, ax=figure.add_subplot())
+        FigureCanvasAgg(figure).draw()
+        assert max(len(re.findall(r"\d", label.get_text())) for label in ax.get_yticklabels()) <= 4
 
 
 def test_a_compensator_that_is_late_is_compared_with_the_strain_of_that_time(data):

@@ -196,12 +196,17 @@ def test_a_page_of_ten_minutes_stays_under_ten_megabytes(tmp_path):
 def test_the_tables_say_what_connections_do_and_count_in_plain_words(certain, tmp_path):
     changes = {"gain": 2.0, "noise": {"kind": "normal", "amplitude": 0.1}, "dropout": {"probability": 0.001, "seed": 3}}
     certain.attrs["connections"] = json.dumps([["a.y", "b.u", changes]])
+    given = {"start": {"stiff": 3e6}, "parameters": {"stiff": 3e6}, "units": {"stiff": "Pa"}}
+    certain.attrs["fmus"] = json.dumps({"a": given})
+    certain["a.limit"] = ("time", np.full(10, 4.0), {"units": "ohm"})
     write_report(certain.isel(time=slice(6)), tmp_path)
     text = with_spaces((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert (
         "gain 2; normal noise, standard deviation 0.1, seed 0; 0.1 % of the samples are lost, the last is held, seed 3"
         in text
     )
+    assert '<th scope="row">stiff</th><td>3000000</td><td>Pa</td><td>scenario</td>' in text
+    assert '<th scope="row">a.limit</th><td>4</td><td>ohm</td>' in text
     for summary in ("1 connection", "1 window"):
         assert f"<summary>{summary}</summary>" in text
 

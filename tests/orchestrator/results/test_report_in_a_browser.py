@@ -16,7 +16,9 @@ from gossamer_orchestrator.results.shapes import create_shapes
 
 def test_the_slider_moves_every_picture_and_nothing_is_amiss(page):
     assert page.inner_text("#verdict").startswith("Damaged: zone 2 lost 20.0\xa0±\xa02.0\xa0% of its stiffness")
-    assert page.locator("figure").count() == 11
+    assert page.locator("figure").count() == 12
+    risk = "page.figures.find(each => each.title.startsWith('Risk')).div.data[0].y"
+    assert page.evaluate(risk) == pytest.approx([0.0, 0.4])  # [%]
     assert page.inner_text("#clock") == "9.0000 s"
     heights = "() => Array.from(page.figures.find(each => each.title === 'Membrane').div.data[0].z)"
     shown = "() => page.figures[0].div.data[0].z.flat()"
@@ -120,6 +122,24 @@ def test_what_is_read_lies_over_what_the_sensor_has_and_a_note_says_what_the_ban
     assert [line["name"] for line in lines] == ["of the sensor", "as read"]
     assert lines[0]["line"]["width"] > 2 * lines[1]["line"]["width"]
     assert "two strain_deviation wide to each side" in page.inner_text("figure:has(strong:text-is('Strain')) small")
+
+
+def test_a_spectrum_has_powers_of_ten_alone_and_few_variables_title_their_panel(browser, tmp_path):
+    time = 3e-4 * np.arange(2000.0)
+    resistance = (
+        100.0 + 10.0 * np.sin(2.0 * np.pi * 30.0 * time) + np.random.default_rng(1).normal(0.0, 0.01, time.size)
+    )
+    data = xr.Dataset({"sensor1.resistance": ("time", resistance), "sensor1.strain": ("time", 1e-3 * resistance)})
+    data = data.assign_coords(time=time).assign({"a.y": ("time", time), "b.y": ("time", -time)})
+    troubles: list[str] = []
+    page = opened(browser, write_report(data, tmp_path).as_uri(), troubles)
+    ticks = "[...page.figures.find(each => each.title.startsWith('Spectrum')).div.querySelectorAll('.xtick, .ytick')]"
+    words = page.evaluate(f"{ticks}.map((each) => each.textContent.replace(/\\u200b/g, '')).filter(Boolean)")
+    assert {"100", "101", "102", "103"} <= set(words)  # a power of ten each
+    assert all(re.fullmatch(r"10[−\d]+", word) for word in words), words
+    assert page.locator("strong:text-is('a.y, b.y')").count() == 1
+    assert troubles == []
+    page.close()
 
 
 def test_without_deflections_the_membrane_is_flat_and_says_so(browser, data, tmp_path):

@@ -14,6 +14,7 @@ from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.fmi.shape import Shape, Surface
 from gossamer_orchestrator.results.files import save_results
+from gossamer_orchestrator.results.report.surface import surface_content
 from gossamer_orchestrator.results.shapes import ShapeHistory, create_shapes
 from gossamer_orchestrator.results.surface import SLACK, TAUT, WRINKLED, face_strains
 from gossamer_orchestrator.results.vtk import export_vtk
@@ -100,7 +101,7 @@ def test_strain_and_marks_are_those_that_the_model_states(pull):
 
 @pytest.mark.parametrize("frame", [False, True])
 def test_the_shape_of_the_square_is_strained_as_its_sensors_measure(frame):
-    """A face is not as small as a sensor, so within a few percent; the size is that of the run."""
+    """A face is not as small as a sensor, so within a few percent; size and places from the corner are those of the run."""
     model = membrane_model(8, 2, frame=frame)
     stepper = Stepper(model, side_length=0.4, edge_displacement=0.004, poisson_ratio=0.4)
     stepper.initialize()
@@ -109,7 +110,9 @@ def test_the_shape_of_the_square_is_strained_as_its_sensors_measure(frame):
         stepper.step(3e-4)
     shape = shape_of(model)
     (places, eigenstrain), drawn = shape.read(stepper.state), shape.surface(stepper.state)
-    assert np.abs(places).max(axis=0)[:2] == pytest.approx([0.204, 0.204], abs=1e-15)
+    assert places[:, :2].min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-15)
+    assert places[:, :2].max(axis=0) == pytest.approx([0.408, 0.408], abs=1e-15)
+    assert drawn.sensor_points[1] == pytest.approx([0.004 + 0.4 * 2 / 3, 0.004 + 0.4 / 3, 0.0], abs=1e-15)
     assert places[len(places) // 2, 2] == pytest.approx(stepper.get("deflection"), abs=1e-15)
     assert drawn.poisson_ratio.tolist() == [0.4]
     assert not eigenstrain.any()
@@ -123,6 +126,22 @@ def test_the_shape_of_the_square_is_strained_as_its_sensors_measure(frame):
         assert lengths[0] / lengths[1] - 1.0 == pytest.approx(measured, rel=0.05)
     largest = face_strains(drawn, places, eigenstrain).largest.max()
     assert 0.8 * stepper.get("largest_strain") < largest < stepper.get("largest_strain")
+
+
+def test_numbers_of_zones_stand_in_their_zones_and_apart_from_sensors():
+    """The sensors of the square are near the middles of zones 6, 7, 10 and 11."""
+    stepper = Stepper(membrane_model(4, 2))
+    stepper.initialize()
+    drawn = shape_of(membrane_model(4, 2)).surface(stepper.state)
+    history = ShapeHistory(drawn, np.zeros(1), drawn.nodes[None], np.zeros((1, 1, 3)))
+    content = surface_content(history, np.zeros(1, dtype=int))
+    size = 0.588 / 4
+    for zone, (node, offset) in enumerate(zip(content["labels"], content["label_offsets"], strict=True)):
+        place = drawn.nodes[node] + offset
+        row, column = divmod(zone, 4)
+        assert ((place - 0.006)[:2] // size).tolist() == [column, row]
+        assert np.linalg.norm(place - drawn.sensor_points, axis=1).min() > 0.45 * size
+    assert content["label_offsets"][0] == [0.0, 0.0, 0.0]
 
 
 @pytest.fixture

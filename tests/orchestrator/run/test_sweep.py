@@ -116,21 +116,25 @@ def test_the_panels_show_the_cases_and_share_their_axes():
     assert [ax.get_title() for ax in drawn] == ["1: u=0.5", "2: u=1", "5: u=2"]
     assert [ax.lines[0].get_ydata().tolist() for ax in drawn] == values.tolist()
     assert len({ax.get_ylim() for ax in drawn}) == 1
-    assert figure.get_suptitle() == "one.y [m]"
+    assert (figure.get_suptitle(), figure.get_supylabel()) == ("one.y", "y [m]")
 
 
-def test_of_an_array_with_many_elements_the_last_values_are_bars():
+def test_of_an_array_with_many_elements_the_last_values_are_bars_in_percent_with_the_truth():
     """The second case ended before the last time: its last values are those before."""
     values = np.arange(2 * 3 * 16.0).reshape(2, 3, 16)
     values[1, 2] = np.nan
     coordinates = {"case": [1, 2], "time": [0.0, 0.1, 0.2], "zone": range(1, 17)}
     figure = Figure()
     valid = xr.DataArray([[0, 0, 1], [0, 0, np.nan]], {k: coordinates[k] for k in ("case", "time")}, ("case", "time"))
-    plot_cases(xr.DataArray(values, coordinates, ("case", "time", "zone"), name="d.damage"), [], figure, valid)
+    found = xr.DataArray(values / 100.0, coordinates, ("case", "time", "zone"), name="d.damage")
+    plot_cases(found, [], figure, valid, 0.5 * found)
     drawn = [[bar.get_height() for bar in ax.patches] for ax in figure.axes if ax.patches]
-    assert drawn == [values[0, 2].tolist(), values[1, 1].tolist()]
+    assert drawn == [pytest.approx(values[0, 2]), pytest.approx(values[1, 1])]
+    true = [ax.lines[0].get_ydata().tolist() for ax in figure.axes if ax.patches]
+    assert true == [pytest.approx(values[0, 2] / 2.0), pytest.approx(values[1, 1] / 2.0)]
+    assert figure.axes[0].get_xticks().tolist() == [1, 4, 7, 10, 13, 16]
     assert [[text.get_text() for text in ax.texts] for ax in figure.axes if ax.patches] == [[], ["not valid"]]
-    assert figure.get_suptitle() == "last d.damage [1]"
+    assert (figure.get_suptitle(), figure.get_supylabel()) == ("last d.damage", "damage [%]")
 
 
 def test_of_many_cases_some_are_drawn_and_the_title_says_so():
@@ -138,7 +142,7 @@ def test_of_many_cases_some_are_drawn_and_the_title_says_so():
     figure = Figure()
     plot_cases(data, [], figure)
     assert sum(bool(ax.lines) for ax in figure.axes) == 34
-    assert figure.get_suptitle() == "y [1], every 3th of 100 cases"
+    assert figure.get_suptitle() == "y, one in 3 of 100 cases"
 
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")

@@ -11,6 +11,7 @@ from gossamer_fmus import build_all
 from gossamer_models.identify import identify_files, settings_for
 from gossamer_orchestrator import judge, load_results, load_scenario, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.results.judgements import windows
+from gossamer_orchestrator.results.shapes import load_shapes
 from gossamer_orchestrator.scenario.shipped import shipped_scenarios
 from studies.specimen.files import write_datasets
 
@@ -61,9 +62,10 @@ def test_damage_that_begins_half_way_is_seen_through_noise_in_the_windows_after_
         assert error.max() < 0.04
 
 
-def test_in_service_nothing_but_what_instruments_see_is_recorded_and_the_damage_is_found(built):
+def test_in_service_nothing_but_what_instruments_see_is_recorded_and_the_damage_is_found(built, tmp_path):
     """30 % in zone 10 from 0.4 s on: within the second window, which is no judgement; the later ones find it."""
-    data = run_scenario(shipped_scenarios()["in_service"], built("native")["sensor"].parent)
+    data = run_scenario(shipped_scenarios()["in_service"], built("native")["sensor"].parent, tmp_path)
+    assert load_shapes(tmp_path) == {}
     assert {str(name).partition(".")[0] for name in data.data_vars} == {
         *(f"estimator{k}" for k in range(1, 5)),
         "detector",

@@ -17,6 +17,7 @@ from .sweep_cases import Array, Drawn, Ended, read_cases, read_history
 
 CURVES = 12  # cases whose curves are drawn
 ROWS = 300  # cases in the table, and all that failed
+TICKS = 8  # values of what varies that stand along an axis
 ZONES = 5  # zones with a colour of their own
 NAMED = 3  # reasons of failures in the verdict
 LOOKS = {"last": ("@0", "circle"), "largest": ("@1", "triangle-up"), "RMS": ("@2", "square")}
@@ -114,6 +115,7 @@ def _damage_charts(ended: Sequence[Ended], over: Sequence[str]) -> list[Chart]:
             y="damage [%]",
             traces=_zones(_values(some, name), estimated, deviation, true if known else None),
             note=note,
+            layout=_ticks(some, name),
         )
         for name in over
     ]
@@ -171,6 +173,7 @@ def _scalar_charts(ended: Sequence[Ended], over: Sequence[str], what: Drawn, fol
                 points(kind, _values(there, name), numbers[kind], color, symbol=symbol)
                 for kind, (color, symbol) in LOOKS.items()
             ],
+            layout=_ticks(there, name),
         )
         for name in over
     ]
@@ -194,6 +197,14 @@ def _values(ended: Sequence[Ended], name: str) -> NDArray[np.float64] | list[str
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         return np.array(values, dtype=float)
     return [str(value) for value in values]
+
+
+def _ticks(ended: Sequence[Ended], name: str) -> dict[str, object]:
+    """Return the layout of an axis over what varies: the values themselves, if they are few and apart."""
+    values = np.unique(np.asarray(_values(ended, name)))
+    if values.dtype.kind == "U" or not 1 < len(values) <= TICKS or np.diff(values).min() < np.ptp(values) / (2 * TICKS):
+        return {}
+    return {"xaxis": {"tickvals": values, "ticktext": [_text(value) for value in values.tolist()]}}
 
 
 def _text(value: object) -> str:

@@ -77,7 +77,8 @@ def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
 def _damage(answer: Answer) -> list[Chart]:
     zones = np.arange(1, len(answer.damage) + 1)
     estimate = points("damage", zones, 100.0 * answer.damage, "@0", 100.0 * answer.deviation)
-    layout = {"xaxis": {"dtick": 1}, "showlegend": False}
+    axis = {"tick0": 1, "dtick": 1, "tickangle": 0, "tickfont": {"size": 11}, "range": [0.4, len(zones) + 0.6]}
+    layout = {"xaxis": axis, "showlegend": False}
     charts = [
         Chart(section="Damage", title="Damage", x="zone", y="damage [%]", traces=[estimate], layout=layout),
         Chart(

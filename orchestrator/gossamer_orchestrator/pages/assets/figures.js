@@ -21,6 +21,13 @@ function damageScale(colors) {
   return (colors.dark ? dim : steps).map((color, i) => [i / 4, color]);
 }
 
+// Of values to both sides of zero: zero is the colour of the paper.
+function signedScale(colors) {
+  const steps = ["#08519c", "#6baed6", "#f2f2f2", "#e0a93b", "#7f4f00"];
+  const dim = ["#8fd0f5", "#2f7fb8", "#27303a", "#a87416", "#ffd166"];
+  return (colors.dark ? dim : steps).map((color, i) => [i / 4, color]);
+}
+
 function translucent(color, alpha) {
   const parts = [1, 3, 5].map((at) => parseInt(color.slice(at, at + 2), 16));
   return `rgba(${parts.join(",")},${alpha})`;

@@ -1,6 +1,6 @@
 """Plots of a run: every ``plot_*`` draws into one ``Axes`` and returns it; ``save_pictures`` writes the usual pages.
 
-To add a plot, write its function in the file of its theme, and its page in ``PAGES`` at the end of that file.
+To add a plot, write its function in the file of its theme, and its page at the end of that file.
 """
 
 from .damage import plot_damage_history, plot_damage_map

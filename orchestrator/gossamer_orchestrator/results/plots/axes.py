@@ -12,6 +12,7 @@ from ..roles import find_all
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 LEAST_SPAN = 1e-4  # of an axis, in shares of the values
 STEPS = [1, 2, 2.5, 5, 10]  # of ticks, but for powers of ten
@@ -22,22 +23,35 @@ def time_axis(ax: Axes) -> None:
     from matplotlib.ticker import MaxNLocator
 
     ax.xaxis.set_major_locator(MaxNLocator(6, steps=STEPS))
-    ax.ticklabel_format(axis="x", style="sci", scilimits=(-2, 5), useOffset=True)
+    ax.ticklabel_format(axis="x", style="sci", scilimits=(-2, 5), useOffset=True, useMathText=True)
 
 
 def plain_axis(ax: Axes, which: Literal["x", "y"]) -> None:
     """Write the numbers of an axis out, few of them, on a scale on which values that hardly differ are one."""
     from matplotlib.ticker import MaxNLocator
 
-    axis = ax.xaxis if which == "x" else ax.yaxis
-    low, high = axis.get_view_interval()
-    largest = max(abs(low), abs(high))
-    room = 0.5 * max(0.0, LEAST_SPAN * largest - (high - low))
-    low, high = low - room, high + room
-    ax.set(**{f"{which}lim": (low, high)})
-    are_long = which == "x" and high - low < 1e-2 * largest
+    axis, low, high = _widened(ax, which)
+    are_long = which == "x" and high - low < 1e-2 * max(abs(low), abs(high))
     axis.set_major_locator(MaxNLocator(2 if are_long else 5, steps=STEPS))
     ax.ticklabel_format(axis=which, useOffset=False)
+
+
+def short_axis(ax: Axes, which: Literal["x", "y"]) -> None:
+    """Write few digits at each tick of an axis, and what they share, a power or a beginning, once."""
+    from matplotlib.ticker import MaxNLocator
+
+    axis, _, _ = _widened(ax, which)
+    axis.set_major_locator(MaxNLocator(4, steps=STEPS))
+    ax.ticklabel_format(axis=which, style="sci", scilimits=(-2, 4), useOffset=True, useMathText=True)
+
+
+def _widened(ax: Axes, which: Literal["x", "y"]) -> tuple[Axis, float, float]:
+    """Widen an axis until values that hardly differ are one; return it and its ends."""
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    low, high = axis.get_view_interval()
+    room = 0.5 * max(0.0, LEAST_SPAN * max(abs(low), abs(high)) - (high - low))
+    ax.set(**{f"{which}lim": (low - room, high + room)})
+    return axis, low - room, high + room
 
 
 def side(data: xr.Dataset) -> tuple[float, str]:

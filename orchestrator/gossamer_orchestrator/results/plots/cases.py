@@ -13,6 +13,7 @@ from gossamer_files.pictures import COLORS, GREY, picture
 
 from ...errors import ResultsError
 from ...names import suggest
+from ..judgements import true_damage
 from ..roles import find_all
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 PICTURE = "sweep.png"
 PANELS = 36  # of more cases every k-th is drawn
 POINTS = 2000  # of a curve
+TICKS = 6  # of the elements of an array
 LINE = 32  # characters; a title has two
 
 
@@ -52,39 +54,51 @@ def save_cases(store: Path, folder: Path, variable: str | None, varied: Sequence
         if name not in names:
             msg = f"no case recorded {name!r}. {suggest(name, names)}"
             raise ResultsError(msg)
+        detector, _, what = name.partition(".")
+        true = true_damage(data) if what == "damage" and detector in find_all(data, "detector") else ""
         with picture(folder / PICTURE) as figure:
-            valid = f"{name.partition('.')[0]}.valid"
-            plot_cases(data[name], varied, figure, data.get(valid))
+            plot_cases(data[name], varied, figure, data.get(f"{detector}.valid"), data.get(true))
     return [folder / PICTURE]
 
 
-def plot_cases(values: xr.DataArray, varied: Sequence[str], figure: Figure, valid: xr.DataArray | None = None) -> None:
-    """Draw a variable with the dimensions ``case``, ``time`` and perhaps one more, a panel per case.
+def plot_cases(
+    values: xr.DataArray,
+    varied: Sequence[str],
+    figure: Figure,
+    valid: xr.DataArray | None = None,
+    true: xr.DataArray | None = None,
+) -> None:
+    """Draw a variable with the dimensions ``case``, ``time`` and perhaps one more, a panel per case; damage in percent.
 
-    Last values that are no judgement by ``valid``, of the dimensions ``case`` and ``time``, are grey.
+    Last values that are no judgement by ``valid``, of the dimensions ``case`` and ``time``, are grey. Diamonds are the last
+    values of ``true``, of the dimensions of the variable.
     """
     stride = -(-values.sizes["case"] // PANELS)
     thinned = values.isel(case=slice(None, None, stride))
     if not _is_long(values):
         thinned = thinned.isel(time=slice(None, None, -(-values.sizes["time"] // POINTS)))
-    thinned = thinned.load()
+    factor, unit = (100.0, "%") if _is_damage(values) else (1.0, values.attrs.get("units", "1"))
+    thinned = factor * thinned.load()
     columns = math.ceil(math.sqrt(thinned.sizes["case"]))
     rows = -(-thinned.sizes["case"] // columns)
     figure.set_size_inches(2.4 * columns + 1.4, 1.9 * rows + 1.2)
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for ax in axes.flat[thinned.sizes["case"] :]:
         ax.set_axis_off()
+    many = _is_long(values)
     for ax, (_, case) in zip(axes.flat, thinned.groupby("case"), strict=False):
-        last = None if valid is None else valid.sel(case=case["case"].item()).dropna("time")
+        number = case["case"].item()
+        last = None if valid is None else valid.sel(case=number).dropna("time")
         _panel(ax, case.squeeze("case"), varied, is_valid=last is None or not last.size or float(last[-1]) > 0.5)
+        if many and true is not None:
+            _diamonds(ax, factor * true.sel(case=number))
     handles, labels = axes.flat[0].get_legend_handles_labels()
     if labels:
-        figure.legend(handles, labels, loc="outside right upper", title=values.dims[-1])
-    unit = values.attrs.get("units", "1")
-    some = "" if stride == 1 else f", every {stride}th of {values.sizes['case']} cases"
-    many = _is_long(values)
-    figure.suptitle(f"{'last ' * many}{values.name} [{unit}]{some}", parse_math=False)
+        figure.legend(handles, labels, loc="outside right upper", title=None if many else values.dims[-1])
+    some = "" if stride == 1 else f", one in {stride} of {values.sizes['case']} cases"
+    figure.suptitle(f"{'last ' * many}{values.name}{some}", parse_math=False)
     figure.supxlabel(str(values.dims[-1]) if many else "time [s]")
+    figure.supylabel(f"{str(values.name).rpartition('.')[2]} [{unit}]", parse_math=False)
 
 
 def _is_long(values: xr.DataArray) -> bool:
@@ -92,12 +106,25 @@ def _is_long(values: xr.DataArray) -> bool:
     return values.ndim > 2 and values.shape[-1] > len(COLORS)
 
 
+def _is_damage(values: xr.DataArray) -> bool:
+    return str(values.name).rpartition(".")[2] in ("damage", "deviation") and values.attrs.get("units", "1") == "1"
+
+
+def _diamonds(ax: Axes, true: xr.DataArray) -> None:
+    ended = true.dropna("time", how="all")
+    if ended.sizes["time"]:
+        zones, last = ended[ended.dims[-1]], ended.isel(time=-1)
+        ax.plot(zones, last, marker="D", ms=5, mfc="none", mec=COLORS[1], ls="", label="true")
+
+
 def _panel(ax: Axes, case: xr.DataArray, varied: Sequence[str], *, is_valid: bool) -> None:
     if case.ndim > 1 and case.shape[1] > len(COLORS):
         ended = case.dropna("time", how="all")
         if ended.sizes["time"]:
             color = COLORS[0] if is_valid else GREY
-            ax.bar(ended[case.dims[1]].to_numpy(), ended.isel(time=-1).to_numpy(), color=color)
+            elements = ended[case.dims[1]].to_numpy()
+            ax.bar(elements, ended.isel(time=-1).to_numpy(), color=color)
+            ax.set_xticks(elements[:: -(-len(elements) // TICKS)])
         if not is_valid:
             ax.annotate("not valid", (0.98, 0.95), xycoords="axes fraction", ha="right", va="top")
     elif case.ndim > 1:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -16,8 +17,12 @@ from ..roles import find, need
 from .axes import side, time_axis
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    Page = tuple[Callable[[xr.Dataset, "Figure"], None], tuple[float, float]]
 
 
 def plot_damage_map(
@@ -89,11 +94,20 @@ def plot_zones(
     return ax
 
 
-def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
+def plot_damage_history(data: xr.Dataset, *, watch: Mapping[str, Any] | None = None, ax: Axes | None = None) -> Axes:
     """Draw the estimate of every zone over time, true damage dashed if known; zones that matter in colour, others grey.
 
     A dot stands at every judgement, a cross where a window ended without a valid one; a band is two standard deviations wide
     to each side.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Results.
+    watch : mapping, optional
+        Content of ``watch.json``: a line marks each alarm, a triangle above each onset with two standard deviations.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
     """
     detector = find(data, "detector")
     (estimated,) = need(data, f"{detector}.damage")
@@ -116,7 +130,9 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     for color, zone in zip(COLORS, shown, strict=False):
         ax.step(time, e[:, zone], where="post", color=color, lw=1.8, label=f"zone {zone + 1}, estimated")
         low, high = e[:, zone] - bars[:, zone], e[:, zone] + bars[:, zone]
-        ax.fill_between(time, low, high, step="post", color=color, alpha=0.2, lw=0)
+        first = zone == shown[0] and bool(np.isfinite(bars).any())
+        name = "± 2 standard deviations" if first else None
+        ax.fill_between(time, low, high, step="post", color=color, alpha=0.2, lw=0, label=name)
         if zone in damaged:
             ax.step(time, t[:, zone], where="post", color=color, lw=1.2, ls="--", label=f"zone {zone + 1}, true")
     for valid, marker, label in ((True, "o", "judgement"), (False, "x", "not valid")):
@@ -126,12 +142,24 @@ def plot_damage_history(data: xr.Dataset, *, ax: Axes | None = None) -> Axes:
             ax.plot([w.time for w in some], heights, marker, color="black", ms=5, label=label, zorder=3)
     for window in ended:
         ax.axvline(window.time, color=GREY, lw=0.6, ls=":")
+    _mark(watch or {}, ax)
     ax.set(xlabel="time [s]", ylabel="damage [%]", title="Damage over time; a dotted line ends a window")
     ax.set_xlim(time[0], time[-1] + 0.03 * (time[-1] - time[0]))  # room for the last judgement
     time_axis(ax)
     ax.set_ylim(-1.0, max(10.0, 1.15 * float(np.nan_to_num([t, e], posinf=0.0).max())))
-    legend_below(ax, 4)
+    legend_below(ax, 5)
     return ax
+
+
+def _mark(watch: Mapping[str, Any], ax: Axes) -> None:
+    """Mark the alarms of the twin and the onsets that it dates."""
+    for k, alarm in enumerate(watch.get("alarms", [])):
+        ax.axvline(alarm, color="black", lw=1.0, ls="-.", label=None if k else "alarm, twin")
+    found = watch.get("findings", [])
+    if found:
+        onsets, bars = [each["onset"] for each in found], [2.0 * each["onset_deviation"] for each in found]
+        heights, in_axes = [0.97] * len(found), ax.get_xaxis_transform()
+        ax.errorbar(onsets, heights, xerr=bars, fmt="v", ms=7, color="black", label="onset, twin", transform=in_axes)
 
 
 def _damage(data: xr.Dataset, figure: Figure) -> None:
@@ -147,12 +175,14 @@ def _damage(data: xr.Dataset, figure: Figure) -> None:
         figure.supxlabel(doubts(data, windows(data))[0], fontsize=9)
 
 
-def _history(data: xr.Dataset, figure: Figure) -> None:
+def _history(data: xr.Dataset, figure: Figure, watch: Mapping[str, Any] | None) -> None:
     true = true_damage(data)
     if len(windows(data)) < 2 and not (true and np.ptp(data[true].to_numpy(), axis=0).any()):
         msg = "a single window under constant damage has no history."
         raise ResultsError(msg)
-    plot_damage_history(data, ax=figure.subplots())
+    plot_damage_history(data, watch=watch, ax=figure.subplots())
 
 
-PAGES = {"damage": (_damage, (9.0, 4.7)), "damage_history": (_history, (9.0, 4.6))}
+def damage_pages(watch: Mapping[str, Any] | None) -> dict[str, Page]:
+    """Return the pages of damage by file name, with what the twin saw that watched the run."""
+    return {"damage": (_damage, (9.0, 4.7)), "damage_history": (partial(_history, watch=watch), (9.0, 4.8))}

@@ -15,12 +15,11 @@ from gossamer_files.pictures import picture
 
 from ...errors import OrchestratorError, ResultsError, writing
 from ..shapes import load_shapes
+from ..watch import read_watch
 from . import damage, deflection, sensors
 
 logger = logging.getLogger(__name__)
 
-# by file name: a function that draws into a figure, and the figure's size [inch]; the slowest first
-PAGES = sensors.PAGES | deflection.PAGES | damage.PAGES
 LONGEST_TITLE = 120  # characters that fit above a picture
 
 
@@ -60,7 +59,7 @@ def save_pictures(data: xr.Dataset, folder: Path, form: str = "png", shapes: Pat
     form : {"png", "svg", "pdf"}
         Form of the files.
     shapes : Path, optional
-        Folder of the shapes of membranes on meshes; ``folder`` by default.
+        Folder of the run, where the shapes of membranes on meshes and ``watch.json`` are; ``folder`` by default.
 
     Raises
     ------
@@ -75,9 +74,11 @@ def save_pictures(data: xr.Dataset, folder: Path, form: str = "png", shapes: Pat
 
 
 def draw_pages(data: xr.Dataset, folder: Path, form: str, shapes: Path, share: slice = slice(None)) -> Iterator[Drawn]:
-    """Draw a share of ``PAGES``, with the arguments of ``save_pictures``; one that fails keeps none from being drawn."""
-    pages = list((PAGES | deflection.shape_pages(data, load_shapes(shapes))).items())
-    for name, (draw, size) in pages[share]:
+    """Draw a share of the pages, with the arguments of ``save_pictures``; one that fails keeps none from being drawn."""
+    # by file name: a function that draws into a figure, and the figure's size [inch]; the slowest first
+    pages = sensors.PAGES | deflection.PAGES | damage.damage_pages(read_watch(shapes))
+    pages |= deflection.shape_pages(data, load_shapes(shapes))
+    for name, (draw, size) in list(pages.items())[share]:
         begun, path, why_not, failure = time.perf_counter(), folder / f"{name}.{form}", "", ""
         try:
             with writing(path), picture(path, size) as figure:

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
-from gossamer_files.pictures import COLORS, axes_or_new
+from gossamer_files.pictures import COLORS, GREY, axes_or_new
 from numpy.typing import NDArray
 
 from ...errors import ResultsError
 from ...words import duration
 from ..judgements import windows
 from ..roles import compensators, find, need, sensors
-from .axes import plain_axis, time_axis
+from .axes import plain_axis, short_axis, time_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,19 +58,20 @@ def plot_sensor_loop(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = Non
 
 
 def plot_strain(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) -> Axes:
-    """Draw true and compensated strain at one sensor over time, the latter without its recorded delay."""
+    """Draw true and compensated strain at one sensor over time: a broad line, and on it the latter without its delay."""
     time, true, compensated = _true_and_compensated(data, sensor)
     ax, late = axes_or_new(ax), float(data["time"][len(data["time"]) - len(time)] - data["time"][0])
     label = f"compensated, drawn {duration(late)} earlier" if late else "compensated"
-    ax.plot(time, true, color="black", lw=1.6, label="true")
-    ax.plot(time, compensated, color=COLORS[1], lw=1.0, ls="--", label=label)
+    ax.plot(time, true, color=GREY, lw=3.2, label="true")
+    ax.plot(time, compensated, color=COLORS[1], lw=0.8, label=label)
     error, is_percent = _error(true, compensated)
     rms = float(np.sqrt(np.mean(error**2)))
-    shown = ("< 1e-9" if rms < LEAST_ERROR else f"{rms:.2g}") + (" % of range" if is_percent else " in strain")
+    size = "< 1e-9" if rms < LEAST_ERROR else f"{rms:.2g}" if rms < 100.0 else f"{rms:.0f}"
+    shown = size + (" % of range" if is_percent else " in strain")
     ax.set(xlabel="time [s]", ylabel="strain [1]", title=f"Sensor {sensor}: RMS error {shown}")
     ax.legend(loc="upper right", ncols=2, borderaxespad=0.1)
     ax.margins(x=0.0)
-    plain_axis(ax, "y")
+    short_axis(ax, "y")
     low, high = ax.get_ylim()
     ax.set_ylim(low, high + 0.15 * (high - low))
     time_axis(ax)

@@ -6,7 +6,6 @@ packs them.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from ..judgements import Judgement, changes, true_damage, windows
 from ..plots.axes import side
 from ..roles import find_all, is_whole
 from ..shapes import ShapeHistory, load_shapes
+from ..watch import read_watch
 from .membrane import membrane_mesh
 from .sensors import Array, Curve, curve_of, error_of, loops, sensor_curves, spectrogram_of
 from .surface import surface_content
@@ -30,7 +30,6 @@ FRAMES = 240  # instants of the slider
 NUMBERS = 600_000  # of all frames of the membrane, at most
 OTHERS = 24  # curves of what has no picture of its own
 MOST_WINDOWS = 5000
-WATCH = "watch.json"
 
 
 def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[str, Any]:
@@ -80,6 +79,7 @@ def collect(data: xr.Dataset, ended: Sequence[Judgement], folder: Path) -> dict[
         ],
         "constant": constant,
         "square": heights is not None or history is None,
+        "side": side(data),
         "membrane": None if heights is None or history is not None else membrane_mesh(data, membrane, rows, side(data)),
         "surface": None if history is None else surface_content(history, shown),
         "damage": _damage(data, time, ended),
@@ -112,15 +112,6 @@ def windows_of(data: xr.Dataset) -> list[Judgement]:
     return ended[::-1][::stride][::-1]
 
 
-def read_watch(folder: Path) -> dict[str, Any] | None:
-    """Read what the twin found, if it watched the run."""
-    try:
-        content = json.loads((folder / WATCH).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) else None
-
-
 def _other_scalars(data: xr.Dataset, *, judged: bool) -> dict[str, Curve]:
     """Return curves of recorded scalars that no other picture shows."""
     known: dict[str, tuple[str, ...]] = {
@@ -129,7 +120,7 @@ def _other_scalars(data: xr.Dataset, *, judged: bool) -> dict[str, Curve]:
         "detector": ("valid",),
     }
     if judged:
-        known["detector"] += LIKENESS
+        known["detector"] += (*LIKENESS, "risk")
     known["compensator"] = ("resistance", "strain", "strain_deviation", "delay")
     shown = {f"{name}.{v}" for role, names in known.items() for name in find_all(data, role) for v in names}
     return {str(n): curve_of(str(n)) for n in data.data_vars if data[n].dims == ("time",) and n not in shown}
@@ -167,6 +158,7 @@ def _damage(data: xr.Dataset, time: Array, ended: Sequence[Judgement]) -> dict[s
             "valid": [window.valid for window in ended],
             "likeness": ended[-1].likeness,
             "likeness_values": np.array([window.likeness_value for window in ended]),
+            "risk": np.array([window.risk for window in ended]),
         }
         detector = find_all(data, "detector")[0]
         for name in ("probability", "index"):

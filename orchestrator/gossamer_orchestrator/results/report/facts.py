@@ -72,10 +72,11 @@ def components(data: xr.Dataset) -> str:
     rows = [(name, each.get("file", ""), each.get("model", "")) for name, each in fmus.items()]
     parts = [table(("component", "file", "model"), rows, "Components")]
     for name, each in fmus.items():
-        start, values = each.get("start", {}), each.get("parameters", {})
-        lines = [(v, f"{x:.9g}", "scenario" if v in start else "FMU") for v, x in values.items()]
-        lines += [(v, str(x), "scenario") for v, x in start.items() if v not in values]
-        inner = table(("name", "value", "set by"), lines, f"Parameters and start values of {name}") if lines else ""
+        start, values, units = (each.get(what, {}) for what in ("start", "parameters", "units"))
+        lines = [(v, f"{x:.9g}", units.get(v, ""), "scenario" if v in start else "FMU") for v, x in values.items()]
+        lines += [(v, str(x), units.get(v, ""), "scenario") for v, x in start.items() if v not in values]
+        head = ("name", "value", "unit", "set by")
+        inner = table(head, lines, f"Parameters and start values of {name}") if lines else ""
         inner += f"<p>GUID of the FMU: <code>{escape(each.get('guid', 'not recorded'))}</code></p>"
         parts.append(folded(f"{name}: {counted(len(lines), 'value')}", inner))
     return "\n".join(parts)

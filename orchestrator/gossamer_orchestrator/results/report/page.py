@@ -57,7 +57,7 @@ def run_page(data: xr.Dataset, folder: Path) -> Page:
         facts.judgement_tables(ended),
         facts.components(data),
         facts.connections(data),
-        _constants(content["constant"]),
+        _constants(data, content["constant"]),
         facts.scenario(data),
     )
     return Page(
@@ -74,11 +74,12 @@ def run_page(data: xr.Dataset, folder: Path) -> Page:
     )
 
 
-def _constants(values: dict[str, float]) -> str:
+def _constants(data: xr.Dataset, values: dict[str, float]) -> str:
     """Return a table of recorded variables that never changed."""
     if not values:
         return ""
-    inner = table(("variable", "value"), [(n, f"{v:.9g}") for n, v in values.items()], "Constant during the run")
+    rows = [(name, f"{value:.9g}", data[name].attrs.get("units", "")) for name, value in values.items()]
+    inner = table(("variable", "value", "unit"), rows, "Constant during the run")
     return folded(f"Constant: {counted(len(values), 'recorded variable')}", inner)
 
 

@@ -15,7 +15,7 @@ from ..shapes import ShapeHistory
 from ..surface import face_strains
 
 SEEN = 0.1  # of its size: how far a membrane that moves less is drawn
-CLEAR = 0.09  # of its size: from a sensor to the number of a zone
+CLEAR = 0.12  # of its size: from a sensor to the number of a zone
 STILL = 1e-9  # of its size: a motion that is round-off
 
 
@@ -35,8 +35,8 @@ def surface_content(history: ShapeHistory, shown: NDArray[np.intp]) -> dict[str,
         ``places`` (F, 3 N) [m], moved by ``factor`` times their displacement; ``deflection`` (F, N), its size [m];
         ``triangles`` (T, 3) and ``face``, the face of each; ``zone`` of each face, -1 for none, and how many ``zones``;
         ``strain`` and ``mark`` (F, n) as ``face_strains``; ``borders``, for each zone the nodes of its edge in pairs,
-        the last those of the whole membrane; ``labels``, the node of each zone where its number stands; ``sensors``, the
-        node beside each and ``offsets`` from it.
+        the last those of the whole membrane; ``labels``, the node of each zone beside its number, and ``label_offsets``
+        from it; ``sensors``, the node beside each and ``offsets`` from it.
     """
     surface, nodes = history.surface, history.surface.nodes
     away = history.places[shown] - nodes
@@ -45,6 +45,7 @@ def surface_content(history: ShapeHistory, shown: NDArray[np.intp]) -> dict[str,
     factor = _factor(float(deflection.max()), float(np.ptp(nodes, axis=0).max()))
     triangles, face = _triangles(surface)
     zones = int(surface.zone.max(initial=-1)) + 1
+    labels = [_label(surface, zone) for zone in range(zones)]
     beside = [int(np.argmin(np.linalg.norm(nodes - point, axis=1))) for point in surface.sensor_points]
     return {
         "places": (nodes + factor * away).reshape(len(shown), -1),
@@ -57,7 +58,8 @@ def surface_content(history: ShapeHistory, shown: NDArray[np.intp]) -> dict[str,
         "strain": np.stack([each.largest for each in found]),
         "mark": np.stack([each.mark for each in found]).astype(float),
         "borders": [_border(surface.faces[some]) for some in [*(surface.zone == z for z in range(zones)), slice(None)]],
-        "labels": [_label(surface, z) for z in range(zones)],
+        "labels": [node for node, _ in labels],
+        "label_offsets": [offset.tolist() for _, offset in labels],
         "sensors": beside,
         "offsets": (surface.sensor_points - nodes[beside]).tolist(),
     }
@@ -90,14 +92,21 @@ def _border(faces: Integers) -> list[int]:
     return pairs
 
 
-def _label(surface: Surface, zone: int) -> int:
-    """Return the node of a zone nearest to its middle, apart from sensors if one is; -1 if the zone has no faces."""
+def _label(surface: Surface, zone: int) -> tuple[int, Array]:
+    """Return the node in the middle of a zone, -1 if the zone has no faces, and how far from it its number is [m].
+
+    The number is moved away from a sensor that is near, but no farther than the zone reaches.
+    """
     some = surface.faces[surface.zone == zone]
     if not len(some):
-        return -1
+        return -1, np.zeros(3)
     members = np.unique(some[some >= 0])
     places: Array = surface.nodes[members]
-    away = np.linalg.norm(places - places.mean(axis=0), axis=1)
-    apart = np.linalg.norm(places[:, None] - surface.sensor_points, axis=2).min(axis=1, initial=np.inf)
-    crowded = apart < CLEAR * np.ptp(surface.nodes, axis=0).max()
-    return int(members[np.lexsort((away, crowded))[0]])
+    node = int(members[np.argmin(np.linalg.norm(places - places.mean(axis=0), axis=1))])
+    away = surface.nodes[node] - surface.sensor_points
+    distance = np.linalg.norm(away, axis=1)
+    wanted = CLEAR * float(np.ptp(surface.nodes, axis=0).max())
+    if not len(away) or (least := float(distance.min())) >= wanted:
+        return node, np.zeros(3)
+    direction = away[np.argmin(distance)] / least if least > 0.0 else np.array([1.0, 0.0, 0.0])
+    return node, direction * min(wanted - least, float(np.linalg.norm(np.ptp(places, axis=0))) / 4.0)

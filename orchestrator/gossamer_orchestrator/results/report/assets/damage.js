@@ -183,6 +183,20 @@ function addLikeness() {
   });
 }
 
+// The chance that the detector states of being far off, at the end of each of its windows.
+function addRisk() {
+  const found = page.content.damage && page.content.damage.windows;
+  if (!found || !stated(Array.from(found.risk))) return;
+  addFigure({
+    title: "Risk that the detector is wrong", timed: true, note: "The chance that some zone is wrong by more than 10 % of its stiffness; a judgement is valid up to 1 %.",
+    make(colors) {
+      const data = [{ type: "scatter", mode: found.time.length > MOST_MARKERS ? "lines" : "lines+markers", x: found.time, y: percent(found.risk), name: "risk", cliponaxis: false, line: { color: colors.lines[0] } }];
+      const shapes = [{ type: "line", xref: "paper", yref: "y", x0: 0, x1: 1, y0: 1, y1: 1, line: { color: colors.alarm, width: 1.5, dash: "dash" } }];
+      return { data, more: { shapes, showlegend: false, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "risk [%]", { rangemode: "tozero" }) } };
+    },
+  });
+}
+
 function addIndices() {
   const found = page.content.damage && page.content.damage.windows;
   if (!found || !found.index) return;

@@ -1,6 +1,9 @@
 // In a narrow window the scale of colours lies above the membrane, not beside it.
 const colorbarOf = (title) => ({ ...title, ...(isNarrow() ? { orientation: "h", x: 0.5, y: 1, yanchor: "top", len: 0.85, thickness: 10 } : { thickness: 12, len: 0.75, x: 1.0 }) });
 
+// An axis in space, of small letters, so that its numbers find place beside the membrane.
+const placeIn3d = (colors) => ({ gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)", tickfont: { size: isNarrow() ? 10 : 11 }, title: { font: { size: 12 } } });
+
 // Numbers of sensors stand in dots, those of zones in squares: so they can be read on every colour.
 const numbered = (symbol, size, fill, ink) => ({ type: "scatter3d", mode: "markers+text", textposition: "middle center", textfont: { size: isNarrow() ? 9 : 11, color: ink },
   marker: { symbol, size: isNarrow() ? 0.8 * size : size, color: fill, line: { color: ink, width: 1 } } });
@@ -16,11 +19,12 @@ function sensorText(number, instant) {
   return `sensor ${number}<br>strain ${strain}<br>resistance ${at.resistance[instant].toPrecision(5)} Ω`;
 }
 
-// The membrane as a surface; z is its deflection, x and y are parts of the stretched square.
+// A membrane of unknown shape, flat.
 function flatMembrane(zones) {
   const nodes = 2 * zones + 1;
   const sensors = page.content.sensors.length === 4 ? [[1, 1], [2, 1], [1, 2], [2, 2]].map(([i, j]) => [i / 3, j / 3]) : [];
-  return { nx: nodes, ny: nodes, side: 1, unit: "side", flat: true, sensors, w: [new Float32Array(nodes * nodes)] };
+  const [side, unit] = page.content.side;
+  return { nx: nodes, ny: nodes, side, unit, flat: true, sensors, w: [new Float32Array(nodes * nodes)] };
 }
 
 // Deflection between the nodes, as the elements interpolate it.
@@ -30,6 +34,7 @@ function heightAt(mesh, w, x, y) {
   return (1 - a) * ((1 - b) * at(i, j) + b * at(i, j + 1)) + a * ((1 - b) * at(i + 1, j) + b * at(i + 1, j + 1));
 }
 
+// The membrane as a surface; z is its deflection, x and y count from its corner.
 function addMembrane() {
   const { content } = page, damage = content.damage;
   const zoneCount = damage ? (damage.windows || damage.true)[damage.windows ? "estimated" : "values"][0].length : 16;
@@ -105,7 +110,7 @@ function addMembrane() {
       const line = (found, more, name) => ({ type: "scatter3d", mode: "lines", ...found, line: more, name, hoverinfo: "skip" });
       const skin = { type: "mesh3d", x: X, y: Y, z: Array.from(surface(page.instant), (value) => scale * value), i: I, j: J, k: K,
         intensity: intensity(page.instant), intensitymode: deflected ? "vertex" : "cell", cmin: deflected ? -top : 0, cmax: deflected ? top : topDamage(),
-        colorscale: deflected ? "Viridis" : damageScale(colors), flatshading: false, lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 },
+        colorscale: deflected ? signedScale(colors) : damageScale(colors), flatshading: false, lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 },
         colorbar: colorbarOf({ title: { text: deflected ? "mm" : "%" } }), hoverinfo: "skip", showscale: true };
       const data = [skin, line(lines, { color: colors.dark ? "#cfd6dd" : "#3d4650", width: 2 }, "zones"),
         line(estimated, { color: "#D55E00", width: 7 }, "judged damaged"),
@@ -115,12 +120,13 @@ function addMembrane() {
       data[1].showlegend = false;
       data[2].showlegend = Boolean(damage && damage.windows);
       data[3].showlegend = Boolean(damage && damage.true);
-      const place = { gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)", nticks: 4 };
+      const place = { ...placeIn3d(colors), nticks: 4 };
       const power = 10 ** Math.floor(Math.log10(top)), highest = power * Math.floor(top / power); // a tick apart from those of y
-      const far = isNarrow() ? 1.5 : 1;
-      const scene = { xaxis: { ...place, title: { text: `x [${mesh.unit}]` } }, yaxis: { ...place, title: { text: `y [${mesh.unit}]` } },
-        zaxis: { ...place, title: { text: mesh.flat ? "" : "w [mm]" }, tickvals: [0, highest], range: [-1.1 * top, 1.1 * top], visible: !mesh.flat },
-        aspectmode: "manual", aspectratio: { x: 1.25, y: 1.25, z: 0.45 }, camera: { eye: { x: -0.75 * far, y: -1.5 * far, z: 1.05 * far }, center: { x: 0, y: 0, z: -0.12 } } };
+      const titled = (text) => ({ ...place, title: { ...place.title, text } });
+      const scene = { xaxis: titled(`x [${mesh.unit}]`), yaxis: titled(`y [${mesh.unit}]`),
+        zaxis: { ...titled(mesh.flat ? "" : "w [mm]"), tickvals: [0, highest], range: [-1.1 * top, 1.1 * top], visible: !mesh.flat },
+        aspectmode: "manual", aspectratio: { x: 1.25, y: 1.25, z: 0.45 }, 
+        camera: isNarrow() ? { eye: { x: -1, y: -2.3, z: 1.6 }, center: { x: -0.18, y: 0, z: -0.1 } } : { eye: { x: -0.75, y: -1.55, z: 1.1 }, center: { x: -0.05, y: 0, z: -0.16 } } };
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
     move(div, instant) {

@@ -33,6 +33,7 @@ function addPictures() {
   if (page.content.surface) addSurface(); else addMembrane();
   addDeflection();
   addLikeness();
+  addRisk();
   addTwin();
   addIndices();
   addSensors();

@@ -38,9 +38,9 @@ function addSensors() {
       const { curves, delay, rms, span, number } = chosen(), t = content.time, data = [];
       const earlier = delay ? t.map((value) => value - delay) : t;
       if (curves.low) data.push(...band(earlier, curves.low, curves.high, colors.lines[1], "± 2 deviations"));
-      if (curves.strain) data.push(curve("true", t, curves.strain, colors.ink, { line: { width: 2 } }));
+      if (curves.strain) data.push(curve("true", t, curves.strain, colors.grey, { line: { width: curves.compensated ? 4 : 2 } }));
       const late = delay ? `compensated, drawn ${duration(delay)} earlier` : "compensated";
-      if (curves.compensated) data.push(curve(late, earlier, curves.compensated, colors.lines[1], { line: { dash: curves.strain ? "dash" : "solid" } }));
+      if (curves.compensated) data.push(curve(late, earlier, curves.compensated, colors.lines[1], { line: { width: 1.2 } }));
       const text = span ? `sensor ${number}: RMS error ${rms.toPrecision(2)}, ${(100 * rms / span).toPrecision(2)} % of range` : "";
       const annotations = text ? [{ text, xref: "paper", yref: "paper", x: 1, y: 0, xanchor: "right", yanchor: "bottom", showarrow: false, bgcolor: translucent(colors.panel, 0.85) }] : [];
       return { data, more: { annotations, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "strain [1]") } };
@@ -89,7 +89,8 @@ function addSensors() {
     title: "Spectrum of the resistance", note: "Amplitudes under Hann's window, without the mean.",
     make(colors) {
       const data = (chosen().loops || []).filter((loop) => loop.frequency).map((loop, k) => curve(loop.name, loop.frequency, loop.amplitude, colors.lines[k], { line: { width: 1.1 } }));
-      return { data, more: { xaxis: axis(colors, "frequency [Hz]", { type: "log" }), yaxis: axis(colors, "amplitude [Ω]", { type: "log", exponentformat: "power", nticks: 6 }) } };
+      const powers = { type: "log", dtick: 1, labelalias: { 1: "10<sup>0</sup>", 10: "10<sup>1</sup>" }, minor: { dtick: "D1", ticks: "outside", tickcolor: colors.soft } };
+      return { data, more: { xaxis: axis(colors, "frequency [Hz]", powers), yaxis: axis(colors, "amplitude [Ω]", powers) } };
     },
   });
   select.addEventListener("change", () => { page.sensor = Number(select.value); drawAnew(figures); });
@@ -107,16 +108,19 @@ function addDeflection() {
   });
 }
 
+// A panel for each unit; a few variables are its title.
 function addOthers() {
   const { content } = page, units = [...new Set(content.others.map((each) => each.unit))];
   if (!units.length) return;
   heading("What else was recorded");
-  for (const unit of units) addFigure({
-    title: `Recorded variables in [${unit || "1"}]`, timed: true, broad: true,
-    make(colors) {
-      const some = content.others.filter((each) => each.unit === unit).slice(0, 24);
-      const data = some.map((each, k) => curve(each.name, content.time, each.values, colors.lines[k % 6], { line: { dash: ["solid", "dash", "dot", "dashdot"][Math.floor(k / 6)] } }));
-      return { data, more: { showlegend: true, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, `[${unit || "1"}]`) } };
-    },
-  });
+  for (const unit of units) {
+    const some = content.others.filter((each) => each.unit === unit).slice(0, 24), text = `[${unit || "1"}]`;
+    addFigure({
+      title: some.length < 4 ? some.map((each) => each.name).join(", ") : `Recorded variables in ${text}`, timed: true, broad: true,
+      make(colors) {
+        const data = some.map((each, k) => curve(each.name, content.time, each.values, colors.lines[k % 6], { line: { dash: ["solid", "dash", "dot", "dashdot"][Math.floor(k / 6)] } }));
+        return { data, more: { showlegend: true, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, text) } };
+      },
+    });
+  }
 }

@@ -71,8 +71,8 @@ function addSurface() {
     ...points(mesh.sensors.map((node, k) => above(instant, node, 0.04, mesh.offsets[k]))),
     hovertext: mesh.sensors.map((_, k) => sensorText(k + 1, instant)),
   });
-  const zones = mesh.labels.map((node, zone) => ({ node, text: `${zone + 1}` })).filter(({ node }) => node >= 0);
-  const labels = (instant) => points(zones.map(({ node }) => above(instant, node, 0.03)));
+  const zones = mesh.labels.map((node, zone) => ({ node, offset: mesh.label_offsets[zone], text: `${zone + 1}` })).filter(({ node }) => node >= 0);
+  const labels = (instant) => points(zones.map(({ node, offset }) => above(instant, node, 0.03, offset)));
   const skin = (instant) => points(Array.from({ length: mesh.places[instant].length / 3 }, (_, node) => at(instant, node)));
   const intensity = (instant) => {
     if (select.value === "deflection") return Array.from(mesh.deflection[instant], (value) => 1e3 * value);
@@ -117,13 +117,12 @@ function addSurface() {
         { ...sensorDots(), ...dots, text: upTo(mesh.sensors.length), showlegend: mesh.sensors.length > 0 },
         { type: "scatter3d", mode: "markers", ...crosses, name: "wrinkled or slack", hoverinfo: "skip", showlegend: marks, marker: { symbol: "x", size: 3, color: colors.ink } },
         { ...zoneSquares(colors), ...numbers, text: zones.map(({ text }) => text) }];
-      const place = { gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)" };
+      const place = placeIn3d(colors);
       const range = (axis) => { const [low, high] = span[axis], room = Math.max(0.05 * (high - low), 0.02 * size); return [low - room, high + room]; };
-      const one = (axis, name) => ({ ...place, title: { text: `${name} [m]` }, range: range(axis), nticks: isNarrow() || range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
+      const one = (axis, name) => ({ ...place, title: { ...place.title, text: `${name} [m]` }, range: range(axis), nticks: isNarrow() || range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
       const ratio = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.5 * (high - low) / size; });
-      const far = isNarrow() ? 1.35 : 1;
       const scene = { xaxis: one(0, "x"), yaxis: one(1, "y"), zaxis: one(2, "z"), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] },
-        camera: { eye: { x: -0.95 * far, y: -1.8 * far, z: 1.4 * far }, center: { x: 0, y: 0, z: isNarrow() ? -0.2 : -0.34 } } };
+        camera: isNarrow() ? { eye: { x: -1.2, y: -2.7, z: 2 }, center: { x: -0.15, y: 0, z: -0.2 } } : { eye: { x: -1.05, y: -2, z: 1.55 }, center: { x: -0.1, y: 0, z: -0.25 } } };
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
     move(div, instant) {

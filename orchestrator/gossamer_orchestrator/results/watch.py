@@ -1,0 +1,18 @@
+"""What the digital twin saw that watched a run: ``watch.json`` beside its results."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+WATCH = "watch.json"
+
+
+def read_watch(folder: Path) -> dict[str, Any] | None:
+    """Read what the twin found, if it watched the run."""
+    try:
+        content = json.loads((folder / WATCH).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) else None
