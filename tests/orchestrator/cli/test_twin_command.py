@@ -80,6 +80,7 @@ def test_a_table_gives_the_damage_of_each_zone(call, tmp_path, strain):
     assert values(measured["y"]) == pytest.approx(100.0 * strain[0, 1], rel=1e-5)
     assert values(read["y"]) == pytest.approx(100.0 * strain[0, 1], abs=1e-3)
     assert values(charts["Damage"]["traces"][0]["y"]) == pytest.approx(100.0 * TRUE, abs=1e-2)
+    assert charts["Damage"]["layout"]["xaxis"]["range"] == [0.4, 16.6]  # has ticks at zones alone
     np.testing.assert_allclose(json.loads((tmp_path / "twin.json").read_text())["damage"], TRUE, atol=1e-4)
     assert "30.00 ±" in result.stderr
     assert "valid: chi2 per sample" in result.stderr
