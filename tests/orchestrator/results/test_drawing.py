@@ -10,7 +10,7 @@ from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.cli.run import draw
 from gossamer_orchestrator.results.drawing import SHARES, Drawing
 from gossamer_orchestrator.results.files import NETCDF, save_results
-from gossamer_orchestrator.results.plots import save, save_pictures
+from gossamer_orchestrator.results.plots import deflection, save_pictures
 
 
 @pytest.fixture
@@ -63,8 +63,8 @@ def test_a_picture_that_fails_is_named_and_the_others_are_drawn(folder, caplog):
 
 
 def test_gossamer_plot_draws_the_others_and_then_says_which_picture_failed(data, tmp_path, monkeypatch):
-    _, size = save.PAGES["deflection"]
-    monkeypatch.setitem(save.PAGES, "deflection", (lambda *_: 1 / 0, size))
+    _, size = deflection.PAGES["deflection"]
+    monkeypatch.setitem(deflection.PAGES, "deflection", (lambda *_: 1 / 0, size))
     with pytest.raises(ResultsError, match=r"deflection.png was not drawn: ZeroDivisionError: division by zero\.$"):
         save_pictures(data, tmp_path)
     assert {path.stem for path in tmp_path.iterdir()} == {"strains", "sensors", "damage", "damage_history"}
