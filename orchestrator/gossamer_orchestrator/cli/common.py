@@ -75,6 +75,26 @@ def keep_inputs(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -
                 raise OrchestratorError(msg)
 
 
+def json_file(out: Path) -> Path:
+    """Return the file that was named for an answer, with an ending: its page is in the folder of its name without it.
+
+    Raises
+    ------
+    OrchestratorError
+        The name is that of a folder, or the page would replace that of a run.
+    """
+    from ..results.files import RECORDED
+
+    if out.name in ("", ".."):
+        msg = f"cannot write {out}: it is a folder. Name a file in it with --out."
+        raise OrchestratorError(msg)
+    folder = out.with_suffix("")
+    if any((folder / name).is_file() for name in RECORDED):
+        msg = f"the page of {out} would replace that of the run in {folder}. Name another file with --out."
+        raise OrchestratorError(msg)
+    return out if out.suffix else out.with_name(f"{out.name}.json")
+
+
 def save_page(describe: Callable[[], Page], path: Path) -> list[Path]:
     """Write a page, the last of what a command writes; return its path.
 

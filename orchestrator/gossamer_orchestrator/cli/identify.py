@@ -19,7 +19,7 @@ from rich.console import Console
 
 from ..errors import OrchestratorError
 from .command import Command, Result, as_options, note, show, stderr
-from .common import PictureForm, check_form, keep_inputs, model_errors, note_page, save_page
+from .common import PictureForm, check_form, json_file, keep_inputs, model_errors, note_page, save_page
 from .recognised import UNITS, print_recognised, print_remarks
 
 if TYPE_CHECKING:
@@ -200,13 +200,13 @@ def identify(
     print_remarks(console, [text for text in result.remarks if text not in warnings], result.fit.records)
     for path in paths:
         show(path)
-    if (command := _command_to_build(result, out)) is not None:
+    if (command := _command_to_build(result, paths[0])) is not None:
         note(f"To build its FMUs, type '{command}'.")
     for sentence in warnings:  # beside the command to build, which they question
         console.print(f"Warning: {sentence}", style="bold red", markup=False)
     if paths[-1].name == PAGE:
         note_page(paths[-1])
-    return Result({"artifact": out, "files": paths[1:], **result_as_json(result, chosen)})
+    return Result({"artifact": paths[0], "files": paths[1:], **result_as_json(result, chosen)})
 
 
 def identify_given(
@@ -255,7 +255,8 @@ def identify_given(
     from ..pages import PAGE
     from .identify_report import progress_of
 
-    keep_inputs(files, [out])
+    artifact = json_file(out)
+    keep_inputs(files, [out, artifact])
     check_form(form)
     console, begun = stderr(), time.perf_counter()
     readers = {each.name: each.metadata["read"] for owner in SETTINGS for each in options(owner)}
@@ -291,13 +292,13 @@ def identify_given(
             **more,
         )
         seconds = time.perf_counter() - begun
-        result.fit.artifact.write(out)
-        drawn = save_predictions(result, out.with_suffix(""))
-        drawn += save_pictures(result, out.with_suffix(""), form) if pictures else []
+        result.fit.artifact.write(artifact)
+        drawn = save_predictions(result, artifact.with_suffix(""))
+        drawn += save_pictures(result, artifact.with_suffix(""), form) if pictures else []
     if pictures:
         rest = rest_of(result, rest_resistance)
-        drawn += save_page(lambda: _page(result, out, files, rest, seconds), out.with_suffix("") / PAGE)
-    return result, model, [out, *drawn]
+        drawn += save_page(lambda: _page(result, artifact, files, rest, seconds), artifact.with_suffix("") / PAGE)
+    return result, model, [artifact, *drawn]
 
 
 def _command_to_build(result: Identified, out: Path) -> str | None:

@@ -15,7 +15,7 @@ from ..errors import OrchestratorError, ScenarioError
 from ..names import suggest
 from ..scenario.shipped import find_scenario, shipped_scenarios
 from .command import Result, show, stderr
-from .common import keep_inputs, model_errors, note_page, save_page
+from .common import json_file, keep_inputs, model_errors, note_page, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -118,7 +118,8 @@ def train_given(
             )
             raise OrchestratorError(msg)
         return _train_thesis(source or "single", out)
-    keep_inputs([Path(source or NOMINAL)], [out])
+    path = None if out is None else json_file(out)
+    keep_inputs([Path(source or NOMINAL)], [out, path])
     network: Network = "neuro-fuzzy" if kind == Kind.NEURO_FUZZY else "perceptron"
     from gossamer_models.assessment.after_training import errors, held_out_verdicts
     from gossamer_models.detector.posterior_settings import Training
@@ -139,7 +140,7 @@ def train_given(
             "%s: %d cases, windows of %d samples, %d epochs", name, data.sizes["case"], samples, training.epochs
         )
         end = "" if kind == Kind.NEURO_FUZZY else f"_{kind}"
-        path = out or Path("out/detector") / f"{name}{end}.json"
+        path = path or Path("out/detector") / f"{name}{end}.json"
         with ProgressBar("training", stderr()) as bar:
             artifact = train_posterior(data, training, lambda done: bar.update(done, 1.0))
         command = f"gossamer train {name} --kind {kind} --epochs {training.epochs}"
@@ -223,7 +224,7 @@ def _train_thesis(
     if name not in TRAININGS:
         msg = f"the thesis has no training {name!r}. {suggest(name, TRAININGS)}"
         raise OrchestratorError(msg)
-    path = out or Path("out/detector") / f"{name}_damage.json"
+    path = Path("out/detector") / f"{name}_damage.json" if out is None else json_file(out)
     with model_errors(), ProgressBar("simulating and training", stderr()):
         artifact = train_detector(TRAININGS[name])
         artifact.write(path)

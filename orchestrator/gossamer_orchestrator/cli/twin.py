@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from gossamer_files import replacing
 
-from ..errors import OrchestratorError
 from .command import INVALID, Result, show, stderr
-from .common import keep_inputs, model_errors, note_page, save_page, typed
+from .common import json_file, keep_inputs, model_errors, note_page, save_page, typed
 from .twin_options import (
     NUISANCE_UNITS,
     ElementsOption,
@@ -127,7 +126,7 @@ def fit_twin(
     from .twin_record import find_record, sensor_of
 
     console = stderr()
-    path = beside(record, "twin.json") if out is None else _file(out)
+    path = beside(record, "twin.json") if out is None else json_file(out)
     keep_inputs([file_of(record), sensor], [out, path])
     with model_errors():
         with console.status("reading"):
@@ -151,20 +150,6 @@ def fit_twin(
     compared = _compared(record, found.record, answer.record, stop)
     pages = save_page(lambda: twin_page(name_of(record), answer, compared), path.with_suffix("") / PAGE)
     return answer, path, pages, compared
-
-
-def _file(out: Path) -> Path:
-    """Return the file that was named, with an ending: its page is in the folder of its name without it."""
-    from ..results.files import RECORDED
-
-    if out.name in ("", ".."):
-        msg = f"cannot write {out}: it is a folder. Name a file in it with --out."
-        raise OrchestratorError(msg)
-    folder = out.with_suffix("")
-    if any((folder / name).is_file() for name in RECORDED):
-        msg = f"the page of {out} would replace that of the run in {folder}. Name another file with --out."
-        raise OrchestratorError(msg)
-    return out if out.suffix else out.with_name(f"{out.name}.json")
 
 
 def _compared(path: Path, given: Record, used: Record, stop: float | None) -> str:

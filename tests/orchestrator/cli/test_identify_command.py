@@ -31,8 +31,9 @@ def measured(tmp_path):
 
 
 def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
+    """The artifact is named without its ending: the folder beside it has that name."""
     out = tmp_path / "sensor.json"
-    options = [*QUICK, "--train", "0:80", "--out", str(out)]
+    options = [*QUICK, "--train", "0:80", "--out", str(out.with_suffix(""))]
     result = CliRunner().invoke(app, ["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     printed = result.stdout.split()

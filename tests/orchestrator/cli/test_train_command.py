@@ -49,12 +49,12 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
     assert values(first["y"]) == pytest.approx(artifact.losses[0], rel=1e-5)
     assert len(values(second["x"])) == 60
     assert artifact.losses[1][-1] < artifact.losses[1][0]
-    again = gossamer.train("out/campaigns/small.zarr", window=0.03, epochs=60, out="again.json")
+    again = gossamer.train("out/campaigns/small.zarr", window=0.03, epochs=60, out="again")
     assert again.held_out == artifact.held_out
     assert float(again.data["all_zones"].sel(cases="window 1, damaged, no noise")) == found["all zones"]
     assert math.isnan(again.data["damaged_zones"].sel(cases="window 1, healthy, no noise"))
     assert "The mean absolute error over all zones is" in again._repr_html_()
-    assert str(again.page) == "again/report.html"
+    assert (str(again.path), str(again.page)) == ("again.json", "again/report.html")
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "out/detector/small.npz").read_bytes()
 
 
