@@ -23,6 +23,7 @@ from ..results.files import (
     values_in,
 )
 from ..results.shapes import settle_shapes
+from ..results.watch import WATCH
 from ..scenario.schema import Given, Scenario
 from .child import WAITING, Task
 from .folders import locked, scratch
@@ -132,7 +133,7 @@ def run_scenario(
             observers=_pickled(observers),
             level=logger.getEffectiveLevel(),
         )
-        begun = time.perf_counter()
+        watched, begun = _written(folder / WATCH), time.perf_counter()
         process = stack.enter_context(Process(task))
         import xarray  # noqa: F401 (takes a second, while the other process starts)
 
@@ -140,7 +141,7 @@ def run_scenario(
         process.end()
         error = process.error
         try:
-            last = _settle(process, folder, temporary, time.perf_counter() - begun)
+            last = _settle(process, folder, temporary, time.perf_counter() - begun, watched)
             if last is not None:
                 messages.save(folder)
         except ResultsError as late:
@@ -168,8 +169,16 @@ def run_scenario(
         return data.load() if out is None else data
 
 
-def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -> float | None:
-    """Finish the netCDF file; return the time of its last row, None without any."""
+def _written(path: Path) -> int | None:
+    """Return when a file was written [ns]; None if it is not there."""
+    return path.stat().st_mtime_ns if path.is_file() else None
+
+
+def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, watched: int | None) -> float | None:
+    """Finish the netCDF file; return the time of its last row, None without any.
+
+    What the twin saw of an earlier run, in a file written at the time ``watched``, goes with the results of that run.
+    """
     unfinished = folder / UNFINISHED_NETCDF
     if process.shared is None:
         return None
@@ -188,6 +197,8 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     if not (isinstance(error, ResultsError) and (folder / NETCDF).exists()):
         unfinished.replace(folder / NETCDF)
         settle_shapes(folder, kept=True)
+        if watched is not None and _written(folder / WATCH) == watched:
+            (folder / WATCH).unlink()
     return last
 
 

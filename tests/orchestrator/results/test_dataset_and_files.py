@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import xarray as xr
 from gossamer_fmus import build_fmu
-from gossamer_orchestrator import ProgressBar, ResultsError, load_results, parse_scenario, run_scenario
+from gossamer_orchestrator import ProgressBar, ResultsError, ScenarioError, load_results, parse_scenario, run_scenario
 from gossamer_orchestrator.results.columns import Column
 from gossamer_orchestrator.results.dataset import arrange
 from gossamer_orchestrator.results.files import save_results
 from rich.console import Console
 from sails import sail_model
-from stopping import WaitAt
+from stopping import KeepStates, WaitAt
 
 
 def test_netcdf_and_csv_give_back_what_was_recorded(chain, fmus, tmp_path):
@@ -25,6 +25,19 @@ def test_netcdf_and_csv_give_back_what_was_recorded(chain, fmus, tmp_path):
     table = load_results(tmp_path / "results.csv")
     xr.testing.assert_equal(table, data)
     assert {name: table[name].attrs["units"] for name in table} == {name: data[name].attrs["units"] for name in data}
+
+
+def test_what_the_twin_saw_of_an_earlier_run_goes_with_its_results(chain, fmus, tmp_path):
+    """An observer writes the file, as the twin does that watches a run."""
+    watch = tmp_path / "watch.json"
+    for _ in range(2):
+        run_scenario(chain(), fmus, tmp_path, observers=[KeepStates(watch)])
+        assert watch.is_file()
+    with pytest.raises(ScenarioError):
+        run_scenario(chain(), fmus / "nowhere", tmp_path)
+    assert watch.is_file()
+    run_scenario(chain(), fmus, tmp_path)
+    assert not watch.exists()
 
 
 def test_results_carry_scenario_units_guids_and_versions(chain, fmus, tmp_path):
