@@ -35,15 +35,25 @@ def split_indices(name: str) -> tuple[str, tuple[int, ...]]:
     return found[1], tuple(int(i) for i in found[2].split(","))
 
 
-def _numbered(name: str, candidates: Iterable[str]) -> list[str]:
-    """List what differs from a name in its number alone: elements of an array, or ``sensor1`` beside ``sensor9``."""
+def _numbered(name: str) -> tuple[str, tuple[int, ...]]:
+    """Split ``w[2,3]`` and ``sensor9`` into what their kind shares and their numbers; others have none."""
     base, indices = split_indices(name)
     if indices:
-        return [each for each in candidates if split_indices(each)[1] and split_indices(each)[0] == base]
+        return f"{base}[]", indices
     stem = name.rstrip("0123456789")
-    if stem in ("", name):
-        return []
-    return [each for each in candidates if each.rstrip("0123456789") == stem and each != stem]
+    return (stem, (int(name[len(stem) :]),)) if stem not in ("", name) else (name, ())
+
+
+def _range(name: str, candidates: Iterable[str]) -> str:
+    """Say which candidates differ from a name in their numbers alone, if its own are beyond all of theirs; else nothing."""
+    kind, wanted = _numbered(name)
+    found = sorted((_numbered(each)[1], each) for each in candidates if wanted and _numbered(each)[0] == kind)
+    alike = zip(wanted, *(numbers for numbers, _ in found), strict=False)
+    if len(found) < 2 or (
+        len(wanted) == len(found[0][0]) and all(min(there) <= k <= max(there) for k, *there in alike)
+    ):
+        return ""
+    return f"There are {len(found)}: {found[0][1]} .. {found[-1][1]}."
 
 
 def suggest(name: str, known: Iterable[str]) -> str:
@@ -58,9 +68,8 @@ def suggest(name: str, known: Iterable[str]) -> str:
     elements = [candidate for candidate in candidates if candidate.startswith(f"{name}[")]
     if elements:
         return f"It is an array: {elements[0]} .. {elements[-1]}."
-    numbered = _numbered(name, candidates)
-    if len(numbered) > 1:
-        return f"There are {len(numbered)}: {numbered[0]} .. {numbered[-1]}."
+    if beyond := _range(name, candidates):
+        return beyond
     close = difflib.get_close_matches(name, candidates, n=1)
     if close:
         return f"Did you mean {close[0]!r}?"

@@ -95,6 +95,10 @@ def test_a_number_beyond_the_last_one_says_how_many_there_are():
     names = ["membrane", *(f"sensor{k}" for k in range(1, 9))]
     assert suggest("sensor9", names) == "There are 8: sensor1 .. sensor8."
     assert suggest("damage[17]", [f"damage[{k}]" for k in range(1, 17)]) == "There are 16: damage[1] .. damage[16]."
+    assert suggest("run12", sorted(f"run{k}" for k in range(1, 12))) == "There are 11: run1 .. run11."
+    assert suggest("w[9,1]", ["w[1,1]", "w[1,2]", "w[2,1]", "w[2,2]"]) == "There are 4: w[1,1] .. w[2,2]."
+    assert suggest("w[2]", ["w[1,1]", "w[1,2]"]) == "There are 2: w[1,1] .. w[1,2]."
+    assert suggest("sensor2", ["sensor1", "sensor3"]) == "Did you mean 'sensor3'?"
     assert suggest("membrane1", names) == "Did you mean 'membrane'?"
     assert suggest("sensr1", names) == "Did you mean 'sensor1'?"
 
