@@ -45,7 +45,9 @@ def with_places(data: xr.Dataset, folder: Path | None = None) -> xr.Dataset:
         side, of unit 1, where the results do not say how long it is.
     """
     found = {role: find_all(data, role) for role in ("membrane", "detector")}
-    if meshes := _meshes(data, folder, found["membrane"]):
+    meshes = _meshes(data, folder, found["membrane"])
+    found["membrane"] = [name for name in found["membrane"] if name not in meshes]
+    if meshes and not found["membrane"]:
         return _on_mesh(data, folder, meshes[0], found["detector"])
     membrane = next(iter(found["membrane"]), "")
     of_zones = [name for role, names in found.items() for name in _of_zones(data, role, names)]
@@ -126,9 +128,8 @@ def _on_mesh(data: xr.Dataset, folder: Path | None, membrane: str, detectors: li
 
 def _zone_centres(surface: Surface) -> Array:
     """Return the mean place of the faces of each zone by their area, shape (zones, 3) [m]; not a number without faces."""
-    corners = surface.nodes[
-        np.where(surface.faces < 0, surface.faces[:, [2]], surface.faces)
-    ]  # a triangle's last twice
+    ends = np.where(surface.faces < 0, surface.faces[:, [2]], surface.faces)  # the last one of a triangle twice
+    corners = surface.nodes[ends]
     a, b, c, d = np.swapaxes(corners, 0, 1)
     halves = [np.linalg.norm(np.cross(one - a, other - a), axis=1) / 2.0 for one, other in ((b, c), (c, d))]
     centres = halves[0][:, None] * (a + b + c) / 3.0 + halves[1][:, None] * (a + c + d) / 3.0

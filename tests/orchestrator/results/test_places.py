@@ -99,6 +99,13 @@ def test_zones_and_sensors_of_a_mesh_are_where_its_shape_has_them(sail, tmp_path
         assert "row" not in placed.coords
 
 
+def test_a_square_beside_a_membrane_from_a_mesh_keeps_its_places(whole):
+    fmus = {"membrane": {"side_length": 0.588, "edge_displacement": 0.006}, "sail": {"mass_damping": 1.0}}
+    both = whole.assign({"sail.damage": ("time", np.zeros(whole.sizes["time"]))})
+    both.attrs["fmus"] = json.dumps({name: {"model": "membrane", "parameters": p} for name, p in fmus.items()})
+    assert with_places(both)["membrane.w"].dims == ("time", "x", "y")
+
+
 def test_some_zones_alone_have_no_places(whole):
     some = with_places(whole.isel(zone=slice(1, 4)))
     assert some["membrane.damage"].dims == ("time", "zone")
