@@ -203,6 +203,19 @@ def test_a_displacement_is_no_strain_and_the_remedy_is_said(tmp_path, header):
         read(tmp_path, text_of("time_s,strain,R_ohm"), Columns(strain_unit="mm"))
 
 
+def test_an_elongation_without_a_unit_may_be_a_length(tmp_path):
+    with pytest.raises(DataError, match=r"line 1: column 'Elongation' has no unit, and may be a length\. State"):
+        read(tmp_path, text_of("time_s,Elongation,R_ohm"))
+    same(read(tmp_path, text_of("time_s,Elongation,R_ohm", below="s,1,ohm")))
+    same(read(tmp_path, text_of("time_s,Elongation,R_ohm"), Columns(strain_unit="1")))
+
+
+@pytest.mark.parametrize("stamp", ["2024-05-31T12:00:00", "12:00:00"])
+def test_a_clock_that_stands_is_not_called_a_date(tmp_path, stamp):
+    with pytest.raises(DataError, match="the record is too short"):
+        read(tmp_path, text_of("time,strain,R_ohm", [stamp] * 40))
+
+
 def test_a_date_is_the_time_only_with_the_time_of_day_and_where_no_other_column_is(tmp_path):
     rows = list(zip(T, STRAIN, OHM, strict=True))
     beside = "".join(f"2024-05-31,{t:.10g},{s:.10g},{r:.10g}\n" for t, s, r in rows)

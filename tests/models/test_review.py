@@ -74,7 +74,7 @@ def test_a_record_of_other_strain_or_resistance_than_the_sensor_was_identified_o
     )
     (sentence,) = judge_files(stored, [write(tmp_path / "r.csv", small)])[0].elsewhere
     assert re.search(
-        r"r\.csv: strain is 0 to 1\.\d+ %, but the sensor was identified on 0 to 20 %: .*--strain-unit", sentence
+        r"r\.csv: strain is 0 to 1\.\d+ %, a small part of the 0 to 20 % that the sensor .*--strain-unit", sentence
     )
     (sentence,) = judge_files(stored, [write(tmp_path / "r.csv", far)])[0].elsewhere
     assert re.search(
@@ -189,6 +189,11 @@ def test_a_record_is_judged_up_to_the_first_strain_beyond_full_scale_and_it_is_s
     said = f"only the 400 of {strain.size} samples before line 402 are judged: strain reaches 0.204 there, beyond"
     assert said in judged.sentences()[0]
     assert shown == [judged.record]  # and it is said before anything is computed
+    end = measured.time[-1]
+    (judged,) = judge_files(stored, [tmp_path / "r.csv"], stretch=f"0:{end}")  # what lies in the file is not refused
+    assert judged.first.all()
+    with pytest.raises(DataError, match=rf"r\.csv ends at {end:g} s"):
+        judge_files(stored, [tmp_path / "r.csv"], stretch=f"0:{2 * end}")
 
 
 def test_what_is_written_reads_as_a_record(measured, stored, tmp_path):

@@ -15,15 +15,16 @@ from .options import option
 from .table import MISSING, is_number
 from .units import LENGTH, SI, STRAIN, factor
 
+ELONGATION = "elongation"  # a length as well as a strain, so it needs a unit
 DATE = "date"  # a day is no time, so such a column is the time only where no other one is
 WORDS = {
     "time": ("time", "timestamp", "datetime", "date_time", "date/time", "zeit", "t", "elapsed", DATE),  # T: temperature
-    "strain": ("strain", "eps", "epsilon", "ε", "dehnung", "elongation"),
+    "strain": ("strain", "eps", "epsilon", "ε", "dehnung", ELONGATION),
     "resistance": ("resistance", "r", "widerstand"),
 }
 BEGINNINGS = {
     "time": ("time", "timestamp", "elapsed"),
-    "strain": ("strain", "eps", "dehnung", "elongation"),
+    "strain": ("strain", "eps", "dehnung", ELONGATION),
     "resistance": ("resistance", "r"),
 }
 MOST_NAMES = 12  # of columns that a message lists

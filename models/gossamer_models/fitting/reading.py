@@ -5,7 +5,8 @@ Rules, each with the line of the file named where it applies:
 - Records of one fit have different names.
 - ``table.py`` finds encoding, preamble, header, delimiter and decimal mark, ``columns.py`` the columns and their units.
   What was recognised goes with the record, ``found.py``, to be shown before a fit.
-- A column without a unit is in s, 1 or ohm. Times without one that may be milliseconds or a count are refused.
+- A column without a unit is in s, 1 or ohm. Times without one that may be milliseconds or a count are refused, and so is
+  an elongation, which may be a length.
 - ISO 8601 timestamps are seconds after the first one. Dates without times of day are refused if samples share one.
 - Lines with more cells than the header has names are refused: a decimal comma divides a number.
 - Samples with a missing value or no finite number are left out; more than ``MOST_MISSING`` of them are refused.
@@ -25,6 +26,7 @@ import math
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +35,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..errors import DataError
-from .columns import DATE, Column, Columns, read_units, wanted_columns
+from .columns import DATE, ELONGATION, Column, Columns, no_unit, read_units, wanted_columns
 from .found import Found, Quantity, gaps_of, unclear_clock, written
 from .records import Record
 from .repairs import DAY, LARGEST_JUMP, Samples, check, drop_missing, order_times
@@ -86,6 +88,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     if columns.sampling_step is not None:
         values.insert(0, columns.sampling_step * np.arange(raw.lines.size, dtype=np.float64))
     of_strain = next(c for c in raw.wanted if c.what == "strain")
+    _check_elongation(raw, of_strain)
     samples = Samples(path, values, raw.lines, strain_unit_stated=of_strain.unit is not None)
     if columns.sampling_step is not None:
         samples.repairs.append(f"no clock was read: samples are taken as {columns.sampling_step:g} s apart")
@@ -219,10 +222,21 @@ def _advice(row: list[str], wanted: list[Column]) -> str:
     return why_no_number(bad)
 
 
+def _check_elongation(raw: _Raw, column: Column) -> None:
+    """Refuse an elongation without a unit, which may be a length as well as a strain."""
+    if column.unit is None and column.name.strip().lower().startswith(ELONGATION):
+        msg = (
+            f"{raw.table.path}, line {raw.table.header_line}: column {column.name!r} has no unit, and may be a length. "
+            f"{no_unit('', 'strain')}; divide a length by the gauge length first."
+        )
+        raise DataError(msg)
+
+
 def _check_days(raw: _Raw, time: Vector) -> None:
     """Refuse dates without times of day, on one of which several samples lie."""
-    days = np.unique(time)
-    if raw.numbers.clock is not None and days.size < time.size and not (days % DAY).any():
+    first, days = raw.numbers.clock, np.unique(time)
+    midnight = isinstance(first, datetime) and first.time() == datetime.min.time()
+    if midnight and days.size < time.size and not (days % DAY).any():
         clock = next(c for c in raw.wanted if c.what == "time")
         msg = (
             f"{raw.table.path}, line {raw.lines[0]}: column {clock.name!r} holds dates without times of day, {days.size} "

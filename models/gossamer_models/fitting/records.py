@@ -121,7 +121,7 @@ def thin(records: Sequence[Record], most: int = MOST_SAMPLES) -> tuple[Record, .
     return tuple(thinned)
 
 
-def training_rows(record: Record, train: str) -> Rows:
+def training_rows(record: Record, train: str, end: float | None = None) -> Rows:
     """Return which samples to fit.
 
     Parameters
@@ -130,11 +130,13 @@ def training_rows(record: Record, train: str) -> Rows:
         Times from zero.
     train : str
         ``A:B`` for times from A to B [s], either of which may be missing, or ``P%`` for the leading part of the samples.
+    end : float or None
+        Where the file ends [s], if the record has only its beginning.
 
     Raises
     ------
     DataError
-        The text is neither, no sample lies there, or it ends after the record does.
+        The text is neither, no sample lies there, or it ends after the file does.
     """
     high = None
     try:
@@ -154,7 +156,7 @@ def training_rows(record: Record, train: str) -> Rows:
     if not rows.any():
         msg = f"{record.name} runs from 0 to {record.time[-1]:g} s: no sample lies in {train!r}. Name another stretch."
         raise DataError(msg)
-    end = float(record.time[-1])
+    end = float(record.time[-1]) if end is None else end
     if high is not None and high > end + max(ROUNDED * end, float(np.median(np.diff(record.time)))):
         half = float(f"{0.5 * end:.3g}")
         msg = (

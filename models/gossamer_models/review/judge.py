@@ -54,7 +54,7 @@ class Judged:
     known : bool
         Whether the sensor was fitted to this file.
     elsewhere : tuple of str
-        Where its ranges hardly overlap with those that the sensor was identified on, a sentence each.
+        Where it fills little of the ranges that the sensor was identified on, a sentence each.
     """
 
     record: Record
@@ -186,12 +186,13 @@ def judge_files(
     artifact = read_sensor(sensor)
     offset, gain, full_scale = scales_of(artifact, sensor)
     compensators = compensators or (artifact.compensator or "inverse",)
-    read = tuple(up_to_full_scale(record, full_scale) for record in read_records(paths, columns))
+    whole = read_records(paths, columns)
+    read = tuple(up_to_full_scale(record, full_scale) for record in whole)
     recognised(read)
     judged = []
-    for path, record in zip(paths, read, strict=True):
+    for path, record, its_file in zip(paths, read, whole, strict=True):
         progress(f"judging {record.name}")
-        first = training_rows(record, stretch)
+        first = training_rows(record, stretch, end=float(its_file.time[-1]))
         output = sensor_output(artifact, full_scale, record)
         scales = fit_scales(output, record, first) if own_scales else None
         gains, offsets = (gain, offset) if scales is None else (scales.gain, scales.offset)

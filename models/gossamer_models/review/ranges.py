@@ -1,4 +1,4 @@
-"""Whether a record lies where a sensor was identified: ranges of strain and resistance, side by side."""
+"""Whether a record lies where a sensor was identified: ranges of strain and resistance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Range = tuple[float, float]
 def hardly_overlapping(
     record: Record, offset: float, gain: float, full_scale: float, *, own_scales: bool
 ) -> tuple[str, ...]:
-    """Say where the range of a record hardly overlaps with that which a sensor was identified on.
+    """Say where a record fills little of the range of strain, or of resistance, that a sensor was identified on.
 
     Parameters
     ----------
@@ -27,16 +27,15 @@ def hardly_overlapping(
 
     Notes
     -----
-    Strain that fills little of the range of the sensor is said as well. Resistance is not, and it may exceed its range: the
-    sensor relaxes beyond its static rise.
+    Strain lies in the range of the sensor: a record ends where it exceeds it. Resistance may exceed its range, since the
+    sensor relaxes beyond its static rise; only where the two hardly overlap is it named.
     """
     sentences = []
-    here, known = (float(record.strain.min()), float(record.strain.max())), (0.0, full_scale)
-    if _shared(here, known) < LEAST_OVERLAP * max(_size(here), _size(known)):
+    here = float(record.strain.min()), float(record.strain.max())
+    if _size(here) < LEAST_OVERLAP * full_scale:
         sentences.append(
-            f"strain is {100 * here[0]:.4g} to {100 * here[1]:.4g} %, but the sensor was identified on 0 to "
-            f"{100 * full_scale:.4g} %: the ranges hardly overlap. Check the unit (--strain-unit), or name a record of like "
-            "strain"
+            f"strain is {100 * here[0]:.4g} to {100 * here[1]:.4g} %, a small part of the 0 to {100 * full_scale:.4g} % "
+            "that the sensor was identified on. Check the unit (--strain-unit), or name a record of like strain"
         )
     here = float(record.resistance.min()), float(record.resistance.max())
     known = min(offset, offset + gain), max(offset, offset + gain)
