@@ -59,9 +59,9 @@ class TwinAnswer:
         return f"TwinAnswer({str(self.path)!r}: {self._verdict})"
 
     def _repr_html_(self) -> str:
-        doubts = [f"{text[0].upper()}{text[1:]}." for text in self.answer.doubts] + [self.compared] * bool(
-            self.compared
-        )
+        doubts = [f"{text[0].upper()}{text[1:]}." for text in self.answer.doubts]
+        if self.compared:
+            doubts.append(self.compared)
         picture = _draw_zones(self.answer.damage, self.answer.deviation)
         return as_html([self._verdict, *doubts], self._print, picture, "Damage of the zones")
 

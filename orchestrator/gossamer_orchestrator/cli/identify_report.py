@@ -20,9 +20,8 @@ SHOWN = 6  # trials of each stage, the best ones
 @contextmanager
 def progress_of(console: Console, *, bar: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float, str], None]]]:
     """Show progress; yield what to call with a sentence, and with the share that is done and a sentence."""
-    with ProgressBar(
-        "identify", console, remaining=False
-    ) as shown:  # its share counts settings, which take unlike times
+    # its share counts settings, which take unlike times
+    with ProgressBar("identify", console, remaining=False) as shown:
 
         def say(text: str) -> None:
             logger.info("%s", text)

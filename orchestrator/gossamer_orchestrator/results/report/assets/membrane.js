@@ -125,7 +125,7 @@ function addMembrane() {
       const titled = (text) => ({ ...place, title: { ...place.title, text } });
       const scene = { xaxis: titled(`x [${mesh.unit}]`), yaxis: titled(`y [${mesh.unit}]`),
         zaxis: { ...titled(mesh.flat ? "" : "w [mm]"), tickvals: [0, highest], range: [-1.1 * top, 1.1 * top], visible: !mesh.flat },
-        aspectmode: "manual", aspectratio: { x: 1.25, y: 1.25, z: 0.45 }, 
+        aspectmode: "manual", aspectratio: { x: 1.25, y: 1.25, z: 0.45 },
         camera: isNarrow() ? { eye: { x: -1, y: -2.3, z: 1.6 }, center: { x: -0.18, y: 0, z: -0.1 } } : { eye: { x: -0.75, y: -1.55, z: 1.1 }, center: { x: -0.05, y: 0, z: -0.16 } } };
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
