@@ -107,6 +107,20 @@ def test_a_verdict_says_what_is_not_known(data, certain, later_window_invalid, t
     assert any(attributes.get("class") == "verdict invalid" for _, attributes in page.tags)
 
 
+@pytest.mark.parametrize(
+    ("findings", "kind"), [([], "invalid"), ([0.2], "invalid"), ([0.0], "healthy"), ([0.0, 0.2], "invalid")]
+)
+def test_no_damage_is_no_verdict_where_the_twin_raised_an_alarm_that_it_did_not_take_back(
+    certain, tmp_path, findings, kind
+):
+    certain["detector.damage"][:] = 0.0
+    found = [{"onset": 5.0, "onset_deviation": 0.1, "damage": [d] * 16, "deviation": [0.01] * 16} for d in findings]
+    (tmp_path / "watch.json").write_text(json.dumps({"alarms": [6.0, 7.0][: max(1, len(found))], "findings": found}))
+    page = page_of(certain, tmp_path)
+    assert any(attributes.get("class") == f"verdict {kind}" for _, attributes in page.tags)
+    assert page.inside["verdict"].endswith("But the digital twin raised an alarm.") == (kind == "invalid")
+
+
 def test_where_no_true_damage_is_recorded_the_estimate_stands_alone(certain, tmp_path):
     for unknown in (certain.drop_vars("membrane.damage"), certain.drop_vars([n for n in certain if "membrane" in n])):
         page = page_of(unknown, tmp_path)

@@ -68,7 +68,7 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
         return Verdict("invalid", "No valid judgement. " + reasons[0], reasons[1:] + more)
     last, found = valid[-1], found_zones(valid[-1])
     certain = bool(np.isfinite(last.deviation).all())
-    rest = [z for z in range(last.estimated.size) if z not in found]
+    rest, alarmed = [z for z in range(last.estimated.size) if z not in found], _is_alarmed(watched)
     if found:
         listed = _listed(last.estimated, last.deviation, found, 1)
         sentence = f"Damaged: {listed}, judged at t = {last.time:.4f} s{_undamaged(last, rest, certain)}."
@@ -77,11 +77,13 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
             more.insert(0, f"The first valid window that shows damage ended at t = {first.time:.4f} s.")
     else:
         sentence = f"No damage: judged at t = {last.time:.4f} s{_undamaged(last, rest, certain)}."
+        if alarmed:
+            sentence += " But the digital twin raised an alarm."
     if np.isfinite(last.true).all():
         more.insert(0, _truth(last))
     else:
         more.insert(0, "The true damage is not recorded.")
-    healthy: Kind = "healthy" if ended[-1].valid else "invalid"  # what came later is not known to be so
+    healthy: Kind = "healthy" if ended[-1].valid and not alarmed else "invalid"  # what came later is not known to be so
     return Verdict("damage" if found else healthy, sentence, reasons + more)
 
 
@@ -132,6 +134,12 @@ def _truth(judgement: Judgement) -> str:
         true += " and more"
     error = f"the mean absolute error over all zones is {100 * judgement.mean_absolute_error:.2f} %"
     return f"True then: {true or 'no damage'}; {error}."
+
+
+def _is_alarmed(watched: Mapping[str, Any] | None) -> bool:
+    """Tell whether the twin raised an alarm, and did not find afterwards that no zone is damaged."""
+    alarms, findings = ((watched or {}).get(what, []) for what in ("alarms", "findings"))
+    return len(findings) < len(alarms) or any(np.any(np.asarray(each["damage"]) > 0.0) for each in findings)
 
 
 def _watch_sentences(watched: dict[str, Any] | None) -> list[str]:
