@@ -36,11 +36,13 @@ def uncertain(value: float, deviation: float, unit: str = "") -> str:
     Returns
     -------
     str
-        For instance ``0.767098 ± 0.000003 s``; without a deviation above 0 the value alone, in six digits.
+        For instance ``0.767098 ± 0.000003 s``; with a deviation of 0 the value alone, in six digits.
     """
     after = f" {unit}" if unit else ""
-    if not 0.0 < deviation < math.inf:
-        return f"{value:.6g}{after}"
+    if not math.isfinite(deviation):
+        return f"{value:.6g} ± unknown{after}"
+    if deviation < 10.0**-MOST_DIGITS:
+        return f"{value:.6g}{f' ± {deviation:.1g}' if deviation else ''}{after}"
     digits = -math.floor(math.log10(deviation / 2.0))  # one digit of a deviation, two where the first is 1
     digits = min(max(digits, 0), MOST_DIGITS)
-    return f"{value:.{digits}f} ± {deviation:.{digits}f}{after}"
+    return f"{round(value, digits) + 0.0:.{digits}f} ± {deviation:.{digits}f}{after}"  # + 0.0: no minus before zeros

@@ -106,6 +106,7 @@ def save_page(describe: Callable[[], Page], path: Path) -> list[Path]:
         return [write_page(describe(), path)]
     except Exception as error:
         logger.warning("%s was not written: %s: %s", path, type(error).__name__, error)
+        logger.debug("where it was raised", exc_info=True)
         return []
 
 

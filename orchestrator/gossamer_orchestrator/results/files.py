@@ -148,7 +148,7 @@ def load_results(path: Path) -> xr.Dataset:
 def others(path: Path, names: Sequence[str] = RECORDED) -> str:
     """Name the folders that hold one of some files, below a path or else beside it; nothing if there is none."""
     for place in (path, path.parent):
-        files = [file for name in names for depth in ("*", "*/*") for file in place.glob(f"{depth}/{name}")]
+        files = [file for name in names for depth in ("", "*/", "*/*/") for file in place.glob(f"{depth}{name}")]
         found = sorted({file.parent for file in files} - {path}, key=lambda each: (len(each.parts), each))
         if found:
             more = f", or another of the {len(found)} in {place}" if len(found) > MOST_NAMED else ""

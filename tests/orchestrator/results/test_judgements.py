@@ -162,4 +162,6 @@ def test_a_value_has_the_unit_and_the_digits_of_its_deviation():
     assert uncertain(0.0123, 0.00119) == "0.0123 ± 0.0012"
     assert uncertain(9871.3, 42.0, "Pa") == "9871 ± 42 Pa"
     assert uncertain(0.767098, 0.0, "s") == "0.767098 s"
-    assert uncertain(0.767098, math.inf, "s") == "0.767098 s"
+    assert uncertain(0.767098, math.inf, "s") == "0.767098 ± unknown s"
+    assert uncertain(2.0, 3e-12) == "2 ± 3e-12"
+    assert uncertain(-0.0001, 0.02) == "0.00 ± 0.02"

@@ -120,14 +120,14 @@ def test_the_panels_show_the_cases_and_share_their_axes():
 
 
 def test_of_an_array_with_many_elements_the_last_values_are_bars_in_percent_with_the_truth():
-    """The second case ended before the last time: its last values are those before."""
+    """The second case ended before the last time: its last values are those before. The truth is that of the last window."""
     values = np.arange(2 * 3 * 16.0).reshape(2, 3, 16)
     values[1, 2] = np.nan
     coordinates = {"case": [1, 2], "time": [0.0, 0.1, 0.2], "zone": range(1, 17)}
     figure = Figure()
     valid = xr.DataArray([[0, 0, 1], [0, 0, np.nan]], {k: coordinates[k] for k in ("case", "time")}, ("case", "time"))
     found = xr.DataArray(values / 100.0, coordinates, ("case", "time", "zone"), name="d.damage")
-    plot_cases(found, [], figure, valid, 0.5 * found)
+    plot_cases(found, [], figure, xr.Dataset({"d.valid": valid, "d.damage": found}), 0.5 * found)
     drawn = [[bar.get_height() for bar in ax.patches] for ax in figure.axes if ax.patches]
     assert drawn == [pytest.approx(values[0, 2]), pytest.approx(values[1, 1])]
     true = [ax.lines[0].get_ydata().tolist() for ax in figure.axes if ax.patches]
@@ -135,6 +135,18 @@ def test_of_an_array_with_many_elements_the_last_values_are_bars_in_percent_with
     assert figure.axes[0].get_xticks().tolist() == [1, 4, 7, 10, 13, 16]
     assert [[text.get_text() for text in ax.texts] for ax in figure.axes if ax.patches] == [[], ["not valid"]]
     assert (figure.get_suptitle(), figure.get_supylabel()) == ("last d.damage", "damage [%]")
+
+
+def test_the_truth_beside_a_judgement_is_that_of_its_window():
+    """Damage begins after the only window ended: neither the bars nor the diamonds know it."""
+    coordinates = {"case": [1], "time": [0.0, 0.1, 0.2], "zone": range(1, 17)}
+    found = xr.DataArray(np.zeros((1, 3, 16)), coordinates, ("case", "time", "zone"), name="d.damage")
+    true = found.copy()
+    true[0, 2, 5] = 0.35
+    figure = Figure()
+    valid = xr.DataArray([[0.0, 1.0, 1.0]], {k: coordinates[k] for k in ("case", "time")}, ("case", "time"))
+    plot_cases(found, [], figure, xr.Dataset({"d.valid": valid, "d.damage": found}), true)
+    assert figure.axes[0].lines[0].get_ydata().tolist() == [0.0] * 16
 
 
 def test_of_many_cases_some_are_drawn_and_the_title_says_so():

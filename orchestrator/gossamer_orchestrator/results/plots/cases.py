@@ -13,7 +13,8 @@ from gossamer_files.pictures import COLORS, GREY, picture
 
 from ...errors import ResultsError
 from ...names import suggest
-from ..judgements import true_damage
+from ..columns import WATCHED
+from ..judgements import changes, true_damage
 from ..roles import find_all
 
 if TYPE_CHECKING:
@@ -57,7 +58,8 @@ def save_cases(store: Path, folder: Path, variable: str | None, varied: Sequence
         detector, _, what = name.partition(".")
         true = true_damage(data) if what == "damage" and detector in find_all(data, "detector") else ""
         with picture(folder / PICTURE) as figure:
-            plot_cases(data[name], varied, figure, data.get(f"{detector}.valid"), data.get(true))
+            judged = [f"{detector}.{each}" for each in WATCHED if f"{detector}.{each}" in data]
+            plot_cases(data[name], varied, figure, data[judged] if judged else None, data.get(true))
     return [folder / PICTURE]
 
 
@@ -65,13 +67,13 @@ def plot_cases(
     values: xr.DataArray,
     varied: Sequence[str],
     figure: Figure,
-    valid: xr.DataArray | None = None,
+    judged: xr.Dataset | None = None,
     true: xr.DataArray | None = None,
 ) -> None:
     """Draw a variable with the dimensions ``case``, ``time`` and perhaps one more, a panel per case; damage in percent.
 
-    Last values that are no judgement by ``valid``, of the dimensions ``case`` and ``time``, are grey. Diamonds are the last
-    values of ``true``, of the dimensions of the variable.
+    ``judged`` is what the detector says of its windows: last values that are no valid judgement are grey. Diamonds are the
+    values of ``true``, of the dimensions of the variable, when the last window ended.
     """
     stride = -(-values.sizes["case"] // PANELS)
     thinned = values.isel(case=slice(None, None, stride))
@@ -85,13 +87,14 @@ def plot_cases(
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for ax in axes.flat[thinned.sizes["case"] :]:
         ax.set_axis_off()
-    many = _is_long(values)
+    many, detector = _is_long(values), str(values.name).partition(".")[0]
     for ax, (_, case) in zip(axes.flat, thinned.groupby("case"), strict=False):
         number = case["case"].item()
-        last = None if valid is None else valid.sel(case=number).dropna("time")
-        _panel(ax, case.squeeze("case"), varied, is_valid=last is None or not last.size or float(last[-1]) > 0.5)
+        said = xr.Dataset() if judged is None else judged.sel(case=number).dropna("time", how="all")
+        last = said.get(f"{detector}.valid", xr.DataArray([1.0]))[-1:]
+        _panel(ax, case.squeeze("case"), varied, is_valid=bool((last > 0.5).all()))
         if many and true is not None:
-            _diamonds(ax, factor * true.sel(case=number))
+            _diamonds(ax, factor * true.sel(case=number), said)
     handles, labels = axes.flat[0].get_legend_handles_labels()
     if labels:
         figure.legend(handles, labels, loc="outside right upper", title=None if many else values.dims[-1])
@@ -110,11 +113,12 @@ def _is_damage(values: xr.DataArray) -> bool:
     return str(values.name).rpartition(".")[2] in ("damage", "deviation") and values.attrs.get("units", "1") == "1"
 
 
-def _diamonds(ax: Axes, true: xr.DataArray) -> None:
+def _diamonds(ax: Axes, true: xr.DataArray, said: xr.Dataset) -> None:
     ended = true.dropna("time", how="all")
     if ended.sizes["time"]:
-        zones, last = ended[ended.dims[-1]], ended.isel(time=-1)
-        ax.plot(zones, last, marker="D", ms=5, mfc="none", mec=COLORS[1], ls="", label="true")
+        rows = [-1, *(changes(said) if "time" in said.sizes else ())]
+        zones, judged = ended[ended.dims[-1]], ended.isel(time=rows[-1])
+        ax.plot(zones, judged, marker="D", ms=5, mfc="none", mec=COLORS[1], ls="", label="true")
 
 
 def _panel(ax: Axes, case: xr.DataArray, varied: Sequence[str], *, is_valid: bool) -> None:

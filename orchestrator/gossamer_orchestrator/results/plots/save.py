@@ -92,6 +92,7 @@ def draw_pages(data: xr.Dataset, folder: Path, form: str, shapes: Path, share: s
             failure = str(error)
         except Exception as error:
             failure = f"{path} was not drawn: {type(error).__name__}: {error}."
+            logger.debug("%s", failure, exc_info=True)
         yield Drawn(path, time.perf_counter() - begun, why_not, failure)
 
 
