@@ -44,7 +44,7 @@ def twin(
     noise : float or None
         Standard deviation of the noise, 1 or ohm; estimated by default.
     stop : float or None
-        Use the record up to this time [s] only.
+        Use the record up to this time [s] only; it costs less.
     set : mapping, sequence of str or None
         A parameter of the membrane; may be repeated.
     sensor : path or None

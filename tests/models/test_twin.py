@@ -51,9 +51,15 @@ def strain(forward, damages, noise=0.0, seed=0, **parameters):
 TWO = damage(z6=0.3, z11=0.15)
 
 
-def test_without_noise_the_damage_is_exact(forward, twin):
-    answer = twin.fit(Record(step=STEP, values=strain(forward, TWO), noise=1e-6))
+def test_without_noise_the_damage_is_exact_and_how_far_it_is_was_said(forward, twin):
+    said = []
+    answer = twin.fit(
+        Record(step=STEP, values=strain(forward, TWO), noise=1e-6), report=lambda *each: said.append(each)
+    )
     np.testing.assert_allclose(answer.damage, TWO, atol=1e-6)
+    lengths = sorted({seconds for seconds, _ in said})
+    assert lengths[-1] == pytest.approx(STEPS * STEP)
+    assert all(0 < made < answer.simulations for seconds, made in said[-3:])
     assert answer.valid
     assert answer.left_out == ()
     assert answer.doubts == ()

@@ -6,6 +6,8 @@ Symbols: ``x`` unknowns, first the 16 damages [1], then the nuisances in units o
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
@@ -44,6 +46,8 @@ class Problem:
         Model error.
     about : ndarray, shape (n,), or None
         Unknowns near which sensors turn the model error of strain into that of resistance; None for none.
+    report : callable, optional
+        Called before each group of simulations with the length of the record [s] and the simulations that were made.
     """
 
     def __init__(
@@ -54,6 +58,7 @@ class Problem:
         noise: Vector,
         discrepancy: Discrepancy | None,
         about: Vector | None = None,
+        report: Callable[[float, int], None] = lambda *_: None,
     ) -> None:
         self.forward, self.record, self.nuisances = forward, record, nuisances
         self.size = N_ZONES + len(nuisances.names)
@@ -62,7 +67,7 @@ class Problem:
         self.low = np.r_[np.zeros(N_ZONES), np.full(len(nuisances.names), -BEYOND)]
         self.high = np.r_[np.full(N_ZONES, MOST_DAMAGE), np.full(len(nuisances.names), BEYOND)]
         self._reading = forward.reading(record.kind)
-        self.simulations = 0
+        self.simulations, self._report = 0, report
         self._weights: NoiseWeights | SplineWeights
         if discrepancy is None:
             self._weights = NoiseWeights(record.present, noise)
@@ -125,5 +130,6 @@ class Problem:
     def _strain(self, x: Matrix) -> Matrix:
         n, h, z = self.record.samples, self.record.step, x[:, N_ZONES:]
         pressure = self.nuisances.pressure(z, h * np.arange(1.0, n + 1.0))
+        self._report(n * h, self.simulations)
         self.simulations += len(x)
         return self.forward.strain(x[:, :N_ZONES], self.nuisances.parameters(z), pressure, n, h)

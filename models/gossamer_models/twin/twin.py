@@ -6,7 +6,7 @@ Symbols: ``x`` unknowns, the 16 damages and then the nuisances in units of their
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Literal
 
@@ -103,7 +103,12 @@ class Twin:
         Nuisances(self.nuisances, self.params)  # refuses unknown names
         self._forward = Forward(elements_per_side, order, self.params, sensor, sensor_parameters)
 
-    def fit(self, record: Record, start: ArrayLike | None = None) -> Answer:
+    def fit(
+        self,
+        record: Record,
+        start: ArrayLike | None = None,
+        report: Callable[[float, int], None] = lambda *_: None,
+    ) -> Answer:
         """Find the damages that explain a record.
 
         Parameters
@@ -112,6 +117,9 @@ class Twin:
             Histories from the moment that the load sets in.
         start : array_like, shape (16,), or None
             Damages to start from first, for instance those of a detector.
+        report : callable, optional
+            Called before each group of simulations with the length of the record that they cover [s], and how many of this
+            length were made before.
 
         Raises
         ------
@@ -133,18 +141,18 @@ class Twin:
         if not record.sensors:
             msg = "no sensor has values that move. Check the columns and the wiring."
             raise DataError(msg)
-        fit = search(self._stages(record), given, sparse=self.sparse)
-        wiring = None if fit.passes else best_wiring(record, self._early_misfit)
+        fit = search(self._stages(record, report), given, sparse=self.sparse)
+        wiring = None if fit.passes else best_wiring(record, lambda other: self._early_misfit(other, report))
         if wiring is not None:
             record = wiring.applied(record)
-            other = search(self._stages(record), given, sparse=self.sparse)
+            other = search(self._stages(record, report), given, sparse=self.sparse)
             if other.passes:
                 return self._answer(other, [*doubts, wiring.doubt], wiring)
         return self._answer(fit, doubts, None)
 
-    def _stages(self, record: Record) -> list[Problem]:
+    def _stages(self, record: Record, report: Callable[[float, int], None]) -> list[Problem]:
         """Make the problems of longer and longer beginnings of a record."""
-        return [self._problem(record, samples) for samples in (*_early_samples(record), self._compared(record))]
+        return [self._problem(record, samples, report) for samples in (*_early_samples(record), self._compared(record))]
 
     def _compared(self, record: Record) -> int:
         """Return how many samples are compared: all, or those that the discrepancy covers."""
@@ -152,18 +160,18 @@ class Twin:
             return record.samples
         return min(record.samples, math.floor(self.discrepancy.length / record.step * (1.0 + 1e-12)))
 
-    def _problem(self, record: Record, samples: int) -> Problem:
+    def _problem(self, record: Record, samples: int, report: Callable[[float, int], None]) -> Problem:
         """Make the problem of the beginning of a record; its noise is that of all of it."""
         length = record.step * self._compared(record)
         nuisances = Nuisances(self.nuisances, self.params, length, self.params.pressure_amplitude)
         part = replace(record, values=record.values[:, :samples])
-        return Problem(self._forward, part, nuisances, record.noise_deviation(), self.discrepancy)
+        return Problem(self._forward, part, nuisances, record.noise_deviation(), self.discrepancy, report=report)
 
-    def _early_misfit(self, record: Record) -> float:
+    def _early_misfit(self, record: Record, report: Callable[[float, int], None]) -> float:
         """Return the misfit of the last early stage, or of the first one that is hopeless."""
         x, found = None, np.inf
         for samples in _early_samples(record) or [self._compared(record)]:
-            stage = self._problem(record, samples)
+            stage = self._problem(record, samples, report)
             start = np.zeros(stage.size) if x is None else x
             point = descend(stage, start, np.ones(stage.size, dtype=bool), enough=ROUGH).point
             x, found = point.x, misfit(stage, point)

@@ -71,6 +71,7 @@ def newest_page(results: Path) -> Path:
     """
     from ..pages import PAGE
     from ..results.files import RECORDED
+    from ..results.watch import WATCH
 
     own = results.parent / results.stem  # folder of the page of an artifact or a store
     folder = own if results.suffix in STORES and (own / PAGE).is_file() else _folder(results)
@@ -78,7 +79,8 @@ def newest_page(results: Path) -> Path:
     missing = results.suffix in STORES and not results.exists() and folder != own
     if missing or not any(each.is_file() for each in (path, *recorded)):
         raise ResultsError(_nothing_at(results))
-    latest = max((each.stat().st_mtime for each in recorded if each.is_file()), default=0.0)
+    shown = [*recorded, folder / WATCH]
+    latest = max((each.stat().st_mtime for each in shown if each.is_file()), default=0.0)
     return path if path.is_file() and path.stat().st_mtime >= latest else make_page(results)
 
 

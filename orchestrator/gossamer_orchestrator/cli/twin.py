@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from gossamer_files import replacing
 
+from ..results.watch import TWIN
 from .command import INVALID, Result, show, stderr
 from .common import json_file, keep_inputs, model_errors, note_page, save_page, typed
 from .twin_options import (
@@ -47,7 +48,7 @@ def twin(
     ] = None,
     kind: KindOption = None,
     noise: NoiseOption = None,
-    stop: Annotated[float | None, typer.Option(help="Use the record up to this time [s] only.")] = None,
+    stop: Annotated[float | None, typer.Option(help="Use the record up to this time [s] only; it costs less.")] = None,
     values: ValuesOption = None,
     sensor: SensorOption = None,
     elements_per_side: ElementsOption = 4,
@@ -122,11 +123,12 @@ def fit_twin(
     from gossamer_models.twin import Twin
 
     from ..pages import PAGE
+    from ..run.progress import ProgressBar
     from .pages.twin import twin_page
     from .twin_record import find_record, sensor_of
 
     console = stderr()
-    path = beside(record, "twin.json") if out is None else json_file(out)
+    path = beside(record, TWIN) if out is None else json_file(out)
     keep_inputs([file_of(record), sensor], [out, path])
     with model_errors():
         with console.status("reading"):
@@ -134,7 +136,8 @@ def fit_twin(
         logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
         default = () if found.record.kind == "resistance" else (NUISANCES,)
         nuisances = default if fit is None else tuple(name.strip() for name in fit.split(",") if name.strip() != "none")
-        with console.status("compiling, then fitting"):
+        with ProgressBar("fitting", console) as bar:
+            bar.update(text="compiling,")
             answer = Twin(
                 elements_per_side,
                 order,
@@ -143,7 +146,10 @@ def fit_twin(
                 sensor_parameters=found.sensor_parameters,
                 nuisances=nuisances,
                 sparse=sparse,
-            ).fit(found.record)
+            ).fit(
+                found.record,
+                report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,"),
+            )
         logger.info("%d simulations for %d values", answer.simulations, answer.samples)
         with replacing(path) as unfinished:
             unfinished.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")

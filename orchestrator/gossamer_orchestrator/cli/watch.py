@@ -14,8 +14,8 @@ from rich.console import Console
 
 from ..errors import OrchestratorError
 from ..results.watch import WATCH
-from .command import INVALID, Result, is_quiet, show, stderr
-from .common import keep_inputs, model_errors
+from .command import INVALID, Result, is_quiet, note, show, stderr
+from .common import keep_inputs, model_errors, typed
 from .twin_options import (
     ElementsOption,
     KindOption,
@@ -68,6 +68,8 @@ def watch(
 
         gossamer run damage_begins && gossamer watch out/damage_begins
     """
+    from ..pages import PAGE
+
     report, path = watch_given(
         record,
         window=window,
@@ -82,6 +84,8 @@ def watch(
         console=stderr(),
     )
     show(path)
+    if path.name == WATCH and (path.parent / PAGE).is_file():
+        note(f"The page of the run shows it: type 'gossamer view {typed(path.parent)}'.")
     return Result({"file": path, **report.content, "units": UNITS}, 0 if report.explained else INVALID)
 
 
@@ -255,7 +259,7 @@ class WatchReport:
             return ""
         return (
             f"The twin does not explain the last window: chi2 per sample is {self.misfits[-1]:.3g}. Check load, "
-            "damping, sensors and noise."
+            "damping, sensors and noise. Where there may be damage from the beginning, use 'gossamer twin'."
         )
 
     @property

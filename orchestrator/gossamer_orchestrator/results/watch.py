@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 WATCH = "watch.json"
+TWIN = "twin.json"  # beside results too: what ``gossamer twin`` found; its page is in the folder ``twin``
 
 
 def read_watch(folder: Path) -> dict[str, Any] | None:

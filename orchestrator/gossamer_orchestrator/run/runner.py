@@ -23,7 +23,7 @@ from ..results.files import (
     values_in,
 )
 from ..results.shapes import settle_shapes
-from ..results.watch import WATCH
+from ..results.watch import TWIN, WATCH
 from ..scenario.schema import Given, Scenario
 from .child import WAITING, Task
 from .folders import locked, scratch
@@ -177,7 +177,8 @@ def _written(path: Path) -> int | None:
 def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, watched: int | None) -> float | None:
     """Finish the netCDF file; return the time of its last row, None without any.
 
-    What the twin saw of an earlier run, in a file written at the time ``watched``, goes with the results of that run.
+    What the twin said of an earlier run goes with its results: its watch, in a file written at the time ``watched``, and
+    its fit.
     """
     unfinished = folder / UNFINISHED_NETCDF
     if process.shared is None:
@@ -199,6 +200,11 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, w
         settle_shapes(folder, kept=True)
         if watched is not None and _written(folder / WATCH) == watched:
             (folder / WATCH).unlink()
+        if (folder / TWIN).is_file():
+            from ..pages import PAGE
+
+            (folder / TWIN).unlink()
+            (folder / Path(TWIN).stem / PAGE).unlink(missing_ok=True)
     return last
 
 

@@ -14,6 +14,7 @@ from .schema import Component, Given, Scenario
 from .sizes import resized
 from .source import Location
 
+OPTIONS = ("step", "stop", "master")  # of a scenario, with options of the command of their own
 SEED = "seed"
 
 
@@ -68,7 +69,8 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
         found = [component for component in components if matches(pattern, component)]
         if not variable or not found:
             what = f"there is no component {pattern!r}" if variable else f"{name!r} is no component.variable"
-            msg = f"--set {name}: {what}. {suggest(pattern, [*components, SEED])}"
+            other = f"Use --{name}." if name in OPTIONS else suggest(pattern, [*components, SEED])
+            msg = f"--set {name}: {what}. {other}"
             raise ScenarioError(msg)
         for component in found:
             path = scenario.fmu_path(component, fmus)

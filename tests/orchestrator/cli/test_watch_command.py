@@ -46,9 +46,11 @@ def test_a_run_that_is_resumed_is_watched_afterwards():
 
 
 def test_an_alarm_is_printed_and_the_finding_written(record):
+    record.with_name("report.html").touch()
     result = CliRunner().invoke(app, ["watch", str(record), *MESH])
     assert result.exit_code == 0, result.output
     assert "ALARM" in result.stderr
+    assert f"The page of the run shows it: type 'gossamer view {record.parent}'." in " ".join(result.stderr.split())
     found = json.loads(Path(result.stdout.strip()).read_text(encoding="utf-8"))
     assert len(found["alarms"]) == 1
     assert 0.0 < found["alarms"][0] - ONSET < 0.1

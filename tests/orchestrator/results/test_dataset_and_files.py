@@ -29,7 +29,10 @@ def test_netcdf_and_csv_give_back_what_was_recorded(chain, fmus, tmp_path):
 
 def test_what_the_twin_saw_of_an_earlier_run_goes_with_its_results(chain, fmus, tmp_path):
     """An observer writes the file, as the twin does that watches a run."""
-    watch = tmp_path / "watch.json"
+    watch, fit = tmp_path / "watch.json", [tmp_path / "twin.json", tmp_path / "twin/report.html"]
+    (tmp_path / "twin").mkdir()
+    for path in fit:
+        path.touch()
     for _ in range(2):
         run_scenario(chain(), fmus, tmp_path, observers=[KeepStates(watch)])
         assert watch.is_file()
@@ -37,7 +40,7 @@ def test_what_the_twin_saw_of_an_earlier_run_goes_with_its_results(chain, fmus, 
         run_scenario(chain(), fmus / "nowhere", tmp_path)
     assert watch.is_file()
     run_scenario(chain(), fmus, tmp_path)
-    assert not watch.exists()
+    assert not any(path.exists() for path in (watch, *fit))
 
 
 def test_results_carry_scenario_units_guids_and_versions(chain, fmus, tmp_path):
