@@ -12,6 +12,7 @@ import csv
 import logging
 import shutil
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -150,6 +151,8 @@ def others(path: Path, names: Sequence[str] = RECORDED) -> str:
     for place in (path, path.parent):
         files = [file for name in names for depth in ("", "*/", "*/*/") for file in place.glob(f"{depth}{name}")]
         found = sorted({file.parent for file in files} - {path}, key=lambda each: (len(each.parts), each))
+        near = get_close_matches(path.name, [each.name for each in found])
+        found.sort(key=lambda each: each.name not in near)
         if found:
             more = f", or another of the {len(found)} in {place}" if len(found) > MOST_NAMED else ""
             return f"Did you mean {' or '.join(map(str, found[:MOST_NAMED]))}{more}?"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 
 import numpy as np
@@ -261,6 +262,10 @@ def test_report_writes_a_page_and_view_opens_it(certain, tmp_path, monkeypatch):
     result = CliRunner().invoke(app, ["report", str(tmp_path / "results.nc")])
     assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'report.html'}\n")
     assert (tmp_path / "report.html").read_bytes() == first
+    (tmp_path / "watch.json").write_text('{"alarms": [0.8], "findings": [], "time": [], "misfit": [], "score": []}')
+    os.utime(tmp_path / "watch.json", ns=(0, (tmp_path / "report.html").stat().st_mtime_ns + 1_000_000))
+    assert CliRunner().invoke(app, ["view", str(tmp_path)]).exit_code == 0  # the twin watched it since
+    assert "The digital twin raised" in (tmp_path / "report.html").read_text(encoding="utf-8")
     result = CliRunner().invoke(app, ["report", str(tmp_path / "nowhere")])
     assert result.exit_code == 1
     assert "there are no results at" in result.stderr
@@ -284,3 +289,6 @@ def test_a_folder_without_results_names_those_below_it_or_beside_it(certain, tmp
     for name in "abc":
         save_results(certain, tmp_path / "out" / name)
     assert said("plot", "out").endswith("Did you mean out/a or out/b or out/c, or another of the 4 in out?\n")
+    assert said("view", "out/damagd").endswith(
+        "Did you mean out/damaged or out/a or out/b, or another of the 4 in out?\n"
+    )
