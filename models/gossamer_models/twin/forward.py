@@ -5,6 +5,7 @@ Symbols: ``m`` cases, ``n`` samples.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
@@ -20,6 +21,7 @@ from .record import N_SENSORS
 from .sensors import Sensors
 
 STRAINS = tuple(f"strain[{k + 1}]" for k in range(N_SENSORS))
+WORKERS = os.cpu_count() or 1  # threads of a simulation of many cases
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,8 @@ class Forward:
         """
         start = {**asdict(self.params), **parameters, "damage": damage}
         if pressure is None:
-            return self._membrane.run(steps, h, start).results
-        return self._pressed.run(steps, h, start, {"pressure": pressure}).results
+            return self._membrane.run(steps, h, start, workers=WORKERS).results
+        return self._pressed.run(steps, h, start, {"pressure": pressure}, workers=WORKERS).results
 
     def resistance(self, strain: Matrix, h: float) -> Matrix:
         """Return the resistance [ohm] of sensors under strain, shape (m, 4, n); not a number where a case failed."""

@@ -5,7 +5,6 @@ Symbols: ``m`` cases, ``n`` steps, ``h`` step [s].
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
@@ -18,7 +17,7 @@ from ..batch.cases import BatchState
 from ..membrane import MembraneParams, membrane_model
 from ..membrane.mesh import N_ZONES
 from ..sensor import SensorArtifact
-from .forward import STRAINS
+from .forward import STRAINS, WORKERS
 from .record import N_SENSORS
 from .sensors import Sensors, repeated
 
@@ -97,7 +96,7 @@ class Running:
         m, n, _ = damage.shape
         inputs = {name: damage[:, :, k] for k, name in enumerate(DAMAGES)}
         state = repeated(place.membrane, m)
-        run = self._membrane.run(n, h, inputs=inputs, state=state, workers=os.cpu_count() or 1)
+        run = self._membrane.run(n, h, inputs=inputs, state=state, workers=WORKERS)
         if self._sensors is None:
             return run.results, Place(_first(run.state, 1), None)
         resistance, state = self._sensors.read(run.results, h, place.sensors)
