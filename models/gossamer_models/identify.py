@@ -19,7 +19,7 @@ from .fitting.columns import Columns
 from .fitting.errors import Errors, nrmse
 from .fitting.plots import Picture, record_pictures, save_figures
 from .fitting.reading import read_records
-from .fitting.records import Record, strain_range, thin, training_rows
+from .fitting.records import Record, strain_range, thin, training_stretches
 from .fitting.tables import table_path, write_predictions
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
@@ -166,7 +166,7 @@ def identify_files(
     weights : sequence of float or None
         Of the squared errors of each record [1]; None for 1.
     train : str
-        Training stretch of every record, see ``training_rows``.
+        Training stretch of every record, see ``training_stretches``.
     settings : PreisachSettings, FractionalSettings, "auto" or None
         Model and settings of the fit, see ``settings_for``; None for the thesis' Preisach model. "auto" chooses them and
         the compensator, see ``automatic.choose``.
@@ -200,7 +200,7 @@ def identify_files(
     for before, record in zip(read, records, strict=True):
         if record is not before:
             log.warning("%s: %s", record.name, record.repairs[-1])
-    rows = tuple(training_rows(record, train) for record in records)
+    rows = training_stretches(records, train)
     scales: tuple[RelativeScale, ...] = ()
     if own_scales and len(records) == 1:
         msg = "one record has no scale of its own beside others. Name more records, or leave --own-scales out."

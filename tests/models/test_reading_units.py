@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from gossamer_models import DataError
 from gossamer_models.fitting import Columns, read_record
-from gossamer_models.fitting.units import factor
+from gossamer_models.fitting.columns import WORDS
+from gossamer_models.fitting.units import factor, is_unit
 
 T = 0.1 * np.arange(40)
 STRAIN = 0.05 * np.abs(np.sin(T))
@@ -55,6 +56,12 @@ def test_what_is_no_unit_of_a_column_has_no_factor(what, text):
     assert factor(text, what) is None
 
 
+def test_any_unit_may_stand_in_a_row_of_units_but_no_name_of_time_or_resistance():
+    assert all(map(is_unit, ["s", "µε", "kΩ", "°C", "N/mm²", "V", "mm/s", "1/s", "deg C"]))
+    names = [*WORDS["time"], *WORDS["resistance"], "R", "T", "R_ohm", "strain1", "time_s", "by hand", "0.5", "9**9**9"]
+    assert not any(map(is_unit, names))
+
+
 @pytest.mark.parametrize(
     ("header", "factors"),
     [
@@ -76,6 +83,28 @@ def test_a_row_of_units_is_read(tmp_path):
     assert [q.column.unit for q in found.found.quantities] == ["ms", "%", "kOhm"]
     assert found.repairs == ()
     same(read(tmp_path, text_of("time,strain,R", T, STRAIN, 1e-3 * OHM, below="s,-,kΩ")))
+
+
+@pytest.mark.parametrize("header", ["time,strain,R", "# time,strain,R"])
+def test_a_row_of_units_may_be_a_comment_above_the_first_sample(tmp_path, header):
+    for below in ("# ms,%,kohm", "# by hand, in lab 3\n#[ms],[%],[kΩ]", "# ms,%,kohm\n# s,1,ohm"):
+        text = text_of(header, 1e3 * T, 100 * STRAIN, 1e-3 * OHM, below=below)
+        assert same(read(tmp_path, text)).repairs == ()
+        same(read(tmp_path, text.replace(",", " ") if "lab" not in below else text))
+    for below in ("# of,hand,ohm", "# ms,%", "# 0,0,1000", "# 1,1,1", "# t,e,R", "#,,"):
+        assert same(read(tmp_path, text_of(header, below=below))).repairs == ()
+    later = text_of(header) + "# ms,%,kohm\n4,0.01,1020\n"
+    assert read(tmp_path, later).strain[-1] == pytest.approx(0.01)
+    with pytest.raises(DataError, match=r"line 2: column 'R_ohm' is in ohm, but the row of units says kohm"):
+        read(tmp_path, text_of("time,strain,R_ohm", below="# s,%,kohm"))
+
+
+def test_a_row_of_words_is_no_row_of_units_and_is_told_where_units_are_stated(tmp_path):
+    stated = Columns(time_unit="s", strain_unit="%", resistance_unit="kohm")
+    row = (T, 100 * STRAIN, 1e-3 * OHM)
+    assert same(read(tmp_path, text_of("time,strain,R", *row, below="s,Prozent,kOhm"), stated)).repairs == ()
+    (repair,) = same(read(tmp_path, text_of("time,strain,R", *row, below="Zeit,Dehnung,Widerstand"), stated)).repairs
+    assert "left out, the first in line 2: Zeit | Dehnung | Widerstand" in repair
 
 
 @pytest.mark.parametrize(
@@ -166,6 +195,23 @@ def test_a_comment_is_a_header_only_where_no_other_line_above_the_numbers_is(tmp
     ):
         with pytest.raises(DataError, match=message):
             read(tmp_path, text_of(header))
+
+
+@pytest.mark.parametrize("units", [Columns(), Columns(time_unit="s", strain_unit="1", resistance_unit="ohm")])
+@pytest.mark.parametrize("between", ["time_s,strain1,strain2,R_ohm", "t,strain,strain,R", "Operator: Max"])
+def test_a_comment_above_other_text_is_no_header_whatever_units_are_stated(tmp_path, units, between):
+    text = text_of(f"# time, strain, resistance, by hand\n{between}", ohm=[f"{s:.10g},1000" for s in STRAIN])
+    with pytest.raises(DataError, match=r"r\.csv, line 2: "):
+        read(tmp_path, text, units)
+
+
+@pytest.mark.parametrize(
+    "below", ["s,%,kOhm,°C", "# by hand\ns,[%],kOhm,", "s,%,kOhm,N/mm²\n--,--,--,--\n0,nan,nan,20"]
+)
+def test_a_comment_above_units_and_samples_without_values_is_the_header(tmp_path, below):
+    ohm = [f"{r:.10g},20" for r in 1e-3 * OHM]
+    record = same(read(tmp_path, text_of("# time,strain,R,other", T, 100 * STRAIN, ohm, below=below)))
+    assert [q.column.unit for q in record.found.quantities] == ["s", "%", "kOhm"]
 
 
 def test_of_many_columns_twelve_are_named(tmp_path):

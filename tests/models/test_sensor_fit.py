@@ -7,6 +7,7 @@ import pytest
 from gossamer_models import DataError, ParameterError, Stepper
 from gossamer_models.compensator import compensator_model
 from gossamer_models.fitting import Columns, training_rows
+from gossamer_models.fitting.records import training_stretches
 from gossamer_models.identify import identify_files, settings_for
 from gossamer_models.replay import predict_resistance
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
@@ -231,3 +232,14 @@ def test_a_file_becomes_an_artifact_with_provenance(tmp_path, known):
     assert training_rows(known, f"0:{1.009 * end}").all()
     with pytest.raises(DataError, match=rf"ends at {end:g} s, .* '0:9000' goes beyond\. Write 0:{end / 2:.3g} for"):
         identify_files([path], train="0:9000")
+
+
+def test_a_record_that_is_shorter_than_the_training_stretch_takes_part_to_its_end(known):
+    short = replace(known.at(np.arange(known.time.size) < known.time.size // 3), name="short.csv")
+    stretch = f"0:{known.time[-1] / 2}"
+    for records in ([short, known], [known, short]):
+        assert [rows.all() for rows in training_stretches(records, stretch)] == [record is short for record in records]
+        with pytest.raises(DataError, match=rf"^{known.name} ends at {known.time[-1]:g} s, .* '0:9000' goes beyond"):
+            training_stretches(records, "0:9000")
+    with pytest.raises(DataError, match=r"short\.csv ends at .* goes beyond"):
+        training_stretches([short], stretch)

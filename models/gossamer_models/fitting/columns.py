@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..errors import DataError
 from .options import option
-from .table import MISSING, is_number
+from .table import MISSING, bare, is_number, units_only
 from .units import LENGTH, SI, STRAIN, factor
 
 ELONGATION = "elongation"  # a length as well as a strain, so it needs a unit
@@ -179,11 +179,15 @@ def read_units(path: Path, line: int, row: list[str], wanted: list[Column], colu
     DataError
         The row holds words that are no units of their columns.
     """
-    cells = [row[c.place].strip().strip("[]()") if c.place < len(row) else "" for c in wanted]
-    if not any(cell.lower() not in MISSING and cell != "1" for cell in cells):
-        return None
-    if any(cell != "1" and is_number(cell) for cell in cells):
-        return None
+    cells = [bare(row[c.place]) if c.place < len(row) else "" for c in wanted]
+    if not units_only(row):
+        if not any(cell.lower() not in MISSING and cell != "1" for cell in cells):
+            return None
+        if any(cell != "1" and is_number(cell) for cell in cells):
+            return None
+        stated = all(getattr(columns, f"{c.what}_unit") is not None for c in wanted)
+        if stated and not any(factor(cell, c.what) is not None for cell, c in zip(cells, wanted, strict=True)):
+            return None
     found = []
     for column, cell in zip(wanted, cells, strict=True):
         if cell in NO_UNIT:

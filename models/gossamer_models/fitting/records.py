@@ -131,12 +131,12 @@ def training_rows(record: Record, train: str, end: float | None = None) -> Rows:
     train : str
         ``A:B`` for times from A to B [s], either of which may be missing, or ``P%`` for the leading part of the samples.
     end : float or None
-        Where the file ends [s], if the record has only its beginning.
+        Where the file ends [s], if the record has only its beginning, or the longest of several records.
 
     Raises
     ------
     DataError
-        The text is neither, no sample lies there, or it ends after the file does.
+        The text is neither, no sample lies there, or it ends after ``end``.
     """
     high = None
     try:
@@ -165,6 +165,19 @@ def training_rows(record: Record, train: str, end: float | None = None) -> Rows:
         )
         raise DataError(msg)
     return rows
+
+
+def training_stretches(records: Sequence[Record], train: str) -> tuple[Rows, ...]:
+    """Return which samples of each record to fit; a record that ends before the stretch does takes part to its end.
+
+    Raises
+    ------
+    DataError
+        As ``training_rows``; the stretch may end after some records do, but not after all of them.
+    """
+    longest = max(records, key=lambda record: float(record.time[-1]))
+    training_rows(longest, train)
+    return tuple(training_rows(record, train, end=float(longest.time[-1])) for record in records)
 
 
 def check_rest(rest_resistance: float | None) -> None:

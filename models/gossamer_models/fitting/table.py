@@ -2,8 +2,8 @@ r"""A text file as a table: its encoding, preamble, header, row of units and dec
 
 A meter writes lines of its own above the header, a row of units below it, decimal commas, UTF-16 or Latin-1.
 ``open_table`` finds out which, and refuses by name what no rule covers. The header is the first line in which all wanted
-columns are recognised; a line of comment is one only where no other line above the numbers is. Cells are read one by one,
-so a file of any length fits.
+columns are recognised; a line of comment is one only where no other text but a row of units stands between it and the
+numbers. A row of units may be a comment too. Cells are read one by one, so a file of any length fits.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple, TextIO
 
 from ..errors import DataError
+from .units import is_unit
 
 MOST_PREAMBLE = 200  # lines above the header
 DELIMITERS = ",;\t"
@@ -174,7 +175,8 @@ def open_table(path: Path, check: Callable[[list[str], int], object]) -> Table:
     Returns
     -------
     Table
-        With its header.
+        With its header: the first line that ``check`` takes, a comment only if no other text but a row of units stands
+        between it and the numbers.
 
     Raises
     ------
@@ -200,6 +202,8 @@ def open_table(path: Path, check: Callable[[list[str], int], object]) -> Table:
             check(header, k + 1)
         except DataError as error:
             refused.append(_Refused(k + 1, delimiter, header, comment, error))
+            if commented is not None and not comment and _has_words(header):
+                commented = None
             continue
         table = Table(path=path, encoding=encoding, delimiter=delimiter, header=header, header_line=k + 1)
         if not comment:
@@ -246,13 +250,34 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def rows_of(table: Table, file: TextIO) -> Iterator[tuple[int, list[str]]]:
-    """Yield line and cells of every row below the header that is neither empty nor a comment."""
+    """Yield line and cells of every row below the header that is neither empty nor a comment.
+
+    A comment above the first of them is a row too if it is one of units, with as many cells as the header.
+    """
     for _ in islice(file, table.header_line):
         pass
     reader = csv.reader(file, delimiter=table.delimiter, skipinitialspace=table.delimiter == " ")
+    first = True
     for row in reader:
-        if any(cell.strip() for cell in row) and not row[0].lstrip().startswith(COMMENTS):
-            yield table.header_line + reader.line_num, row
+        if not any(cell.strip() for cell in row):
+            continue
+        if row[0].lstrip().startswith(COMMENTS):
+            row = split(table.delimiter.join(row), table.delimiter)
+            if not (first and len(row) == len(table.header) and units_only(row)):
+                continue
+        first = False
+        yield table.header_line + reader.line_num, row
+
+
+def bare(cell: str) -> str:
+    """Return a cell of a row of units without its brackets."""
+    return cell.strip().strip("[]()")
+
+
+def units_only(cells: list[str]) -> bool:
+    """Tell whether a row is one of units: each cell is a unit, of any quantity, empty, or the mark of a ratio."""
+    written = [text for text in map(bare, cells) if text != "1" and text.lower() not in MISSING]
+    return bool(written) and all(map(is_unit, written))
 
 
 def is_number(cell: str) -> bool:
@@ -280,6 +305,12 @@ def _delimiter(line: str) -> str:
 def _numeric(cells: list[str]) -> bool:
     """Whether a line is a sample: most of its cells hold numbers."""
     return len(cells) > 1 and 2 * sum(map(is_number, cells)) > len(cells)
+
+
+def _has_words(cells: list[str]) -> bool:
+    """Whether a line is text: neither a sample, also one without values, nor a row of units."""
+    words = any(cell.lower() not in MISSING and not is_number(cell) for cell in cells)
+    return words and not _numeric(cells) and not units_only(cells)
 
 
 def _encoding(path: Path) -> str:

@@ -21,6 +21,8 @@ SPELLINGS = (
 STRAIN = re.compile(r"(µ|μ|u|micro|m|milli|) ?(ε|epsilon|strain)")
 STRAIN_PREFIXES = {"µ": 1e-6, "μ": 1e-6, "u": 1e-6, "micro": 1e-6, "m": 1e-3, "milli": 1e-3, "": 1.0}
 ONE_UNIT = re.compile(r"[^\W\d_]+|[%‰]|([µμ]?m+) ?/ ?m+")
+NAMES = ("t", "r")  # of columns, though pint has units of these names
+ANY_UNIT = re.compile(r"(1/)?°?[^\W\d_]+(\^?[23²³])?([ */·]°?[^\W\d_]+(\^?[23²³])?)*")
 LENGTH = re.compile(r"[cmnuµμ]?m|inch(?:es)?|(?:milli|centi|micro)?met(?:er|re)s?")  # of a displacement
 ANGLES = ("radian", "degree", "turn", "bit", "count")  # without a dimension, yet no strains
 
@@ -61,6 +63,20 @@ def _factor(text: str, what: str) -> float | None:
         return float(registry.Quantity(1.0, unit).to(si if what != "strain" else "dimensionless").magnitude)
     except errors:
         return None
+
+
+@cache
+def is_unit(text: str) -> bool:
+    """Tell whether a text is a unit, of any quantity; a letter that names a column of time or resistance is none."""
+    if text.lower() in NAMES:
+        return False
+    if any(factor(text, what) is not None for what in SI):
+        return True
+    registry, errors = _registry()
+    try:
+        return ANY_UNIT.fullmatch(text) is not None and registry.Unit(text) is not None
+    except errors:
+        return False
 
 
 @cache
