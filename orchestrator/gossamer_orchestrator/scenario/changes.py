@@ -90,7 +90,8 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
 
 def _title(scenario: Scenario, changes: Mapping[str, Given]) -> str:
     """Return the title; where values are changed, the name and the changes, for the file's title may tell its own values."""
-    new = ", ".join(f"{name} = {value}" for name, value in changes.items() if name != SEED)
+    written = {name: f"{value:.6g}" if isinstance(value, float) else f"{value}" for name, value in changes.items()}
+    new = ", ".join(f"{name} = {value}" for name, value in written.items() if name != SEED)
     return shorten(f"{scenario.name}, with {new}", LONGEST_TITLE) if scenario.title and new else scenario.title
 
 

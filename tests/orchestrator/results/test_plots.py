@@ -92,6 +92,9 @@ def test_what_is_no_valid_judgement_has_neither_colour_nor_band_and_no_band_is_b
     assert (places[:, 1].min(), places[:, 1].max()) == pytest.approx((0.0, 50.0))
     (line,) = (line for line in ax.lines if line.get_label() == "zone 2, estimated")
     assert np.isfinite(line.get_ydata()).tolist() == [4 <= k < 8 for k in range(10)]
+    data["detector.valid"][:] = 0.0
+    none = plots.plot_damage_history(data, ax=Figure().add_subplot()).get_legend().get_texts()
+    assert [text.get_text() for text in none] == ["other zones, or not valid", "zone 2, true", "not valid"]
 
 
 def test_the_compensated_strain_is_a_thin_line_on_the_broad_true_one(data):

@@ -128,9 +128,10 @@ def plot_damage_history(data: xr.Dataset, *, watch: Mapping[str, Any] | None = N
     shown = (damaged + suspects)[: len(COLORS)]
     _draw_grey(ax, time, e, judged, [z for z in range(e.shape[1]) if z not in shown])
     for color, zone in zip(COLORS, shown, strict=False):
-        ax.step(time, judged[:, zone], where="post", color=color, lw=1.8, label=f"zone {zone + 1}, estimated")
+        label = f"zone {zone + 1}, estimated" if is_valid.any() else None
+        ax.step(time, judged[:, zone], where="post", color=color, lw=1.8, label=label)
         low, high = np.maximum(judged[:, zone] - bars[:, zone], 0.0), judged[:, zone] + bars[:, zone]
-        first = zone == shown[0] and bool(np.isfinite(bars).any())
+        first = zone == shown[0] and bool(np.isfinite(low).any())
         name = "± 2 standard deviations" if first else None
         ax.fill_between(time, low, high, step="post", color=color, alpha=0.2, lw=0, label=name)
         if zone in damaged:

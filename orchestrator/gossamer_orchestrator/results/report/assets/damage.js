@@ -158,7 +158,7 @@ function addHistory(damage, found, known, count) {
         const valued = (values) => found.valid.flatMap((valid, k) => (valid ? [values[k], values[k]] : [null]));
         if (rest.length || judged.length < found.valid.length) step(x, held(found.estimated.map(largest)),
           { line: { color: colors.grey, width: 1 }, rest: { name: "largest of the others", hoverinfo: "skip" } });
-        shown.forEach((z, i) => {
+        (judged.length ? shown : []).forEach((z, i) => {
           const color = colors.lines[i], group = `${z}`, band = `zone ${z + 1} ± 2 deviations`, bar = (sign) => held(found.estimated.map((row, k) => (found.valid[k] ? Math.max(0, 100 * (row[z] + 2 * sign * found.deviation[k][z])) : 0)));
           if (sure) {
             step(x, bar(-1), { line: { width: 0, color }, rest: { name: band, legendgroup: group, showlegend: false, hoverinfo: "skip" } });
