@@ -58,7 +58,7 @@ function addSensors() {
       if (curves.above) data.push(...band(t, curves.above.map((value) => -value), curves.above, colors.lines[1], "± 2 deviations"));
       if (curves.error) data.push(curve("error", t, curves.error, colors.lines[0]));
       const top = 1.5 * (curves.error || []).reduce((most, value) => Math.max(most, Math.abs(value) || 0), 1e-12);
-      const text = beyond === undefined ? "" : `sensor ${number}: ${beyond ? inTwoDigits(100 * beyond) : 0} % of the points leave the band; 5 % would be right`;
+      const text = beyond === undefined ? "" : `sensor ${number}: ${beyond ? inTwoDigits(100 * beyond) : 0} % of the points leave the band;${isNarrow() ? "<br>" : " "}5 % would be right`;
       return { data, more: { annotations: inCorner(text, colors), xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "error [1]", { range: [-top, top] }) } };
     },
   });
