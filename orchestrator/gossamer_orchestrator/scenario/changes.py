@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from textwrap import shorten
 
 from ..errors import ScenarioError
 from ..fmi.file import FmuFile
@@ -16,6 +17,7 @@ from .source import Location
 
 OPTIONS = ("step", "stop", "master")  # of a scenario, with options of the command of their own
 SEED = "seed"
+LONGEST_TITLE = 100  # characters, where values are changed
 
 
 def read_changes(texts: Iterable[str]) -> dict[str, Given]:
@@ -83,9 +85,16 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
                     ("components", component, table, key) for table in keys for key in keys[table]
                 ]
                 options |= dict.fromkeys(places, f"--set {name}")
-    other = ", with other values" if scenario.title and set(changes) - {SEED} else ""  # the title may tell the file's
-    scenario = scenario.model_copy(update={"components": components, "title": f"{scenario.title}{other}"})
+    title = _title(scenario, changes)
+    scenario = scenario.model_copy(update={"components": components, "title": title})
     return scenario.with_source(replace(scenario.source, options=options))
+
+
+def _title(scenario: Scenario, changes: Mapping[str, Given]) -> str:
+    """Return the title; where values are changed, the name and the changes, for the file's title may tell its own values."""
+    written = {name: f"{value:.6g}" if isinstance(value, float) else f"{value}" for name, value in changes.items()}
+    new = ", ".join(f"{name} = {value}" for name, value in written.items() if name != SEED)
+    return shorten(f"{scenario.name}, with {new}", LONGEST_TITLE) if scenario.title and new else scenario.title
 
 
 def _with_value(component: Component, keys: Mapping[str, list[str]], value: Given) -> Component:

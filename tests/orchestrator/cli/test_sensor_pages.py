@@ -99,8 +99,10 @@ def test_the_curves_of_the_page_are_those_of_the_predictions(identified):
     assert both == pytest.approx(table["predicted_ohm"], rel=1e-6)
     (area,) = charts["Resistance over time"]["layout"]["shapes"]
     assert (area["x0"], area["x1"]) == (0.0, 120.0)
-    error = values(charts["Error of the recovered strain"]["traces"][0]["y"])
-    assert error == pytest.approx(100.0 * (table["recovered_strain_1"] - table["strain_1"]), abs=1e-5)
+    chart = charts["Error of the recovered strain"]
+    error = 100.0 * (table["recovered_strain_1"] - table["strain_1"]) / np.ptp(table["strain_1"])
+    assert values(chart["traces"][0]["y"]) == pytest.approx(error, rel=1e-4, abs=1e-3)
+    assert chart["y"] == "recovered - applied [% of range]"  # as the picture beside the artifact has it
     linked = {each["linked"] for each in charts.values() if each["x"] == "time [s]"}
     assert linked == {"time of measured.csv"}
     assert all(each["text"] for each in charts.values())
@@ -156,7 +158,11 @@ def test_an_assessment_shows_every_compensator_its_band_and_the_fitted_scales(as
     top = values(history["± 2 stated deviations, estimator"]["y"])
     assert top == pytest.approx(100.0 * (recovered + 2.0 * deviation), rel=1e-4, nan_ok=True)
     assert {"Fitted gain", "Fitted offset"} <= set(charts)
-    assert "No deviation is stated by exact." in charts["Error of the recovered strain"]["note"]
+    chart = charts["Error of the recovered strain"]
+    assert "No deviation is stated by exact." in chart["note"]
+    (edge,) = (each for each in chart["traces"] if each["name"].startswith("±") and each.get("showlegend", True))
+    reach = 200.0 * deviation / np.ptp(table["strain_1"])  # in % of the range, as the errors
+    assert values(edge["y"]) == pytest.approx(reach, rel=1e-4, nan_ok=True)
     assert "Scales of each record" in words(page)
 
 

@@ -59,6 +59,44 @@ def test_the_history_of_damage_names_its_band_and_marks_what_the_twin_saw(data, 
     assert plain.read_bytes() != marked.read_bytes()
 
 
+def test_the_legend_of_the_history_is_whole_however_many_zones_are_damaged(data, later_window_invalid, tmp_path):
+    data["detector.deviation"] = (data["detector.damage"].dims, np.full((10, 16), 0.02))
+    data["membrane.damage"][5:, :12] = 0.3
+    data["detector.damage"][4:] = 0.2
+    watch = {"alarms": [6.0], "findings": [{"onset": 5.2, "onset_deviation": 0.1, "damage": [0.3]}]}
+    figure = Figure(figsize=(9.0, 4.8), layout="constrained")
+    ax = plots.plot_damage_history(later_window_invalid(data), watch=watch, ax=figure.subplots())
+    FigureCanvasAgg(figure).draw()
+    legend, whole = ax.get_legend().get_window_extent(), figure.bbox
+    assert len(ax.get_legend().get_texts()) == 18
+    assert whole.x0 <= legend.x0
+    assert legend.x1 <= whole.x1
+    assert whole.y0 <= legend.y0
+    assert ax.get_window_extent().height > 0.4 * whole.height
+
+
+def test_what_is_no_valid_judgement_has_neither_colour_nor_band_and_no_band_is_below_zero(data, later_window_invalid):
+    data["detector.damage"][4:, 1] = 0.1
+    data["detector.damage"][8:, 2:14] = 0.8  # of the window that is not valid
+    data["detector.deviation"] = (data["detector.damage"].dims, np.full((10, 16), 0.2))
+    ax = plots.plot_damage_history(later_window_invalid(data), ax=Figure().add_subplot())
+    named = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert [name for name in named if "zone" in name] == [
+        "other zones, or not valid",
+        "zone 2, estimated",
+        "zone 2, true",
+    ]
+    (band,) = ax.collections
+    places = np.vstack([path.vertices for path in band.get_paths()])
+    assert places[:, 0].max() <= 8.0
+    assert (places[:, 1].min(), places[:, 1].max()) == pytest.approx((0.0, 50.0))
+    (line,) = (line for line in ax.lines if line.get_label() == "zone 2, estimated")
+    assert np.isfinite(line.get_ydata()).tolist() == [4 <= k < 8 for k in range(10)]
+    data["detector.valid"][:] = 0.0
+    none = plots.plot_damage_history(data, ax=Figure().add_subplot()).get_legend().get_texts()
+    assert [text.get_text() for text in none] == ["other zones, or not valid", "zone 2, true", "not valid"]
+
+
 def test_the_compensated_strain_is_a_thin_line_on_the_broad_true_one(data):
     ax = plots.plot_strain(data, 1, ax=Figure().add_subplot())
     true, compensated = ax.lines

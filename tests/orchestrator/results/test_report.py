@@ -153,6 +153,14 @@ def test_compensated_strain_is_compared_with_the_true_strain_of_its_time(certain
     high, low = (numbers(sensor["curves"][name]) for name in ("high", "low"))
     assert high - low == pytest.approx(4e-3)
     assert np.isnan(numbers(sensor["curves"]["error"])[-2:]).all()
+    assert sensor["beyond"] == 0.0
+
+
+def test_the_page_knows_what_share_of_the_points_leaves_the_band(certain, tmp_path):
+    certain["compensator1.strain_deviation"] = ("time", [1e-3] * 10)
+    certain["compensator1.strain"] = certain["compensator1.strain"] + 3e-3 * (certain["time"] < 2.5)
+    sensors = json.loads(page_of(certain, tmp_path).unpacked("data"))["sensors"]
+    assert [each.get("beyond") for each in sensors] == [pytest.approx(0.3), None, None, None]
 
 
 def test_a_loop_has_resistance_and_strain_of_the_same_time(certain, tmp_path):

@@ -43,6 +43,47 @@ def test_the_slider_moves_every_picture_and_nothing_is_amiss(page):
     page.wait_for_function("page.figures.filter(f => f.timed).every(f => f.div.layout.xaxis.range[1] === 3)")
 
 
+def test_a_judgement_that_is_not_valid_is_grey_says_so_and_calls_no_zone_damaged(
+    browser, data, later_window_invalid, tmp_path
+):
+    data["detector.deviation"] = (data["detector.damage"].dims, np.full((10, 16), 0.2))
+    data["detector.damage"][4:, 1] = 0.1
+    data["detector.damage"][8:, 2:14] = 0.8
+    troubles: list[str] = []
+    address = write_report(later_window_invalid(data), tmp_path).as_uri()
+    page = opened(browser, address, troubles, viewport={"width": 1400, "height": 900})
+    named = "page.figures.find(each => each.title.startsWith('{}')).div"
+    zones, bars, membrane, history = (
+        named.format(title) for title in ("Damage of the zones", "Damage of each", "Membrane", "Damage over time")
+    )
+    words, grey = "{}.layout.annotations.map(each => each.text)", "greyScale(theme())[1][1]"
+    for instant, said in (("page.content.frames.length - 1", ["<b>not valid</b>"]), ("5", [])):
+        page.evaluate(f"setInstant({instant})")
+        page.evaluate("page.figures.forEach(moveFigure)")
+        assert page.evaluate(words.format(zones)) == page.evaluate(words.format(bars)) == said
+        assert page.evaluate(f"{zones}.data[0].colorscale.at(-1)[1] === {grey}") == bool(said)
+        assert page.evaluate(f"{bars}.data[0].error_y.array.some(each => each > 0)") != bool(said)
+        assert page.evaluate(f"{membrane}.data[2].x.length > 0") != bool(said)
+    assert page.evaluate(f"{history}.data.map(each => each.name).filter(each => each.includes('zone'))") == [
+        "zone 2 ± 2 deviations",
+        "zone 2 ± 2 deviations",
+        "zone 2",
+        "zone 2, true",
+    ]
+    low, high, line = (page.evaluate(f"Array.from({history}.data[{k}].y)") for k in (1, 2, 3))
+    assert low == [0.0, 0.0, 0.0]
+    assert high == pytest.approx([50.0, 0.0, 0.0])
+    assert line == [pytest.approx(10.0), pytest.approx(10.0), None]
+    page.select_option("[aria-label='Colour of the membrane']", "estimated")
+    page.wait_for_function(f"{membrane}.data[0].colorbar.title.text === '%'")
+    page.evaluate("setInstant(page.content.frames.length - 1)")
+    page.evaluate("page.figures.forEach(moveFigure)")
+    page.wait_for_function(f"{membrane}.data[0].colorbar.title.text === '%, not valid'")
+    assert page.evaluate(f"{membrane}.data[0].colorscale.at(-1)[1] === {grey}")
+    assert troubles == []
+    page.close()
+
+
 def test_a_membrane_on_a_mesh_moves_with_the_slider_in_every_colour(browser, data, tmp_path):
     data = data.drop_vars("membrane.w")
     half = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [2.0, 0.0, 0.0]])
@@ -122,6 +163,17 @@ def test_what_is_read_lies_over_what_the_sensor_has_and_a_note_says_what_the_ban
     assert [line["name"] for line in lines] == ["of the sensor", "as read"]
     assert lines[0]["line"]["width"] > 2 * lines[1]["line"]["width"]
     assert "two strain_deviation wide to each side" in page.inner_text("figure:has(strong:text-is('Strain')) small")
+    words = "page.figures.find(each => each.title === '{}').div.layout.annotations.map(each => each.text)"
+    (left,) = page.evaluate(words.format("Error of the compensated strain"))
+    assert left.endswith(": 0 % of the points leave the band; 5 % would be right")
+    assert page.evaluate("[1e-10, 0.023, 8.31, 99.4, 99.6, 185.4].map(inTwoDigits)") == [
+        "< 1e-9",
+        "0.023",
+        "8.3",
+        "99",
+        "100",
+        "185",
+    ]
 
 
 def test_a_spectrum_has_powers_of_ten_alone_and_few_variables_title_their_panel(browser, tmp_path):

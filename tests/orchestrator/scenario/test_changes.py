@@ -58,9 +58,12 @@ def test_an_array_is_set_as_a_whole_and_a_later_value_beats_an_earlier_one(fmus)
     assert (start["one.offset[1]"], start["one.offset[2]"]) == (1.0, 9.0)
 
 
-def test_the_title_says_that_values_are_not_those_of_the_file(fmus):
-    scenario = parse_scenario(f'title = "Twice"\n{SCENARIO.lstrip()}')
-    assert changed(scenario, {"one.factor": 3.0}, fmus).title == "Twice, with other values"
+def test_the_title_says_which_values_are_not_those_of_the_file(fmus):
+    scenario = parse_scenario(f'title = "Twice"\n{SCENARIO.lstrip()}', name="twice.toml")
+    assert changed(scenario, {"one.factor": 3.0}, fmus).title == "twice, with one.factor = 3"
+    many = {"seed": 3, "one.factor": 3.0, "one.offset": [k / 3.0 for k in range(99)]}
+    assert len(changed(scenario, many, fmus).title) <= 100
+    assert changed(scenario, many, fmus).title.startswith("twice, with one.factor = 3, one.offset = [0.0, 0.33")
     assert changed(scenario, {"seed": 3}, fmus).title == "Twice"
     assert changed(parse_scenario(SCENARIO), {"one.factor": 3.0}, fmus).title == ""
 

@@ -90,22 +90,23 @@ def _of_resistance(seen: Seen) -> list[Chart]:
 def _of_strain(seen: Seen) -> list[Chart]:
     record = seen.record
     t, strain = record.time, 100.0 * record.strain
+    size = float(np.ptp(strain))
     rest = ~seen.first if not seen.first.all() else seen.first
     histories, errors, stated, said = [], [], [], []
     for (name, found), color in zip(seen.recovered.items(), COLORS, strict=False):
         recovered = 100.0 * found.strain
-        error = recovered - strain
+        error = 100.0 * (recovered - strain) / size
         known = np.isfinite(error)
         rms = float(np.sqrt(np.mean(error[known] ** 2))) if known.any() else np.nan
-        said.append(f"{name}: root mean square error {rms:.3g} % strain over the whole record.")
+        said.append(f"{name}: root mean square error {rms:.3g} % of the range over the whole record.")
         if found.deviation is not None:
             reach = WIDTH * 100.0 * found.deviation
             label = f"± {WIDTH:g} stated deviations" + (f", {name}" if len(seen.recovered) > 1 else "")
             histories += band(label, t, recovered - reach, recovered + reach, color)
-            errors += band(label, t, -reach, reach, color)
+            errors += band(label, t, -100.0 * reach / size, 100.0 * reach / size, color)
             where = f"Outside the {seen.stretch}" if rest is not seen.first else "Here"
             if (known & rest).any():
-                beyond = 100.0 * float(np.mean((np.abs(error) > reach)[known & rest]))
+                beyond = 100.0 * float(np.mean((np.abs(recovered - strain) > reach)[known & rest]))
                 stated.append(f"{where} {beyond:.1f} % of the errors of {name} leave the band; 5 % would be right.")
         histories.append(curve(name, t, recovered, color))
         errors.append(curve(name, t, error, color))
@@ -125,9 +126,9 @@ def _of_strain(seen: Seen) -> list[Chart]:
         _over_time(
             seen,
             "Error of the recovered strain",
-            "recovered - applied [% strain]",
+            "recovered - applied [% of range]",
             errors,
-            note=" ".join(stated),
+            note=" ".join([f"Of the record's range of {size:.4g} % strain.", *stated]),
             text=" ".join(said),
             broad=False,
         ),

@@ -21,6 +21,11 @@ function damageScale(colors) {
   return (colors.dark ? dim : steps).map((color, i) => [i / 4, color]);
 }
 
+// Damage that is no valid judgement; the ink of the page can be read on all of it.
+function greyScale(colors) {
+  return (colors.dark ? ["#1c2229", "#4a535d"] : ["#f5f7f9", "#c3c9cf"]).map((color, i) => [i, color]);
+}
+
 // Of values to both sides of zero: zero is the colour of the paper.
 function signedScale(colors) {
   const steps = ["#08519c", "#6baed6", "#f2f2f2", "#e0a93b", "#7f4f00"];

@@ -98,7 +98,7 @@ def plot_damage_history(data: xr.Dataset, *, watch: Mapping[str, Any] | None = N
     """Draw the estimate of every zone over time, true damage dashed if known; zones that matter in colour, others grey.
 
     A dot stands at every judgement, a cross where a window ended without a valid one; a band is two standard deviations wide
-    to each side.
+    to each side, but not below 0. What is no valid judgement is grey, without a band.
 
     Parameters
     ----------
@@ -120,17 +120,18 @@ def plot_damage_history(data: xr.Dataset, *, watch: Mapping[str, Any] | None = N
         deviation = math.nan * estimated
     bars = 200.0 * deviation.to_numpy()  # two standard deviations
     e[time < (ended[0].time if ended else math.inf)] = math.nan  # nothing is known before the first judgement
+    is_valid = data[f"{detector}.valid"].to_numpy() > 0.5
+    judged = np.where(is_valid[:, None], e, math.nan)
     damaged = list(np.flatnonzero((t > 0.0).any(axis=0)))
-    largest = np.nan_to_num(e).max(axis=0)
+    largest = np.nan_to_num(judged).max(axis=0)
     suspects = [z for z in np.argsort(-largest) if z not in damaged and largest[z] > 3.0]
     shown = (damaged + suspects)[: len(COLORS)]
-    rest = [z for z in range(e.shape[1]) if z not in shown]
-    for i, zone in enumerate(rest):
-        ax.step(time, e[:, zone], where="post", color=GREY, lw=0.6, label="other zones" if i == 0 else None)
+    _draw_grey(ax, time, e, judged, [z for z in range(e.shape[1]) if z not in shown])
     for color, zone in zip(COLORS, shown, strict=False):
-        ax.step(time, e[:, zone], where="post", color=color, lw=1.8, label=f"zone {zone + 1}, estimated")
-        low, high = e[:, zone] - bars[:, zone], e[:, zone] + bars[:, zone]
-        first = zone == shown[0] and bool(np.isfinite(bars).any())
+        label = f"zone {zone + 1}, estimated" if is_valid.any() else None
+        ax.step(time, judged[:, zone], where="post", color=color, lw=1.8, label=label)
+        low, high = np.maximum(judged[:, zone] - bars[:, zone], 0.0), judged[:, zone] + bars[:, zone]
+        first = zone == shown[0] and bool(np.isfinite(low).any())
         name = "± 2 standard deviations" if first else None
         ax.fill_between(time, low, high, step="post", color=color, alpha=0.2, lw=0, label=name)
         if zone in damaged:
@@ -147,8 +148,22 @@ def plot_damage_history(data: xr.Dataset, *, watch: Mapping[str, Any] | None = N
     ax.set_xlim(time[0], time[-1] + 0.03 * (time[-1] - time[0]))  # room for the last judgement
     time_axis(ax)
     ax.set_ylim(-1.0, max(10.0, 1.15 * float(np.nan_to_num([t, e], posinf=0.0).max())))
-    legend_below(ax, 5)
+    legend_below(ax, 4)
     return ax
+
+
+def _draw_grey(
+    ax: Axes, time: NDArray[np.float64], e: NDArray[np.float64], judged: NDArray[np.float64], rest: list[int]
+) -> None:
+    """Draw the estimates [%] of the zones that have no colour, and of all zones where they are no valid judgement."""
+    without = np.where(np.isnan(judged), e, math.nan)
+    without[:, rest] = e[:, rest]
+    drawn = np.flatnonzero(np.isfinite(without).any(axis=0))
+    label = "other zones" if rest else None
+    if np.isfinite(np.delete(without, rest, axis=1)).any():
+        label = "other zones, or not valid" if rest else "estimates, not valid"
+    for i, zone in enumerate(drawn):
+        ax.step(time, without[:, zone], where="post", color=GREY, lw=0.6, label=None if i else label)
 
 
 def _mark(watch: Mapping[str, Any], ax: Axes) -> None:

@@ -66,7 +66,7 @@ def plot_strain(data: xr.Dataset, sensor: int = 1, *, ax: Axes | None = None) ->
     ax.plot(time, compensated, color=COLORS[1], lw=0.8, label=label)
     error, is_percent = _error(true, compensated)
     rms = float(np.sqrt(np.mean(error**2)))
-    size = "< 1e-9" if rms < LEAST_ERROR else f"{rms:.2g}" if rms < 100.0 else f"{rms:.0f}"
+    size = "< 1e-9" if rms < LEAST_ERROR else f"{rms:.2g}" if rms < 99.5 else f"{rms:.0f}"
     shown = size + (" % of range" if is_percent else " in strain")
     ax.set(xlabel="time [s]", ylabel="strain [1]", title=f"Sensor {sensor}: RMS error {shown}")
     ax.legend(loc="upper right", ncols=2, borderaxespad=0.1)

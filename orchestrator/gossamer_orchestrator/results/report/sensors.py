@@ -155,9 +155,10 @@ def spectrogram_of(data: xr.Dataset, time: Array, reader: dict[str, Any]) -> dic
 def error_of(
     data: xr.Dataset, time: Array, pixels: Pixels, reader: dict[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Return the error of the compensated strain, its delay taken out: RMS and the true range, and its curve.
+    """Return the error of the compensated strain, its delay taken out: RMS, the true range, and its curve.
 
-    The last rows have no error: their strain is not yet compensated.
+    Where deviations are stated, ``beyond`` is the share of the points [1] whose error is above two of them. The last rows
+    have no error: their strain is not yet compensated.
     """
     late = reader.get("compensator", "")
     if "strain" not in reader or f"{late}.strain" not in data:
@@ -166,14 +167,18 @@ def error_of(
     parts: dict[str, list[Array]] = {what: [] for what, name in names.items() if name in data}
     true, shift = curve_of(*reader["strain"]), _rows_later(time, reader["delay"])
     squares, count, low, high = 0.0, 0, np.inf, -np.inf
+    beyond, banded = 0, 0  # points above two deviations, and points that have one
     for rows in pixels.parts():
         here = true(data.isel(time=rows))
-        for what, each in parts.items():
-            values = _later(data, curve_of(names[what]), rows, shift)
-            values = values - here if what == "error" else 2.0 * values
-            each.append(pixels.thin(values))
-            if what == "error":
-                squares, count = squares + float(np.nansum(values**2)), count + int(np.isfinite(values).sum())
+        error = _later(data, curve_of(names["error"]), rows, shift) - here
+        parts["error"].append(pixels.thin(error))
+        squares, count = squares + float(np.nansum(error**2)), count + int(np.isfinite(error).sum())
+        if "above" in parts:
+            above = 2.0 * _later(data, curve_of(names["above"]), rows, shift)
+            parts["above"].append(pixels.thin(above))
+            beyond += int((np.abs(error) > above).sum())
+            banded += int(np.isfinite(error + above).sum())
         low, high = min(low, float(np.fmin.reduce(here))), max(high, float(np.fmax.reduce(here)))
     found = {"rms": float(np.sqrt(squares / count)), "span": high - low} if count else {}
+    found |= {"beyond": beyond / banded} if banded else {}
     return found, {what: np.concatenate(each) for what, each in parts.items()}

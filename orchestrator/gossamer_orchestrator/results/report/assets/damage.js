@@ -11,6 +11,28 @@ function estimatedAt(time) {
   return k < 0 ? null : found.estimated[k];
 }
 
+// Before the first judgement there is none that is not valid.
+function isValidAt(time) {
+  const found = page.content.damage && page.content.damage.windows;
+  const k = found ? lastBefore(found.time, time) : -1;
+  return k < 0 || found.valid[k];
+}
+
+// Only a valid judgement calls a zone damaged, and has the colours of damage.
+const judgedAt = (time) => (isValidAt(time) ? estimatedAt(time) : null);
+const judgedScale = (colors, time) => (isValidAt(time) ? damageScale(colors) : greyScale(colors));
+
+// Colours of a membrane in space and their unit, for true or estimated damage.
+function coloursOf(which, time) {
+  const valid = which === "true" || isValidAt(time);
+  return { colorscale: valid ? damageScale(theme()) : greyScale(theme()), unit: valid ? "%" : "%, not valid" };
+}
+
+// Words above a picture of a judgement that is not valid; the margin has place for them.
+const NOT_VALID_ROOM = 30;
+const notValid = (colors, time) => (isValidAt(time) ? [] : [{ text: "<b>not valid</b>", xref: "paper", yref: "y domain", x: 0.5, y: 1, yanchor: "bottom",
+  showarrow: false, font: { color: colors.alarm, size: 15 } }]);
+
 function trueAt(time) {
   const known = page.content.damage && page.content.damage.true;
   return known ? known.values[Math.max(0, lastBefore(known.time, time))] : null;
@@ -54,68 +76,74 @@ function addMap(found, known, side) {
       return `<i>${zone + 1}</i><br>` + (shown ? `<b>${(100 * shown[zone]).toFixed(1)}</b>` : "–") + bar + real;
     });
     const z = labels.map((row) => labels.map((column) => (shown ? 100 * shown[(row - 1) * side + column - 1] : 0)));
-    return { z, text, ink: z.flat().map((value) => inkOn(value / top, colors)) };
+    const valid = isValidAt(time), ink = z.flat().map((value) => (valid ? inkOn(value / top, colors) : colors.ink));
+    return { z, text, ink, scale: judgedScale(colors, time), annotations: notValid(colors, time) };
   };
   addFigure({
     title: found ? "Damage of the zones [%], judged at the slider's time" : "True damage of the zones [%]", tall: true,
-    note: !found ? "Zone number and damage." : `Zone number, estimate, standard deviation${known ? ", and the true damage where there is some" : "; the true damage is not recorded"}.`,
+    note: !found ? "Zone number and damage." : `Zone number, estimate, standard deviation${known ? ", and the true damage where there is some" : "; the true damage is not recorded"}.${found.valid.every(Boolean) ? "" : " A judgement that is not valid is grey."}`,
     label: "Map of the damage of every zone; the table of damage in numbers holds the last judgement.",
     make(colors) {
-      const { z, text, ink } = fill(page.content.frames[page.instant]);
+      const { z, text, ink, scale, annotations } = fill(page.content.frames[page.instant]);
       const data = [
-        { type: "heatmap", x: labels, y: labels, z, showscale: !isNarrow(), zmin: 0, zmax: top, xgap: 2, ygap: 2, colorscale: damageScale(colors),
+        { type: "heatmap", x: labels, y: labels, z, showscale: !isNarrow(), zmin: 0, zmax: top, xgap: 2, ygap: 2, colorscale: scale,
           colorbar: { title: { text: "%" }, thickness: 12 }, hoverinfo: "skip" },
         { type: "scatter", mode: "text", x: zones.map(([x]) => x), y: zones.map(([, y]) => y), text, textfont: { color: ink, size: 12 }, hoverinfo: "skip" }];
       const bare = { showgrid: false, zeroline: false, showticklabels: false, ticks: "", constrain: "domain", range: [0.5, side + 0.5] };
-      return { data, more: { dragmode: false, showlegend: false, xaxis: axis(colors, "x →", bare), yaxis: axis(colors, "y →", { ...bare, scaleanchor: "x" }), margin: { l: 30, r: 10, t: 10, b: 30 } } };
+      const t = !found || found.valid.every(Boolean) ? 10 : NOT_VALID_ROOM;
+      return { data, more: { annotations, dragmode: false, showlegend: false, xaxis: axis(colors, "x →", bare), yaxis: axis(colors, "y →", { ...bare, scaleanchor: "x" }), margin: { l: 30, r: 10, t, b: 30 } } };
     },
     move(div, instant, time) {
-      const { z, text, ink } = fill(time);
-      Plotly.restyle(div, { z: [z, undefined], text: [undefined, text], "textfont.color": [undefined, ink] });
+      const { z, text, ink, scale, annotations } = fill(time);
+      Plotly.update(div, { z: [z, undefined], colorscale: [scale, undefined], text: [undefined, text], "textfont.color": [undefined, ink] }, { annotations });
     },
   });
 }
 
+const inBars = (words) => words.map((each) => ({ ...each, x: 1, xanchor: "right", yanchor: "top" }));
+
 function addBars(found, known, count, beside) {
   const zones = Array.from({ length: count }, (_, z) => z + 1), sure = isSure(found);
   const fill = (time) => {
-    const k = found ? lastBefore(found.time, time) : -1, truth = trueAt(time), none = zones.map(() => null);
-    return { values: k < 0 ? none : percent(found.estimated[k]), bars: k < 0 ? none : percent(found.deviation[k]).map((value) => 2 * value || 0),
-             truth: truth ? percent(truth) : none };
+    const k = found ? lastBefore(found.time, time) : -1, truth = trueAt(time), none = zones.map(() => null), valid = isValidAt(time), colors = theme();
+    return { values: k < 0 ? none : percent(found.estimated[k]), bars: k < 0 || !valid ? none : percent(found.deviation[k]).map((value) => 2 * value || 0),
+             truth: truth ? percent(truth) : none, color: valid ? colors.lines[0] : colors.grey, annotations: inBars(notValid(colors, time)) };
   };
   addFigure({
     title: `${found ? "Damage" : "True damage"} of each zone${sure ? " with two standard deviations" : ""}`, tall: beside, broad: !beside,
     label: found ? `Bars: estimated damage of each zone${sure ? " with two standard deviations to each side" : ""}; diamonds: true damage.` : "",
     make(colors) {
-      const { values, bars, truth } = fill(page.content.frames[page.instant]);
+      const { values, bars, truth, color, annotations } = fill(page.content.frames[page.instant]);
       const data = [
-        { type: "bar", x: zones, y: values, name: "estimated", visible: Boolean(found), marker: { color: colors.lines[0] },
+        { type: "bar", x: zones, y: values, name: "estimated", visible: Boolean(found), marker: { color },
           error_y: { type: "data", array: bars, color: colors.ink, thickness: 1.5, width: 4 } },
         { type: "scatter", mode: "markers", x: zones, y: truth, name: "true", visible: Boolean(known), cliponaxis: false,
           marker: { symbol: "diamond-open", size: 11, color: colors.lines[1], line: { width: 2 } } }];
-      return { data, more: { xaxis: axis(colors, "zone", { range: [0.4, count + 0.6], tick0: 1, dtick: count > 40 ? undefined : count > 8 && isNarrow() ? 3 : 1 }), yaxis: axis(colors, "damage [%]", { range: [-0.06 * topDamage(), 1.15 * topDamage()] }) } };
+      return { data, more: { annotations, xaxis: axis(colors, "zone", { range: [0.4, count + 0.6], tick0: 1, dtick: count > 40 ? undefined : count > 8 && isNarrow() ? 3 : 1 }), yaxis: axis(colors, "damage [%]", { range: [-0.06 * topDamage(), 1.15 * topDamage()] }) } };
     },
     move(div, instant, time) {
-      const { values, bars, truth } = fill(time);
+      const { values, bars, truth, color, annotations } = fill(time);
       Plotly.restyle(div, { y: [values, truth] });
-      Plotly.restyle(div, { "error_y.array": [bars] }, [0]);
+      Plotly.update(div, { "error_y.array": [bars], "marker.color": [color] }, { annotations }, [0]);
     },
   });
 }
 
-// Zones that matter in colour: truly damaged ones, then those judged damaged most; the others grey.
+// Zones that matter in colour: truly damaged ones, then those judged damaged most; the others grey, and all where no judgement is valid.
 function addHistory(damage, found, known, count) {
   const most = (rows, zone) => rows.reduce((top, row) => Math.max(top, row[zone] || 0), 0);
   const zones = Array.from({ length: count }, (_, z) => z);
   const real = known ? zones.filter((z) => most(known.values, z) > 0) : [];
-  const suspects = found ? zones.filter((z) => !real.includes(z) && most(found.estimated, z) >= Math.max(0.03, leastFound())) : [];
-  if (found) suspects.sort((a, b) => most(found.estimated, b) - most(found.estimated, a));
+  const judged = found ? found.estimated.filter((_, k) => found.valid[k]) : [];
+  const suspects = zones.filter((z) => !real.includes(z) && most(judged, z) >= Math.max(0.03, leastFound()));
+  suspects.sort((a, b) => most(judged, b) - most(judged, a));
   const shown = [...real, ...suspects].slice(0, 6), watch = page.content.watch || {};
   const findings = watch.findings || [], alarms = watch.alarms || [], sure = isSure(found);
   addFigure({
     title: "Damage over time", timed: true, broad: true,
     note: (found && found.time.length <= MOST_MARKERS ? "A dot stands at each valid judgement, a cross at one that is not valid. " : "")
-      + (sure ? "Bands are two standard deviations wide to each side." : "")
+      + (sure ? "Bands are two standard deviations wide to each side, but not below 0." : "")
+      + (found && judged.length < found.valid.length ? " What is not valid has no band and no colour: the grey line is then the largest of all zones." : "")
       + (alarms.length ? " A line marks each alarm of the digital twin, a diamond the onset that it found." : ""),
     label: found ? "Estimated damage of the zones over time, true damage dashed, with alarms and onsets." : "",
     make(colors) {
@@ -124,16 +152,19 @@ function addHistory(damage, found, known, count) {
       if (found) {
         const x = [...found.time, page.content.end];
         const held = (row) => [...row, row[row.length - 1]];
-        const rest = zones.filter((z) => !shown.includes(z)), largest = (row) => 100 * rest.reduce((top, z) => Math.max(top, row[z]), 0);
-        if (rest.length) step(x, held(found.estimated.map(largest)),
+        const rest = zones.filter((z) => !shown.includes(z)), largest = (row, k) => 100 * (found.valid[k] ? rest : zones).reduce((top, z) => Math.max(top, row[z]), 0);
+        // What holds from each valid window to the next window.
+        const times = found.valid.flatMap((valid, k) => (valid ? [x[k], x[k + 1]] : [x[k]]));
+        const valued = (values) => found.valid.flatMap((valid, k) => (valid ? [values[k], values[k]] : [null]));
+        if (rest.length || judged.length < found.valid.length) step(x, held(found.estimated.map(largest)),
           { line: { color: colors.grey, width: 1 }, rest: { name: "largest of the others", hoverinfo: "skip" } });
-        shown.forEach((z, i) => {
-          const color = colors.lines[i], group = `${z}`, band = `zone ${z + 1} ± 2 deviations`, bar = (sign) => held(found.estimated.map((row, k) => 100 * (row[z] + 2 * sign * found.deviation[k][z])));
+        (judged.length ? shown : []).forEach((z, i) => {
+          const color = colors.lines[i], group = `${z}`, band = `zone ${z + 1} ± 2 deviations`, bar = (sign) => held(found.estimated.map((row, k) => (found.valid[k] ? Math.max(0, 100 * (row[z] + 2 * sign * found.deviation[k][z])) : 0)));
           if (sure) {
             step(x, bar(-1), { line: { width: 0, color }, rest: { name: band, legendgroup: group, showlegend: false, hoverinfo: "skip" } });
             step(x, bar(1), { line: { width: 0, color }, rest: { name: band, legendgroup: group, showlegend: false, hoverinfo: "skip", fill: "tonexty", fillcolor: translucent(color, 0.25) } });
           }
-          step(x, held(found.estimated.map((row) => 100 * row[z])), { line: { color }, rest: { name: `zone ${z + 1}`, legendgroup: group } });
+          step(times, valued(found.estimated.map((row) => 100 * row[z])), { line: { color }, rest: { name: `zone ${z + 1}`, legendgroup: group } });
         });
         for (const [valid, symbol, name] of [[true, "circle", "judgement"], [false, "x", "not valid"]]) {
           const some = found.valid.map((value, k) => k).filter((k) => found.valid[k] === valid);

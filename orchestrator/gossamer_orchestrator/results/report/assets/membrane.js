@@ -96,9 +96,10 @@ function addMembrane() {
     const values = select.value === "true" ? trueAt(content.frames[instant]) : estimatedAt(content.frames[instant]);
     return cells.map((zone) => (values ? 100 * values[zone] : 0));
   };
+  const damageColours = (instant) => coloursOf(select.value, content.frames[instant]);
   const parts = (instant) => {
     const time = content.frames[instant];
-    return [over(instant, grid), over(instant, outlines(damage && estimatedAt(time), leastFound())),
+    return [over(instant, grid), over(instant, outlines(damage && judgedAt(time), leastFound())),
             over(instant, outlines(damage && trueAt(time), 1e-9))];
   };
   const figure = addFigure({
@@ -110,8 +111,8 @@ function addMembrane() {
       const line = (found, more, name) => ({ type: "scatter3d", mode: "lines", ...found, line: more, name, hoverinfo: "skip" });
       const skin = { type: "mesh3d", x: X, y: Y, z: Array.from(surface(page.instant), (value) => scale * value), i: I, j: J, k: K,
         intensity: intensity(page.instant), intensitymode: deflected ? "vertex" : "cell", cmin: deflected ? -top : 0, cmax: deflected ? top : topDamage(),
-        colorscale: deflected ? signedScale(colors) : damageScale(colors), flatshading: false, lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 },
-        colorbar: colorbarOf({ title: { text: deflected ? "mm" : "%" } }), hoverinfo: "skip", showscale: true };
+        colorscale: deflected ? signedScale(colors) : damageColours(page.instant).colorscale, flatshading: false, lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 },
+        colorbar: colorbarOf({ title: { text: deflected ? "mm" : damageColours(page.instant).unit } }), hoverinfo: "skip", showscale: true };
       const data = [skin, line(lines, { color: colors.dark ? "#cfd6dd" : "#3d4650", width: 2 }, "zones"),
         line(estimated, { color: "#D55E00", width: 7 }, "judged damaged"),
         line(real, { color: colors.dark ? "#ffffff" : "#000000", width: 4, dash: "dash" }, "truly damaged"),
@@ -135,6 +136,7 @@ function addMembrane() {
       const heights = Array.from(surface(instant), (value) => scale * value);
       Plotly.restyle(div, {
         x: [X, ...found.map((f) => f.x)], y: [Y, ...found.map((f) => f.y)], z: [heights, ...found.map((f) => f.z)],
+        ...(select.value === "estimated" ? { colorscale: [damageColours(instant).colorscale, ...same], "colorbar.title.text": [damageColours(instant).unit, ...same] } : {}),
         intensity: [values, ...same], hovertext: [undefined, ...found.map((f) => f.hovertext)],
       });
     },

@@ -11,6 +11,12 @@ function duration(seconds) {
   return `${Number(value.toPrecision(3))} ${unit}`;
 }
 
+// In two digits and no power of ten, a large one in whole numbers.
+const inTwoDigits = (value) => (value < 1e-9 ? "< 1e-9" : value < 99.5 ? `${Number(value.toPrecision(2))}` : value.toFixed(0));
+
+// Words in the lower right corner of a picture.
+const inCorner = (text, colors) => (text ? [{ text, xref: "paper", yref: "paper", x: 1, y: 0, xanchor: "right", yanchor: "bottom", showarrow: false, bgcolor: translucent(colors.panel, 0.85) }] : []);
+
 // Lower and upper edge of a band, filled between.
 function band(x, low, high, color, name) {
   const edge = (y, more) => curve(name, x, y, color, { line: { width: 0 }, rest: { hoverinfo: "skip", ...more } });
@@ -41,19 +47,19 @@ function addSensors() {
       if (curves.strain) data.push(curve("true", t, curves.strain, colors.grey, { line: { width: curves.compensated ? 4 : 2 } }));
       const late = delay ? `compensated, drawn ${duration(delay)} earlier` : "compensated";
       if (curves.compensated) data.push(curve(late, earlier, curves.compensated, colors.lines[1], { line: { width: 1.2 } }));
-      const text = span ? `sensor ${number}: RMS error ${rms.toPrecision(2)}, ${(100 * rms / span).toPrecision(2)} % of range` : "";
-      const annotations = text ? [{ text, xref: "paper", yref: "paper", x: 1, y: 0, xanchor: "right", yanchor: "bottom", showarrow: false, bgcolor: translucent(colors.panel, 0.85) }] : [];
-      return { data, more: { annotations, xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "strain [1]") } };
+      const text = span ? `sensor ${number}: RMS error ${rms.toPrecision(2)}, ${inTwoDigits(100 * rms / span)} % of range` : "";
+      return { data, more: { annotations: inCorner(text, colors), xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "strain [1]") } };
     },
   });
   if (some("error")) add({
     title: "Error of the compensated strain", timed: true, note: "Compensated minus true strain of the same time, and two standard deviations as the compensator states them.",
     make(colors) {
-      const { curves } = chosen(), t = content.time, data = [];
+      const { curves, beyond, number } = chosen(), t = content.time, data = [];
       if (curves.above) data.push(...band(t, curves.above.map((value) => -value), curves.above, colors.lines[1], "± 2 deviations"));
       if (curves.error) data.push(curve("error", t, curves.error, colors.lines[0]));
       const top = 1.5 * (curves.error || []).reduce((most, value) => Math.max(most, Math.abs(value) || 0), 1e-12);
-      return { data, more: { xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "error [1]", { range: [-top, top] }) } };
+      const text = beyond === undefined ? "" : `sensor ${number}: ${beyond ? inTwoDigits(100 * beyond) : 0} % of the points leave the band;${isNarrow() ? "<br>" : " "}5 % would be right`;
+      return { data, more: { annotations: inCorner(text, colors), xaxis: axis(colors, "time [s]"), yaxis: axis(colors, "error [1]", { range: [-top, top] }) } };
     },
   });
   if (some("resistance", "reading")) add({

@@ -81,17 +81,18 @@ function addSurface() {
     const values = select.value === "true" ? trueAt(content.frames[instant]) : estimatedAt(content.frames[instant]);
     return mesh.face.map((face) => (values && mesh.zone[face] >= 0 ? 100 * values[mesh.zone[face]] : 0));
   };
+  const damageColours = (instant) => coloursOf(select.value, content.frames[instant]);
   const colouring = (colors) => ({
     deflection: { cmin: 0, cmax: topAway, colorscale: "Viridis", colorbar: { title: { text: "mm" } } },
     strain: { cmin: bottom(mesh.strain), cmax: topStrain || 1, colorscale: "Cividis", colorbar: { title: { text: "strain" } } },
     mark: { cmin: -0.5, cmax: 2.5, colorscale: [[0, "#56B4E9"], [1 / 3, "#56B4E9"], [1 / 3, "#E69F00"], [2 / 3, "#E69F00"], [2 / 3, "#6d4c7d"], [1, "#6d4c7d"]],
             colorbar: { tickvals: [0, 1, 2], ticktext: MARKS } },
-    estimated: { cmin: 0, cmax: damage ? topDamage() : 1, colorscale: damageScale(colors), colorbar: { title: { text: "%" } } },
+    estimated: { cmin: 0, cmax: damage ? topDamage() : 1, colorscale: damageColours(page.instant).colorscale, colorbar: { title: { text: damageColours(page.instant).unit } } },
     true: { cmin: 0, cmax: damage ? topDamage() : 1, colorscale: damageScale(colors), colorbar: { title: { text: "%" } } },
   }[select.value]);
   const parts = (instant) => {
     const time = content.frames[instant];
-    return [skin(instant), lines(instant, all), outlines(instant, damage && estimatedAt(time), leastFound()),
+    return [skin(instant), lines(instant, all), outlines(instant, damage && judgedAt(time), leastFound()),
             outlines(instant, damage && trueAt(time), 1e-9), sensors(instant), wrinkles(instant), labels(instant)];
   };
   const span = [0, 1, 2].map((axis) => {
@@ -126,10 +127,11 @@ function addSurface() {
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
     move(div, instant) {
-      const found = parts(instant);
+      const found = parts(instant), same = Array(6).fill(undefined);
       Plotly.restyle(div, {
         x: found.map((f) => f.x), y: found.map((f) => f.y), z: found.map((f) => f.z),
-        intensity: [intensity(instant), ...Array(6).fill(undefined)], hovertext: found.map((f) => f.hovertext),
+        ...(select.value === "estimated" ? { colorscale: [damageColours(instant).colorscale, ...same], "colorbar.title.text": [damageColours(instant).unit, ...same] } : {}),
+        intensity: [intensity(instant), ...same], hovertext: found.map((f) => f.hovertext),
       });
     },
   });
