@@ -40,7 +40,7 @@ def run(
         list[str] | None,
         typer.Option(
             "--set",
-            help="Value in place of the file's, such as membrane.damage[1]=0.3 or sensor?.rest_strain=0.02; seed=2 is that "
+            help="Value in place of the file's, such as membrane.damage[1]=0.3 or estimator?.noise=0.2; seed=2 is that "
             "of all noise. As often as needed.",
             metavar="NAME=VALUE",
         ),
