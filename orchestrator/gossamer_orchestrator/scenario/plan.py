@@ -28,7 +28,8 @@ from .values import expand, start_values
 
 logger = logging.getLogger(__name__)
 NO_ESTIMATOR = (
-    " For a sensor that has no estimator, build the filter and name it here: the shipped scenario 'own_sensor_filter' has it."
+    " For a sensor that has no estimator, build the filter and name it here, as the shipped scenario 'own_sensor_filter' "
+    "does."
 )
 
 

@@ -25,7 +25,7 @@ PLAN_REFUSALS = {
     ),
     "missing estimator": (
         ('fmu = "gain"', 'fmu = "estimator"'),
-        "chain.toml:7: there is no FMU 'estimator' in .* the shipped scenario 'own_sensor_filter' has it.",
+        "chain.toml:7: there is no FMU 'estimator' in .* as the shipped scenario 'own_sensor_filter' does.",
     ),
     "missing fmu file": (
         ('fmu = "gain"', 'fmu = "nowhere/gain.fmu"'),
