@@ -10,11 +10,11 @@ import xarray as xr
 
 from ...names import split_endpoint
 from ...pages.thin import Pixels
+from ..plots.sensors import LEAST_RANGE
 from ..roles import origins_of
 from .sensors import Array, curve_of, error_of, sensor_curves
 
 LARGE_ERROR = 0.5  # RMS error of recovered strain over the range of the true one, from which the strain is called wrong
-LEAST_RANGE = 1e-6  # [1] errors in shares of a smaller range say nothing
 
 
 def sensor_doubts(data: xr.Dataset) -> list[str]:
