@@ -17,7 +17,7 @@ from .step_model import StepModel
 from .stepper import Stepper
 
 REACH = 1.005  # strain up to this factor of full scale is clipped, as the sensor does
-MANY_CLIPPED = 0.03  # share of samples at a limit of the range from which their error says too little
+MANY_CLIPPED = 0.05  # share of samples at a limit of the range from which their error says too little
 AT_LIMIT, APART_FROM_IT = (
     1e-6,
     0.01,
