@@ -31,4 +31,4 @@ def test_a_sensor_of_two_records_holds_on_two_others(tmp_path):
         assert np.all(np.array(reached) < np.array(cubic)), (judged.record.name, cubic)
         clock = f"{judged.record.name}: no clock was read: samples are taken as 0.1 s apart."
         assert judged.sentences() == (clock, *judged.clipped)
-        assert bool(judged.clipped) == (judged.record.name == "strain_sin_20.csv")  # 10 % of its samples, at 0 strain
+        assert bool(judged.clipped) == (judged.record.name == "strain_sin_20.csv")  # 10 % of its samples
