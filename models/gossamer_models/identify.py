@@ -24,11 +24,11 @@ from .fitting.tables import table_path, write_predictions
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.doubts import doubts as fractional_doubts
-from .replay import Recovered, recover_by_fit
+from .replay import Recovered, clipped_strain, recover_by_fit
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from .sensor.fit.align import RelativeScale, align
-from .sensor.fit.doubts import determined, start_errors
 from .sensor.fit.doubts import doubts as preisach_doubts
+from .sensor.fit.doubts import start_errors, undetermined
 from .sensor.fit.settings import MODELS as PREISACH
 from .sensor.plots import sensor_pictures
 
@@ -253,6 +253,10 @@ def identify_files(
         progress("recovering the strain")
         recovered = tuple(recover_by_fit(fit, record) for record in fit.records)
         errors = _with_strain_errors(fit, [found.strain for found in recovered])
+        judged = [rows if rows.all() else ~rows for rows in fit.train]
+        parts = zip(fit.records, recovered, judged, strict=True)
+        clipped = (clipped_strain(record, found, fit.full_scale, rows) for record, found, rows in parts)
+        doubted = (*doubted, *filter(None, clipped))
     table = standings(fit.records, fit.train, fit.predicted, [found.strain for found in recovered] or None)
     doubted = (*doubted, *defeats(table))
     provenance = {
@@ -287,7 +291,7 @@ def _stated(fit: PreisachFit) -> dict[str, str]:
         "full_scale_strain": repr(fit.full_scale),
         "offset": repr(fit.rest_resistance),
         "scale": repr(fit.resistance_change),
-        "determined by the data": determined(fit),
+        "not determined by the data": undetermined(fit),
         "starts ended at": ", ".join(f"{each:.3f} %" for each in start_errors(fit)),
     }
 

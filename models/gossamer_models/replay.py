@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .arrays import Vector
+from .arrays import Rows, Vector
 from .compensator import compensator_model
 from .errors import DataError
 from .fitting.records import Record, noise_of
@@ -17,6 +17,11 @@ from .step_model import StepModel
 from .stepper import Stepper
 
 REACH = 1.005  # strain up to this factor of full scale is clipped, as the sensor does
+MANY_CLIPPED = 0.05  # share of samples at a limit of the range from which their error says too little
+AT_LIMIT, APART_FROM_IT = (
+    1e-6,
+    0.01,
+)  # of full scale: a recovered strain that stands at a limit, a true one that does not
 SHIFT = 10.0  # resistance at rest of the models: it must be positive, and only differences from it count
 
 
@@ -41,6 +46,40 @@ class Recovered:
     present: Vector
     deviation: Vector | None = None
     delay: float = 0.0
+
+
+def clipped_strain(record: Record, recovered: Recovered, full_scale: float, rows: Rows) -> str:
+    """Say how many samples of a recovered strain stand at a limit of the range although the true one does not.
+
+    Parameters
+    ----------
+    record : Record
+        The record.
+    recovered : Recovered
+        What is recovered from its resistance.
+    full_scale : float
+        Strain [1] at the end of the range, which begins at 0.
+    rows : ndarray of bool, shape (m,)
+        Samples to look at.
+
+    Returns
+    -------
+    str
+        A sentence; empty where they are few.
+    """
+    rows = rows & np.isfinite(recovered.strain)
+    strain, true = recovered.strain[rows], record.strain[rows]
+    clipped = [
+        (np.abs(strain - limit) <= AT_LIMIT * full_scale) & (np.abs(true - limit) > APART_FROM_IT * full_scale)
+        for limit in (0.0, full_scale)
+    ]
+    share = float(np.mean(clipped[0] | clipped[1])) if strain.size else 0.0
+    if share <= MANY_CLIPPED:
+        return ""
+    return (
+        f"{record.name}: {100.0 * share:.2g} % of the recovered samples stand at a limit of the range, 0 or "
+        f"{100.0 * full_scale:.4g} % strain, and the true strain does not: without this limit the error would be larger."
+    )
 
 
 def predict_resistance(fit: PreisachFit, record: Record) -> Vector:

@@ -219,8 +219,8 @@ def run(
     stop : float or None
         Last time [s] in place of the file's.
     set : mapping, sequence of str or None
-        Value in place of the file's, such as membrane.damage[1]=0.3 or sensor?.rest_strain=0.02; seed=2 is that
-        of all noise. As often as needed.
+        Value in place of the file's, such as membrane.damage[1]=0.3 or estimator?.noise=0.2; seed=2 is that of
+        all noise. As often as needed.
     master : str or None
         gauss-seidel or jacobi, in place of the file's or for an .ssp.
     pictures : bool, default True

@@ -11,7 +11,7 @@ from gossamer_models.compensator import compensator_model
 from gossamer_models.fitting import read_record
 from gossamer_models.fitting.records import noise_of
 from gossamer_models.fractional import FractionalArtifact, FractionalTerm
-from gossamer_models.replay import recover, sensor_output
+from gossamer_models.replay import Recovered, clipped_strain, recover, sensor_output
 from gossamer_models.review import fit_scales, judge_files, save_judged
 from gossamer_models.review.scales import SHORTEST_DECAY
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
@@ -155,6 +155,24 @@ def test_the_estimator_is_judged_with_the_noise_that_its_fmu_starts_with(measure
     assert np.abs(found - unlike).max() > 1e-4  # this record has no noise
     with pytest.raises(ParameterError, match="the noise is -1"):
         replace(noisy, noise=-1.0)
+
+
+def test_a_deviation_far_below_the_error_and_strain_at_a_limit_are_said_in_words(measured, stored, tmp_path):
+    (judged,) = judge_files(stored, [write(tmp_path / "r.csv", measured)])
+    assert (judged.too_sure(), judged.clipped) == ((), ())
+    off = np.where(np.arange(measured.strain.size) % 5 == 0, 0.05, 0.01)
+    found = Recovered(strain=measured.strain + off, present=measured.strain, deviation=np.full(off.size, 0.006))
+    judged = replace(judged, recovered={"filter": found})
+    (sentence,) = judged.too_sure()
+    assert sentence in judged.sentences()
+    assert sentence == (
+        "r.csv: the deviation that filter states is 0.25 of the true one: 20 % of the errors leave the band of ± 2 "
+        "deviations; 5 % would be right."
+    )
+    everything, flat = np.ones(off.size, dtype=bool), np.where(off > 0.02, 0.0, measured.strain)
+    clipped = clipped_strain(measured, Recovered(strain=flat, present=flat), FULL, everything)
+    assert "% of the recovered samples stand at a limit of the range, 0 or 20 % strain" in clipped
+    assert clipped_strain(measured, Recovered(strain=measured.strain, present=flat), FULL, everything) == ""
 
 
 def test_a_delay_is_taken_back(measured):

@@ -29,4 +29,6 @@ def test_a_sensor_of_two_records_holds_on_two_others(tmp_path):
         cubic = [judged.forward(rows, judged.cubic), judged.strain(rows, judged.cubic_strain)]
         assert np.all(np.array(reached) < [3.0, 4.0]), (judged.record.name, reached)
         assert np.all(np.array(reached) < np.array(cubic)), (judged.record.name, cubic)
-        assert judged.sentences() == (f"{judged.record.name}: no clock was read: samples are taken as 0.1 s apart.",)
+        clock = f"{judged.record.name}: no clock was read: samples are taken as 0.1 s apart."
+        assert judged.sentences() == (clock, *judged.clipped)
+        assert bool(judged.clipped) == (judged.record.name == "strain_sin_20.csv")  # 10 % of its samples

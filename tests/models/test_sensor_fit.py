@@ -12,7 +12,7 @@ from gossamer_models.identify import identify_files, settings_for
 from gossamer_models.replay import predict_resistance
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
-from gossamer_models.sensor.fit.doubts import determination, doubts, parameters
+from gossamer_models.sensor.fit.doubts import determination, doubts, parameters, undetermined
 from gossamer_models.sensor.fit.ridge import RIDGES, between, choose_ridge
 from oracles.preisach import drive, start
 from oracles.records import QUICK, everything, fit_like, record, zigzag
@@ -153,6 +153,10 @@ def test_a_record_without_holds_does_not_decide_eta_and_is_told_so(known, fitted
     C, R = determination(fitted)
     assert R[fitted.names.index("b_elastic[1]"), fitted.names.index("b_elastic[1]")] > 0.8
     assert {p.name for p in parameters(fitted)[0] if p.determined} >= {"b_elastic[1]"}
+    loose = [p.name for p in parameters(fitted)[0] if not p.determined and p.name.startswith("b_eta")]
+    assert loose
+    assert f"{len(loose)} of {QUICK.modes} weights of eta (b_eta)" in undetermined(fitted)
+    assert "b_elastic" not in undetermined(fitted)
     assert np.linalg.eigvalsh(C).min() > -1e-12
 
 

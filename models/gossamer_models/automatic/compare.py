@@ -15,6 +15,7 @@ from .baselines import cubic, regression
 BLOCKS = 10  # of the test stretch of a record
 DRAWS = 1000
 CONFIDENCE = 0.9
+LESS = 0.9  # of another error: below, an error is said to be less also where the intervals of confidence overlap
 HERE = "this sensor"
 RIVALS = ("static cubic", "regression on lags")
 DOES = {"forward": "predicts the output", "strain": "recovers the strain"}  # by the quantity of a ``Standing``
@@ -91,12 +92,14 @@ def clearly_less(error: Interval, other: Interval) -> bool:
 
 
 def beside(error: Interval, name: str, other: Interval) -> str:
-    """Say that an error is clearly smaller than that of something by its name, or a little; nothing if it is not smaller."""
+    """Say how much smaller an error is than that of something by its name; nothing if it is not smaller."""
     if not error[0] < other[0]:
         return ""
     numbers = f"{error[0]:.2f} against {other[0]:.2f} % of range"
     if clearly_less(error, other):
         return f"better than {name}, {numbers}"
+    if error[0] < LESS * other[0]:
+        return f"with less error than {name}, {numbers}, though the intervals of confidence overlap"
     return f"as well as {name}, {numbers}: the intervals of confidence overlap"
 
 

@@ -25,11 +25,13 @@ from ..fitting.plots import Picture, record_pictures, save_figures
 from ..fitting.reading import read_records
 from ..fitting.records import Record, training_rows
 from ..fitting.tables import table_path, write_predictions
-from ..replay import REACH, Recovered, recover, sensor_output
+from ..replay import REACH, Recovered, clipped_strain, recover, sensor_output
 from ..sensor import Scales, SensorArtifact
 from .ranges import hardly_overlapping
 from .scales import RelaxingScales, fit_scales
 
+TOO_SURE = 0.5  # stated over true deviation, below which it is said
+BAND = 2.0  # standard deviations to each side, which 5 % of the errors leave
 LEAST_JUDGED = 0.25  # share of a record that must lie before its first strain beyond the full scale
 
 
@@ -55,6 +57,8 @@ class Judged:
         Whether the sensor was fitted to this file.
     elsewhere : tuple of str
         Where it fills little of the ranges that the sensor was identified on, a sentence each.
+    clipped : tuple of str
+        Where recovered strain stands at a limit of the range of the sensor, a sentence each.
     """
 
     record: Record
@@ -66,6 +70,7 @@ class Judged:
     cubic_strain: Vector
     known: bool = False
     elsewhere: tuple[str, ...] = ()
+    clipped: tuple[str, ...] = ()
 
     @property
     def fitted(self) -> Rows:
@@ -76,6 +81,10 @@ class Judged:
         """Return the first stretch and the rest, where there is one, by name."""
         fitted = "scales fitted" if self.scales is not None else "first"
         return {name: rows for name, rows in ((fitted, self.first), ("judged", ~self.first)) if rows.any()}
+
+    def judged(self) -> Rows:
+        """Return the samples after the first stretch, or this one where there is no more."""
+        return self.stretches().get("judged", self.first)
 
     def forward(self, rows: Rows, predicted: Vector | None = None) -> float:
         """Return the error of the sensor's resistance, or of another one, on some samples [% of range]."""
@@ -96,6 +105,21 @@ class Judged:
         true = float(np.mean((found[rows] - self.record.strain[rows]) ** 2))
         return float(np.sqrt(np.mean(stated[rows] ** 2) / true)) if true > 0.0 else None
 
+    def too_sure(self) -> tuple[str, ...]:
+        """Say which compensators state deviations far below their errors on the judged stretch."""
+        rows, said = self.judged(), []
+        for name, found in self.recovered.items():
+            ratio = self.deviation_ratio(rows, name)
+            if found.deviation is None or ratio is None or ratio >= TOO_SURE:
+                continue
+            error, reach = np.abs(found.strain - self.record.strain), BAND * found.deviation
+            beyond = float(np.mean((error > reach)[rows & np.isfinite(error)]))
+            said.append(
+                f"{self.record.name}: the deviation that {name} states is {ratio:.2g} of the true one: "
+                f"{100.0 * beyond:.0f} % of the errors leave the band of ± {BAND:g} deviations; 5 % would be right."
+            )
+        return tuple(said)
+
     def defeats(self) -> tuple[str, ...]:
         """Say where the sensor is no better than the static cubic."""
         compared = {"resistance": "predicts resistance"} | dict.fromkeys(self.recovered, "recovers strain")
@@ -113,7 +137,7 @@ class Judged:
         dict of str to tuple of Interval
             NRMSE [% of range] of "resistance", and of the strain by each compensator that delivers any there, by its name.
         """
-        record, rows = self.record, self.stretches().get("judged", self.first)
+        record, rows = self.record, self.judged()
         cubic = (
             error_interval(record.resistance, self.cubic, rows),
             error_interval(record.strain, self.cubic_strain, rows),
@@ -131,7 +155,7 @@ class Judged:
         said = list(self.record.repaired)
         if self.known:
             said.append(f"{name} is a record that the sensor was fitted to: its errors say little of others.")
-        said += [*self.elsewhere, *defeats]
+        said += [*self.elsewhere, *self.clipped, *self.too_sure(), *defeats]
         if defeats and self.scales is None:
             said.append(f"{name}: its sensor may be mounted or drifted otherwise; find its own scales (--fit-scales).")
         return tuple(said)
@@ -197,12 +221,16 @@ def judge_files(
         scales = fit_scales(output, record, first) if own_scales else None
         gains, offsets = (gain, offset) if scales is None else (scales.gain, scales.offset)
         normalised = (record.resistance - offsets) / gains
+        recovered = {name: recover(artifact, full_scale, record, normalised, name) for name in compensators}
+        rest = first if first.all() else ~first
+        clipped = (clipped_strain(record, found, full_scale, rest) for found in recovered.values())
         judged.append(
             Judged(
                 record=record,
                 first=first,
                 predicted=offsets + gains * output,
-                recovered={name: recover(artifact, full_scale, record, normalised, name) for name in compensators},
+                recovered=recovered,
+                clipped=tuple(filter(None, clipped)),
                 scales=scales,
                 cubic=cubic((record.strain,), (record.resistance,), (first,))[0],
                 cubic_strain=cubic((record.resistance,), (record.strain,), (first,))[0],

@@ -40,7 +40,7 @@ def run(
         list[str] | None,
         typer.Option(
             "--set",
-            help="Value in place of the file's, such as membrane.damage[1]=0.3 or sensor?.rest_strain=0.02; seed=2 is that "
+            help="Value in place of the file's, such as membrane.damage[1]=0.3 or estimator?.noise=0.2; seed=2 is that "
             "of all noise. As often as needed.",
             metavar="NAME=VALUE",
         ),
@@ -211,20 +211,21 @@ def draw(drawing: Drawing, data: xr.Dataset, out: Path, say: Callable[[str], Non
 
 
 def _judged(data: xr.Dataset) -> dict[str, Any]:
-    """Return the judgements of the detector, and print them as tables on stderr; nothing where there is none."""
+    """Return the judgements of the detector, and print them as tables on stderr, with reasons for doubt."""
     from ..results.judgements import doubts, windows
+    from ..results.report.sensing import sensor_doubts
     from ..results.tables import history_table, zone_table
 
-    console = stderr()
+    console, sentences = stderr(), sensor_doubts(data)
     try:
         ended = windows(data)
-    except ResultsError:
-        return {"valid": None, "judgements": [], "doubts": []}
+        sentences = doubts(data, ended) + sentences
+    except ResultsError:  # there is no detector
+        ended = []
     if len(ended) > 1:
         console.print(history_table(ended))
     for judgement in [window for window in ended if window.valid][-1:]:
         console.print(zone_table(judgement))
-    sentences = doubts(data, ended)
     for sentence in sentences:
         console.print(sentence, style="bold yellow", highlight=False)
     return {

@@ -65,7 +65,7 @@ def sweep(
 
         gossamer sweep damaged --set "membrane.damage[1]=0:0.5:6"
 
-        gossamer sweep damage_begins --set "sensor?.rest_strain=0.01:0.03:5" --set seed=1:20 --out out/noise
+        gossamer sweep damage_begins --set "estimator?.noise=0.05:0.2:4" --set seed=1:20 --out out/noise
 
         gossamer sweep damaged --set "membrane.damage[1]=0:0.5:6" --scheduler tcp://192.168.0.5:8786
     """

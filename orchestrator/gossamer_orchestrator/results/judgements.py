@@ -203,7 +203,7 @@ def _why(judgement: Judgement) -> str:
 
 
 def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
-    """List reasons to doubt the judgements: none is valid, some windows are not, or a component was saturated."""
+    """List reasons to doubt the judgements: none is valid, or some windows are not."""
     valid, invalid = ([window for window in ended if window.valid is kind] for kind in (True, False))
     sentences = []
     if not valid:
@@ -216,14 +216,4 @@ def doubts(data: xr.Dataset, ended: list[Judgement]) -> list[str]:
             what = f"The window that ended at {last.time:.4f} s gave no valid judgement"
         shown = "" if ended[-1].valid else f" The judgement shown is that at {valid[-1].time:.4f} s."
         sentences.append(f"{what}; {_why(last)}{shown}")
-    beyond = [
-        name.removesuffix(".saturated")
-        for name in map(str, data.data_vars)
-        if name.endswith(".saturated") and float(data[name].max()) > 0.5
-    ]
-    if beyond:
-        sentences.append(
-            f"Outside their identified range during the run: {', '.join(beyond)}. Do not trust the strain and damage that "
-            "follow from them."
-        )
     return sentences

@@ -27,6 +27,10 @@ from .steps import check_steps
 from .values import expand, start_values
 
 logger = logging.getLogger(__name__)
+NO_ESTIMATOR = (
+    " For a sensor that has no estimator, build the filter and name it here, as the shipped scenario 'own_sensor_filter' "
+    "does."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,6 +247,8 @@ def _read_file(
     if not path.is_file():
         near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
         more = "" if fmu.endswith(".fmu") else " Build the FMUs with 'gossamer build' or name their folder with --fmus."
+        if fmu == "estimator":
+            more += NO_ESTIMATOR
         problems.add(place, f"there is no FMU {fmu!r} in {path.parent}. {near}{more}")
         return None
     try:

@@ -243,16 +243,18 @@ def compared(own, rival, record="a.csv", quantity="resistance"):
 
 
 def test_a_verdict_claims_no_more_than_the_intervals_show():
-    clear, open_, level, lost = (
+    clear, open_, level, more_error, lost = (
         ((1.0, 0.8, 1.2), (2.0, 1.5, 2.5)),
         ((1.0, 0.5, 1.8), (2.0, 1.5, 2.5)),
         ((2.1, 1.6, 2.6), (2.0, 1.5, 2.5)),
+        ((3.1, 2.4, 4.0), (2.0, 1.5, 2.5)),
         ((3.0, 2.6, 4.0), (2.0, 1.5, 2.5)),
     )
     for pair, kind, said in (
         (clear, "healthy", "90 % interval 0.80 to 1.20 %): better than a static cubic (2.00 %)."),
         (open_, "none", "not clearly better than a static cubic (2.00 %)."),
         (level, "none", "no better than a static cubic (2.00 %)."),
+        (more_error, "none", "with more error, though the intervals overlap, than a static cubic (2.00 %)."),
         (lost, "invalid", "worse than a static cubic (2.00 %)."),
     ):
         found, sentence, more = verdict([compared(*pair)], "test stretch")

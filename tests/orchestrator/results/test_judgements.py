@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+import json
 import math
 
 import numpy as np
 import pytest
 from gossamer_orchestrator import ResultsError, judge
 from gossamer_orchestrator.results.judgements import doubts, windows
+from gossamer_orchestrator.results.report.sensing import sensor_doubts
+from gossamer_orchestrator.results.report.verdict import make_verdict
 from gossamer_orchestrator.results.tables import history_table, zone_table
 from gossamer_orchestrator.words import uncertain
 from rich.console import Console
@@ -76,17 +79,42 @@ def test_doubts_say_why_a_window_is_not_valid_from_what_was_recorded(data):
     assert "in spite of a misfit of 0.24. Give it the 'start_time'" in otherwise
 
 
-def test_doubts_name_sensors_out_of_range_and_a_last_window_that_is_not_valid(data, later_window_invalid):
+def test_doubts_name_a_last_window_that_is_not_valid(data, later_window_invalid):
     assert doubts(data, windows(data)) == []
-    data["sensor2.saturated"] = ("time", (data["time"].values == 3.0).astype(float))
     data = later_window_invalid(data)
     assert judge(data).time == 4.0
-    unknown, beyond = doubts(data, windows(data))
+    (unknown,) = doubts(data, windows(data))
     assert unknown.startswith("The window that ended at 8.0000 s gave no valid judgement; its similarity")
     assert unknown.endswith(
         "is below one half: 0.28. It was trained on nothing like this. The judgement shown is that at 4.0000 s."
     )
-    assert beyond.startswith("Outside their identified range during the run: sensor2.")
+
+
+def test_doubts_name_what_left_its_identified_range_how_far_and_that_range(data):
+    assert sensor_doubts(data) == []
+    for name in ("sensor2", "compensator3"):
+        data[f"{name}.saturated"] = ("time", (data["time"].values == 2.0).astype(float))
+    unknown = sensor_doubts(data)
+    assert unknown[0] == "sensor2 reached 2.909 % strain, outside its identified range, in 10 % of the run."
+    limits = {"rest_resistance": 100.0, "full_scale_resistance_change": 1.5, "full_scale_strain": 0.025}
+    roles = {"membrane": "membrane"} | {f"{role}{k}": role for role in ("sensor", "compensator") for k in range(1, 5)}
+    data.attrs["fmus"] = json.dumps({name: {"model": role, "parameters": limits} for name, role in roles.items()})
+    data["compensator3.resistance"] = data["sensor3.resistance"]
+    assert sensor_doubts(data) == [
+        "sensor2 reached 2.909 % strain, outside its identified range, 0 to 2.5 % strain, in 10 % of the run.",
+        "compensator3 read 102 ohm, and in 10 % of the run no strain explains what it read within its identified range, "
+        "0 to 2.5 % strain: from 100 ohm at rest to 101.5 ohm when first loaded.",
+        "Do not trust the strain and damage that follow from what was outside its identified range.",
+    ]
+
+
+def test_a_run_whose_recovered_strain_is_far_off_the_true_one_says_so_also_without_a_detector(data):
+    data["compensator2.strain"] = data["compensator2.strain"] + 0.03
+    (wrong,) = sensor_doubts(data)
+    assert wrong.startswith("The strain that compensator2 recovers is wrong: its RMS error of 3 % strain is 15")
+    alone = data.drop_vars([name for name in data.data_vars if str(name).startswith("detector.")])
+    verdict = make_verdict(alone, [], None)
+    assert (verdict.kind, verdict.more) == ("invalid", [wrong])
 
 
 def test_the_table_has_every_zone_also_where_they_are_no_square(data):

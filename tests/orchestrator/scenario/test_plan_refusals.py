@@ -23,6 +23,10 @@ PLAN_REFUSALS = {
         ('fmu = "gain"', 'fmu = "gane"'),
         "chain.toml:7: there is no FMU 'gane' in .*Did you mean 'gain'\\? Build the FMUs with 'gossamer build'",
     ),
+    "missing estimator": (
+        ('fmu = "gain"', 'fmu = "estimator"'),
+        "chain.toml:7: there is no FMU 'estimator' in .* as the shipped scenario 'own_sensor_filter' does.",
+    ),
     "missing fmu file": (
         ('fmu = "gain"', 'fmu = "nowhere/gain.fmu"'),
         "chain.toml:7: there is no FMU 'nowhere/gain.fmu'",

@@ -19,6 +19,19 @@ REST_ADVICE = "Check it and its unit, or give it (--rest-resistance)."
 APART = 1.1  # ratio of the errors of two starts from which they are in different minima
 RELAXING = 0.3  # share of the squared error from which earlier relaxation is worth a fit
 DECAYS = 20.0, 1.0  # steps and spans: times of the decays that are looked for
+BLOCKS = {
+    "b_mu": "weights of the density mu",
+    "m_mu": "wave numbers of mu",
+    "n_mu": "wave numbers of mu",
+    "b_eta": "weights of eta",
+    "m_eta": "wave numbers of eta",
+    "n_eta": "wave numbers of eta",
+    "eta": "eta",
+    "b_elastic": "weights of the elastic part",
+    "log_tau": "relaxation times",
+    "c": "exponents of relaxation",
+    "y0": "resistance at rest",
+}  # what they are, by name
 FIXED_BY = {"log_tau": "--tau", "c": "--exponents", "y0": "--rest-resistance"}
 
 
@@ -89,11 +102,20 @@ def doubts(fit: PreisachFit, *, chosen: bool = False) -> tuple[str, ...]:
     return tuple(filter(None, sentences))
 
 
-def determined(fit: PreisachFit) -> str:
-    """Return how many parameters of each block the data decide rather than regularisation or a bound; for the provenance."""
+def undetermined(fit: PreisachFit) -> str:
+    """Return how many parameters of each block the data do not decide, but regularisation or a bound; for the provenance."""
     known, _ = parameters(fit)
-    counts = Counter(p.name.split("[")[0] for p in known if p.determined)
-    return ", ".join(f"{counts[b.name]} of {b.size} {b.name}" for b in fit.blocks)
+    counts = Counter(p.name.split("[")[0] for p in known if not p.determined)
+    return (
+        ", ".join(f"{counts[b.name]} of {b.size} {_words(b.name)}" for b in fit.blocks if counts[b.name]) or "nothing"
+    )
+
+
+def _words(block: str) -> str:
+    """Return what a block of parameters is, with its name; only amplitudes have names of their drives."""
+    earlier = block[0] == "v" and block[1:].isdigit()
+    words = BLOCKS.get(block, "amplitudes of earlier relaxation" if earlier else "amplitudes of relaxation")
+    return f"{words} ({block})"
 
 
 def start_errors(fit: PreisachFit) -> list[float]:

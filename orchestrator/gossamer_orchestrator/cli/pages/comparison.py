@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from gossamer_models.automatic.compare import Interval, clearly_less
+from gossamer_models.automatic.compare import LESS, Interval, clearly_less
 
 from ...pages import Chart, bars, with_interval
 from ...pages.page import Kind
 
 OWN = "this sensor"
+LARGER = "with more error, though the intervals overlap, than"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,11 +51,13 @@ class Comparison:
     def sentence(self) -> str:
         """Say the error and how it stands beside those of the rivals; overlapping intervals leave that open."""
         value, low, high = self.own
-        order = ("better than", "not clearly better than", "no better than", "worse than")
+        order = ("better than", "not clearly better than", "no better than", LARGER, "worse than")
         words: dict[str, list[str]] = {word: [] for word in order}
         for name, rival in self.rivals.items():
-            if rival[0] < value:
-                word = "worse than" if clearly_less(rival, self.own) else "no better than"
+            if clearly_less(rival, self.own):
+                word = "worse than"
+            elif rival[0] < value:
+                word = LARGER if rival[0] < LESS * value else "no better than"
             else:
                 word = "better than" if clearly_less(self.own, rival) else "not clearly better than"
             words[word].append(f"a {name} ({rival[0]:.2f} %)")

@@ -11,11 +11,11 @@ from gossamer_models.arrays import Rows, Vector
 from gossamer_models.fitting import Record
 from gossamer_models.fitting.plots import quantity
 from gossamer_models.replay import Recovered
+from gossamer_models.review.judge import BAND
 
 from ...pages import Chart, band, curve
 
 COLORS = ("@0", "@1", "@2", "@3")  # of compensators
-WIDTH = 2.0  # standard deviations of a band to each side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,8 +100,8 @@ def _of_strain(seen: Seen) -> list[Chart]:
         rms = float(np.sqrt(np.mean(error[known] ** 2))) if known.any() else np.nan
         said.append(f"{name}: root mean square error {rms:.3g} % of the range over the whole record.")
         if found.deviation is not None:
-            reach = WIDTH * 100.0 * found.deviation
-            label = f"± {WIDTH:g} stated deviations" + (f", {name}" if len(seen.recovered) > 1 else "")
+            reach = BAND * 100.0 * found.deviation
+            label = f"± {BAND:g} stated deviations" + (f", {name}" if len(seen.recovered) > 1 else "")
             histories += band(label, t, recovered - reach, recovered + reach, color)
             errors += band(label, t, -100.0 * reach / size, 100.0 * reach / size, color)
             where = f"Outside the {seen.stretch}" if rest is not seen.first else "Here"

@@ -16,6 +16,7 @@ from ...words import counted, uncertain
 from ..judgements import Judgement, doubts, recorded_detector
 from ..roles import find_all
 from ..tables import LEAST_SHOWN
+from .sensing import sensor_doubts
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
 MOST_NAMED = 4  # zones
@@ -59,10 +60,11 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
     watched : dict or None
         Content of ``watch.json``.
     """
-    more = _watch_sentences(watched)
+    more, sensing = _watch_sentences(watched), sensor_doubts(data)
     if not ended:
-        return Verdict("none", f"No judgement: {_why_none(data)} The pictures show what was recorded.", more)
-    reasons = doubts(data, list(ended))
+        kind: Kind = "invalid" if sensing else "none"
+        return Verdict(kind, f"No judgement: {_why_none(data)} The pictures show what was recorded.", sensing + more)
+    reasons = doubts(data, list(ended)) + sensing
     valid = [window for window in ended if window.valid]
     if not valid:
         return Verdict("invalid", "No valid judgement. " + reasons[0], reasons[1:] + more)
