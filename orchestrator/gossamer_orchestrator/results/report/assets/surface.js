@@ -119,7 +119,7 @@ function addSurface() {
         { type: "scatter3d", mode: "markers", ...crosses, name: "wrinkled or slack", hoverinfo: "skip", showlegend: marks, marker: { symbol: "x", size: 3, color: colors.ink } },
         { ...zoneSquares(colors), ...numbers, text: zones.map(({ text }) => text) }];
       const place = placeIn3d(colors);
-      const range = (axis) => { const [low, high] = span[axis], room = Math.max(0.05 * (high - low), 0.02 * size); return [low - room, high + room]; };
+      const range = (axis) => { const [low, high] = span[axis], room = Math.max(0.05 * (high - low), 0.05 * size); return [low - room, high + room]; };
       const one = (axis, name) => ({ ...place, title: { ...place.title, text: `${name} [m]` }, range: range(axis), nticks: isNarrow() || range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
       const ratio = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.5 * (high - low) / size; });
       const scene = { xaxis: one(0, "x"), yaxis: one(1, "y"), zaxis: one(2, "z"), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] },
