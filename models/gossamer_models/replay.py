@@ -77,7 +77,7 @@ def clipped_strain(record: Record, recovered: Recovered, full_scale: float, rows
     if share <= MANY_CLIPPED:
         return ""
     return (
-        f"{record.name}: {100.0 * share:.2g} % of the recovered samples stand at a limit of the range, 0 or "
+        f"{record.name}: {100.0 * share:.0f} % of the recovered samples stand at a limit of the range, 0 or "
         f"{100.0 * full_scale:.4g} % strain, and the true strain does not: without this limit the error would be larger."
     )
 

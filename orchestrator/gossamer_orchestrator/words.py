@@ -23,6 +23,13 @@ def duration(seconds: float) -> str:
     return f"{float(f'{value:.3g}'):.12g} {unit}"
 
 
+def percent(share: float) -> str:
+    """Return a share as percent in two digits, as ``12 %``."""
+    if 0.0 < share < 1e-4:
+        return "less than 0.01 %"
+    return f"{float(f'{100.0 * share:.2g}'):.12g} %"
+
+
 def uncertain(value: float, deviation: float, unit: str = "") -> str:
     """Return a value and its standard deviation in one unit, both with the digits that the deviation leaves.
 

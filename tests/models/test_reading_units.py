@@ -354,3 +354,12 @@ def test_times_of_day_that_pass_midnight_are_not_sorted(tmp_path, sort):
     times = [f"{begin + datetime.timedelta(seconds=0.1 * k):%H:%M:%S.%f}" for k in range(40)]
     with pytest.raises(DataError, match="It passes midnight: write dates before the times"):
         read(tmp_path, text_of(time=times, header="time,strain [1],R_ohm"), Columns(sort=sort))
+
+
+@pytest.mark.parametrize(
+    ("header", "first"),
+    [("time_s,strain [1],R_ohm,state", "-1,nan,nan,A"), ("# time_s,strain [1],R_ohm", "-1,OVER,OVER")],
+)
+def test_a_first_sample_without_values_is_left_out(tmp_path, header, first):
+    """A, like V or C, is a unit, but here the mark of a sample."""
+    same(read(tmp_path, text_of(header, below=first)))

@@ -169,6 +169,10 @@ def test_a_deviation_far_below_the_error_and_strain_at_a_limit_are_said_in_words
         "r.csv: the deviation that filter states is 0.25 of the true one: 20 % of the errors leave the band of ± 2 "
         "deviations; 5 % would be right."
     )
+    few = replace(
+        found, strain=measured.strain + np.where(np.arange(off.size) % 50 == 0, 0.2, 0.001)
+    )  # wide enough a band
+    assert replace(judged, recovered={"filter": few}).too_sure() == ()
     everything, flat = np.ones(off.size, dtype=bool), np.where(off > 0.02, 0.0, measured.strain)
     clipped = clipped_strain(measured, Recovered(strain=flat, present=flat), FULL, everything)
     assert "% of the recovered samples stand at a limit of the range, 0 or 20 % strain" in clipped

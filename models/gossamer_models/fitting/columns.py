@@ -180,6 +180,9 @@ def read_units(path: Path, line: int, row: list[str], wanted: list[Column], colu
         The row holds words that are no units of their columns.
     """
     cells = [bare(row[c.place]) if c.place < len(row) else "" for c in wanted]
+    missing = any(cell.lower() in MISSING and cell not in NO_UNIT for cell in cells)
+    if missing and not any(factor(cell, c.what) is not None for cell, c in zip(cells, wanted, strict=True)):
+        return None  # a sample without values, beside a letter that is a unit too
     if not units_only(row):
         if not any(cell.lower() not in MISSING and cell != "1" for cell in cells):
             return None

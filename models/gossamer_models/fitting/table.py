@@ -309,8 +309,8 @@ def _numeric(cells: list[str]) -> bool:
 
 def _has_words(cells: list[str]) -> bool:
     """Whether a line is text: neither a sample, also one without values, nor a row of units."""
-    words = any(cell.lower() not in MISSING and not is_number(cell) for cell in cells)
-    return words and not _numeric(cells) and not units_only(cells)
+    words = any(cell.lower() not in MISSING for cell in cells)
+    return words and not any(map(is_number, cells)) and not units_only(cells)
 
 
 def _encoding(path: Path) -> str:

@@ -79,7 +79,7 @@ def newest_page(results: Path) -> Path:
     missing = results.suffix in STORES and not results.exists() and folder != own
     if missing or not any(each.is_file() for each in (path, *recorded)):
         raise ResultsError(_nothing_at(results))
-    shown = [*recorded, folder / WATCH]
+    shown = [*recorded, folder / WATCH] if any(each.is_file() for each in recorded) else []
     latest = max((each.stat().st_mtime for each in shown if each.is_file()), default=0.0)
     return path if path.is_file() and path.stat().st_mtime >= latest else make_page(results)
 

@@ -69,6 +69,7 @@ def watch(
         gossamer run damage_begins && gossamer watch out/damage_begins
     """
     from ..pages import PAGE
+    from ..results.files import NETCDF
 
     report, path = watch_given(
         record,
@@ -84,7 +85,7 @@ def watch(
         console=stderr(),
     )
     show(path)
-    if path.name == WATCH and (path.parent / PAGE).is_file():
+    if out is None and (path.parent / PAGE).is_file() and (path.parent / NETCDF).is_file():
         note(f"The page of the run shows it: type 'gossamer view {typed(path.parent)}'.")
     return Result({"file": path, **report.content, "units": UNITS}, 0 if report.explained else INVALID)
 

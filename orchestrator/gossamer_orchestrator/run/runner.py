@@ -133,7 +133,7 @@ def run_scenario(
             observers=_pickled(observers),
             level=logger.getEffectiveLevel(),
         )
-        watched, begun = _written(folder / WATCH), time.perf_counter()
+        earlier, begun = _said_by_twin(folder), time.perf_counter()
         process = stack.enter_context(Process(task))
         import xarray  # noqa: F401 (takes a second, while the other process starts)
 
@@ -141,7 +141,7 @@ def run_scenario(
         process.end()
         error = process.error
         try:
-            last = _settle(process, folder, temporary, time.perf_counter() - begun, watched)
+            last = _settle(process, folder, temporary, time.perf_counter() - begun, earlier)
             if last is not None:
                 messages.save(folder)
         except ResultsError as late:
@@ -169,16 +169,20 @@ def run_scenario(
         return data.load() if out is None else data
 
 
-def _written(path: Path) -> int | None:
-    """Return when a file was written [ns]; None if it is not there."""
-    return path.stat().st_mtime_ns if path.is_file() else None
+def _said_by_twin(folder: Path) -> dict[Path, int]:
+    """Return what the twin said of the results in a folder: files, and when they were written [ns]."""
+    from ..pages import PAGE
+
+    files = [folder / WATCH, folder / TWIN, folder / Path(TWIN).stem / PAGE]
+    return {path: path.stat().st_mtime_ns for path in files if path.is_file()}
 
 
-def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, watched: int | None) -> float | None:
+def _settle(
+    process: Process, folder: Path, temporary: Path, wall_time: float, earlier: dict[Path, int]
+) -> float | None:
     """Finish the netCDF file; return the time of its last row, None without any.
 
-    What the twin said of an earlier run goes with its results: its watch, in a file written at the time ``watched``, and
-    its fit.
+    What the twin said of an earlier run goes with its results, unless it was written anew since.
     """
     unfinished = folder / UNFINISHED_NETCDF
     if process.shared is None:
@@ -198,13 +202,9 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, w
     if not (isinstance(error, ResultsError) and (folder / NETCDF).exists()):
         unfinished.replace(folder / NETCDF)
         settle_shapes(folder, kept=True)
-        if watched is not None and _written(folder / WATCH) == watched:
-            (folder / WATCH).unlink()
-        if (folder / TWIN).is_file():
-            from ..pages import PAGE
-
-            (folder / TWIN).unlink()
-            (folder / Path(TWIN).stem / PAGE).unlink(missing_ok=True)
+        for path, written in _said_by_twin(folder).items():
+            if earlier.get(path) == written:
+                path.unlink()
     return last
 
 

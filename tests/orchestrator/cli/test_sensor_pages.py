@@ -264,8 +264,8 @@ def test_a_verdict_claims_no_more_than_the_intervals_show():
     kind, sentence, more = verdict([compared(*clear), compared(*lost, record="b.csv")], "test stretch")
     assert kind == "invalid"
     assert sentence == (
-        "On the test stretches of 2 records resistance is predicted with errors of 1.00 to 3.00 %; a static cubic is better "
-        "in 1 of 2 comparisons."
+        "On the test stretches of 2 records resistance is predicted with errors of 1.00 to 3.00 %; a static cubic is "
+        "clearly better in 1 of 2 comparisons."
     )
     assert more[2].startswith("b.csv: Resistance is predicted with an error of 3.00 %")
 

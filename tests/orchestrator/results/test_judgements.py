@@ -13,7 +13,7 @@ from gossamer_orchestrator.results.judgements import doubts, windows
 from gossamer_orchestrator.results.report.sensing import sensor_doubts
 from gossamer_orchestrator.results.report.verdict import make_verdict
 from gossamer_orchestrator.results.tables import history_table, zone_table
-from gossamer_orchestrator.words import uncertain
+from gossamer_orchestrator.words import percent, uncertain
 from rich.console import Console
 
 
@@ -108,6 +108,21 @@ def test_doubts_name_what_left_its_identified_range_how_far_and_that_range(data)
     ]
 
 
+def test_what_was_outside_all_along_was_so_in_100_percent_and_a_late_refusal_quotes_what_was_read_before(data):
+    """The compensator is a row late: what it refuses at 2 s it read at 1 s or so."""
+    late = data.assign({"compensator3.saturated": ("time", (data["time"].values == 2.0).astype(float))})
+    late["compensator3.delay"] = ("time", np.full(10, float(data["time"][1] - data["time"][0])))
+    late["compensator3.resistance"] = late["sensor3.resistance"].copy()
+    late["compensator3.resistance"][int(np.flatnonzero(data["time"].values == 2.0)[0]) - 1] = 999.0
+    assert sensor_doubts(late)[0].startswith("compensator3 read 999 ohm, and in 10 % of the run")
+    data["sensor2.saturated"] = ("time", np.ones(10))
+    assert sensor_doubts(data)[0].endswith("in 100 % of the run.")
+    assert percent(0.999) == "100 %"
+    assert percent(1e-5) == "less than 0.01 %"
+    many = data.assign({"sensor2.saturated": (("time", "zone"), np.ones((10, data.sizes["zone"])))})
+    assert sensor_doubts(many)[0] == "sensor2 was outside its identified range in 100 % of the run."
+
+
 def test_a_run_whose_recovered_strain_is_far_off_the_true_one_says_so_also_without_a_detector(data):
     data["compensator2.strain"] = data["compensator2.strain"] + 0.03
     (wrong,) = sensor_doubts(data)
@@ -115,6 +130,10 @@ def test_a_run_whose_recovered_strain_is_far_off_the_true_one_says_so_also_witho
     alone = data.drop_vars([name for name in data.data_vars if str(name).startswith("detector.")])
     verdict = make_verdict(alone, [], None)
     assert (verdict.kind, verdict.more) == ("invalid", [wrong])
+    data["detector.damage"] = 0.0 * data["detector.damage"]
+    assert make_verdict(data, windows(data), None).kind == "invalid"  # no damage is not green on wrong strain
+    said = data.assign({"compensator2.strain_deviation": 0.0 * data["compensator2.strain"] + 0.03})
+    assert sensor_doubts(said) == []  # the compensator has said so itself
 
 
 def test_the_table_has_every_zone_also_where_they_are_no_square(data):

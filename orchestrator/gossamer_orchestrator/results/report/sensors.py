@@ -97,7 +97,7 @@ def _strain_of(data: xr.Dataset, reader: dict[str, Any]) -> tuple[Curve, float] 
     return (curve_of(late), reader["delay"]) if late in data else None
 
 
-def _rows_later(time: Array, delay: float) -> int:
+def rows_later(time: Array, delay: float) -> int:
     """Return how many rows a delay [s] is."""
     return int(np.searchsorted(time, time[0] + delay - 1e-9)) if delay > 0.0 else 0
 
@@ -123,7 +123,7 @@ def loops(
     if name is None or found is None:
         return {}
     read, delay = found
-    shift, resistance_of = _rows_later(time, delay), curve_of(name)
+    shift, resistance_of = rows_later(time, delay), curve_of(name)
     ends = [int(np.searchsorted(time, window.time)) for window in ended]
     if len(ends) > 1:
         spans = [("first window", 0, ends[0]), ("last window", ends[-2], ends[-1])]
@@ -165,7 +165,7 @@ def error_of(
         return {}, {}
     names = {"error": f"{late}.strain", "above": f"{late}.strain_deviation"}
     parts: dict[str, list[Array]] = {what: [] for what, name in names.items() if name in data}
-    true, shift = curve_of(*reader["strain"]), _rows_later(time, reader["delay"])
+    true, shift = curve_of(*reader["strain"]), rows_later(time, reader["delay"])
     squares, count, low, high = 0.0, 0, np.inf, -np.inf
     beyond, banded = 0, 0  # points above two deviations, and points that have one
     for rows in pixels.parts():

@@ -85,7 +85,9 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
         more.insert(0, _truth(last))
     else:
         more.insert(0, "The true damage is not recorded.")
-    healthy: Kind = "healthy" if ended[-1].valid and not alarmed else "invalid"  # what came later is not known to be so
+    healthy: Kind = (
+        "healthy" if ended[-1].valid and not (alarmed or sensing) else "invalid"
+    )  # else what came later is not known
     return Verdict("damage" if found else healthy, sentence, reasons + more)
 
 
