@@ -46,7 +46,8 @@ def test_a_run_that_is_resumed_is_watched_afterwards():
 
 
 def test_an_alarm_is_printed_and_the_finding_written(record):
-    record.with_name("report.html").touch()
+    for name in ("results.nc", "report.html"):  # as beside the record of a run
+        record.with_name(name).touch()
     result = CliRunner().invoke(app, ["watch", str(record), *MESH])
     assert result.exit_code == 0, result.output
     assert "ALARM" in result.stderr
