@@ -19,7 +19,7 @@ from .fitting.columns import Columns
 from .fitting.errors import Errors, nrmse
 from .fitting.plots import Picture, record_pictures, save_figures
 from .fitting.reading import read_records
-from .fitting.records import Record, strain_range, thin, training_stretches
+from .fitting.records import Record, judged_rows, strain_range, thin, training_stretches
 from .fitting.tables import table_path, write_predictions
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
@@ -253,7 +253,7 @@ def identify_files(
         progress("recovering the strain")
         recovered = tuple(recover_by_fit(fit, record) for record in fit.records)
         errors = _with_strain_errors(fit, [found.strain for found in recovered])
-        judged = [rows if rows.all() else ~rows for rows in fit.train]
+        judged = map(judged_rows, fit.train)
         parts = zip(fit.records, recovered, judged, strict=True)
         clipped = (clipped_strain(record, found, fit.full_scale, rows) for record, found, rows in parts)
         doubted = (*doubted, *filter(None, clipped))

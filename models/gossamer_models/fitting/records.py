@@ -180,6 +180,11 @@ def training_stretches(records: Sequence[Record], train: str) -> tuple[Rows, ...
     return tuple(training_rows(record, train, end=float(longest.time[-1])) for record in records)
 
 
+def judged_rows(first: Rows) -> Rows:
+    """Return the rows that a fit is judged on: those outside its first stretch, or this one where there are no more."""
+    return first if first.all() else ~first
+
+
 def check_rest(rest_resistance: float | None) -> None:
     """Refuse a resistance at rest that is not a finite number; None means that it is fitted."""
     if rest_resistance is not None and not np.isfinite(rest_resistance):

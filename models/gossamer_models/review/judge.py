@@ -23,7 +23,7 @@ from ..fitting.columns import Columns
 from ..fitting.errors import nrmse
 from ..fitting.plots import Picture, record_pictures, save_figures
 from ..fitting.reading import read_records
-from ..fitting.records import Record, training_rows
+from ..fitting.records import Record, judged_rows, training_rows
 from ..fitting.tables import table_path, write_predictions
 from ..replay import REACH, Recovered, clipped_strain, recover, sensor_output
 from ..sensor import Scales, SensorArtifact
@@ -226,7 +226,7 @@ def judge_files(
         gains, offsets = (gain, offset) if scales is None else (scales.gain, scales.offset)
         normalised = (record.resistance - offsets) / gains
         recovered = {name: recover(artifact, full_scale, record, normalised, name) for name in compensators}
-        rest = first if first.all() else ~first
+        rest = judged_rows(first)
         clipped = (clipped_strain(record, found, full_scale, rest) for found in recovered.values())
         judged.append(
             Judged(

@@ -6,7 +6,6 @@ Symbols: ``y`` readings of a window, shape (4, n); ``r`` residuals in units of t
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from ..membrane import MembraneParams
 from ..membrane.mesh import N_ZONES
 from ..sensor import SensorArtifact
 from .descent import Minimum, descend
+from .forward import WORKERS
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, Quadratic
 from .onset import OnsetProblem, Seen, weigh
 from .record import N_SENSORS
@@ -234,7 +234,7 @@ class Watch:
 
 def _deepest(problem: OnsetProblem, starts: list[Vector], free: Rows, most: int = 12) -> Minimum:
     """Descend from some starts, in parallel; return the minimum with the smallest chi2."""
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(WORKERS) as pool:
         return min(
             pool.map(lambda start: descend(problem, start, free, most), starts), key=lambda found: found.point.chi2
         )

@@ -182,29 +182,28 @@ def test_progress_is_a_line_now_and_then_where_there_is_no_terminal(monkeypatch)
     assert file.getvalue().splitlines() == lines  # none after the end
 
 
-def test_what_remains_is_at_the_mean_speed_and_without_what_was_done_before(monkeypatch):
-    """Two of eight were there; two more took 100 s together, so the last four take 200 s."""
+def line_after_100_s(monkeypatch, label, *updates, **options):
+    """Return the last line of a bar whose clock stands at 100 s, after some updates."""
     monkeypatch.setattr("gossamer_orchestrator.run.progress.EVERY", 0.05)
     file = io.StringIO()
-    with ProgressBar("sweep", Console(file=file)) as bar:
+    with ProgressBar(label, Console(file=file), **options) as bar:
         task = bar._progress.tasks[0]
         task.start_time, task._get_time = 0.0, lambda: 100.0
-        bar.update(2, 8)
-        bar.update(4)
+        for update in updates:
+            bar.update(*update)
         time.sleep(0.2)
-    assert file.getvalue().splitlines()[-1] == "sweep: 50 %, 0:01:40 elapsed, 0:03:20 remaining"
+    return file.getvalue().splitlines()[-1]
+
+
+def test_what_remains_is_at_the_mean_speed_and_without_what_was_done_before(monkeypatch):
+    """Two of eight were there; two more took 100 s together, so the last four take 200 s."""
+    line = line_after_100_s(monkeypatch, "sweep", (2, 8), (4,))
+    assert line == "sweep: 50 %, 0:01:40 elapsed, 0:03:20 remaining"
 
 
 def test_a_task_whose_parts_take_unlike_times_shows_the_elapsed_time_alone(monkeypatch):
-    monkeypatch.setattr("gossamer_orchestrator.run.progress.EVERY", 0.05)
-    file = io.StringIO()
-    with ProgressBar("identify", Console(file=file), remaining=False) as bar:
-        task = bar._progress.tasks[0]
-        task.start_time, task._get_time = 0.0, lambda: 100.0
-        bar.update(0.2, 1.0)
-        bar.update(0.4)
-        time.sleep(0.2)
-    assert file.getvalue().splitlines()[-1] == "identify: 40 %, 0:01:40 elapsed"
+    line = line_after_100_s(monkeypatch, "identify", (0.2, 1.0), (0.4,), remaining=False)
+    assert line == "identify: 40 %, 0:01:40 elapsed"
 
 
 def test_what_a_run_waits_for_is_named_and_no_part_of_its_speed():

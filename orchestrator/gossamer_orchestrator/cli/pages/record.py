@@ -10,6 +10,7 @@ import numpy as np
 from gossamer_models.arrays import Rows, Vector
 from gossamer_models.fitting import Record
 from gossamer_models.fitting.plots import quantity
+from gossamer_models.fitting.records import judged_rows
 from gossamer_models.replay import Recovered
 from gossamer_models.review.judge import BAND
 
@@ -91,7 +92,7 @@ def _of_strain(seen: Seen) -> list[Chart]:
     record = seen.record
     t, strain = record.time, 100.0 * record.strain
     size = float(np.ptp(strain))
-    rest = ~seen.first if not seen.first.all() else seen.first
+    rest = judged_rows(seen.first)
     histories, errors, stated, said = [], [], [], []
     for (name, found), color in zip(seen.recovered.items(), COLORS, strict=False):
         recovered = 100.0 * found.strain
