@@ -57,7 +57,9 @@ def stacked(sensors: tuple[Sensor, ...], gauges: list[Gauge], nodes: int) -> Gau
     if not gauges:
         return Gauges((), scipy.sparse.csr_array((0, nodes)), scipy.sparse.csr_array((0, 0)))
     lines = scipy.sparse.csr_array(scipy.sparse.vstack([found.lines for found in gauges]))
-    means = scipy.sparse.csr_array(scipy.sparse.block_diag([found.weights[None] for found in gauges]))
+    means = scipy.sparse.csr_array(
+        scipy.sparse.block_diag([scipy.sparse.csr_array(found.weights[None]) for found in gauges])
+    )
     return Gauges(sensors, lines, means)
 
 
