@@ -120,12 +120,13 @@ def run_cases(
     KeyboardInterrupt
         It was interrupted; the message says how to go on.
     """
+    from gossamer.pages.sweep import sweep_page
+
     from ..pages import PAGE
     from ..results.plots.cases import save_cases
     from ..run.gathered import TABLE, combine, write_table
     from ..run.progress import ProgressBar
     from ..run.sweep import make_cases, on_cores, read_ranges, run_sweep
-    from .pages.sweep import sweep_page
 
     path = find_scenario(scenario)
     folder = Path("out") / f"{path.stem}_sweep" if out is None else out

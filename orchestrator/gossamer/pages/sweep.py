@@ -7,12 +7,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+from gossamer_orchestrator.pages import PAGE, SCRIPT, Chart, Page, curve, drawn, heat, link, points, table
+from gossamer_orchestrator.results.judgements import Judgement
+from gossamer_orchestrator.results.tables import LEAST_SHOWN
+from gossamer_orchestrator.run.sweep import Case
 from numpy.typing import NDArray
 
-from ...pages import PAGE, SCRIPT, Chart, Page, curve, drawn, heat, link, points, table
-from ...results.judgements import Judgement
-from ...results.tables import LEAST_SHOWN
-from ...run.sweep import Case
 from .sweep_cases import Array, Drawn, Ended, read_cases, read_history
 
 CURVES = 12  # cases whose curves are drawn

@@ -9,10 +9,9 @@ from pathlib import Path
 
 from gossamer_files import digest
 from gossamer_models.fitting import Record
-
-from ...pages import table
-from ..recognised import HEADINGS, recognised_rows
-from ..tables import Shown, on_page
+from gossamer_orchestrator.cli.recognised import HEADINGS, recognised_rows
+from gossamer_orchestrator.cli.tables import Shown, on_page
+from gossamer_orchestrator.pages import table
 
 PACKAGES = ("gossamer", "numpy", "scipy", "casadi")
 HOW = (

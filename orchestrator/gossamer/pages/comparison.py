@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from gossamer_models.automatic.compare import LESS, Interval, clearly_less
-
-from ...pages import Chart, bars, with_interval
-from ...pages.page import Kind
+from gossamer_orchestrator.pages import Chart, bars, with_interval
+from gossamer_orchestrator.pages.page import Kind
 
 OWN = "this sensor"
 LARGER = "with more error, though the intervals overlap, than"

@@ -9,11 +9,10 @@ from gossamer_models.placement import Placement, Placing
 from gossamer_models.placement.check import Check
 from gossamer_models.placement.plots import faces_of, view_of
 from gossamer_models.twin.least_squares import MOST_DAMAGE
+from gossamer_orchestrator.cli.tables import Shown, on_page
+from gossamer_orchestrator.pages import SCRIPT, Chart, Page, bars, drawn, points, table
+from gossamer_orchestrator.words import counted
 from numpy.typing import NDArray
-
-from ...pages import SCRIPT, Chart, Page, bars, drawn, points, table
-from ...words import counted
-from ..tables import Shown, on_page
 
 NAMED = 40  # zones with a label: more would cover the picture
 LENGTH = 0.05  # of the line of a sensor, shares of the membrane's size

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from gossamer_models.assessment import AlwaysZero, Assessment, Share
 from gossamer_models.assessment.figures import CALL, NOMINAL
+from gossamer_orchestrator.pages import Chart, band, curve, heat, names_from_top, points, with_interval
 from numpy.typing import ArrayLike
 
-from ...pages import Chart, band, curve, heat, names_from_top, points, with_interval
 from .reliability import COLORS, reliability_chart
 
 ZERO = AlwaysZero.name

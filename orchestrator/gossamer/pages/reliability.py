@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ...pages import Chart, curve
+from gossamer_orchestrator.pages import Chart, curve
 
 COLORS = ("@0", "@1", "@2", "@3", "@4", "@5")
 

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Sequence
 from gossamer_models.assessment import Assessment
 from gossamer_models.assessment.results import Row
 from gossamer_models.detector.thesis_tables import TABLES
+from gossamer_orchestrator.cli.tables import Shown, on_page
+from gossamer_orchestrator.pages import SCRIPT, Page, drawn, folded, table
 
-from ...pages import SCRIPT, Page, drawn, folded, table
-from ..tables import Shown, on_page
 from .assess_detector_charts import ZERO, call_charts, confusion_charts, detection_charts, error_charts, stated_charts
 
 MAIN = "noise"  # the condition of the verdict: the thesis' noise on strain, nothing else wrong

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from gossamer_models.twin import Answer
-
-from ...pages import SCRIPT, Chart, Page, band, curve, drawn, heat, points, table
-from ...pages.page import Kind
-from ...words import uncertain
-from ..tables import Shown, on_page
-from ..twin_options import NUISANCE_UNITS
+from gossamer_orchestrator.cli.tables import Shown, on_page
+from gossamer_orchestrator.cli.twin_options import NUISANCE_UNITS
+from gossamer_orchestrator.pages import SCRIPT, Chart, Page, band, curve, drawn, heat, points, table
+from gossamer_orchestrator.pages.page import Kind
+from gossamer_orchestrator.words import uncertain
 
 
 def twin_page(name: str, answer: Answer, compared: str) -> Page:

@@ -8,9 +8,9 @@ from pathlib import Path
 from gossamer_models.automatic.compare import RIVALS
 from gossamer_models.review import Judged
 from gossamer_models.sensor import SensorArtifact
+from gossamer_orchestrator.cli.tables import Shown, on_page
+from gossamer_orchestrator.pages import SCRIPT, Chart, Page, curve, drawn, folded
 
-from ...pages import SCRIPT, Chart, Page, curve, drawn, folded
-from ..tables import Shown, on_page
 from . import facts
 from .comparison import Comparison, comparison_chart, verdict
 from .record import Seen, record_charts

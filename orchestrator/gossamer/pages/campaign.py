@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from gossamer_models.campaign import Summary
+from gossamer_orchestrator.pages import SCRIPT, Chart, Page, band, bars, curve, drawn, folded, table
 from numpy.typing import NDArray
-
-from ...pages import SCRIPT, Chart, Page, band, bars, curve, drawn, folded, table
 
 BAND_CASES = 400  # that a band is made of, at most
 CURVES = 3  # cases with a curve of their own

@@ -12,9 +12,8 @@ from gossamer_models.sensor import RelaxationTerm, SensorArtifact
 from gossamer_models.sensor.fit import PreisachFit
 from gossamer_models.sensor.fit.doubts import parameters
 from gossamer_models.sensor.plots import constant_eta, everett, preisach_plane
-
-from ...pages import Chart, folded, heat, points, table
-from ...pages.charts import Trace
+from gossamer_orchestrator.pages import Chart, folded, heat, points, table
+from gossamer_orchestrator.pages.charts import Trace
 
 SECTION = "The identified sensor"
 FLAT = 0.01  # [1] difference of the Everett surfaces over their range that needs no picture

@@ -13,8 +13,7 @@ from gossamer_models.fitting.plots import quantity
 from gossamer_models.fitting.records import judged_rows
 from gossamer_models.replay import Recovered
 from gossamer_models.review.judge import BAND
-
-from ...pages import Chart, band, curve
+from gossamer_orchestrator.pages import Chart, band, curve
 
 COLORS = ("@0", "@1", "@2", "@3")  # of compensators
 

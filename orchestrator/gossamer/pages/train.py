@@ -9,9 +9,20 @@ from gossamer_models.arrays import Matrix, Vector
 from gossamer_models.assessment import AlwaysZero, Verdicts, reliability, share
 from gossamer_models.assessment.figures import CALL, NOMINAL
 from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
+from gossamer_orchestrator.cli.tables import Shown, on_page
+from gossamer_orchestrator.pages import (
+    SCRIPT,
+    Chart,
+    Page,
+    bars,
+    curve,
+    drawn,
+    names_from_top,
+    points,
+    table,
+    with_interval,
+)
 
-from ...pages import SCRIPT, Chart, Page, bars, curve, drawn, names_from_top, points, table, with_interval
-from ..tables import Shown, on_page
 from .reliability import COLORS, reliability_chart
 
 ZERO = AlwaysZero.name
