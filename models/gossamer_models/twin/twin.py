@@ -103,6 +103,11 @@ class Twin:
         Nuisances(self.nuisances, self.params)  # refuses unknown names
         self._forward = Forward(elements_per_side, order, self.params, sensor, sensor_parameters)
 
+    @property
+    def zones(self) -> int:
+        """Number of zones."""
+        return N_ZONES
+
     def fit(
         self,
         record: Record,
