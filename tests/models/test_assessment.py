@@ -36,7 +36,7 @@ from gossamer_models.detector import detector_model
 from gossamer_models.detector.thesis_tables import MULTIPLE_TRAINING, SINGLE_TRAINING, TABLE_7_3, TABLES, as_array
 from gossamer_models.membrane import membrane_model
 from gossamer_models.twin import Twin
-from gossamer_models.twin.forward import STRAINS
+from gossamer_models.twin.simulation import STRAINS
 from scipy.stats import norm
 
 COARSE = Mesh(elements_per_side=4, order=1)

@@ -22,8 +22,8 @@ from gossamer_models.placement import NOISE, place_sensors, save_picture, sensor
 from gossamer_models.placement.candidates import ANGLES, candidates, stacked
 from gossamer_models.placement.information import THRESHOLD, choose, deviations, information, smallest_damage
 from gossamer_models.placement.simulation import GaugeSimulation
-from gossamer_models.twin.forward import Forward
 from gossamer_models.twin.nuisances import OFFSET
+from gossamer_models.twin.simulation import Forward
 from scipy.stats import norm
 
 ELEMENTS, ORDER, STEP, STOP = 4, 1, 3e-4, 0.15

@@ -209,14 +209,14 @@ class TwinJudge(Judge):
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Fit every record; one that cannot be fitted is not valid."""
-        from ..twin import Record
+        from ..twin import ResponseRecord
 
         found = np.zeros((3, len(histories), self.twin.zones))
         found[1] = 1.0
         valid = np.zeros(len(histories), dtype=bool)
         for k, history in enumerate(histories):
             try:
-                answer = self.twin.fit(Record(step=step, values=history, kind=self.reads))
+                answer = self.twin.fit(ResponseRecord(step=step, values=history, kind=self.reads))
             except (ConvergenceError, DataError):
                 continue
             found[:, k] = answer.damage, answer.deviation, answer.probability

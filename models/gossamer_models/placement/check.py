@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from ..twin.descent import descend
-from ..twin.least_squares import Point, check_derivatives, points_at
+from ..twin.least_squares import Point, check_derivatives, descend, points_at
 from .candidates import Gauges
 from .information import FACTOR, THRESHOLD, covariance, weigh
 from .simulation import GaugeSimulation, Report, quiet
