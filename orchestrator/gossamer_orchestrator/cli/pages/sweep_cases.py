@@ -14,9 +14,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...errors import ResultsError
+from ...results.dataset import find_all
 from ...results.files import load_results
 from ...results.judgements import Judgement, windows
-from ...results.roles import find_all
 from ...run.sweep import Case, is_finished
 
 Array = NDArray[np.float64]
