@@ -201,8 +201,9 @@ class TrainedDetector:
         return as_html([self._verdict, f"The artifact is {self.path}."], self._print, None, "")
 
     def _print(self, console: Console) -> None:
-        from gossamer_orchestrator.cli.pages.train import error_table
         from gossamer_orchestrator.cli.tables import printed
+
+        from ..pages.train import error_table
 
         console.print(printed(error_table(self.held_out)))
 
@@ -252,8 +253,9 @@ class DetectorAssessment:
         return as_html(sentences, self._print, errors, "Errors of the detectors under each condition")
 
     def _print(self, console: Console) -> None:
-        from gossamer_orchestrator.cli.pages.assess_detector import condition_table, detection_table
         from gossamer_orchestrator.cli.tables import printed
+
+        from ..pages.assess_detector import condition_table, detection_table
 
         console.print(printed(condition_table(self.result)))
         console.print(printed(detection_table(self.result)))
@@ -308,8 +310,9 @@ class SensorPlacement:
         return as_html(sentences, self._print, picture, "Where the sensors are, and the a90 of each zone")
 
     def _print(self, console: Console) -> None:
-        from gossamer_orchestrator.cli.pages.place_sensors import zone_table
         from gossamer_orchestrator.cli.tables import printed
+
+        from ..pages.place_sensors import zone_table
 
         console.print(printed(zone_table(self.result)))
 

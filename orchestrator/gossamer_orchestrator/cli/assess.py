@@ -156,7 +156,7 @@ def judge_given(
 
 def _page(judged: tuple[Judged, ...], sensor: Path, files: list[Path], stretch: str, seconds: float) -> Page:
     """Return the page of an assessment."""
-    from .pages.assess import assessment_page
+    from gossamer.pages.assess import assessment_page
 
     return assessment_page(judged, sensor, files, shown_tables(judged, stretch), seconds)
 

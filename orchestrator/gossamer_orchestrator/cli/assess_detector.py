@@ -47,8 +47,9 @@ def assess_detector(
 
         gossamer assess-detector --artifact mine.json --twin --cases 100 --out out/mine
     """
+    from gossamer.pages.assess_detector import condition_table, detection_table
+
     from ..pages import PAGE
-    from .pages.assess_detector import condition_table, detection_table
     from .tables import printed
 
     found, paths = assess_given(artifact, twin=twin, cases=cases, out=out)
@@ -63,12 +64,12 @@ def assess_detector(
 
 def assess_given(artifact: list[Path] | None, *, twin: bool, cases: int, out: Path) -> tuple[Assessment, list[Path]]:
     """Assess detectors with the options of the command; return what was found, and its files, the page last."""
+    from gossamer.pages.assess_detector import assessment_page
     from gossamer_models.assessment import AlwaysZero, assess, read_judge, shipped_judges, twin_judges, write_assessment
     from gossamer_models.assessment.plots import save_pictures
 
     from ..pages import PAGE
     from ..run.progress import ProgressBar
-    from .pages.assess_detector import assessment_page
 
     keep_inputs(artifact or (), (out / name for name in ("assessment.json", "assessment.npz")))
     with model_errors(), ProgressBar("assessment", stderr()) as bar:

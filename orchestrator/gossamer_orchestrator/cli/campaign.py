@@ -64,12 +64,12 @@ def campaign_given(
     campaign: str, *, out: Path | None, workers: int | None, scheduler: str | None
 ) -> tuple[Summary, Path, str, list[Path]]:
     """Simulate the cases with the options of the command; return what was done, store, title, and page if written."""
+    from gossamer.pages.campaign import campaign_page
     from gossamer_models.campaign import read_campaign, run_campaign
 
     from ..run.progress import ProgressBar
     from .campaign_file import load_campaign
     from .described_file import locating
-    from .pages.campaign import campaign_page
 
     file = find_scenario(campaign, "campaign")
     path = Path("out/campaigns") / f"{file.stem}.zarr" if out is None else out

@@ -318,7 +318,7 @@ def _command_to_build(result: Identified, out: Path) -> str | None:
 
 def _page(result: Identified, out: Path, files: list[Path], rest: str, seconds: float) -> Page:
     """Return the page of an identification."""
-    from .pages.identify import identification_page
+    from gossamer.pages.identify import identification_page
 
     return identification_page(result, out, files, rest, seconds)
 

@@ -58,8 +58,9 @@ def place_sensors(
 
         gossamer place-sensors sail.toml --set pressure_amplitude=2 --set pressure_frequency=0.5 --stop 20 --step 0.02
     """
+    from gossamer.pages.place_sensors import zone_table
+
     from ..pages import PAGE
-    from .pages.place_sensors import zone_table
     from .tables import printed
 
     found, paths = place_given(
@@ -101,12 +102,13 @@ def place_given(
     out: Path,
 ) -> tuple[Placing, list[Path]]:
     """Choose sensors with the options of the command; return what was found; table, picture, sensors and page."""
-    from gossamer_models.placement import NOISE, save_picture, sensors_text, square_structure, write_csv
+    from gossamer.pages.place_sensors import placement_page
+    from gossamer_models.membrane import square_structure
+    from gossamer_models.placement import NOISE, save_picture, sensors_text, write_csv
     from gossamer_models.placement import place_sensors as place
 
     from ..pages import PAGE
     from ..run.progress import ProgressBar
-    from .pages.place_sensors import placement_page
     from .setup_file import load_structure
 
     paths = [out / name for name in ("placement.csv", "placement.png", "sensors.toml")]
@@ -178,7 +180,7 @@ def _numbers(texts: Sequence[str]) -> dict[str, float]:
 
 def summary(found: Placing, samples: int) -> str:
     """Say what was chosen from what, whether the check agrees, and where the sensors are."""
-    from .pages.place_sensors import check_sentence
+    from gossamer.pages.place_sensors import check_sentence
 
     lines = [
         f"{len(found.chosen.sensors)} of {found.candidates} candidates; {samples} samples with white noise of deviation "

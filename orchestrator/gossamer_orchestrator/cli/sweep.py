@@ -120,11 +120,12 @@ def run_cases(
     KeyboardInterrupt
         It was interrupted; the message says how to go on.
     """
+    from gossamer.pages.sweep import sweep_page
+
     from ..pages import PAGE
     from ..results.plots.cases import save_cases
     from ..run.progress import ProgressBar
     from ..run.sweep import TABLE, combine, make_cases, on_cores, read_ranges, run_sweep, write_table
-    from .pages.sweep import sweep_page
 
     path = find_scenario(scenario)
     folder = Path("out") / f"{path.stem}_sweep" if out is None else out

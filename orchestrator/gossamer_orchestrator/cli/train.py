@@ -83,7 +83,8 @@ def train(
 
         gossamer train multiple_noisy --kind thesis
     """
-    from .pages.train import error_table
+    from gossamer.pages.train import error_table
+
     from .tables import printed
 
     _, path, rows, pages = train_given(source, kind=kind, out=out, window=window, epochs=epochs)
@@ -121,12 +122,12 @@ def train_given(
     path = None if out is None else json_file(out)
     keep_inputs([Path(source or NOMINAL)], [out, path])
     network: Network = "neuro-fuzzy" if kind == Kind.NEURO_FUZZY else "perceptron"
+    from gossamer.pages.train import training_page
     from gossamer_models.assessment.after_training import errors, held_out_verdicts
-    from gossamer_models.detector.posterior_settings import Training
+    from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
     from ..run.progress import ProgressBar
-    from .pages.train import training_page
 
     with model_errors():
         data, name, length = _data(source or NOMINAL)
@@ -215,11 +216,11 @@ def _campaign_of(file: Path, nominal: Campaign) -> tuple[Campaign, float | None]
 def _train_thesis(
     name: str, out: Path | None
 ) -> tuple[DetectorArtifact, Path, dict[str, dict[str, float]], list[Path]]:
+    from gossamer.pages.train import thesis_page
     from gossamer_models.assessment.after_training import thesis_errors
     from gossamer_models.detector.thesis_training import TRAININGS, train_detector
 
     from ..run.progress import ProgressBar
-    from .pages.train import thesis_page
 
     if name not in TRAININGS:
         msg = f"the thesis has no training {name!r}. {suggest(name, TRAININGS)}"

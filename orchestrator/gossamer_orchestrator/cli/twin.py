@@ -120,11 +120,11 @@ def fit_twin(
     tuple
         The answer, its file, its page if it was written, and a sentence if only the beginning was compared.
     """
+    from gossamer.pages.twin import twin_page
     from gossamer_models.twin import Twin
 
     from ..pages import PAGE
     from ..run.progress import ProgressBar
-    from .pages.twin import twin_page
     from .twin_record import find_record, sensor_of
 
     console = stderr()
@@ -171,9 +171,8 @@ def _compared(path: Path, given: Record, used: Record, stop: float | None) -> st
 
 def zone_table(answer: Answer) -> Table:
     """Return a table with one row per zone."""
+    from gossamer.pages.twin import zone_cells
     from rich.table import Table
-
-    from .pages.twin import zone_cells
 
     shown = zone_cells(answer)
     table = Table(*shown.head, title=shown.caption)
@@ -184,7 +183,7 @@ def zone_table(answer: Answer) -> Table:
 
 def summary(answer: Answer) -> str:
     """Say whether an answer is valid, and what else was fitted."""
-    from .pages.twin import nuisance_cells
+    from gossamer.pages.twin import nuisance_cells
 
     verdict = "valid" if answer.valid else "NOT valid"
     first = f"{verdict}: chi2 per sample {answer.chi2_per_sample:.3f}, bound {answer.chi2_bound:.3f}"

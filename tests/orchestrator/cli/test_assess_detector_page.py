@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from browsing import opened
+from gossamer.pages.assess_detector import assessment_page
 from gossamer_models.assessment import Assessment, Verdicts, confusion, figures, fit_pod, reliability, share
 from gossamer_models.assessment.results import ConfusionRow, DetectionRow, Row, TableRow
-from gossamer_orchestrator.cli.pages.assess_detector import assessment_page
 from gossamer_orchestrator.pages import write_page
 from reading_pages import read_page, values
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gossamer.pages.campaign import campaign_page
 from gossamer_models import campaign as models
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.campaign_file import load_campaign
-from gossamer_orchestrator.cli.pages.campaign import campaign_page
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 from reading_pages import read_page, values
 from typer.testing import CliRunner

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gossamer_models.placement import Placement, Placing, square_structure
+from gossamer.pages.place_sensors import placement_page, zone_table
+from gossamer_models.membrane import square_structure
+from gossamer_models.placement import Placement, Placing
 from gossamer_models.placement.check import Check
 from gossamer_models.placement.information import FACTOR
-from gossamer_orchestrator.cli.pages.place_sensors import placement_page, zone_table
 
 
 @pytest.fixture(scope="module")

@@ -11,12 +11,12 @@ from html import unescape
 import numpy as np
 import pytest
 from browsing import opened
+from gossamer.pages.comparison import Comparison, verdict
+from gossamer.pages.sensor import sensor_charts
 from gossamer_models.automatic import HERE
 from gossamer_models.fitting.errors import nrmse
 from gossamer_models.sensor import RelaxationTerm, SensorArtifact, default_artifact
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.pages.comparison import Comparison, verdict
-from gossamer_orchestrator.cli.pages.sensor import sensor_charts
 from reading_pages import read_page, values
 from typer.testing import CliRunner
 

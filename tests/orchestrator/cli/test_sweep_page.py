@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from gossamer.pages.sweep import sweep_page
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.pages.sweep import sweep_page
 from gossamer_orchestrator.pages import write_page
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.run.sweep import make_cases
@@ -122,7 +122,7 @@ def test_a_page_that_cannot_be_written_is_one_warning(fmus, tmp_path, monkeypatc
     assert f"or type 'gossamer view {tmp_path / 'out'}'." in done.stderr
     page, _ = read_page(tmp_path / "out/report.html")
     assert page.inside["verdict"] == "All 2 cases finished."
-    monkeypatch.setattr("gossamer_orchestrator.cli.pages.sweep.read_cases", lambda *_: 1 / 0)
+    monkeypatch.setattr("gossamer.pages.sweep.read_cases", lambda *_: 1 / 0)
     again = CliRunner().invoke(app, command)
     assert again.exit_code == 0
     assert "report.html" not in again.stdout

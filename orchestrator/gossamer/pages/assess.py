@@ -1,0 +1,118 @@
+"""The page of an assessment: an identified sensor judged on other records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from gossamer_models.automatic.compare import RIVALS
+from gossamer_models.review import Judged
+from gossamer_models.sensor import SensorArtifact
+from gossamer_orchestrator.cli.tables import Shown, on_page
+from gossamer_orchestrator.pages import SCRIPT, Chart, Page, curve, drawn, folded
+
+from . import facts
+from .comparison import Comparison, comparison_chart, verdict
+from .record import Seen, record_charts
+
+CUBIC = RIVALS[0]
+
+
+def assessment_page(
+    judged: Sequence[Judged], sensor: Path, files: Sequence[Path], shown: Sequence[Shown], seconds: float
+) -> Page:
+    """Return the page of an assessment.
+
+    Parameters
+    ----------
+    judged : sequence of Judged
+        What was found, a record each.
+    sensor : Path
+        Artifact of the sensor.
+    files : sequence of Path
+        Files of the records.
+    shown : sequence of Shown
+        Errors and scales.
+    seconds : float
+        How long it took [s].
+    """
+    charts: list[Chart] = []
+    compared: list[Comparison] = []
+    for each in judged:
+        here = comparisons(each)
+        charts += record_charts(
+            Seen(
+                record=each.record,
+                predicted=each.predicted,
+                recovered=each.recovered,
+                first=each.first,
+                stretch="stretch to which the scales are fitted" if each.scales else "first stretch",
+                fitted="scales fitted" if each.scales else "",
+            )
+        )
+        charts += [comparison_chart(here, each.record.name), *_scales(each)]
+        compared += here
+    stretch = "judged stretch" if "judged" in judged[0].stretches() else "first stretch"
+    kind, sentence, more = verdict(compared, stretch)
+    known = "fitted scales and the cubic know" if judged[0].scales else "the cubic knows, and the sensor does not"
+    more.append(
+        f"Nothing of the sensor was fitted anew{' but the scales' * bool(judged[0].scales)}. The first stretch of a "
+        f"record is what {known}."
+    )
+    more += [
+        text for each in judged for text in each.sentences() if text not in each.defeats()
+    ]  # the verdict says these
+    return Page(
+        title=f"Sensor {sensor.name} judged on {facts.names_of([each.record.name for each in judged])}",
+        kind="invalid" if any(each.known for each in judged) else kind,
+        sentence=sentence,
+        more=more,
+        content=drawn(charts),
+        scripts=[SCRIPT],
+        facts="\n".join(
+            (
+                *map(on_page, shown),
+                facts.read_as([each.record for each in judged]),
+                folded("How the sensor was made", facts.provenance(SensorArtifact.read(sensor).provenance)),
+                facts.work(facts.digests([sensor, *files]), seconds),
+            )
+        ),
+        how=facts.HOW,
+    )
+
+
+def comparisons(judged: Judged) -> list[Comparison]:
+    """Return the errors of the sensor on what is judged of a record, beside those of the cubic."""
+    found = []
+    for name, (own, cubic) in judged.intervals().items():
+        quantity, does = ("resistance", "is predicted") if name == "resistance" else ("strain", "is recovered")
+        if name != "resistance" and len(judged.recovered) > 1:
+            quantity = f"strain by {name}"
+        found.append(
+            Comparison(record=judged.record.name, quantity=quantity, does=does, own=own, rivals={CUBIC: cubic})
+        )
+    return found
+
+
+def _scales(judged: Judged) -> list[Chart]:
+    """Return gain and offset over time where they were fitted."""
+    scales, record = judged.scales, judged.record
+    if scales is None:
+        return []
+    return [
+        Chart(
+            section=record.name,
+            title=f"Fitted {name}",
+            note=f"{last:.5g} once nothing relaxes any more.",
+            text=f"The {name} changes from {values[0]:.5g} to {values[-1]:.5g}; once nothing relaxes, {last:.5g}.",
+            x="time [s]",
+            y=f"{name} [unit of the resistance]",
+            traces=[curve(name, record.time, values)],
+            layout={"showlegend": False},
+            linked=f"time of {record.name}",
+        )
+        for name, values, last in (
+            ("gain", scales.gain, scales.last_gain),
+            ("offset", scales.offset, scales.last_offset),
+        )
+    ]

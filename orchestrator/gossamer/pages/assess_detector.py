@@ -1,0 +1,204 @@
+"""The page of an assessment of detectors: errors, calls, probability of detection, stated deviations, tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from gossamer_models.assessment import Assessment
+from gossamer_models.assessment.results import Row
+from gossamer_models.detector.thesis_tables import TABLES
+from gossamer_orchestrator.cli.tables import Shown, on_page
+from gossamer_orchestrator.pages import SCRIPT, Page, drawn, folded, table
+
+from .assess_detector_charts import ZERO, call_charts, confusion_charts, detection_charts, error_charts, stated_charts
+
+MAIN = "noise"  # the condition of the verdict: the thesis' noise on strain, nothing else wrong
+FEW = 30  # records below which a judge's figures are rough
+CONDITIONS = (
+    "Errors [% damage] and shares [%]. call: valid estimate above 5 %; false calls: records with a call in an undamaged "
+    "zone, and the upper 95 % bound; wrong: error above 10 % in a zone; z rms, in 95 %: of the stated deviations, damaged "
+    "zones of valid records"
+)
+DETECTIONS = "Probability of detection: sizes [% damage]"
+
+
+def assessment_page(found: Assessment) -> Page:
+    """Describe an assessment."""
+    best, zero = _best(found), found.row(ZERO, MAIN)
+    if best is None:
+        sentence = f"No detector was assessed, only the answer '{ZERO}'."
+    elif zero is not None and zero.figures.error_damaged <= best.figures.error_damaged:
+        sentence = f"No detector is nearer than the answer '{ZERO}' under the condition '{MAIN}'."
+    else:
+        base = "" if zero is None else f"; that of the answer '{ZERO}' is {zero.figures.error_damaged:.2f} %"
+        error = f"{best.figures.error_damaged:.2f} % damage in the damaged zones of {best.figures.records} records"
+        sentence = (
+            f"{best.judge} is the nearest under the condition '{MAIN}': its mean absolute error is {error}{base}."
+        )
+    kinds = (error_charts, call_charts, detection_charts, stated_charts, confusion_charts)
+    return Page(
+        title="Assessment of detectors",
+        sentence=sentence,
+        more=[*_lines(found), *_lost(found), *_smallest(found), *_few(found)],
+        content=drawn([chart for make in kinds for chart in make(found)]),
+        scripts=[SCRIPT],
+        facts=_facts(found),
+        how="Bars of shares are two-sided 95 % intervals of Clopper and Pearson. Errors count invalid answers too.",
+    )
+
+
+def _best(found: Assessment) -> Row | None:
+    """Return the nearest detector under the main condition, of those with many records if there are any."""
+    rows = [row for row in found.rows if row.condition == MAIN and row.judge != ZERO]
+    return min(rows, key=lambda row: (row.figures.records < FEW, row.figures.error_damaged), default=None)
+
+
+def _lines(found: Assessment) -> list[str]:
+    """Say how each detector does under the main condition."""
+    sentences = []
+    for row in (row for row in found.rows if row.condition == MAIN):
+        f = row.figures
+        sentences.append(
+            f"{row.judge}: error {f.error_all:.2f} % over all zones, {f.error_damaged:.2f} % over damaged ones; "
+            f"{f.valid.number} of {f.records} records valid; false calls in {f.false_calls.number} of {f.false_calls.total} "
+            f"(95 %: below {100.0 * f.false_calls.high:.1f} %)."
+        )
+    return sentences
+
+
+def _lost(found: Assessment) -> list[str]:
+    """Name the conditions with damage under which the answer 0 has the smaller error over all zones."""
+    sentences = []
+    for judge in (judge for judge in found.judges if judge != ZERO):
+        pairs = [(row, found.row(ZERO, row.condition)) for row in found.rows if row.judge == judge]
+        errors = {row.condition: (row.figures, zero.figures) for row, zero in pairs if zero is not None}
+        lost = [name for name, (own, zero) in errors.items() if 0.0 < zero.error_all < own.error_all]
+        if lost:
+            sentences.append(
+                f"The answer '{ZERO}' has a smaller error over all zones than {judge} under: {', '.join(lost)}."
+            )
+    return sentences
+
+
+def _smallest(found: Assessment) -> list[str]:
+    """Name the sizes that are found for sure, of all zones together."""
+    sentences = []
+    for condition in dict.fromkeys(row.condition for row in found.detections):
+        rows = [row for row in found.detections if row.condition == condition and not row.zone and row.judge != ZERO]
+        parts = [f"{row.judge} {_percent(row.a90_95)} %" for row in rows if row.a90_95 <= 1.0]
+        none = [row.judge for row in rows if not row.a90_95 <= 1.0]
+        parts += [f"not shown for {', '.join(none)}"] if none else []
+        if parts:
+            sentences.append(f"Found in 90 % of cases with 95 % confidence (a90/95), {condition}: {'; '.join(parts)}.")
+    return sentences
+
+
+def _few(found: Assessment) -> list[str]:
+    few = {row.judge: row.figures.records for row in found.rows if row.figures.records < FEW}
+    parts = [f"{judge}, {number}" for judge, number in few.items()]
+    return [f"Few records, so rough figures, and none for the verdict: {'; '.join(parts)}."] if parts else []
+
+
+def condition_table(found: Assessment) -> Shown:
+    """Return errors and shares, a row for each judge and condition."""
+    head = (
+        "detector",
+        "condition",
+        "records",
+        "error, all zones",
+        "damaged zones",
+        "hits",
+        "false calls",
+        "valid",
+        "wrong, of them invalid",
+        "z rms",
+        "in 95 %",
+        "Brier",
+    )
+    rows: list[tuple[str, ...]] = []
+    for row in found.rows:
+        f = row.figures
+        rows.append(
+            (
+                row.judge,
+                row.condition,
+                str(f.records),
+                _number(f.error_all),
+                _number(f.error_damaged),
+                _percent(f.hits.value),
+                f"{_percent(f.false_calls.value)} (< {100.0 * f.false_calls.high:.1f})",
+                _percent(f.valid.value),
+                f"{f.wrong.number}, {_percent(f.wrong_and_invalid.value)}",
+                _number(f.damaged_z_rms),
+                _percent(f.damaged_within_95),
+                _number(f.brier),
+            )
+        )
+    return Shown(head, rows, CONDITIONS)
+
+
+def detection_table(found: Assessment) -> Shown:
+    """Return the probability of detection, a row for each judge, condition and zone; zones without a hit are left out."""
+    head = (
+        "detector",
+        "condition",
+        "zone",
+        "call above",
+        "false calls",
+        "hits of sizes",
+        "a50",
+        "a90",
+        "a90/95",
+        "remark",
+    )
+    rows = [
+        (
+            row.judge,
+            row.condition,
+            str(row.zone or "all"),
+            f"{row.score} > {100.0 * row.threshold:.2g} %",
+            f"{_percent(row.false_calls.value)} (< {100.0 * row.false_calls.high:.1f})",
+            f"{row.hits} of {row.sizes}",
+            *map(_percent, (row.a50, row.a90, row.a90_95)),
+            row.remark,
+        )
+        for row in found.detections
+        if row.hits or not row.zone
+    ]
+    return Shown(head, rows, DETECTIONS)
+
+
+def _facts(found: Assessment) -> str:
+    parts = [
+        folded("Errors and shares by condition", on_page(condition_table(found))),
+        folded("Probability of detection by zone", on_page(detection_table(found))),
+        *_thesis(found),
+        table((), found.provenance.items(), "The assessment"),
+    ]
+    return "\n".join(parts)
+
+
+def _thesis(found: Assessment) -> Iterable[str]:
+    """Return the cases of the thesis, true damage and what each judge says."""
+    true = {(t.name, case): 100.0 * damage for t in TABLES for case, damage in zip(t.cases, t.damage, strict=True)}
+    for name, condition in dict.fromkeys((row.table, row.condition) for row in found.tables):
+        rows: list[Sequence[object]] = []
+        for row in (row for row in found.tables if (row.table, row.condition) == (name, condition)):
+            if (name, row.case) in true and row.judge == found.judges[0]:
+                rows.append((f"{row.case}", "true", *(f"{d:g}" if d else "" for d in true[name, row.case])))
+            remark = "" if row.valid else ", not valid"
+            rows.append((f"{row.case}", f"{row.judge}{remark}", *(f"{d:.1f}" if d >= 0.05 else "" for d in row.damage)))
+        rows.sort(key=lambda row: int(str(row[0])))
+        head = ("case", "judge", *map(str, range(1, 17)))
+        yield folded(
+            f"{name} of the thesis, {condition}", table(head, rows, "Damage of each zone [%]; empty below 0.05")
+        )
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "-"
+
+
+def _percent(value: float) -> str:
+    return _number(100.0 * value)

@@ -1,0 +1,259 @@
+"""The page of a sweep: how the cases ended, and how damage and one scalar change with what varies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from gossamer_orchestrator.pages import PAGE, SCRIPT, Chart, Page, curve, drawn, heat, link, points, table
+from gossamer_orchestrator.results.judgements import Judgement
+from gossamer_orchestrator.results.tables import LEAST_SHOWN
+from gossamer_orchestrator.run.sweep import Case
+from numpy.typing import NDArray
+
+from .sweep_cases import Array, Drawn, Ended, read_cases, read_history
+
+CURVES = 12  # cases whose curves are drawn
+ROWS = 300  # cases in the table, and all that failed
+TICKS = 8  # values of what varies that stand along an axis
+ZONES = 5  # zones with a colour of their own
+NAMED = 3  # reasons of failures in the verdict
+LOOKS = {"last": ("@0", "circle"), "largest": ("@1", "triangle-up"), "RMS": ("@2", "square")}
+
+
+def sweep_page(name: str, cases: Sequence[Case], texts: Sequence[str], folder: Path, variable: str | None) -> Page:
+    """Describe a sweep from the results of its cases.
+
+    Parameters
+    ----------
+    name : str
+        What was swept.
+    cases, texts : sequence of Case and of str
+        All cases, and how each ended.
+    folder : Path
+        Folder of the sweep.
+    variable : str or None
+        Variable to draw; see ``read_cases``.
+    """
+    ended, what = read_cases(cases, texts, folder, variable)
+    varied = [each for each in cases[0].values if len({str(case.values[each]) for case in cases}) > 1]
+    over = varied or ["case"]
+    failed = [each for each in ended if not each.finished]
+    count, done = len(ended), len(ended) - len(failed)
+    return Page(
+        title=f"Sweep of {name}",
+        kind="invalid" if failed else "none",
+        sentence=f"{count} cases: {done} finished, {len(failed)} failed." if failed else f"All {count} cases finished.",
+        more=[_what_varies(cases, varied), *_failures(failed), *_judged(ended)],
+        content=drawn([*_damage_charts(ended, over), *(_scalar_charts(ended, over, what, folder) if what else [])]),
+        scripts=[SCRIPT],
+        facts=_case_table(ended, folder) + _about(name, ended, folder),
+        how="Numbers are of all recorded points. Bars of estimates are one standard deviation long to each side.",
+    )
+
+
+def _what_varies(cases: Sequence[Case], varied: Sequence[str]) -> str:
+    parts = []
+    for name in varied:
+        values = list(dict.fromkeys(_text(case.values[name]) for case in cases))
+        parts.append(f"{name}, {len(values)} values from {values[0]} to {values[-1]}")
+    return f"Varied: {'; '.join(parts)}." if parts else "Nothing varies."
+
+
+def _failures(failed: Sequence[Ended]) -> list[str]:
+    """Name each reason once, with the first case that failed for it."""
+    reasons: dict[str, list[int]] = {}
+    for each in failed:
+        reasons.setdefault(each.text, []).append(each.case.number)
+    sentences = []
+    for text, numbers in list(reasons.items())[:NAMED]:
+        others = f" and {len(numbers) - 1} more" if len(numbers) > 1 else ""
+        sentences.append(f"Case {numbers[0]}{others} failed: {text}")
+    return sentences + (["Others failed for other reasons; the table says why."] if len(reasons) > NAMED else [])
+
+
+def _judged(ended: Sequence[Ended]) -> list[str]:
+    """Say how many cases were judged, how well, and whether the answer "always 0" is as good."""
+    asked = [each for each in ended if each.detector and each.finished]
+    if not asked:
+        return []
+    found = [each.judgement for each in asked if each.judgement is not None]
+    sentences = [f"{len(found)} of {len(asked)} finished cases end with a valid judgement of damage."]
+    if found and np.isfinite([judgement.true for judgement in found]).all():
+        error, zero = 100.0 * _errors(found).mean(), 100.0 * float(np.mean([np.abs(j.true).mean() for j in found]))
+        sentences.append(
+            f"Their mean absolute error over all zones is {error:.2f} % damage; the answer 'always 0' has {zero:.2f} %."
+        )
+        if 0.0 < zero <= error:
+            sentences.append("The answer 'always 0' is as good here, so the detector tells nothing.")
+    return sentences
+
+
+def _errors(found: Sequence[Judgement]) -> Array:
+    return np.array([judgement.mean_absolute_error for judgement in found])
+
+
+def _damage_charts(ended: Sequence[Ended], over: Sequence[str]) -> list[Chart]:
+    """Draw the last valid judgements over what varies, and over the truth where it is known."""
+    judged = [(each, each.judgement) for each in ended if each.judgement is not None]
+    if not judged:
+        return []
+    some, found = [each for each, _ in judged], [judgement for _, judgement in judged]
+    estimated, true = (100.0 * np.stack([getattr(j, name) for j in found]) for name in ("estimated", "true"))
+    stated = 100.0 * np.stack([j.deviation for j in found])
+    deviation = stated if np.isfinite(stated).all() else None
+    known = bool(np.isfinite(true).all())
+    left_out = len(ended) - len(some)
+    note = f"{left_out} cases without a valid judgement are left out." if left_out else ""
+    charts = [
+        Chart(
+            section="Damage",
+            title=f"Last valid judgement over {name}",
+            x=name,
+            y="damage [%]",
+            traces=_zones(_values(some, name), estimated, deviation, true if known else None),
+            note=note,
+            layout=_ticks(some, name),
+        )
+        for name in over
+    ]
+    if known:
+        ends = [0.0, float(max(true.max(), estimated.max()))]
+        bars = None if deviation is None else deviation.ravel()
+        traces = [
+            curve("right", ends, ends, "@grey", dash="dash"),
+            points("a zone of a case", true.ravel(), estimated.ravel(), "@0", bars),
+        ]
+        charts.append(
+            Chart(
+                section="Damage",
+                title="Estimated over true damage",
+                x="true damage [%]",
+                y="estimated damage [%]",
+                traces=traces,
+            )
+        )
+        charts += _map(some, over, "Mean absolute error over all zones [% damage]", 100.0 * _errors(found), "Damage")
+    return charts
+
+
+def _zones(
+    x: NDArray[np.float64] | list[str], estimated: Array, deviation: Array | None, true: Array | None
+) -> list[dict[str, object]]:
+    """Draw the most damaged zones one by one, and the largest of the others, shape (cases, zones) each [%]."""
+    largest = (estimated if true is None else np.maximum(estimated, true)).max(axis=0)
+    zones = [int(z) for z in np.argsort(-largest, kind="stable")[:ZONES] if largest[z] >= 100.0 * LEAST_SHOWN]
+    traces = []
+    for k, z in enumerate(sorted(zones)):
+        bars = None if deviation is None else deviation[:, z]
+        traces.append(points(f"zone {z + 1}", x, estimated[:, z], f"@{k}", bars))
+        if true is not None:
+            traces.append(points(f"zone {z + 1}, true", x, true[:, z], f"@{k}", symbol="x-thin-open", size=10))
+    others = np.delete(estimated, zones, axis=1)
+    if others.size:
+        traces.append(points("largest of the others", x, others.max(axis=1), "@grey"))
+    return traces
+
+
+def _scalar_charts(ended: Sequence[Ended], over: Sequence[str], what: Drawn, folder: Path) -> list[Chart]:
+    """Draw a scalar over time, and its last value, largest size and RMS over what varies."""
+    there = [each for each in ended if each.numbers]
+    if not there:
+        return []
+    numbers = {kind: np.array([each.numbers[kind] for each in there]) for kind in LOOKS}
+    charts = [
+        Chart(
+            section=what.text,
+            title=f"Last value, largest size and RMS over {name}",
+            x=name,
+            y=what.text,
+            traces=[
+                points(kind, _values(there, name), numbers[kind], color, symbol=symbol)
+                for kind, (color, symbol) in LOOKS.items()
+            ],
+            layout=_ticks(there, name),
+        )
+        for name in over
+    ]
+    charts += _map(there, over, f"Last value of {what.text}", numbers["last"], what.text)
+    chosen = dict.fromkeys(np.linspace(0, len(there) - 1, min(CURVES, len(there))).round().astype(int).tolist())
+    some = [there[k] for k in chosen]
+    traces = [
+        curve(_label(each, over), *read_history(each, what, folder), f"@{k % 6}", dash="solid" if k < 6 else "dash")
+        for k, each in enumerate(some)
+    ]
+    few = "" if len(some) == len(there) else f"{len(some)} of {len(there)} cases, evenly chosen by number."
+    return [
+        *charts,
+        Chart(section=what.text, title="Over time", x="time [s]", y=what.text, traces=traces, note=few, broad=True),
+    ]
+
+
+def _values(ended: Sequence[Ended], name: str) -> NDArray[np.float64] | list[str]:
+    """Return the values of what varies: numbers, or words where one of them is no number."""
+    values = [each.case.number if name == "case" else each.case.values[name] for each in ended]
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+        return np.array(values, dtype=float)
+    return [str(value) for value in values]
+
+
+def _ticks(ended: Sequence[Ended], name: str) -> dict[str, object]:
+    """Return the layout of an axis over what varies: the values themselves, if they are few and apart."""
+    values = np.unique(np.asarray(_values(ended, name)))
+    if values.dtype.kind == "U" or not 1 < len(values) <= TICKS or np.diff(values).min() < np.ptp(values) / (2 * TICKS):
+        return {}
+    return {"xaxis": {"tickvals": values, "ticktext": [_text(value) for value in values.tolist()]}}
+
+
+def _text(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _label(ended: Ended, over: Sequence[str]) -> str:
+    values = [f"{name.rpartition('.')[2]} = {_text(ended.case.values[name])}" for name in over if name != "case"]
+    return f"{ended.case.number}: {', '.join(values)}" if values else f"case {ended.case.number}"
+
+
+def _map(ended: Sequence[Ended], over: Sequence[str], title: str, values: Array, section: str) -> list[Chart]:
+    """Draw a number of each case as a colour over two quantities; nothing unless two vary."""
+    if len(over) != 2:
+        return []
+    (x, column), (y, row) = (np.unique(np.asarray(_values(ended, name)), return_inverse=True) for name in over)
+    z = np.full((len(y), len(x)), np.nan)
+    z[row, column] = values
+    names = {"type": "category"}  # a cell for each case
+    cells = heat([*map(_text, x.tolist())], [*map(_text, y.tolist())], z, "")
+    layout = {"xaxis": names, "yaxis": names}
+    return [Chart(section=section, title=title, x=over[0], y=over[1], traces=[cells], layout=layout)]
+
+
+def _case_table(ended: Sequence[Ended], folder: Path) -> str:
+    """Return a row per case, with a link to its page where there is one."""
+    rows = []
+    for each in (each for each in ended if each.case.number <= ROWS or not each.finished):
+        page = Path(each.case.name) / PAGE
+        where = link(each.case.name, page.as_posix()) if (folder / page).is_file() else each.case.name
+        rows.append((each.case.number, *map(_text, each.case.values.values()), _most_damaged(each), each.text, where))
+    some = f"The first {ROWS} of {len(ended)} cases, and those that failed" if len(ended) > ROWS else "Cases"
+    advice = (
+        "<p>The cases were run without pictures. 'gossamer report' of the folder of a case writes its page; the same sweep, "
+        "run again, links it here. The last values of all scalars are in cases.csv.</p>"
+    )
+    head = ("case", *ended[0].case.values, "most damaged zone", "ended", "folder")
+    return table(head, rows, some) + advice
+
+
+def _most_damaged(ended: Ended) -> str:
+    j = ended.judgement
+    if j is None:
+        return "no valid judgement" if ended.detector else "-"
+    z = int(np.argmax(j.estimated))
+    bar = f" ± {100.0 * j.deviation[z]:.1f}" if np.isfinite(j.deviation[z]) else ""
+    return f"zone {z + 1}: {100.0 * j.estimated[z]:.1f}{bar} %" if j.estimated[z] >= LEAST_SHOWN else "none"
+
+
+def _about(name: str, ended: Sequence[Ended], folder: Path) -> str:
+    rows = [("Scenario", name), ("Cases", len(ended)), ("Folder", folder), ("Gossamer", version("gossamer"))]
+    return table((), rows, "The sweep")

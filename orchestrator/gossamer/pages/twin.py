@@ -1,0 +1,145 @@
+"""The page of a fit of the digital twin: damage of each zone, how well it explains the record, what else was fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+from gossamer_models.twin import Answer
+from gossamer_orchestrator.cli.tables import Shown, on_page
+from gossamer_orchestrator.cli.twin_options import NUISANCE_UNITS
+from gossamer_orchestrator.pages import SCRIPT, Chart, Page, band, curve, drawn, heat, points, table
+from gossamer_orchestrator.pages.page import Kind
+from gossamer_orchestrator.words import uncertain
+
+
+def twin_page(name: str, answer: Answer, compared: str) -> Page:
+    """Describe what the twin says of a record, and how what its sensors read compares with it.
+
+    Parameters
+    ----------
+    name : str
+        Of the record.
+    answer : Answer
+        What was fitted.
+    compared : str
+        A sentence if only the beginning of the record was compared.
+    """
+    found = np.flatnonzero(answer.damage > 0.0)
+    parts = [f"zone {z + 1} by {100.0 * answer.damage[z]:.2f} ± {100.0 * answer.deviation[z]:.2f} %" for z in found]
+    kind: Kind = "invalid" if not answer.valid else "damage" if parts else "healthy"
+    when = f"in the first {answer.record.step * answer.record.samples:.3g} s"
+    said = f"damaged {when}: {', '.join(parts)}" if parts else f"no zone is damaged {when}"
+    sentence = f"{said[0].upper()}{said[1:]}." if answer.valid else f"Not valid. What it says, not to be used: {said}."
+    explained = "within" if answer.chi2_per_sample <= answer.chi2_bound else "ABOVE"
+    more = [f"{doubt[0].upper()}{doubt[1:]}." for doubt in answer.doubts] + [compared] * bool(compared)
+    more.append(
+        f"Chi2 per sample is {answer.chi2_per_sample:.3f}, {explained} its bound of {answer.chi2_bound:.3f}, which a right "
+        "model passes in 999 of 1000 records."
+    )
+    if answer.unresolved:
+        more.append(f"The record cannot tell the damage of zones {', '.join(map(str, answer.unresolved))}.")
+    return Page(
+        title=f"Digital twin of {name}",
+        kind=kind,
+        sentence=sentence,
+        more=more,
+        content=drawn([*_damage(answer), *_histories(answer)]),
+        scripts=[SCRIPT],
+        facts=_facts(answer),
+        how="Bars of damage and the band of noise are one standard deviation wide to each side. What sensors read by the "
+        "answer is without the model error that the fit allows for.",
+    )
+
+
+def zone_cells(answer: Answer) -> Shown:
+    """Return damage and probability of damage, a row for each zone."""
+    rows = [
+        (
+            str(k + 1),
+            f"{100.0 * answer.damage[k]:.2f} ± {100.0 * answer.deviation[k]:.2f}",
+            f"{answer.probability[k]:.3f}",
+            *(["cannot tell" if k + 1 in answer.unresolved else ""] if answer.unresolved else []),
+        )
+        for k in range(len(answer.damage))
+    ]
+    remarks = ["remark"] if answer.unresolved else []
+    return Shown(("zone", "damage [%]", "P(damaged)", *remarks), rows, "Digital twin")
+
+
+def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
+    """Return name and value with its standard deviation of what was fitted beside damage."""
+    return [
+        (name, uncertain(*given, NUISANCE_UNITS.get(name.partition("[")[0], "")))
+        for name, given in answer.nuisances.items()
+    ]
+
+
+def _damage(answer: Answer) -> list[Chart]:
+    zones = np.arange(1, len(answer.damage) + 1)
+    estimate = points("damage", zones, 100.0 * answer.damage, "@0", 100.0 * answer.deviation)
+    axis = {"tick0": 1, "dtick": 1, "tickangle": 0, "tickfont": {"size": 11}, "range": [0.4, len(zones) + 0.6]}
+    layout = {"xaxis": axis, "showlegend": False}
+    charts = [
+        Chart(section="Damage", title="Damage", x="zone", y="damage [%]", traces=[estimate], layout=layout),
+        Chart(
+            section="Damage",
+            title="Probability of damage",
+            x="zone",
+            y="P(damaged) [1]",
+            traces=[points("P", zones, answer.probability, "@1")],
+            layout=layout | {"yaxis": {"range": [-0.03, 1.03]}},
+        ),
+    ]
+    kept = np.flatnonzero(answer.damage > 0.0)
+    if kept.size > 1:
+        deviation = answer.deviation[kept]
+        correlation = answer.covariance[np.ix_(kept, kept)] / np.outer(deviation, deviation)
+        names = [str(z + 1) for z in kept]
+        category = {axis: {"type": "category"} for axis in ("xaxis", "yaxis")}
+        cells = heat(names, names, correlation, "[1]", zmin=-1.0, zmax=1.0, colorscale="RdBu")
+        charts.append(
+            Chart(
+                section="Damage",
+                title="Correlation of the damages",
+                x="zone",
+                y="zone",
+                traces=[cells],
+                layout=category,
+            )
+        )
+    return charts
+
+
+def _histories(answer: Answer) -> list[Chart]:
+    """Draw for each sensor its record and what it reads by the answer, and the difference of both."""
+    record = answer.record
+    time = record.step * np.arange(1, record.samples + 1)
+    factor, unit = (100.0, "%") if record.kind == "strain" else (1.0, "ohm")
+    noise = factor * np.broadcast_to(record.noise_deviation(), len(record.values))
+    charts = []
+    for k in record.sensors:
+        measured, read = factor * record.values[k], factor * answer.predicted[k]
+        traces = [curve("record", time, measured, "@grey"), curve("by the answer", time, read, "@0", width=1.5)]
+        left = [
+            *band(
+                "± 1 deviation of the noise", time, np.full(time.size, -noise[k]), np.full(time.size, noise[k]), "@1"
+            ),
+            curve("record less answer", time, measured - read, "@grey"),
+        ]
+        section, y = f"Sensor {answer.order[k]}", f"{record.kind} [{unit}]"
+        charts += [
+            Chart(section=section, title=f"Sensor {answer.order[k]}", x="time [s]", y=y, traces=traces, linked="time"),
+            Chart(section=section, title="Difference", x="time [s]", y=y, traces=left, linked="time"),
+        ]
+    return charts
+
+
+def _facts(answer: Answer) -> str:
+    nuisances = nuisance_cells(answer)
+    rows = [
+        ("Values that were fitted", answer.samples),
+        ("Simulated cases", answer.simulations),
+        ("Sensors left out", ", ".join(map(str, answer.left_out)) or "none"),
+        ("Order of the sensors", ", ".join(map(str, answer.order))),
+    ]
+    beside = table(("quantity", "value"), nuisances, "What else was fitted") if nuisances else ""
+    return "\n".join((on_page(zone_cells(answer)), beside, table((), rows, "The fit")))
