@@ -172,10 +172,6 @@ def _end_with_parent(control: BinaryIO) -> None:
     os._exit(1)
 
 
-if __name__ == "__main__":
-    main()
-
-
 @dataclass(frozen=True, kw_only=True)
 class Outline:
     """A run that can start.
@@ -245,3 +241,7 @@ def _connection(wired: Connection, plan: Plan) -> dict[str, Any]:
         "gain": wired.gain,
         "bias": wired.bias,
     }
+
+
+if __name__ == "__main__":
+    main()
