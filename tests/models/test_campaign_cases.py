@@ -138,7 +138,10 @@ REFUSED = {
     "negative factor": (lambda: Vary(factor=(-1.0, 1.0)), "factors are positive"),
     "no distribution": (lambda: Distribution(), "Write either uniform"),
     "negative deviation": (lambda: Distribution(normal=-1.0), "'normal' is -1"),
-    "too many zones": (lambda: campaign(damage=Damage(zones=(1, 17))), r"'zones' is \[1, 17\]. Write two numbers from 0 to 16"),
+    "too many zones": (
+        lambda: campaign(damage=Damage(zones=(1, 17))),
+        r"'zones' is \[1, 17\]. Write two numbers from 0 to 16",
+    ),
     "too deep": (lambda: Damage(depth=(0.5, 1.0)), "Write two numbers from 0 to 0.95"),
     "unknown zone": (lambda: campaign(damage=Damage(cases=({17: 0.1},))), "zones are 1 to 16"),
     "list and range": (lambda: Damage(cases=({},), depth=(0.1, 0.2)), "'depth' has no meaning"),
