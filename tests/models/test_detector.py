@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from gossamer_models import ArtifactError, DataError, Stepper, simulate
 from gossamer_models.assessment import DetectorJudge
-from gossamer_models.assessment.after_training import errors, thesis_errors
+from gossamer_models.assessment.figures import errors, thesis_errors
 from gossamer_models.batch import Batch
 from gossamer_models.detector import (
     DetectorArtifact,
@@ -16,12 +16,13 @@ from gossamer_models.detector import (
     packet_energies,
     triangular_memberships,
 )
-from gossamer_models.detector.networks import PEAKS, train_networks
 from gossamer_models.detector.thesis_training import (
     LEVELS,
+    PEAKS,
     SAMPLES,
     TRAININGS,
     simulate_cases,
+    train_networks,
     training_cases,
     window_energies,
 )

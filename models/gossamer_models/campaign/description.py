@@ -1,6 +1,7 @@
 """What a campaign is: how many cases, drawn from which damage, load, material, sensors and noise.
 
-Every class is one table of ``campaign.toml``; ``docs/campaigns.md`` describes the keys. Ranges are pairs (low, high).
+Every class is one table of ``campaign.toml``, or a range or distribution in one; ``docs/campaigns.md`` describes the keys.
+Ranges are pairs (low, high).
 """
 
 from __future__ import annotations
@@ -8,21 +9,80 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from typing import Literal
 
-from ..membrane.mesh import MAX_ORDER, N_ZONES, ZONES_PER_SIDE
+from ..membrane import Structure, square_structure
+from ..membrane.mesh import MAX_ORDER, ZONES_PER_SIDE
 from ..membrane.model import INPUTS
 from ..membrane.params import PARAMETERS
-from ..mistakes import Mistake, disordered, raise_any
+from ..mistakes import DescriptionError, Mistake, disordered, raise_any
 from ..variables import Variable
-from .ranges import Distribution, Pair, Vary
 
+Pair = tuple[float, float]
 MOST_STEPS = 1_000_000
 MOST_CASES_PER_CHUNK = 4096
 DEEPEST = 0.95  # largest damage that the membrane takes [1]
 SENSOR_GAIN, NOISE = "sensor_gain", "noise"  # what can vary and is no variable of the membrane
 ONSET = "onset"
 SETTABLE: dict[str, Variable] = {v.name: v for v in (*PARAMETERS, *INPUTS) if not v.name.startswith("damage[")}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vary:
+    """Range that a quantity is drawn from; one of the two.
+
+    Attributes
+    ----------
+    range : tuple of float or None
+        In the unit of the quantity, uniform.
+    factor : tuple of float or None
+        Of the constant value; the logarithm is uniform, so that half and double are as likely.
+    """
+
+    range: Pair | None = None
+    factor: Pair | None = None
+
+    def __post_init__(self) -> None:
+        if (self.range is None) == (self.factor is None):
+            raise DescriptionError(Mistake((), "Write either range = [low, high] or factor = [low, high]."))
+        for name, pair in (("range", self.range), ("factor", self.factor)):
+            raise_any([*disordered(name, pair or (0.0, 0.0), -math.inf, math.inf)])
+        if self.factor is not None and self.factor[0] <= 0.0:
+            text = f"'factor' begins at {self.factor[0]:g}; factors are positive. Write a range in its place."
+            raise DescriptionError(Mistake(("factor",), text))
+
+    def limits(self, base: float) -> Pair:
+        """Return the lowest and highest value, given the constant one."""
+        if self.range is not None:
+            return self.range
+        low, high = sorted(base * f for f in self.factor or (1.0, 1.0))
+        return low, high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Distribution:
+    """Distribution of white noise; one of the two.
+
+    Attributes
+    ----------
+    uniform : tuple of float or None
+        Range.
+    normal : float or None
+        Standard deviation about zero.
+    """
+
+    uniform: Pair | None = None
+    normal: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.uniform is None) == (self.normal is None):
+            raise DescriptionError(Mistake((), "Write either uniform = [low, high] or normal = standard deviation."))
+        raise_any([*disordered("uniform", self.uniform or (0.0, 0.0), -math.inf, math.inf)])
+        if self.normal is not None and self.normal < 0.0:
+            raise DescriptionError(
+                Mistake(("normal",), f"'normal' is {self.normal:g}. Write a standard deviation, 0 or more.")
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +114,14 @@ class Mesh:
             mistakes.append(Mistake(("order",), text))
         raise_any(mistakes)
 
+    @property
+    def structure(self) -> Structure:
+        """The membrane, with its zones and sensors."""
+        return _square(self.elements_per_side, self.order)
+
+
+_square = lru_cache(maxsize=8)(square_structure)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Damage:
@@ -68,7 +136,7 @@ class Damage:
     healthy : float
         Share of cases without damage [1].
     cases : tuple of dict
-        In place of these: damage [1] by zone, 1 to 16, for every case; longer campaigns go through the list again.
+        In place of these: damage [1] by zone, from 1, for every case; longer campaigns go through the list again.
     onset : tuple of float
         Range of the time [s] at which all damage of a case begins, uniform; before 0 it is there from the start.
     """
@@ -80,15 +148,12 @@ class Damage:
     onset: Pair = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        mistakes = [*disordered("zones", self.zones, 0, N_ZONES), *disordered("depth", self.depth, 0.0, DEEPEST)]
-        mistakes += disordered("onset", self.onset, -math.inf, math.inf)
+        mistakes = [
+            *disordered("depth", self.depth, 0.0, DEEPEST),
+            *disordered("onset", self.onset, -math.inf, math.inf),
+        ]
         if not 0.0 <= self.healthy <= 1.0:
             mistakes.append(Mistake(("healthy",), f"'healthy' is {self.healthy:g}. Write a share from 0 to 1."))
-        for i, case in enumerate(self.cases):
-            for zone, value in case.items():
-                if not (1 <= zone <= N_ZONES and 0.0 <= value <= DEEPEST):
-                    text = f"damage {value:g} in zone {zone}: zones are 1 to {N_ZONES}, damages 0 to {DEEPEST:g}."
-                    mistakes.append(Mistake(("cases", i), text))
         drawn = [
             row for row in fields(self) if row.name not in ("cases", "onset") and getattr(self, row.name) != row.default
         ]
@@ -97,9 +162,18 @@ class Damage:
             mistakes.append(Mistake((drawn[0].name,), text))
         raise_any(mistakes)
 
+    def outside(self, zones: int) -> Iterator[Mistake]:
+        """Refuse what a membrane with some number of zones does not have."""
+        yield from disordered("zones", self.zones, 0, zones)
+        for i, case in enumerate(self.cases):
+            for zone, value in case.items():
+                if not (1 <= zone <= zones and 0.0 <= value <= DEEPEST):
+                    text = f"damage {value:g} in zone {zone}: zones are 1 to {zones}, damages 0 to {DEEPEST:g}."
+                    yield Mistake(("cases", i), text)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Noise:
+class MeasurementNoise:
     """White noise of the measurement, one draw per sample.
 
     Attributes
@@ -135,7 +209,7 @@ class Chain:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Campaign:
+class CampaignPlan:
     """Many simulations of one membrane. A case is a function of ``seed``, its number, and what else stands here.
 
     Attributes
@@ -171,7 +245,7 @@ class Campaign:
     membrane: Mesh = field(default_factory=Mesh)
     damage: Damage = field(default_factory=Damage)
     vary: Mapping[str, Vary] = field(default_factory=dict)
-    noise: Noise = field(default_factory=Noise)
+    noise: MeasurementNoise = field(default_factory=MeasurementNoise)
     chain: Chain | None = None
 
     def __post_init__(self) -> None:
@@ -184,6 +258,7 @@ class Campaign:
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
                 yield Mistake((name,), f"{name!r} is {value}. Write a whole number from {low} to {high}.")
+        yield from (Mistake(("damage", *m.place), *m[1:]) for m in self.damage.outside(self.membrane.structure.n_zones))
         yield from self._time_mistakes()
         if self.noise.resistance is not None and self.chain is None:
             text = "there is noise on the resistance and no [chain] of sensors. Add [chain], or remove it."
@@ -209,7 +284,7 @@ class Campaign:
         if name in (SENSOR_GAIN, NOISE):
             if vary.limits(1.0)[0] < 0.0:
                 yield Mistake((name,), f"{name!r} begins below 0. Write a range from 0 or a factor.")
-            if name == NOISE and self.noise == Noise():
+            if name == NOISE and self.noise == MeasurementNoise():
                 yield Mistake((name,), "there is no noise to vary. Add [noise], or remove it.")
             return
         if name not in SETTABLE:

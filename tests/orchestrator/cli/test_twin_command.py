@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 from gossamer_models.membrane import MembraneParams
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin import Answer, Record
-from gossamer_models.twin.forward import Forward
+from gossamer_models.twin import Answer, ResponseRecord
+from gossamer_models.twin.simulation import Forward
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.twin import _compared, zone_table
 from gossamer_orchestrator.results.files import save_results
@@ -40,8 +40,10 @@ def strain(forward):
 
 
 def table(path, values):
-    rows = [f"{STEP * (k + 1)!r}," + ",".join(map(repr, row)) for k, row in enumerate(values.T.tolist())]
-    path.write_text("\n".join(["time [s],strain[1],strain[2],strain[3],strain[4]", *rows]))
+    """Write a record as a meter may: in ms and per cent, with decimal commas."""
+    rows = [";".join(map(repr, [1e3 * STEP * (k + 1), *row])) for k, row in enumerate((100.0 * values).T.tolist())]
+    head = "time [ms];" + ";".join(f"strain[{k}] [%]" for k in range(1, 5))
+    path.write_text("\n".join([head, *rows]).replace(".", ","))
     return path
 
 
@@ -104,7 +106,7 @@ def test_the_page_of_a_run_is_not_replaced(call, results, tmp_path, ending):
 
 
 def test_what_was_compared_of_a_longer_record_is_said():
-    given, used = (Record(step=3e-4, values=np.zeros((4, n)), kind="strain", noise=None) for n in (5100, 1000))
+    given, used = (ResponseRecord(step=3e-4, values=np.zeros((4, n)), kind="strain", noise=None) for n in (5100, 1000))
     sentence = _compared(Path("out/my run"), given, used, None)
     assert sentence == (
         "Compared: 0 to 0.3 s of a record of 1.53 s. For damage that begins later use 'gossamer watch \"out/my run\"'."
