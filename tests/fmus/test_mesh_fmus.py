@@ -19,7 +19,7 @@ from gossamer_models.membrane import (
     Support,
     Zone,
     make_structure,
-    mesh_membrane_model,
+    membrane_model,
     surface_mesh,
 )
 from oracles.meshes import disc, meshed
@@ -52,7 +52,7 @@ def native(once):
     import fmpy
 
     def fill(folder):
-        model = mesh_membrane_model(drum(3), compiled=True)
+        model = membrane_model(drum(3), compiled=True)
         fmpy.extract(build_fmu(model, folder, Path(__file__), native=True), str(folder / "unpacked"))
 
     return once("native_drum", fill)
@@ -103,9 +103,9 @@ def test_as_c_it_gives_the_numbers_of_the_virtual_machine(order, kind, cells, se
     import fmpy
 
     structure, gas = drum(cells, order, kind, setup), setup.gas is not None
-    fmu = build_fmu(mesh_membrane_model(structure, compiled=True), tmp_path, Path(__file__), native=True)
+    fmu = build_fmu(membrane_model(structure, compiled=True), tmp_path, Path(__file__), native=True)
     instance = Instance(fmu, fmpy.extract(fmu, str(tmp_path / "unpacked")))
-    wanted = excited(Python(mesh_membrane_model(structure)), gas=gas)
+    wanted = excited(Python(membrane_model(structure)), gas=gas)
     assert np.allclose(excited(instance, gas=gas), wanted, rtol=1e-9, atol=1e-13)
     assert np.ptp(wanted[:, 0]) > 1e-4  # it moves
     instance.slave.freeInstance()
@@ -152,13 +152,13 @@ def test_a_mesh_that_is_missing_or_damaged_is_refused_by_name(native, tmp_path, 
 
 def test_the_code_does_not_grow_with_the_mesh():
     """All that grows is a file of numbers: 10,000 elements are asked for in 200 KB of C."""
-    small, large = (mesh_membrane_model(drum(cells), compiled=True) for cells in (2, 44))
+    small, large = (membrane_model(drum(cells), compiled=True) for cells in (2, 44))
     sizes = [sum(map(len, sources(model, "", 2).values())) for model in (small, large)]
     assert len(large.tables.loops[0].nodes) == 5 * 44**2
     assert sizes[1] < 1.03 * sizes[0] < 200_000
 
 
 def test_the_same_mesh_gives_the_same_bytes():
-    one, two = (mesh_membrane_model(drum(2), compiled=True) for _ in range(2))
+    one, two = (membrane_model(drum(2), compiled=True) for _ in range(2))
     assert one.tables.content() == two.tables.content()
     assert one.digest == two.digest

@@ -183,7 +183,7 @@ def test_the_judge_of_a_detector_says_what_the_detector_says():
 def test_of_a_network_the_last_window_with_a_valid_answer_counts():
     judge = read_judge(Path("nominal"))
     trained = judge.artifact
-    batch = Batch(membrane_model(compiled=True), STRAINS)
+    batch = Batch(membrane_model(), STRAINS)
     first = round(trained.start_time / trained.sampling_step)
     end = first + 2 * trained.samples
     history = batch.run(end, trained.sampling_step, {"damage": 0.3 * np.eye(16)[5:6]}).results

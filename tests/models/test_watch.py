@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
 from gossamer_models.batch import Batch
-from gossamer_models.membrane import MembraneParams, membrane_model
+from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
 from gossamer_models.sensor import default_artifact, sensor_model
 from gossamer_models.twin.onset import JudgedWindow, OnsetProblem
 from gossamer_models.twin.simulation import Running
@@ -21,7 +21,7 @@ DAMAGES = [f"damage[{k}]" for k in range(1, 17)]
 @cache
 def strains(onset, zone, depth):
     """Strain of the four sensors, damage beginning at an onset [s]."""
-    batch = Batch(membrane_model(*MESH, compiled=True), [f"strain[{k}]" for k in range(1, 5)], [DAMAGES[zone - 1]])
+    batch = Batch(membrane_model(square_structure(*MESH)), [f"strain[{k}]" for k in range(1, 5)], [DAMAGES[zone - 1]])
     time = STEP * np.arange(1, SAMPLES * WINDOWS + 1)
     history = depth * np.clip((time - onset) / STEP, 0.0, 1.0)
     return batch.run(time.size, STEP, inputs={DAMAGES[zone - 1]: history}).results[0]

@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..compensator import compensator_model
-from ..compiler import has_compiler
-from ..membrane import membrane_model
-from ..membrane.params import stretch
+from ..membrane import membrane_model, square_structure
+from ..membrane.square import stretch
 from ..mistakes import DescriptionError, Mistake
 from ..sensor import SensorArtifact, default_artifact, sensor_model
 from ..step_model import StepModel
@@ -178,7 +177,7 @@ def build_kernels(campaign: CampaignPlan) -> Kernels:
         A model or its artifact cannot be used.
     """
     mesh = campaign.membrane
-    membrane = membrane_model(mesh.elements_per_side, mesh.order, mesh.law, compiled=has_compiler())
+    membrane = membrane_model(square_structure(mesh.elements_per_side, mesh.order, mesh.law))
     chain = campaign.chain
     models = () if chain is None else chain_models(chain)
     return Kernels(

@@ -23,6 +23,7 @@ from .equilibrium import FLOOR, in_plane, relax
 from .frame import RESTARTED, FrameState, flying
 from .gauges import Gauge
 from .riding import Rider
+from .setup import Setup
 from .shape import SHAPE, membrane_shape
 from .square import square_structure
 from .structure import Structure
@@ -125,14 +126,18 @@ def membrane_model(structure: Structure | None = None, *, frame: bool = False, c
 
     def base(u: Values) -> ca.MX:  # acceleration of the base, of the nodes that move
         a = u.base_acceleration
-        return t["free"] * ca.repmat(ca.vertcat(0.0, 0.0, a) if a.is_scalar() else a, n // 3, 1)
+        return ca.repmat(ca.vertcat(0.0, 0.0, a) if a.is_scalar() else a, n // 3, 1)
 
-    def acceleration(f: ca.MX, p: Values) -> ca.MX:
-        a, k = equations.mobility(p) * f, setup.inplane_mass
+    def mass(p: Values) -> ca.MX:  # once for each of x, y, z of the nodes that move
+        return ca.vec(ca.repmat(equations.mass(p)[: n // 3].T, 3, 1))
+
+    def acceleration(f: ca.MX, u: Values, p: Values) -> ca.MX:
+        k = setup.inplane_mass
         if k == 1.0:
-            return a
-        across = ca.repmat(_products(a, t["normals"]).T, 3, 1)
-        return t["free"] * (a / k + (1.0 - 1.0 / k) * t["normals"] * ca.vec(across))
+            return equations.mobility(p) * f - t["free"] * base(u)
+        a = f / mass(p) - base(u)
+        across = ca.vec(ca.repmat(_products(a, t["normals"]).T, 3, 1))
+        return t["free"] * (a / k + (1.0 - 1.0 / k) * t["normals"] * across)
 
     def filled(u: Values) -> ca.MX:  # pressure of the gas at its volume of the start, with the ambient one
         return (setup.gas.pressure + setup.gas.ambient) * u.gas_amount if setup.gas else ca.MX(0.0)
@@ -165,7 +170,7 @@ def membrane_model(structure: Structure | None = None, *, frame: bool = False, c
             return state, results(state, u, p, ride.found, ride.gas) | ride.results
         q = x.q + h / 2.0 * x.v  # half a step
         found, f, gas = pulled(equations.positions(q, u, p))
-        v = keep * x.v + gain * (acceleration(f[:n], p) - base(u))
+        v = keep * x.v + gain * acceleration(f[:n], u, p)
         q = q + h / 2.0 * v  # the other half
         state = MembraneState(q, v, phase, x.volume, x.frame)
         return state, results(state, u, p, found, gas)
@@ -205,9 +210,8 @@ def membrane_model(structure: Structure | None = None, *, frame: bool = False, c
         def balance(q: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
             x = equations.positions(q, by_symbol, by_symbol)
             found = equations.forces(x, shared, by_symbol)
-            f = with_dead_loads(found.f, by_symbol)[:n] - (
-                0.0 if frame else ca.vec(ca.repmat(t["mass"][: n // 3].T, 3, 1)) * base(by_symbol)
-            )
+            f = with_dead_loads(found.f, by_symbol)[:n]
+            f = f if frame else f - mass(by_symbol) * base(by_symbol)
             strain = ca.fmax(found.strain, 0.0)
             rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
             # as forces grow, and their rounding
@@ -248,10 +252,18 @@ def membrane_model(structure: Structure | None = None, *, frame: bool = False, c
         resources={SHAPE: membrane_shape(structure, variables)},
         restarted=RESTARTED if frame else 0,
         residual=2 * n,
-        advice="Check supports, prestress, loads, damage and the motion of the frame: the membrane may be stretched beyond any "
-        "use, or no equilibrium was found to start from.",
+        advice=_advice(setup, frame),
         table_column=equations.column,
         tables=equations.tables,
+    )
+
+
+def _advice(setup: Setup, frame: bool) -> str:
+    motions = ", ".join(support.motion for support in setup.supports if support.motion)
+    return (
+        f"Check supports{motions and f' ({motions})'}, prestress, loads and damage"
+        + ", the motion of the frame, and that mount_x does not lie along mount_normal" * frame
+        + ": the membrane may be stretched beyond any use, or there is no equilibrium to start from."
     )
 
 

@@ -320,8 +320,8 @@ class Setup:
     def _mistakes(self) -> Iterator[Mistake]:
         limits = {"scale": (1e-9, 1e9), "mass_damping": (0.0, 1e4), "inplane_mass": (1.0, 1e6)}
         yield from _outside(self, **limits)
-        if not 1 <= self.order <= MAX_ORDER:
-            text = f"'order' is {self.order}. Write 1 for bilinear elements, or 2 to {MAX_ORDER} for spectral ones."
+        if not isinstance(self.order, int) or isinstance(self.order, bool) or not 1 <= self.order <= MAX_ORDER:
+            text = f"'order' is {self.order!r}. Write 1 for bilinear elements, or 2 to {MAX_ORDER} for spectral ones."
             yield Mistake(("order",), text)
         if not self.regions:
             yield Mistake(("regions",), "there are no regions. Write [[regions]] with the material of all faces.")
@@ -329,7 +329,7 @@ class Setup:
         if len(rest) > 1:
             yield Mistake(("regions", rest[1], "group"), "two regions have no 'group', and only one can take the rest.")
         if self.law not in LAWS:
-            text = f"there is no law {self.law!r} of the membrane's material. Choose one of {', '.join(LAWS)}."
+            text = f"there is no law {self.law!r} of the membrane's material."
             yield Mistake(("law",), text, self.law, tuple(LAWS))
         elif not LAWS[self.law].linear:
             for i, r in enumerate(self.regions):

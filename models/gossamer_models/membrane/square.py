@@ -17,6 +17,7 @@ import numpy as np
 
 from ..arrays import Vector
 from ..errors import ParameterError
+from ..mistakes import DescriptionError, Mistake
 from ..variables import Variable, input_, local, output, parameter
 from .gauges import place_matrix
 from .interface import BUILT_IN, MAX_STEP, STRAIN, node_rows
@@ -90,6 +91,18 @@ class MembraneParams:
         return self.pressure_amplitude * math.sin(math.tau * self.pressure_frequency * time + self.pressure_phase)
 
 
+INPUTS = (
+    input_("pressure", "Pa", "Uniform follower pressure added to the built-in one", 0.0, -1e6, 1e6, nominal=1e4),
+    input_(
+        "base_acceleration",
+        "m/s2",
+        "Acceleration of the rigid frame, normal to the membrane, that displacements are relative to",
+        0.0,
+        -1e5,
+        1e5,
+        nominal=10.0,
+    ),
+)
 PARAMETERS = tuple(parameter(row.name, **row.metadata) for row in fields(MembraneParams))
 
 
@@ -119,15 +132,13 @@ def square_structure(
 
     Raises
     ------
-    ParameterError
-        ``elements_per_side`` does not fit the zones.
     DescriptionError
-        ``order`` is out of range, or there is no such law.
+        ``elements_per_side`` does not fit the zones, ``order`` is out of range, or there is no such law.
     """
     n = elements_per_side
     if not isinstance(n, int) or isinstance(n, bool) or n < ZONES_PER_SIDE or n % ZONES_PER_SIDE:
-        msg = f"elements_per_side is {n!r}; the 4 x 4 damage zones need a multiple of 4. Use 4, 8, 12, 16, ..."
-        raise ParameterError(msg)
+        text = f"'elements_per_side' is {n!r}. Write a multiple of 4 for the 4 x 4 damage zones: 4, 8, 12, 16, ..."
+        raise DescriptionError(Mistake(("elements_per_side",), text))
     p = params or MembraneParams()
     side = p.side_length
     material = {name: getattr(p, name) for name in ("youngs_modulus", "poisson_ratio", "density", "thickness")}
@@ -178,12 +189,10 @@ def _mesh(n: int, side: float) -> MeshFile:
 
 def _variables(p: MembraneParams, setup: Setup, n_nodes: int) -> tuple[Variable, ...]:
     """Make the table of the square."""
-    base = "Acceleration of the rigid frame, normal to the membrane, that displacements are relative to"
     strain = "Nominal strain along y, prestrain included, at x = {:.0f}/3, y = {:.0f}/3 of the side"
     return (
         *(replace(row, start=getattr(p, row.name)) for row in PARAMETERS),
-        input_("pressure", "Pa", "Uniform follower pressure added to the built-in one", 0.0, -1e6, 1e6, nominal=1e4),
-        input_("base_acceleration", "m/s2", base, 0.0, -1e5, 1e5, nominal=10.0),
+        *INPUTS,
         *(
             input_(
                 f"damage[{k + 1}]",
@@ -219,3 +228,6 @@ def _variables(p: MembraneParams, setup: Setup, n_nodes: int) -> tuple[Variable,
         ),
         MAX_STEP,
     )
+
+
+N_ZONES, SENSOR_POINTS = len(ZONES), SENSORS  # until their last user counts what its structure has

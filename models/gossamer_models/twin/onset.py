@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from ..membrane.mesh import N_ZONES
+from ..membrane.square import N_ZONES
 from .least_squares import (
     DAMAGE_STEP,
     MOST_DAMAGE,

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 
 from ..arrays import Matrix, Rows, Vector
-from ..membrane.mesh import N_ZONES
+from ..membrane.square import N_ZONES
 from .discrepancy import Discrepancy, spline_matrix
 from .least_squares import (
     DAMAGE_STEP,

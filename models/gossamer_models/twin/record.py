@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError
-from ..membrane.strain import SENSOR_POINTS
+from ..membrane.square import SENSOR_POINTS
 
 N_SENSORS = len(SENSOR_POINTS)
 LEAST_SAMPLES = 60  # per sensor: fewer cannot tell 16 damages

@@ -14,7 +14,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
-from ..membrane.mesh import N_ZONES
+from ..membrane.square import N_ZONES
 from .least_squares import NEGLIGIBLE, Point, Quadratic, bounded_minimum, change, descend, quadratic_about
 from .nuisances import LOAD, MODULUS
 from .problem import RecordProblem

@@ -16,9 +16,8 @@ from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..batch.cases import BatchState
 from ..errors import ParameterError
-from ..membrane import MembraneParams, membrane_model
-from ..membrane.mesh import N_ZONES
-from ..membrane.params import stretch
+from ..membrane import MembraneParams, membrane_model, square_structure
+from ..membrane.square import N_ZONES, stretch
 from ..sensor import SensorArtifact, sensor_model
 from .record import N_SENSORS
 
@@ -146,7 +145,7 @@ class Forward:
         sensor: SensorArtifact | None = None,
         sensor_parameters: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        model = membrane_model(elements_per_side, order, compiled=True)
+        model = membrane_model(square_structure(elements_per_side, order))
         self.params = params
         self._membrane = Batch(model, STRAINS)
         self._pressed = Batch(model, STRAINS, ("pressure",))
@@ -233,7 +232,7 @@ class Running:
         sensor_parameters: Mapping[str, ArrayLike] | None,
     ) -> None:
         self._params = params
-        self._membrane = Batch(membrane_model(elements_per_side, order, compiled=True), STRAINS, DAMAGES)
+        self._membrane = Batch(membrane_model(square_structure(elements_per_side, order)), STRAINS, DAMAGES)
         self._sensors = None if sensor is None else Sensors(sensor, params, sensor_parameters)
 
     def begin(self, damage: Vector, h: float) -> Place:

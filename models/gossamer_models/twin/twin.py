@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, ParameterError
 from ..membrane import MembraneParams
-from ..membrane.mesh import N_ZONES
+from ..membrane.square import N_ZONES
 from ..sensor import SensorArtifact
 from .discrepancy import Discrepancy, default_discrepancy
 from .least_squares import MOST_DAMAGE, descend

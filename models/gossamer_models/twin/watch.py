@@ -17,7 +17,7 @@ from scipy.stats import chi2 as chi2_distribution
 from ..arrays import Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
 from ..membrane import MembraneParams
-from ..membrane.mesh import N_ZONES
+from ..membrane.square import N_ZONES
 from ..sensor import SensorArtifact
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, Minimum, Quadratic, descend
 from .onset import JudgedWindow, OnsetProblem, weigh
