@@ -13,7 +13,7 @@ import typer
 
 from ..errors import OrchestratorError, ScenarioError
 from ..names import suggest
-from ..scenario.shipped import find_scenario, shipped_scenarios
+from ..scenario.source import find_scenario, shipped_scenarios
 from .command import Result, show, stderr
 from .common import json_file, keep_inputs, model_errors, note_page, save_page
 
@@ -108,7 +108,7 @@ def train_given(
     Path
         Its file.
     dict of str to dict of str to float
-        Errors by kind of record, see ``gossamer_models.assessment.after_training``.
+        Errors by kind of record, see ``gossamer_models.assessment.figures``.
     list of Path
         Its page, if it was written.
     """
@@ -123,7 +123,7 @@ def train_given(
     keep_inputs([Path(source or NOMINAL)], [out, path])
     network: Network = "neuro-fuzzy" if kind == Kind.NEURO_FUZZY else "perceptron"
     from gossamer.pages.train import training_page
-    from gossamer_models.assessment.after_training import errors, held_out_verdicts
+    from gossamer_models.assessment.figures import errors, held_out_verdicts
     from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
@@ -184,7 +184,7 @@ def _is_scenario(source: str) -> bool:
     """Tell a scenario, which has components, from a campaign, by content or by the name of a shipped one."""
     if not Path(source).is_file():
         return source in shipped_scenarios() and source not in shipped_scenarios("campaign")
-    from ..scenario.toml_file import parse_toml, read_text
+    from ..scenario.source import parse_toml, read_text
 
     return "components" in parse_toml(read_text(Path(source), "scenario"), source, "scenario")
 
@@ -217,7 +217,7 @@ def _train_thesis(
     name: str, out: Path | None
 ) -> tuple[DetectorArtifact, Path, dict[str, dict[str, float]], list[Path]]:
     from gossamer.pages.train import thesis_page
-    from gossamer_models.assessment.after_training import thesis_errors
+    from gossamer_models.assessment.figures import thesis_errors
     from gossamer_models.detector.thesis_training import TRAININGS, train_detector
 
     from ..run.progress import ProgressBar
