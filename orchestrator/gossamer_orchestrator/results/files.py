@@ -23,7 +23,7 @@ from gossamer_files import replacing
 
 from ..errors import ResultsError, writing
 from ..names import split_endpoint
-from .columns import SCHEMA, VERSION, Column
+from .columns import SCHEMA, VERSION, RecordedScalar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -188,7 +188,7 @@ def _load_csv(path: Path) -> xr.Dataset:
     for title in header[1:]:
         name, _, unit = title.removesuffix("]").rpartition(" [")
         model = split_endpoint(name)[0].rstrip("0123456789")  # a table names no models
-        columns.append(Column(name, unit, "", model))
+        columns.append(RecordedScalar(name, unit, "", model))
     return arrange(table[:, 0], table[:, 1:], columns)
 
 

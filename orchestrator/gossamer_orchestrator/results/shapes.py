@@ -184,7 +184,6 @@ def reopen_shapes(path: Path, width: int, count: int) -> GrowingFile:
     """Continue a file whose instants are so many numbers, after so many of them; raise ``ResultsError`` if it has fewer."""
     file = GrowingFile(path, _layout(path, width))
     if file.count < count:
-        file.close()
         msg = f"{path} does not fit the state to resume from. Run it from its start, without --resume."
         raise ResultsError(msg)
     file.cut(count)

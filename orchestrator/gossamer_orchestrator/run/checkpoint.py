@@ -18,7 +18,7 @@ from gossamer_files import digest, replacing
 
 from ..errors import ResultsError, ScenarioError, writing
 from ..scenario.plan import Plan
-from .steps import StepControl
+from .steps import ControlledSteps
 
 if TYPE_CHECKING:
     from .master import Simulation
@@ -61,7 +61,7 @@ def save(path: Path, simulation: Simulation, rows: int, digest: dict[str, str]) 
     }
     arrays: dict[str, Any] = {"card": np.array(json.dumps(card)), "values": simulation.values}
     arrays["held"] = np.array([channel.held for channel in simulation.channels])
-    if isinstance(simulation.control, StepControl):
+    if isinstance(simulation.control, ControlledSteps):
         arrays |= {"size": np.array(simulation.control.size), "peaks": simulation.control.peaks}
     arrays |= {f"peaks_{i}": group.peaks for i, group in enumerate(simulation.groups)}
     arrays |= {f"state_{i}": np.frombuffer(state, np.uint8) for i, state in enumerate(simulation.serialize())}
@@ -126,7 +126,7 @@ def restore(simulation: Simulation, card: dict[str, Any], arrays: dict[str, Any]
         channel.held = value
     for i, group in enumerate(simulation.groups):
         group.peaks[:] = arrays[f"peaks_{i}"]
-    if isinstance(simulation.control, StepControl):
+    if isinstance(simulation.control, ControlledSteps):
         simulation.control.size = int(arrays["size"])
         simulation.control.peaks = arrays["peaks"]
     simulation.tick, simulation.divided = card["tick"], card["divided"]

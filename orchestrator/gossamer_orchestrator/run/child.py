@@ -1,11 +1,7 @@
 """The process of a run, in which the FMUs are; they may crash it or hang in it.
 
-::
-
-    python -P -m gossamer_orchestrator.run.child
-
-reads a ``RunTask`` from its standard input and writes its reports, a line of JSON each, to its standard output. It ends with
-the process that started it: at the end of its standard input it ends, with all its descendants.
+It reads a ``RunTask`` from its standard input and writes its reports, a marked line of JSON each, to its standard output. It
+ends with the process that started it: at the end of its standard input it ends, with all its descendants.
 """
 
 from __future__ import annotations
@@ -19,7 +15,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -67,6 +63,11 @@ class RunTask:
 Report = Callable[..., None]
 
 
+def mark(task: RunTask) -> str:
+    """Return what every line of a report begins with: an FMU may write to any open file."""
+    return f"{task.scratch.name} "
+
+
 class _Reporter(logging.Handler):
     """Report log messages."""
 
@@ -78,19 +79,19 @@ class _Reporter(logging.Handler):
         self._report(log=[record.name, record.levelno, record.getMessage()])
 
 
-def main() -> None:
-    """Run the task that stands on the standard input."""
-    control, reports = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "w", encoding="utf-8")
+def work() -> None:
+    """Run the task that stands on the standard input, as the program of a process; it does not return."""
+    control, reports = os.fdopen(os.dup(0), "rb"), os.dup(1)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # what FMUs read and print is nothing of this
     os.dup2(2, 1)
-    lock = threading.Lock()
+    lock, task = threading.Lock(), pickle.load(control)
 
     def report(**content: object) -> None:
-        with lock:
-            reports.write(json.dumps(content) + "\n")
-            reports.flush()
+        left = f"\n{mark(task)}{json.dumps(content)}\n".encode()
+        with lock, suppress(OSError):  # an FMU may have closed it
+            while left:
+                left = left[os.write(reports, left) :]
 
-    task: RunTask = pickle.load(control)
     threading.Thread(target=_end_with_parent, args=(control,), daemon=True).start()
     logging.basicConfig(level=task.level, handlers=[_Reporter(report)])
     try:
@@ -241,7 +242,3 @@ def _connection(wired: Connection, plan: Plan) -> dict[str, Any]:
         "gain": wired.gain,
         "bias": wired.bias,
     }
-
-
-if __name__ == "__main__":
-    main()

@@ -35,7 +35,7 @@ from .position import (
 )
 from .signals import Channel, Store
 from .stages import IteratedGroup, Stage, side_by_side
-from .steps import UNITS, Division, StepControl
+from .steps import UNITS, ControlledSteps, Division
 
 logger = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ class Simulation:
         Steps that had to be repeated in parts.
     groups : list of IteratedGroup
         Components that are stepped together.
-    control : Division or StepControl
+    control : Division or ControlledSteps
         Divides the steps.
     ended : str
         Which FMU ended the simulation by itself, and when; empty if none did.
@@ -112,7 +112,7 @@ class Simulation:
         self._ticks = plan.scenario.ticks
         self._unit = plan.scenario.step / UNITS
         wanted = plan.scenario.step_control
-        self.control = Division(self) if wanted is None else StepControl(self, wanted, strict=strict)
+        self.control = Division(self) if wanted is None else ControlledSteps(self, wanted, strict=strict)
 
     @property
     def over(self) -> bool:

@@ -195,7 +195,6 @@ def _settle(
         return None
     file = write_waiting(unfinished, temporary / WAITING, process.shared, process.position)
     if not file.count:
-        file.close()
         unfinished.unlink()
         settle_shapes(folder, kept=False)
         return None
@@ -204,7 +203,6 @@ def _settle(
     file.end(reason if error is not None else process.ended, wall_time, process.position[DIVIDED])
     last = file.last_time()
     logger.info("%d communication points until t = %.9g s in %.1f s", file.count, last, wall_time)
-    file.close()
     if not (isinstance(error, ResultsError) and (folder / NETCDF).exists()):
         unfinished.replace(folder / NETCDF)
         settle_shapes(folder, kept=True)

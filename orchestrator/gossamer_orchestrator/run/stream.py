@@ -7,7 +7,6 @@ that wait. They wait half a second, or until they fill that memory.
 from __future__ import annotations
 
 import logging
-import mmap
 import os
 import shutil
 import threading
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ResultsError, writing
+from ..processes import shared_memory
 from ..results.columns import attributes, plan_columns
 from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF, has_rows
 from ..results.netcdf import GrowingFile, Layout, make_file
@@ -48,11 +48,8 @@ class Shared(NamedTuple):
 def open_rows(path: Path, shape: tuple[int, int], *, new: bool = False) -> NDArray[np.float64]:
     """Map the table of the rows that wait, which is a file."""
     size = 8 * shape[0] * shape[1]
-    if new:
-        with writing(path, ResultsError):
-            path.write_bytes(bytes(size))
-    with path.open("r+b") as file:
-        return np.frombuffer(mmap.mmap(file.fileno(), size), dtype=np.float64).reshape(shape)
+    with writing(path, ResultsError):
+        return np.frombuffer(shared_memory(path, size, new=new), dtype=np.float64).reshape(shape)
 
 
 def check_space(plan: Plan, folder: Path) -> None:
@@ -100,7 +97,7 @@ class Stream:
         self._rows = open_rows(waiting, self._shape, new=True)
         self._recorder = Recorder(plan, self._rows)
         self._digests = {} if checkpoint.unable(plan) else checkpoint.digests(plan)
-        self._cost, self._saved = 0.0, time.perf_counter()
+        self._cost = 0.0
         self._process = os.getpid()
         self._lock, self._ended = threading.Lock(), threading.Event()
         self._failure: ResultsError | None = None
@@ -131,6 +128,7 @@ class Stream:
         self._position[DIVIDED] = simulation.divided
         self._recorder.begin(simulation)
         self._announce(Shared(layout, self._shape))
+        self._saved = time.perf_counter()
         self._writer.start()
 
     def sample(self, simulation: Simulation) -> None:
@@ -157,10 +155,7 @@ class Stream:
         """Write the rest."""
         self._ended.set()
         self._writer.join()
-        try:
-            self._write()
-        finally:
-            self._file.close()
+        self._write()
 
     def save(self, simulation: Simulation) -> None:
         """Save the state to resume from, if the FMUs can; the run goes on if the disk cannot."""

@@ -9,10 +9,22 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Group, Input, Noise, Recording, Scenario, Table
+from .schema import (
+    MAX_STEPS,
+    Component,
+    Connection,
+    Dropout,
+    Event,
+    Group,
+    Input,
+    Noise,
+    Recording,
+    Scenario,
+    ScenarioTable,
+)
 from .source import Location, Problems, Source, explain, parse_toml, read_text
 
-_TABLES: dict[str | int, type[Table]] = {
+_TABLES: dict[str | int, type[ScenarioTable]] = {
     "components": Component,
     "connections": Connection,
     "noise": Noise,

@@ -103,6 +103,14 @@ def test_what_an_fmu_starts_ends_with_the_run_and_touches_no_results(hostile, be
     assert [process for process in psutil.process_iter() if environment(process) == str(tmp_path)] == []
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="its FMU writes as Linux does")
+def test_an_fmu_that_writes_to_every_open_file_changes_neither_reports_nor_results(hostile, beside, tmp_path, caplog):
+    data = run_scenario(beside(f"fault = {faults.WRITE}, at = 21"), hostile, tmp_path)
+    assert_right_until(data, 0.1)
+    assert data.attrs["ended"] == "complete"
+    assert caplog.text == ""
+
+
 def environment(process):
     try:
         return process.environ().get("OF_THIS_TEST")
