@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from gossamer_files import replacing
 
-from ..errors import ResultsError, writing
+from ..errors import ResultsError, check_path, writing
 from ..names import split_endpoint
 from .columns import SCHEMA, VERSION, RecordedScalar
 
@@ -79,6 +79,7 @@ def values_in(data: xr.Dataset) -> int:
 
 def make_folder(folder: Path) -> None:
     """Make a folder for results; raise ``ResultsError`` if that is not possible."""
+    check_path(folder, ResultsError)
     with writing(folder, ResultsError):
         folder.mkdir(parents=True, exist_ok=True)
 
@@ -115,6 +116,7 @@ def load_results(path: Path) -> xr.Dataset:
         There is no file, or ``save_results`` did not write it.
     """
     path = Path(path)
+    check_path(path, ResultsError)
     if path.is_dir():
         folder, path = path, _last_run(path)
         if not path.is_file():

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import ResultsError, writing
+from ..errors import ResultsError, check_path, writing
 from ..fmi.shape import Array, Integers, Surface
 from .files import UNFINISHED_NETCDF, has_rows
 from .netcdf import GrowingFile, Layout
@@ -222,6 +222,7 @@ def load_shapes(results: Path) -> dict[str, ShapeHistory]:
     ResultsError
         The file cannot be read, or another program wrote it.
     """
+    check_path(results, ResultsError)
     folder = results if results.is_dir() else results.parent
     unfinished = folder / UNFINISHED_NETCDF
     last = UNFINISHED_SHAPES if unfinished.is_file() and has_rows(unfinished) else SHAPES

@@ -24,14 +24,13 @@ from ..errors import OrchestratorError, ScenarioError, SimulationError
 from ..exchange import open_scenario
 from ..results.columns import group, plan_columns
 from ..results.files import RESUME
-from ..scenario.changes import changed
 from ..scenario.plan import ComponentPlan, Plan, make_plan
 from ..scenario.schema import MASTERS, Connection, Given, Scenario
-from . import checkpoint
+from ..scenario.values import changed
 from .master import Observer, Simulation
 from .position import COMPONENT, open_position
 from .recorder import FiniteCheck, ShapeRecorder
-from .stream import Shared, Stream, check_space
+from .stream import Shared, Stream, check_space, load_checkpoint, restore_checkpoint
 
 POSITION, WAITING = "position", "waiting"  # files in the temporary folder
 
@@ -124,7 +123,7 @@ def _run(task: RunTask, report: Report) -> None:
         scenario = changed(scenario, task.values or {}, Path(task.fmus))
         plan = make_plan(scenario, Path(task.fmus), strict=task.strict)
         check_space(plan, task.out)
-        card, arrays = checkpoint.load(task.out / RESUME, plan) if task.resume else (None, {})
+        card, arrays = load_checkpoint(task.out / RESUME, plan) if task.resume else (None, {})
         names = [component.name for component in plan.components]
         report(planned=[names, scenario.start, scenario.step, scenario.ticks])
         position = open_position(task.scratch / POSITION)
@@ -144,7 +143,7 @@ def _run(task: RunTask, report: Report) -> None:
         with Simulation(plan, position, strict=task.strict, threads=task.threads) as simulation:
             simulation.say = lambda text: report(aside=text)
             if card is not None:
-                checkpoint.restore(simulation, card, arrays)
+                restore_checkpoint(simulation, card, arrays)
             try:
                 simulation.run([stream, FiniteCheck(strict=task.strict), ShapeRecorder(plan, task.out), *observers])
             except OrchestratorError as error:
