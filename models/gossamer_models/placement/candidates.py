@@ -12,8 +12,8 @@ import scipy.sparse
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
-from ..mesh_membrane import Sensor, Structure
-from ..mesh_membrane.gauges import Gauge, gauge, shape_functions
+from ..membrane import Sensor, Structure
+from ..membrane.gauges import Gauge, gauge, shape_functions
 
 ANGLES = (0.0, 90.0, 45.0, -45.0)  # [degrees] from the first axis
 _PLACES = {
