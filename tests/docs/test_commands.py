@@ -10,7 +10,7 @@ import click
 import pytest
 import typer
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 
 ROOT = Path(__file__).resolve().parents[2]
 PATTERNS = ("*.md", "docs/*.md", "docs/tools/*.md", "docs/site/**/*.md", "fmus/*/README.md")

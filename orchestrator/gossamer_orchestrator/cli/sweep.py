@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..scenario.shipped import find_scenario
+from ..scenario.source import find_scenario
 from .command import Result, show, stderr
 from .common import FMUS, FmuFolder, ScenarioName, Step, Stop, keep_inputs, model_errors, note_page, save_page
 
@@ -124,9 +124,8 @@ def run_cases(
 
     from ..pages import PAGE
     from ..results.plots.cases import save_cases
-    from ..run.gathered import TABLE, combine, write_table
     from ..run.progress import ProgressBar
-    from ..run.sweep import make_cases, on_cores, read_ranges, run_sweep
+    from ..run.sweep import TABLE, combine, make_cases, on_cores, read_ranges, run_sweep, write_table
 
     path = find_scenario(scenario)
     folder = Path("out") / f"{path.stem}_sweep" if out is None else out

@@ -13,7 +13,7 @@ import typer
 
 from ..errors import OrchestratorError, ScenarioError
 from ..names import suggest
-from ..scenario.shipped import find_scenario, shipped_scenarios
+from ..scenario.source import find_scenario, shipped_scenarios
 from .command import Result, show, stderr
 from .common import json_file, keep_inputs, model_errors, note_page, save_page
 
@@ -184,7 +184,7 @@ def _is_scenario(source: str) -> bool:
     """Tell a scenario, which has components, from a campaign, by content or by the name of a shipped one."""
     if not Path(source).is_file():
         return source in shipped_scenarios() and source not in shipped_scenarios("campaign")
-    from ..scenario.toml_file import parse_toml, read_text
+    from ..scenario.source import parse_toml, read_text
 
     return "components" in parse_toml(read_text(Path(source), "scenario"), source, "scenario")
 

@@ -25,7 +25,7 @@ from gossamer_models.membrane import (
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.setup_file import load_structure
 from gossamer_orchestrator.errors import ScenarioError
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from typer.testing import CliRunner
 
 meshio = pytest.importorskip("meshio", reason="reading mesh files needs the extra 'mesh'")

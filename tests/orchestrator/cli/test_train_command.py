@@ -12,7 +12,7 @@ from gossamer_models.detector import PosteriorArtifact
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.train import _campaign_of, _is_scenario
 from gossamer_orchestrator.errors import ScenarioError
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from reading_pages import read_page, values
 from typer.testing import CliRunner
 

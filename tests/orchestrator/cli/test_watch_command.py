@@ -18,7 +18,7 @@ from gossamer_orchestrator.cli.twin_record import find_in_results
 from gossamer_orchestrator.cli.watch import LiveWatch
 from gossamer_orchestrator.results.dataset import make_dataset
 from gossamer_orchestrator.scenario.schema import Recording
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from typer.testing import CliRunner
 
 STEP, ONSET = 3e-4, 0.2104
