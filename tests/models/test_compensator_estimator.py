@@ -162,7 +162,9 @@ def test_a_sharp_turning_point_is_found_where_it_was_passed(tau):
 
 
 @pytest.mark.parametrize("place", [M, 2 * M])
-@pytest.mark.parametrize(("slope", "kink"), [(0.1, 1e-6), (0.011, 4e-4)])  # without a summit, with a round one: the prior
+@pytest.mark.parametrize(
+    ("slope", "kink"), [(0.1, 1e-6), (0.011, 4e-4)]
+)  # without a summit, with a round one: the prior
 def test_a_parabola_passes_unchanged(place, slope, kink):
     t = np.arange(-M, M + 1.0)
     y = 0.3 + slope * t - 0.002 * t**2
