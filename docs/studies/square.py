@@ -22,7 +22,7 @@ DEFAULTS = MembraneParams()
 
 
 class SquareEquations:
-    """Functions of the displacements q of the moving nodes, damage [1] and pressure [Pa]; ``p`` as ``MembraneParams.vector``."""
+    """Functions of displacements of the moving nodes [m], damage [1], pressure [Pa] and ``MembraneParams.vector``."""
 
     def __init__(self, structure: Structure | None = None) -> None:
         self.structure = square_structure() if structure is None else structure
@@ -50,7 +50,7 @@ class SquareEquations:
     @cached_property
     def tangent(self) -> ca.Function:
         """``K = -df/dq`` [N/m], sparse; not symmetric under pressure."""
-        return self._function(lambda *arguments: self._equations.tangent(*arguments, axes=3))
+        return self._function(lambda x, shared, p: self._equations.tangent(x, shared, p, axes=3))
 
     def node_mass(self, params: MembraneParams) -> Vector:
         """Masses [kg] of the moving nodes, once for each of x, y, z."""
@@ -73,7 +73,8 @@ class SquareEquations:
     def strain(self, q: Vector, params: MembraneParams = DEFAULTS) -> Vector:
         """Return what the gauges read [1]."""
         at = self.places(q, params)
-        return np.linalg.norm(np.concatenate([gauge.lines @ at for gauge in self.structure.gauges]), axis=1) - 1.0
+        lines = np.concatenate([gauge.lines @ at for gauge in self.structure.gauges])
+        return np.asarray(np.linalg.norm(lines, axis=1) - 1.0)
 
     def places(self, q: Vector, params: MembraneParams = DEFAULTS) -> Vector:
         """Return the positions of all nodes [sides of the mesh], shape (N, 3)."""

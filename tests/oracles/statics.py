@@ -1,8 +1,8 @@
 r"""Other ways to solve the square's equations than the product's: load steps, and implicit time steps.
 
-Symbols: ``q``, ``v``, ``a`` displacements from the homogeneous stretch, velocities, accelerations; ``f`` pressure minus internal
-forces [N]; ``r`` residual; ``K`` tangent [N/m]; ``M`` mass [kg]; ``c`` mass damping [1/s]; ``alpha``, ``beta``, ``gamma`` of the
-HHT method [1]; ``h`` step [s].
+Symbols: ``q``, ``v``, ``a`` displacements from the homogeneous stretch, velocities, accelerations; ``f`` pressure minus
+internal forces [N]; ``r`` residual; ``K`` tangent [N/m]; ``M`` mass [kg]; ``c`` mass damping [1/s]; ``alpha``, ``beta``,
+``gamma`` of the HHT method [1]; ``h`` step [s].
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ def solve_newton(system, arguments, q, tolerance, what, max_iterations=25):
             return q
         if not np.isfinite(change):
             break
-    msg = f"{what} did not converge: last correction {change:.3e} > {tolerance:.3e} within {max_iterations} iterations. "
+    msg = (
+        f"{what} did not converge: last correction {change:.3e} > {tolerance:.3e} within {max_iterations} iterations. "
+    )
     msg += "Raise the prestress, or take more load steps or shorter time steps."
     raise ConvergenceError(msg)
 

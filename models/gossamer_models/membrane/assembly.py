@@ -1,13 +1,13 @@
 r"""The equations of motion of a membrane: elements assembled on a mesh.
 
-Symbols: ``x`` node positions from the membrane's origin [m], node by node as (x, y, z), shape (3 N,), and ``q`` displacements of
-the M nodes that move [m], shape (3 M,), both in the order of ``Structure.order``; ``f`` nodal forces [N]; ``D`` = E t/(1 - nu^2)
-stiffness [N/m], ``t`` thickness [m]; ``shared`` what elements share, by name: one number for all, or a column for each of the
-G combinations, shape (1, G); ``V`` volume of gas [m3]; ``u`` inputs and ``p`` parameters by name.
+Symbols: ``x`` node positions from the membrane's origin [m], node by node as (x, y, z), shape (3 N,), and ``q``
+displacements of the M nodes that move [m], shape (3 M,), both in the order of ``Structure.order``; ``f`` nodal forces [N];
+``D`` = E t/(1 - nu^2) stiffness [N/m], ``t`` thickness [m]; ``shared`` what elements share, by name: one number for all, or
+a column for each of the G combinations, shape (1, G); ``V`` volume of gas [m3]; ``u`` inputs and ``p`` parameters by name.
 
-All elements of a kind are one expression with a column per element; see ``element``. For compiled code they are loops over one
-element's function instead, and arrays are parts of a table; see ``element_loop``. Equal squares are computed in units of their
-side, in which their reference map is one.
+All elements of a kind are one expression with a column per element; see ``element``. For compiled code they are loops over
+one element's function instead, and arrays are parts of a table; see ``element_loop``. Equal squares are computed in units of
+their side, in which their reference map is one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .geometry import stiffest
 from .law import Entry, matrix
 from .structure import Elements, Structure
 
-Shared: TypeAlias = Mapping[str, ca.MX]
+Shared: TypeAlias = dict[str, ca.MX]
 _PER_LENGTH = ("pressure", "absorbed", "mirrored")  # forces by length in the units of an element
 
 
@@ -255,7 +255,7 @@ class MembraneEquations:
         values = np.array([getattr(region, name) for region in self.structure.setup.regions])
         return float(values[0]) if np.ptp(values) == 0.0 else of_region(values)
 
-    def _nu(self, shared: Shared) -> Entry:
+    def _nu(self, shared: Mapping[str, Entry]) -> Entry:
         return shared.get("nu", self.structure.setup.regions[0].poisson_ratio)
 
     def _quickening(self, p: Values) -> Any:  # noqa: ANN401
@@ -470,7 +470,7 @@ def _sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
 
 
 def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
-    """Sum square matrices of all elements, side by side, into a sparse matrix, shape (size, size); leave out row ``size``."""
+    """Sum square matrices of all elements, side by side, into a sparse matrix, shape (size, size), without row ``size``."""
     n, m = rows.shape
     row = np.repeat(rows.reshape(n, 1, m), m, axis=1).reshape(-1)  # CasADi stores column by column
     column = np.repeat(rows.reshape(n, m, 1), m, axis=2).reshape(-1)

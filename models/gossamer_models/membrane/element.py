@@ -4,8 +4,8 @@ Symbols: ``x`` current node positions, ``s``, ``t`` parent coordinates [1] from 
 ``D_s``, ``D_t`` their parent derivatives at the quadrature points, ``w`` weights of the points [1], ``J`` determinant of the
 reference map, ``F`` deformation gradient (3 x 2), ``e`` twice the Green-Lagrange strain, ``S`` second and ``P`` first
 Piola-Kirchhoff stress [Pa], ``f`` nodal forces, ``E`` Young's modulus [Pa], ``nu`` Poisson's ratio [1], ``D`` =
-E/(1 - nu^2), or all of them times the thickness; ``P`` Legendre polynomial. Lengths are in any one unit. Steps, equilibrium and
-frequencies all evaluate these expressions or their derivatives.
+E/(1 - nu^2), or all of them times the thickness. Lengths are in any one unit. Steps, equilibrium and frequencies all
+evaluate these expressions or their derivatives.
 
 Nodes, weights and Lagrange polynomials are those on [-1/2, 1/2], the side of a parent element of size one.
 
@@ -277,10 +277,12 @@ def dense(operator: Operator, nodes: int) -> ca.DM:
 
 
 def apply(operator: Operator, x: Any) -> Any:  # noqa: ANN401
+    """Multiply by an operator."""
     return reduce(lambda value, factor: ca.mtimes(factor, value), operator, x)
 
 
 def apply_transposed(operator: Operator, x: Any) -> Any:  # noqa: ANN401
+    """Multiply by the transpose of an operator."""
     return reduce(lambda value, factor: ca.mtimes(factor.T, value), reversed(operator), x)
 
 

@@ -3,8 +3,8 @@ r"""Static equilibrium at the start, as part of ``init``: dynamic relaxation, or
 Symbols: ``q`` displacements [m], ``v`` velocities [m/s], ``f`` forces [N], ``m`` masses [kg], ``h`` step [s], ``c`` damping
 [1/s], ``omega`` lowest frequency in play [1/s], ``z`` q, v and f of the step before; ``K`` tangent [N/m].
 
-Each returns the displacements and the largest force that is left, over the largest that is accepted; where that is above one,
-the displacements are not a number.
+Each returns the displacements and the largest force that is left, over the largest that is accepted; where that is above
+one, the displacements are not a number.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def relax(
     Parameters
     ----------
     balance : callable
-        ``balance(q) -> (f, rate, accepted)``: forces [N], zero where held, the bound of the squared highest frequency [1/s2],
-        and the largest f/m [m/s2] that is accepted.
+        ``balance(q) -> (f, rate, accepted)``: forces [N], zero where held, the bound of the squared highest frequency
+        [1/s2], and the largest f/m [m/s2] that is accepted.
     q : casadi.MX, shape (n,)
         Where to start; stays where it is held.
     mass : casadi.MX, shape (n,)

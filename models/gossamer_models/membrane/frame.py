@@ -1,8 +1,8 @@
 r"""A membrane on a rigid frame that flies: what the frame's motion does to its nodes, and what it does to the frame.
 
-Symbols, for N nodes, in axes that turn with the frame: ``r`` positions from the frame's origin [m], ``s = v + w x r`` velocities
-less that of the origin [m/s], ``v`` velocities relative to the frame, ``f`` forces [N], each three columns along x, y and z, shape
-(N,); ``m`` masses [kg], shape (N,); ``a`` acceleration of the origin less gravity [m/s2], ``w`` angular
+Symbols, for N nodes, in axes that turn with the frame: ``r`` positions from the frame's origin [m], ``s = v + w x r``
+velocities less that of the origin [m/s], ``v`` velocities relative to the frame, ``f`` forces [N], three columns along x, y
+and z, shape (N,); ``m`` masses [kg], shape (N,); ``a`` acceleration of the origin less gravity [m/s2], ``w`` angular
 velocity [rad/s] and ``w_dot`` angular acceleration [rad/s2] of the frame, shape (3,); ``c`` mass damping [1/s], against
 the frame; ``h`` step [s]::
 
@@ -25,6 +25,7 @@ from ..variables import CAUSALITIES, Values, Variable, array, input_, output, pa
 
 Columns: TypeAlias = list[ca.MX]  # along x, y and z
 _LETTERS = ("xx", "yy", "zz", "xy", "xz", "yz")
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +173,7 @@ class FrameStep:
         return cls(a, middle, w_dot, turn(h / 2.0 * middle), end, h)
 
     def drift(self, r: Columns, s: Columns) -> tuple[Columns, Columns]:
-        """Return positions [m] and velocities [m/s] half a step later: before the kick in the middle, after it at the end."""
+        """Return positions [m] and velocities [m/s] half a step later, in the axes of then."""
         return turned(self.half, [x + self.h / 2.0 * y for x, y in zip(r, s, strict=True)]), turned(self.half, s)
 
     def kick(self, r: Columns, s: Columns, pull: Columns, damping: ca.MX) -> tuple[Columns, Columns]:
@@ -241,7 +242,7 @@ def wrench(r: Columns, f: Columns) -> list[ca.MX]:
 def mass_properties(nodes: Nodes) -> list[ca.MX]:
     r"""Write what sums to mass [kg], first moment [kg m] and :math:`\sum m r r^T` [kg m2] by ``_LETTERS``, ten columns."""
     weighted = [nodes.m * x for x in nodes.r]
-    return [nodes.m, *weighted, *(weighted["xyz".index(a)] * nodes.r["xyz".index(b)] for a, b in _LETTERS)]
+    return [nodes.m, *weighted, *(weighted[a] * nodes.r[b] for a, b in _PAIRS)]
 
 
 def frame_results(mount: Mounting, free: Nodes, s: Columns, held: Nodes, reaction: ca.MX) -> dict[str, ca.MX]:
@@ -267,7 +268,7 @@ def frame_results(mount: Mounting, free: Nodes, s: Columns, held: Nodes, reactio
         G = ca.blockcat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         results |= {f"{name}_mass": sums[0], f"{name}_first_moment": ca.mtimes(A, sums[1:4])}
         J = ca.mtimes(ca.mtimes(A, ca.trace(G) * ca.MX.eye(3) - G), A.T)
-        results[f"{name}_inertia"] = ca.vertcat(*(J["xyz".index(a), "xyz".index(b)] for a, b in _LETTERS))
+        results[f"{name}_inertia"] = ca.vertcat(*(J[a, b] for a, b in _PAIRS))
     results["momentum"], results["angular_momentum"] = ca.mtimes(A, moving[10:13]), ca.mtimes(A, moving[13:])
     return results
 

@@ -1,8 +1,8 @@
 r"""A membrane as a pure step: what the FMU runs.
 
-Symbols: ``q`` displacements [m] and ``v`` velocities [m/s] of the nodes that move, ``phase`` of the built-in pressure [cycles],
-``f`` forces [N], ``m`` masses [kg], ``c`` mass damping [1/s], ``h`` step [s], ``V`` volume of gas [m3], ``u`` inputs and ``p``
-parameters by name.
+Symbols: ``q`` displacements [m] and ``v`` velocities [m/s] of the nodes that move, ``phase`` of the built-in pressure
+[cycles], ``f`` forces [N], ``m`` masses [kg], ``c`` mass damping [1/s], ``h`` step [s], ``V`` volume of gas [m3], ``u``
+inputs and ``p`` parameters by name.
 """
 
 from __future__ import annotations

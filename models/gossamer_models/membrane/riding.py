@@ -1,8 +1,8 @@
 r"""The nodes of a membrane on a frame that flies, for the expressions of ``frame``.
 
-Symbols: ``q`` displacements [m] of the M nodes that move and ``s`` their velocities [m/s] less that of the frame's origin, node by
-node, shape (3 M,), in the membrane's axes; ``r`` positions from the frame's origin [m] and ``f`` forces [N] by columns; ``h`` step
-[s].
+Symbols: ``q`` displacements [m] of the M nodes that move and ``s`` their velocities [m/s] less that of the frame's origin,
+node by node, shape (3 M,), in the membrane's axes; ``r`` positions from the frame's origin [m] and ``f`` forces [N] by
+columns; ``h`` step [s].
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes
         "ways": ways[moved],
         "moved_by": _integers([number.get(setup.supports[s].motion, -1) for s in moved]),
         "youngs_modulus": _integers(
-            [number.get(f"youngs_modulus[{i + 1}]", number.get("youngs_modulus")) for i in regions]
+            [number.get(f"youngs_modulus[{i + 1}]", number.get("youngs_modulus", -1)) for i in regions]
         ),
         "temperature": _integers([number.get(f"temperature[{i + 1}]", -1) for i in regions]),
         "poisson_from": _integers([number.get("poisson_ratio", -1) for _ in regions]),

@@ -1,8 +1,8 @@
 """The square of the thesis, the setup that ships: its mesh, zones, sensors and variables.
 
-Its numbers are parameters when it runs: they scale its mesh, mass and law, and the way of its rim. It starts flat and without
-loads. Elements and zones are numbered row by row from the corner nearest to the origin, x fastest, as in Section 7.1 of the
-thesis; the membrane's own origin is its centre.
+Its numbers are parameters when it runs: they scale its mesh, mass and law, and the way of its rim. It starts flat and
+without loads. Elements and zones are numbered row by row from the corner nearest to the origin, x fastest, as in Section 7.1
+of the thesis; the membrane's own origin is its centre.
 """
 
 from __future__ import annotations

@@ -87,8 +87,8 @@ class Structure:
         By sensor.
     variables : callable
         ``variables(setup, N) -> table`` of the model without a frame that flies. Numbers of the setup that stand among its
-        parameters are chosen when the membrane starts to run: ``side_length`` (the largest extent of the mesh), ``thickness``,
-        ``density``, ``poisson_ratio``, each of a setup with one region, and the motion of a support.
+        parameters are chosen when the membrane starts to run: ``side_length`` (the largest extent of the mesh),
+        ``thickness``, ``density``, ``poisson_ratio``, each of a setup with one region, and the motion of a support.
     probes : dict
         Results of the table that are displacements along z, shape (n, N): weights of those of the nodes.
     origin : ndarray, shape (3,)
