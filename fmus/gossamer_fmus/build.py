@@ -40,7 +40,7 @@ from .python_fmu import python_members
 from .resources import resources
 
 if TYPE_CHECKING:
-    from gossamer_models.mesh_membrane import Structure
+    from gossamer_models.membrane import Structure
 
 
 def build_fmu(

@@ -19,7 +19,7 @@ from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
 
 if TYPE_CHECKING:
-    from gossamer_models.mesh_membrane import Structure
+    from gossamer_models.membrane import Structure
 
 log = logging.getLogger(__name__)
 
@@ -137,7 +137,7 @@ def _mesh_membrane(structure: Structure, *, frame: bool, compiled: bool, **rest:
     if rest:
         msg = f"--{min(rest).replace('_', '-')} has no meaning with --setup, which says it itself. Leave it out."
         raise ParameterError(msg)
-    from gossamer_models.mesh_membrane import mesh_membrane_model
+    from gossamer_models.membrane import mesh_membrane_model
 
     return mesh_membrane_model(structure, frame=frame, compiled=compiled)
 

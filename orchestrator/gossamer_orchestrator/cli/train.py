@@ -124,7 +124,7 @@ def train_given(
     network: Network = "neuro-fuzzy" if kind == Kind.NEURO_FUZZY else "perceptron"
     from gossamer.pages.train import training_page
     from gossamer_models.assessment.after_training import errors, held_out_verdicts
-    from gossamer_models.detector.posterior_settings import Training
+    from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
     from ..run.progress import ProgressBar

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gossamer_models import Stepper
-from gossamer_models.mesh_membrane import (
+from gossamer_models.membrane import (
     Edge,
     Gas,
     Load,

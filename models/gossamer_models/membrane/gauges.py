@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 
 from ..arrays import Vector
 from ..errors import DataError
-from ..membrane.quadrature import derivative_matrix, gauss_points, lobatto_points, value_matrix
-from .mesh import Block, SurfaceMesh
+from .quadrature import derivative_matrix, gauss_points, lobatto_points, value_matrix
+from .surface import Block, SurfaceMesh
 
 SAMPLES = 5  # of a gauge with a length, Gauss-Legendre
 _ACROSS = 1e-2  # part of a direction that lies in the surface, at least

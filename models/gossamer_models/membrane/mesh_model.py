@@ -16,18 +16,18 @@ import numpy as np
 
 from ..arrays import Vector
 from ..element_loop import Tables
-from ..membrane.frame import RESTARTED, FrameState
-from ..membrane.stability import STEPS_PER_CYCLE
 from ..mistakes import Mistake, raise_any
 from ..shape import SHAPE
 from ..step_model import StepModel
 from ..variables import Values
 from .equations import Forces, MeshForces, rows
+from .equilibrium import relax
+from .frame import RESTARTED, FrameState
 from .gauges import Gauge
 from .interface import mesh_variables
-from .relaxation import relax
+from .mesh_shape import mesh_shape
 from .riding import Rider
-from .shape import mesh_shape
+from .stability import STEPS_PER_CYCLE
 from .structure import Structure
 
 STEP_FRACTION = 0.6  # of the stable step

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from ..membrane.frame import FrameState, FrameStep, Nodes, frame_results, mounting, wrench
 from ..variables import Values
 from .equations import Forces
+from .frame import FrameState, FrameStep, Nodes, frame_results, mounting, wrench
 
 Pulled = Callable[[ca.MX], tuple[Forces, ca.MX, ca.MX]]
 

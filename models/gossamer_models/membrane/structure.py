@@ -8,20 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..errors import DataError
-from ..membrane.element import Element
 from ..mistakes import DescriptionError, Mistake, raise_any
+from .element import Element
 from .gauges import Gauge, gauge
 from .geometry import Geometry, geometry, stiffest
 from .loads import edge_force, members_of, unit_force
-from .mesh import Integers, SurfaceMesh
 from .setup import Setup
 from .supports import free_displacements, leaking, loose, ways
+from .surface import Integers, SurfaceMesh
 
 _FLAT = 1e-9  # J of an element below this share of its mean: no area
 _FAR = 1e-3  # how far a sensor may be from the surface, shares of its size
@@ -111,6 +112,35 @@ class Structure:
     def areas(self) -> Vector:
         """Reference areas of all elements [m2], in the order of the faces of the file."""
         return np.concatenate([block.areas for block in self.elements])
+
+    @property
+    def n_zones(self) -> int:
+        """Number of damage zones."""
+        return len(self.setup.zones)
+
+    @property
+    def n_sensors(self) -> int:
+        """Number of strain gauges."""
+        return len(self.setup.sensors)
+
+    @property
+    def zone_names(self) -> tuple[str, ...]:
+        """Groups of the zones, in their order."""
+        return tuple(zone.group for zone in self.setup.zones)
+
+    @cached_property
+    def zone_places(self) -> Vector:
+        """Middles of the zones on the reference shape [m], shape (zones, 3)."""
+        middles = np.concatenate([self.mesh.nodes[block.nodes].mean(axis=1) for block in self.elements])
+        zone = self.zone[np.concatenate([block.combination for block in self.elements])]
+        return np.array(
+            [np.average(middles[zone == k], axis=0, weights=self.areas[zone == k]) for k in range(self.n_zones)]
+        )
+
+    @property
+    def sensor_places(self) -> Vector:
+        """Middles of the gauges on the reference shape [m], shape (sensors, 3)."""
+        return np.array([sensor.point for sensor in self.setup.sensors]).reshape(-1, 3)
 
 
 def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..membrane.frame import FRAME_INPUTS, FRAME_OUTPUTS, FRAME_PARAMETERS
-from ..membrane.params import PARAMETERS as SQUARE
 from ..variables import Variable, input_, local, output, parameter
+from .frame import FRAME_INPUTS, FRAME_OUTPUTS, FRAME_PARAMETERS
+from .params import PARAMETERS as SQUARE
 from .setup import Setup
 from .structure import Structure
 

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from ..membrane.mesh import MAX_ORDER
 from ..mistakes import Mistake, raise_any
+from .mesh import MAX_ORDER
 
 Triple = tuple[float, float, float]
 ZERO: Triple = (0.0, 0.0, 0.0)

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..membrane import MembraneParams
-from ..membrane.mesh import N_ZONES, ZONES_PER_SIDE
-from ..membrane.params import stretch
-from ..membrane.strain import SENSOR_POINTS
-from ..mesh_membrane import (
-    MeshFile,
-    Region,
-    Sensor,
-    Setup,
-    Structure,
-    Support,
-    Zone,
-    make_structure,
-    surface_mesh,
-)
+from .mesh import N_ZONES, ZONES_PER_SIDE
+from .params import MembraneParams, stretch
+from .reading import MeshFile
+from .setup import Region, Sensor, Setup, Support, Zone
+from .strain import SENSOR_POINTS
+from .structure import Structure, make_structure
+from .surface import surface_mesh
 
 ZONES = tuple(f"zone_{k + 1}" for k in range(N_ZONES))
 LOAD = ("pressure_amplitude", "pressure_frequency", "pressure_phase")  # what a setup does not hold

@@ -9,8 +9,8 @@ import numpy as np
 from ..arrays import Vector
 from ..shape import faces_of, shape_file
 from ..variables import Variable
-from .mesh import Block, Integers
 from .structure import Structure
+from .surface import Block, Integers
 
 
 def mesh_shape(structure: Structure, variables: Sequence[Variable]) -> bytes:

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ..arrays import Vector
 from ..mistakes import Mistake, raise_any
-from .mesh import SurfaceMesh, sides_of
 from .setup import Setup
+from .surface import SurfaceMesh, sides_of
 
 
 def free_displacements(setup: Setup, mesh: SurfaceMesh) -> NDArray[np.bool_]:

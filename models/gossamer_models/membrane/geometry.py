@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from ..membrane.element import Element, make_element
-from ..membrane.law import LAWS, matrix
+from .element import Element, make_element
+from .law import LAWS, matrix
 
 _MEMORY = 2**22  # numbers of one batch of matrices
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..errors import DataError
-from ..membrane.quadrature import lobatto_points, value_matrix
+from .quadrature import lobatto_points, value_matrix
 from .reading import MeshFile
 
 Integers = NDArray[np.int64]

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from ..membrane.quadrature import derivative_matrix, lobatto_points
 from .geometry import Geometry
-from .mesh import SurfaceMesh, sides_of
+from .quadrature import derivative_matrix, lobatto_points
 from .setup import Load, Setup
+from .surface import SurfaceMesh, sides_of
 
 
 def members_of(mesh: SurfaceMesh, groups: tuple[str, ...]) -> NDArray[np.bool_]:

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..element_loop import ElementLoop
-from ..membrane.assembly import sum_at
-from ..membrane.element import Element, Extras, balance, element_points, tangents
-from ..membrane.law import Entry, matrix
+from .assembly import sum_at
+from .element import Element, Extras, balance, element_points, tangents
+from .law import Entry, matrix
 from .setup import Setup
 from .structure import Elements, Structure
 
