@@ -29,7 +29,7 @@ class Validation(Result):
     """
 
     outline: Outline
-    PRINTS_TABLES = True
+    TABLES = "stdout"
 
     @property
     def sentence(self) -> str:
@@ -154,7 +154,7 @@ class Verification(Result):
     """
 
     findings: dict[str, list[Finding]]
-    PRINTS_TABLES = True
+    TABLES = "stdout"
 
     @property
     def failed(self) -> list[str]:

@@ -251,7 +251,7 @@ class FmuInfo(Result):
     description: str
     fmi: str
     variables: Mapping[str, Mapping[str, Any]]
-    PRINTS_TABLES = True
+    TABLES = "stdout"
 
     def __fspath__(self) -> str:
         return str(self.path)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
     from rich.console import Console
     from rich.table import Table
 
@@ -44,7 +46,7 @@ class Result:
     The command line prints ``files``, where a subclass has this: what was written, the page last.
     """
 
-    PRINTS_TABLES: ClassVar[bool] = False  # on stdout: they are the answer
+    TABLES: ClassVar[Literal["stdout", "stderr", "told"]] = "stderr"  # where the command line prints them, if not yet told
 
     @property
     def sentence(self) -> str:
@@ -158,13 +160,22 @@ def first_of(files: Iterable[Path], ending: str) -> bytes | None:
     return None if path is None else path.read_bytes()
 
 
-def drawn(draw: Callable[[Any], object], size: tuple[float, float]) -> bytes:
-    """Return what is drawn into the axes of a new figure of a size [inch] as a PNG file."""
+def zone_coordinates(count: int) -> dict[str, Any]:
+    """Return the coordinates of the zones of a square membrane with sides of length 1."""
+    import numpy as np
+    from gossamer_orchestrator.results.places import zone_places
+
+    return zone_places(math.isqrt(count), 1.0, {"units": "1"}) | {"zone": np.arange(1, count + 1)}
+
+
+def draw_zones(damage: NDArray[np.float64], deviation: NDArray[np.float64]) -> bytes:
+    """Return a picture of the damages [1] of the zones as a PNG file."""
     from gossamer_files.pictures import picture
+    from gossamer_orchestrator.results.plots.damage import plot_zones
 
     target = io.BytesIO()
-    with picture(target, size) as figure:
-        draw(figure.subplots())
+    with picture(target, (4.7, 4.4)) as figure:
+        plot_zones(100.0 * damage, 100.0 * deviation, (1.0, "side"), ax=figure.subplots())
     return target.getvalue()
 
 
