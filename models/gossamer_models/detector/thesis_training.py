@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Vector
-from ..campaign import Campaign, Damage
+from ..campaign import CampaignPlan, Damage
 from ..campaign.cases import draw_cases
 from ..campaign.chunk import build_kernels, run_chunk
 from ..errors import DataError
@@ -170,7 +170,7 @@ def training_cases(training: ThesisTraining) -> Vector:
     listed = as_array(TABLE_7_3)
     listed = listed[(listed > 0.0).sum(axis=1) > 1]
     images = reflect(np.zeros((len(listed), SENSORS, 1)), listed)[1]
-    random = Campaign(cases=MORE, seed=7, damage=Damage(zones=(2, 4), depth=(LEVELS[0], LEVELS[-1]), healthy=0.0))
+    random = CampaignPlan(cases=MORE, seed=7, damage=Damage(zones=(2, 4), depth=(LEVELS[0], LEVELS[-1]), healthy=0.0))
     return np.vstack([single, images, draw_cases(random, range(MORE)).damage])
 
 
@@ -191,7 +191,7 @@ def simulate_cases(damages: ArrayLike, samples: int) -> Matrix:
     """
     cases = tuple({zone: float(d) for zone, d in enumerate(case, start=1)} for case in np.asarray(damages, dtype=float))
     stop = samples * SAMPLING_STEP
-    campaign = Campaign(step=SAMPLING_STEP, stop=stop, chunk=len(cases), damage=Damage(cases=cases))
+    campaign = CampaignPlan(step=SAMPLING_STEP, stop=stop, chunk=len(cases), damage=Damage(cases=cases))
     return np.asarray(run_chunk(campaign, build_kernels(campaign), 0)["strain"], dtype=float)
 
 

@@ -164,7 +164,7 @@ def _on_cluster(
     function: Callable[[Case], tuple[int, str]], cases: Sequence[Case], scheduler: str
 ) -> Iterator[tuple[int, str]]:
     """Call a function with each case on the Dask cluster of a scheduler."""
-    from gossamer_models.campaign.cluster import on_cluster
+    from gossamer_models.campaign.run import on_cluster
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
     with model_errors():

@@ -19,7 +19,7 @@ from .common import json_file, keep_inputs, model_errors, note_page, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.campaign import Campaign
+    from gossamer_models.campaign import CampaignPlan
     from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
     from gossamer_models.detector.posterior_artifact import Network
 
@@ -189,7 +189,7 @@ def _is_scenario(source: str) -> bool:
     return "components" in parse_toml(read_text(Path(source), "scenario"), source, "scenario")
 
 
-def _campaign_of(file: Path, nominal: Campaign) -> tuple[Campaign, float | None]:
+def _campaign_of(file: Path, nominal: CampaignPlan) -> tuple[CampaignPlan, float | None]:
     """Return the nominal campaign with the membrane and the windows of a scenario, and the length of a window [s]."""
     from ..scenario.load import load_scenario
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from gossamer_files.measured import header_of, of_a_run
 
 from ..errors import OrchestratorError, ResultsError
 from ..names import suggest
@@ -71,7 +71,7 @@ def find_record(path: Path, kind: str | None, noise: float | None, stop: float |
     if kind not in (None, *KINDS):
         msg = f"--kind is {kind!r}. Write strain or resistance."
         raise OrchestratorError(msg)
-    if path.suffix == ".csv" and not _of_a_run(path):
+    if path.suffix == ".csv" and not of_a_run(header_of(path)):
         given = _assigned(params, asdict(MembraneParams()))
         found = Found(record=read_table(path, kind, noise), params=MembraneParams(**given))
     else:
@@ -104,16 +104,6 @@ def find_in_results(data: xr.Dataset, kind: str | None, noise: float | None, par
     return Found(
         record=record, params=MembraneParams(**{**known, **_assigned(params, names)}), sensor_parameters=sensors
     )
-
-
-def _of_a_run(path: Path) -> bool:
-    """Tell whether a CSV file has the columns of a run: names with a component."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            names = next(csv.reader(file), [])
-    except (OSError, UnicodeDecodeError):
-        return False
-    return any("." in name.partition("[")[0] for name in names)
 
 
 def _on_grid(data: xr.Dataset) -> xr.Dataset:

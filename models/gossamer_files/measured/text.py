@@ -19,7 +19,7 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
-from ..errors import DataError
+from .. import DataError, reason
 from .units import is_unit
 
 MOST_PREAMBLE = 200  # lines above the header
@@ -217,6 +217,23 @@ def open_table(path: Path, check: Callable[[list[str], int], object]) -> Table:
     raise _why_no_header(path, refused)
 
 
+def header_of(path: Path) -> list[str]:
+    """Return the cells of the first line of a file.
+
+    Raises
+    ------
+    DataError
+        It cannot be read.
+    """
+    try:
+        with path.open(encoding=_encoding(path), newline="") as file:
+            line = file.readline().strip("\r\n")
+        return split(line, _delimiter(line))
+    except (OSError, UnicodeError, csv.Error) as error:
+        msg = f"cannot read {path}: {reason(error)}. Name a CSV file with a header line."
+        raise DataError(msg) from error
+
+
 class _Refused(NamedTuple):
     """A line that is no header, and why."""
 
@@ -288,8 +305,9 @@ def is_number(cell: str) -> bool:
         return True
 
 
-def why_no_number(cell: str) -> str:
-    """Return what to do about a cell that holds no number."""
+def why_no_number(cells: list[str]) -> str:
+    """Return what to do about the first of some cells that holds no number."""
+    cell = next((cell for cell in cells if not is_number(cell)), "nan")
     if cell.strip().lower() in MISSING:
         return "Clean the record or name other columns"
     if re.search(r"\d[/.-]\d+[/.-]\d|\d:\d", cell):

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from gossamer_files.measured import Column
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from .columns import Column
 
 LONGEST_GAP = 20.0  # median steps; a longer step is a gap
-WHOLE_STEP = 1.0  # times without a unit that are whole numbers and at least this far apart may be s, ms or a count
-LONG_STEP = 5.0  # and so may any that are this far apart
 LARGE_STRAIN = 0.5  # [1] a strain without a unit that reaches this may be in per cent
-DELIMITERS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +49,7 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class RecordSummary:
     """What was recognised in one file.
 
     Attributes
@@ -103,37 +100,10 @@ class Found:
         return tuple(sentences)
 
 
-def written(encoding: str, header_line: int, delimiter: str, *, comma: bool) -> str:
-    """Say how a file is written, as far as it is not usual."""
-    unusual = [] if encoding.startswith("utf-8") else [encoding.upper().removesuffix("-LE").removesuffix("-BE")]
-    if delimiter != ",":
-        unusual.append(f"{DELIMITERS[delimiter]} between cells")
-    if comma:
-        unusual.append("decimal commas")
-    if header_line > 1:
-        unusual.append(f"header in line {header_line}")
-    return ", ".join(unusual)
-
-
 def gaps_of(time: Vector, strain: Vector, lines: NDArray[np.int_]) -> tuple[Gap, ...]:
     """Return the long steps of a record."""
     steps = np.diff(time)
     return tuple(
         Gap(seconds=float(steps[k]), strain=float(abs(strain[k + 1] - strain[k])), line=int(lines[k + 1]))
         for k in np.flatnonzero(steps > LONGEST_GAP * np.median(steps))
-    )
-
-
-def unclear_clock(column: Column, time: Vector) -> str | None:
-    """Return why times without a unit cannot be read as seconds; None if they can."""
-    if column.unit is not None or time.size < 2:
-        return None
-    step = float(np.median(np.diff(time)))
-    whole = bool((time == np.rint(time)).all())
-    if step <= LONG_STEP and not (whole and step >= WHOLE_STEP):
-        return None
-    kind = "whole numbers" if whole else "numbers"
-    return (
-        f"column {column.name!r} has no unit, and its {kind} {step:g} apart may be seconds, milliseconds or a count. State "
-        "it (--time-unit s or --time-unit ms), or give the sampling step."
     )

@@ -37,8 +37,11 @@ def factor(text: str, what: str) -> float | None:
         Name of a unit, for instance ``kΩ``, ``ms`` or ``µε``.
     what : str
         ``time``, ``strain`` or ``resistance``; a signal that is linear in the resistance has the unit ``1`` or ``%``.
+        Of a ``value`` any unit is one, and it stays.
     """
     text = text.strip()
+    if what == "value":
+        return 1.0 if is_unit(text) else None
     found = _factor(text, what)
     if found is None and what in ANY_CASE and text != text.lower():
         found = _factor(text.lower(), what)
