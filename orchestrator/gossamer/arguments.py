@@ -8,7 +8,6 @@ from __future__ import annotations
 import inspect
 import json
 import os
-import sys
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, ParamSpec, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from gossamer_files import GossamerError
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError
 
@@ -66,6 +66,7 @@ Address: TypeAlias = Annotated[str, Written("URL")]
 Seconds: TypeAlias = Annotated[float, Written("SECONDS")]
 CallLimit: TypeAlias = Annotated[float, Written("SECONDS", least=1e-3)]
 Elements: TypeAlias = Annotated[int, Written("N")]
+Budget: TypeAlias = Annotated[float, Written("SECONDS", least=1.0)]
 Cases: TypeAlias = Annotated[int, Written("N", least=4)]
 NotNegative: TypeAlias = Annotated[float, Written(least=0.0)]
 Count: TypeAlias = Annotated[int, Written("N", least=1)]
@@ -73,6 +74,7 @@ CountOrNone: TypeAlias = Annotated[int, Written("N", least=0)]
 Threads: TypeAlias = Annotated[int, Written("N", least=1, most=64)]
 FmiVersion: TypeAlias = Annotated[int, Written("N", least=2, most=3)]
 
+GROUPS: dict[type, tuple[type, ...]] = {}  # of options that commands share: the classes that declare them, by their sum
 COMMANDS: dict[str, Callable[..., Any]] = {}  # by name, in the order in which they are declared
 
 
@@ -92,8 +94,8 @@ class Argument:
         How the command line writes it.
     is_option : bool
         Whether it is given by name.
-    about : str
-        Title of the class that declares it for several commands; empty for an argument of the function's own.
+    owner : type or None
+        The class that declares it, for several commands; None for an argument of the function's own.
     """
 
     name: str
@@ -101,7 +103,7 @@ class Argument:
     default: Any
     written: Written
     is_option: bool
-    about: str = ""
+    owner: type | None = None
 
 
 @cache
@@ -114,10 +116,10 @@ def declared(function: Callable[..., Any]) -> dict[str, Argument]:
         hint = hints[each.name]
         if each.kind is each.VAR_KEYWORD:
             (shared,) = get_args(hint)
-            title = (inspect.getdoc(shared) or "").partition(".")[0]
-            for name, inner in get_type_hints(shared, include_extras=True).items():
-                default = None if type(None) in _kinds(inner) else False
-                found[name] = Argument(name, _kinds(inner), default, _written(inner), True, title)
+            for owner in GROUPS.get(shared, (shared,)):
+                for name, inner in get_type_hints(owner, include_extras=True).items():
+                    default = None if type(None) in _kinds(inner) else False
+                    found[name] = Argument(name, _kinds(inner), default, _written(inner), True, owner)
         else:
             is_option = each.kind is each.KEYWORD_ONLY
             found[each.name] = Argument(each.name, _kinds(hint), each.default, _written(hint), is_option)
@@ -147,15 +149,12 @@ def expected_errors(taken: Container[str] = ("out",)) -> Iterator[None]:
         yield
     except OrchestratorError:
         raise
+    except (GossamerError, ModuleNotFoundError) as error:
+        raise OrchestratorError("\n".join((str(error), *getattr(error, "__notes__", ())))) from error
     except OSError as error:
         advice = f" Name another place with {option('out')}." if "out" in taken else ""
         msg = f"cannot use {shortened(error.filename or 'the disk')}: {error.strerror or error}.{advice}"
         raise OrchestratorError(msg) from error
-    except Exception as error:
-        models = sys.modules.get("gossamer_models")
-        if isinstance(error, ModuleNotFoundError) or (models and isinstance(error, models.GossamerError)):
-            raise OrchestratorError("\n".join((str(error), *getattr(error, "__notes__", ())))) from error
-        raise
 
 
 def shortened(name: object) -> str:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from gossamer_files.options import option
 from gossamer_models import campaign, membrane
-from gossamer_models.campaign import Campaign
+from gossamer_models.campaign import CampaignPlan
 from gossamer_models.membrane import Setup, Structure, make_structure, read_mesh, surface_mesh
 from gossamer_models.mistakes import DescriptionError
 from gossamer_orchestrator import ScenarioError
@@ -43,7 +43,7 @@ OF_A_CAMPAIGN: dict[str, type] = {
     "membrane": campaign.Mesh,
     "damage": campaign.Damage,
     "vary": campaign.Vary,
-    "noise": campaign.Noise,
+    "noise": campaign.MeasurementNoise,
     "strain": campaign.Distribution,
     "resistance": campaign.Distribution,
     "chain": campaign.Chain,
@@ -113,9 +113,9 @@ def locating(source: Source) -> Iterator[None]:
         problems.raise_if_any()
 
 
-def load_campaign(path: Path) -> tuple[Campaign, Source]:
+def load_campaign(path: Path) -> tuple[CampaignPlan, Source]:
     """Read and check a campaign file, see ``read_description``; the file of its artifact is relative to its folder."""
-    found, source = read_description(path, "campaign", Campaign, OF_A_CAMPAIGN)
+    found, source = read_description(path, "campaign", CampaignPlan, OF_A_CAMPAIGN)
     if found.chain is not None and found.chain.artifact is not None:
         artifact = str((path.parent / found.chain.artifact).resolve())
         found = replace(found, chain=replace(found.chain, artifact=artifact))

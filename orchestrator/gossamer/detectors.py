@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,10 +19,8 @@ from .writing import json_file, keep_inputs, save_page
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_models.assessment import Assessment as Assessed
-    from gossamer_models.campaign import Campaign as Description
-    from gossamer_models.campaign import Summary
+    from gossamer_models.campaign import CampaignPlan, Summary
     from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
-    from gossamer_orchestrator.pages import Page
 
 Method = Literal["neuro-fuzzy", "perceptron", "thesis"]
 NOMINAL = "detector_nominal"
@@ -357,7 +355,7 @@ def is_scenario(source: str) -> bool:
     return "components" in parse_toml(read_text(Path(source), "scenario"), source, "scenario")
 
 
-def campaign_of(file: Path, nominal: Description) -> tuple[Description, float | None]:
+def campaign_of(file: Path, nominal: CampaignPlan) -> tuple[CampaignPlan, float | None]:
     """Return the nominal campaign with the membrane and the windows of a scenario, and the length of a window [s]."""
     from gossamer_orchestrator import ScenarioError, load_scenario
 

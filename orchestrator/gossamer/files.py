@@ -286,9 +286,7 @@ def export_ssp(scenario: AnyPath, *, out: File | None = None, fmus: Folder = "ou
 
 
 @command
-def container(
-    scenario: AnyPath, *, out: File | None = None, fmus: Folder = "out/fmus", fmi: FmiVersion = 2
-) -> Path:
+def container(scenario: AnyPath, *, out: File | None = None, fmus: Folder = "out/fmus", fmi: FmiVersion = 2) -> Path:
     """Merge a scenario and its FMUs into one FMU.
 
     Its inputs are those that the scenario gives a value. Its outputs are those that no component receives and those that are

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -70,11 +69,12 @@ def find_record(
     OrchestratorError
         An option makes no sense, or the results lack what is needed.
     """
+    from gossamer_files.measured import header_of, of_a_run
     from gossamer_models.membrane import MembraneParams
     from gossamer_models.twin import read_table
     from gossamer_orchestrator import OrchestratorError, load_results
 
-    if path.suffix == ".csv" and not _of_a_run(path):
+    if path.suffix == ".csv" and not of_a_run(header_of(path)):
         known = asdict(MembraneParams())
         found = KnownRecord(record=read_table(path, kind, noise), params=MembraneParams(**_assigned(values, known)))
     else:
@@ -118,16 +118,6 @@ def name_of(record: Path) -> str:
     if path.is_dir():
         return path.name
     return path.parent.name if path.name in RECORDED else path.stem
-
-
-def _of_a_run(path: Path) -> bool:
-    """Tell whether a CSV file has the columns of a run: names with a component."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            names = next(csv.reader(file), [])
-    except (OSError, UnicodeDecodeError):
-        return False
-    return any("." in name.partition("[")[0] for name in names)
 
 
 def _on_grid(data: xr.Dataset) -> xr.Dataset:

@@ -46,7 +46,9 @@ class Result:
     The command line prints ``files``, where a subclass has this: what was written, the page last.
     """
 
-    TABLES: ClassVar[Literal["stdout", "stderr", "told"]] = "stderr"  # where the command line prints them, if not yet told
+    TABLES: ClassVar[Literal["stdout", "stderr", "told"]] = (
+        "stderr"  # where the command line prints them, if not yet told
+    )
 
     @property
     def sentence(self) -> str:
@@ -102,12 +104,17 @@ class Result:
 
         console = Console(record=True, file=io.StringIO(), width=_WIDTH, force_jupyter=False, force_terminal=False)
         print_tables(console, self.tables())
-        parts = [f"<p><strong>{escape(self.sentence)}</strong></p>", *(f"<p>{escape(each)}</p>" for each in self.more())]
+        parts = [
+            f"<p><strong>{escape(self.sentence)}</strong></p>",
+            *(f"<p>{escape(each)}</p>" for each in self.more()),
+        ]
         if console.file.getvalue().strip():  # type: ignore[attr-defined]
             parts.append(console.export_html(inline_styles=True, code_format=_CODE))
         if (picture := self.picture()) is not None:
             coded = base64.b64encode(picture).decode()
-            parts.append(f'<img style="max-width:100%" alt="{escape(self.sentence)}" src="data:image/png;base64,{coded}">')
+            parts.append(
+                f'<img style="max-width:100%" alt="{escape(self.sentence)}" src="data:image/png;base64,{coded}">'
+            )
         return f"<div>{''.join(parts)}</div>"
 
 

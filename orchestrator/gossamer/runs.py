@@ -344,5 +344,3 @@ def load(results: AnyPath) -> Run:
     path = Path(results)
     folder = path if path.is_dir() else path.parent
     return Run(folder=folder, data=with_places(load_results(path), folder))
-
-

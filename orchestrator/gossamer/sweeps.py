@@ -170,7 +170,15 @@ def sweep(
     cases = make_cases(read_ranges(assigned(set, many=True)))
     numbers = {"--step": step, "--stop": stop}
     options = [f"{key}={value!r}" for key, value in numbers.items() if value is not None]
-    arguments = ["run", str(path.absolute()), "--fmus", str(Path(fmus).absolute()), "--no-pictures", "--no-csv", *options]
+    arguments = [
+        "run",
+        str(path.absolute()),
+        "--fmus",
+        str(Path(fmus).absolute()),
+        "--no-pictures",
+        "--no-csv",
+        *options,
+    ]
     spread = partial(on_cores, workers=workers) if scheduler is None else partial(_on_cluster, scheduler=scheduler)
     bar = ProgressBar(path.stem, stderr())
     try:
@@ -202,9 +210,7 @@ def _on_cluster(
     function: Callable[[Case], tuple[int, str]], cases: Sequence[Case], scheduler: str
 ) -> Iterator[tuple[int, str]]:
     """Call a function with each case on the Dask cluster of a scheduler."""
-    from gossamer_models.campaign.cluster import on_cluster
+    from gossamer_models.campaign.run import on_cluster
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
     yield from on_cluster(function, cases, scheduler)
-
-

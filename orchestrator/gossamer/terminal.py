@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,10 +26,13 @@ class Terminal:
         Whether the user wants nothing but the answer and errors.
     talks : bool
         Whether sentences are printed, as the command line does; in Python they are messages of the log.
+    typed : sequence of str or None
+        Arguments of the command line; None in Python.
     """
 
     quiet: bool = False
     talks: bool = False
+    typed: Sequence[str] | None = None
 
 
 TERMINAL = Terminal()

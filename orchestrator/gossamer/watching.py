@@ -13,7 +13,7 @@ from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import AnyPath, Elements, File, NotNegative, Values, assigned, command, expected_errors
 from .records import KnownRecord, Quantity, beside, file_of, find_in_results, find_record
-from .results import INVALID, Result, as_json, draw_zones, typed, zone_coordinates
+from .results import INVALID, Result, draw_zones, typed, zone_coordinates
 from .terminal import TERMINAL, stderr, talk
 from .writing import keep_inputs
 

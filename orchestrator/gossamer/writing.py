@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 
-def keep_inputs(
-    inputs: Iterable[str | PathLike[str] | None], outputs: Iterable[str | PathLike[str] | None]
-) -> None:
+def keep_inputs(inputs: Iterable[str | PathLike[str] | None], outputs: Iterable[str | PathLike[str] | None]) -> None:
     """Refuse to write over what a command reads, under whatever name.
 
     Parameters

@@ -8,9 +8,9 @@ from pathlib import Path
 from gossamer_models.automatic.compare import RIVALS
 from gossamer_models.review import Judged
 from gossamer_models.sensor import SensorArtifact
-from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.pages import SCRIPT, Chart, Page, curve, drawn, folded
 
+from ..results import TableText, on_page
 from . import facts
 from .comparison import Comparison, comparison_chart, verdict
 from .record import Seen, record_charts
@@ -19,7 +19,7 @@ CUBIC = RIVALS[0]
 
 
 def assessment_page(
-    judged: Sequence[Judged], sensor: Path, files: Sequence[Path], shown: Sequence[Shown], seconds: float
+    judged: Sequence[Judged], sensor: Path, files: Sequence[Path], shown: Sequence[TableText], seconds: float
 ) -> Page:
     """Return the page of an assessment.
 
@@ -31,7 +31,7 @@ def assessment_page(
         Artifact of the sensor.
     files : sequence of Path
         Files of the records.
-    shown : sequence of Shown
+    shown : sequence of TableText
         Errors and scales.
     seconds : float
         How long it took [s].

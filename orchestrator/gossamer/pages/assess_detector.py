@@ -8,9 +8,9 @@ from collections.abc import Iterable, Sequence
 from gossamer_models.assessment import Assessment
 from gossamer_models.assessment.results import Row
 from gossamer_models.detector.thesis_tables import TABLES
-from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.pages import SCRIPT, Page, drawn, folded, table
 
+from ..results import TableText, on_page
 from .assess_detector_charts import ZERO, call_charts, confusion_charts, detection_charts, error_charts, stated_charts
 
 MAIN = "noise"  # the condition of the verdict: the thesis' noise on strain, nothing else wrong
@@ -100,7 +100,7 @@ def _few(found: Assessment) -> list[str]:
     return [f"Few records, so rough figures, and none for the verdict: {'; '.join(parts)}."] if parts else []
 
 
-def condition_table(found: Assessment) -> Shown:
+def condition_table(found: Assessment) -> TableText:
     """Return errors and shares, a row for each judge and condition."""
     head = (
         "detector",
@@ -135,10 +135,10 @@ def condition_table(found: Assessment) -> Shown:
                 _number(f.brier),
             )
         )
-    return Shown(head, rows, CONDITIONS)
+    return TableText(head, rows, CONDITIONS)
 
 
-def detection_table(found: Assessment) -> Shown:
+def detection_table(found: Assessment) -> TableText:
     """Return the probability of detection, a row for each judge, condition and zone; zones without a hit are left out."""
     head = (
         "detector",
@@ -166,7 +166,7 @@ def detection_table(found: Assessment) -> Shown:
         for row in found.detections
         if row.hits or not row.zone
     ]
-    return Shown(head, rows, DETECTIONS)
+    return TableText(head, rows, DETECTIONS)
 
 
 def _facts(found: Assessment) -> str:

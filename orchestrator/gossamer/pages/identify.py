@@ -7,11 +7,11 @@ from pathlib import Path
 from gossamer_models.automatic import HERE, defeats
 from gossamer_models.identify import Identified
 from gossamer_models.sensor import SensorArtifact
-from gossamer_orchestrator.cli.identify_report import error_table, standing_table, trial_table
-from gossamer_orchestrator.cli.tables import on_page
 from gossamer_orchestrator.pages import SCRIPT, Page, drawn, folded
 from gossamer_orchestrator.pages.page import Kind
 
+from ..results import on_page
+from ..sensor_tables import error_table, standing_table, trial_table
 from . import facts
 from .comparison import Comparison, comparison_chart, verdict
 from .record import Seen, record_charts

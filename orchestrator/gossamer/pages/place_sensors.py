@@ -9,10 +9,11 @@ from gossamer_models.placement import Placement, Placing
 from gossamer_models.placement.check import Check
 from gossamer_models.placement.plots import faces_of, view_of
 from gossamer_models.twin.least_squares import MOST_DAMAGE
-from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.pages import SCRIPT, Chart, Page, bars, drawn, points, table
 from gossamer_orchestrator.words import counted
 from numpy.typing import NDArray
+
+from ..results import TableText, on_page
 
 NAMED = 40  # zones with a label: more would cover the picture
 LENGTH = 0.05  # of the line of a sensor, shares of the membrane's size
@@ -49,7 +50,7 @@ def placement_page(found: Placing, samples: int) -> Page:
     )
 
 
-def zone_table(found: Placing) -> Shown:
+def zone_table(found: Placing) -> TableText:
     """Return the smallest damage that is found, a row for each zone, and the worst."""
     shown = _shown(found)
     checked = [(name, p.check) for name, p in shown if p.check is not None]
@@ -66,7 +67,7 @@ def zone_table(found: Placing) -> Shown:
     ]
     rows.append(("worst", "", *(f"{100.0 * p.a90.max():.2f}" for _, p in shown), *("" for _ in checked)))
     caption = "Smallest damage that is found" + (", and deviation at 30 % damage" if checked else "")
-    return Shown(("zone", "group", *head), rows, caption)
+    return TableText(("zone", "group", *head), rows, caption)
 
 
 def _shown(found: Placing) -> list[tuple[str, Placement]]:

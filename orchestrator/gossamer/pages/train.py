@@ -9,7 +9,6 @@ from gossamer_models.arrays import Matrix, Vector
 from gossamer_models.assessment import AlwaysZero, Verdicts, reliability, share
 from gossamer_models.assessment.figures import CALL, NOMINAL
 from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
-from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.pages import (
     SCRIPT,
     Chart,
@@ -23,6 +22,7 @@ from gossamer_orchestrator.pages import (
     with_interval,
 )
 
+from ..results import TableText, on_page
 from .reliability import COLORS, reliability_chart
 
 ZERO = AlwaysZero.name
@@ -104,7 +104,7 @@ def thesis_page(name: str, artifact: DetectorArtifact, found: Errors) -> Page:
     )
 
 
-def error_table(found: Errors) -> Shown:
+def error_table(found: Errors) -> TableText:
     """Return the errors on held-out cases, a row for each kind of record."""
     errors = ("all zones", "damaged zones")
     shares = ("in 95 % band", "valid", "false calls", "wrong", "wrong and valid")
@@ -116,7 +116,7 @@ def error_table(found: Errors) -> Shown:
         )
         for kind, row in found.items()
     ]
-    return Shown(("cases", *errors, *shares), rows, "Mean absolute error [% damage]; shares [%]")
+    return TableText(("cases", *errors, *shares), rows, "Mean absolute error [% damage]; shares [%]")
 
 
 def _line(kind: str, row: Mapping[str, float]) -> str:
