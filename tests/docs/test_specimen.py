@@ -10,7 +10,6 @@ from gossamer_models.fitting import read_record
 from make_synthetic_records import app
 from scipy.constants import electron_mass, electron_volt, hbar
 from studies.specimen import SpecimenParams, VirtualSpecimen, dataset, random_reversals
-from typer.testing import CliRunner
 
 CYCLE = 200  # samples: 100 s
 RECORDS = [dataset(1), dataset(2), dataset(3)]
@@ -275,7 +274,7 @@ def test_random_reversals_stay_in_range_and_turn_often():
 
 
 def test_files_of_the_datasets_say_what_they_are_and_are_recognised_to_the_bit(tmp_path):
-    result = CliRunner().invoke(app, ["--out", str(tmp_path / "new" / "folder")])
+    result = invoke(["--out", str(tmp_path / "new" / "folder")])
     assert result.exit_code == 0, result.output
     paths = sorted((tmp_path / "new" / "folder").iterdir())
     assert result.stdout.split() == [str(path) for path in paths]
@@ -290,7 +289,7 @@ def test_files_of_the_datasets_say_what_they_are_and_are_recognised_to_the_bit(t
 
 def test_a_folder_that_cannot_be_made_is_said_in_one_message(tmp_path):
     (tmp_path / "taken").write_text("")
-    result = CliRunner().invoke(app, ["--out", str(tmp_path / "taken")])
+    result = invoke(["--out", str(tmp_path / "taken")])
     assert result.exit_code == 1
     assert "Name another folder" in result.output
 

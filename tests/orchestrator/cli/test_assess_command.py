@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from gossamer_models.assessment.records import Records
 from gossamer_models.campaign import draw_cases
-from gossamer_orchestrator.cli import app
-from typer.testing import CliRunner
+from command_line import invoke
 
 
 @pytest.fixture
@@ -19,7 +18,7 @@ def quick(monkeypatch):
 
 
 def test_paths_are_printed_and_tables_stand_on_stderr(quick, tmp_path):
-    result = CliRunner().invoke(app, ["assess-detector", "--cases", "4", "--out", str(tmp_path)])
+    result = invoke(["assess-detector", "--cases", "4", "--out", str(tmp_path)])
     assert result.exit_code == 0
     paths = result.stdout.split()
     assert paths

@@ -10,9 +10,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from gossamer_orchestrator.scenario.shipped import find_scenario, shipped_scenarios
-from typer.testing import CliRunner
 
 COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin", "watch", "report", "view")
 
@@ -22,7 +21,7 @@ GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0
 
 @pytest.fixture
 def call():
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])
+    return lambda *arguments: invoke([str(a) for a in arguments])
 
 
 def test_help_names_every_command_and_each_shows_an_example(call):

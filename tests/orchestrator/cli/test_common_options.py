@@ -15,18 +15,17 @@ import pytest
 import typer
 import xarray as xr
 from gossamer_orchestrator import OrchestratorError, ProgressBar
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from gossamer_orchestrator.cli.command import INVALID, Command, Group, Result, as_json, note, show, stderr
 from gossamer_orchestrator.cli.inspect import variable_table
 from rich.console import Console
-from typer.testing import CliRunner
 
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
 
 
 @pytest.fixture
 def call():
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])
+    return lambda *arguments: invoke([str(a) for a in arguments])
 
 
 @pytest.fixture

@@ -22,11 +22,10 @@ from gossamer_models.membrane import (
     mesh_membrane_model,
     read_mesh,
 )
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from gossamer_orchestrator.cli.setup_file import load_structure
 from gossamer_orchestrator.errors import ScenarioError
 from gossamer_orchestrator.scenario.shipped import shipped_scenarios
-from typer.testing import CliRunner
 
 meshio = pytest.importorskip("meshio", reason="reading mesh files needs the extra 'mesh'")
 
@@ -121,7 +120,7 @@ def test_all_mistakes_on_the_mesh_are_named_at_once(folder):
 
 def test_the_command_builds_a_shipped_membrane_and_refuses_an_unknown_one(tmp_path):
     def call(*arguments):
-        return CliRunner().invoke(app, [str(a) for a in arguments])
+        return invoke([str(a) for a in arguments])
 
     result = call("build", "membrane", "--setup", "reflector", "--out", tmp_path)
     assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'membrane.fmu'}\n"), result.stderr

@@ -9,12 +9,11 @@ import gossamer
 import pytest
 from gossamer_models.campaign import CampaignPlan
 from gossamer_models.detector import PosteriorArtifact
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from gossamer_orchestrator.cli.train import _campaign_of, _is_scenario
 from gossamer_orchestrator.errors import ScenarioError
 from gossamer_orchestrator.scenario.shipped import shipped_scenarios
 from reading_pages import read_page, values
-from typer.testing import CliRunner
 
 SMALL = """
 cases = 640
@@ -32,7 +31,7 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.toml").write_text(SMALL)
     options = ["--window", "0.03", "--epochs", "60"]
-    result = CliRunner().invoke(app, ["train", "small.toml", *options], catch_exceptions=False)
+    result = invoke(["train", "small.toml", *options], catch_exceptions=False)
     assert result.exit_code == 0, result.output
     assert "always 0" in result.stderr
     artifact = PosteriorArtifact.read(tmp_path / "out/detector/small.json")
@@ -61,10 +60,10 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
 def test_a_campaign_that_is_too_short_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.toml").write_text(SMALL.replace("640", "64").replace("0.06", "0.03"))
-    result = CliRunner().invoke(app, ["train", "small.toml", "--window", "0.03"])
+    result = invoke(["train", "small.toml", "--window", "0.03"])
     assert result.exit_code == 1
     assert "55 cases of 200 block means have no 128 principal components. Run more cases." in result.output
-    result = CliRunner().invoke(app, ["train", "out/campaigns/small.zarr", "--window", "0.3"])
+    result = invoke(["train", "out/campaigns/small.zarr", "--window", "0.3"])
     assert result.exit_code == 1
     assert "Make its 'stop' longer" in result.output
 

@@ -10,11 +10,10 @@ from gossamer_models.membrane import MembraneParams
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import Answer, Record
 from gossamer_models.twin.forward import Forward
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from gossamer_orchestrator.cli.twin import _compared, zone_table
 from gossamer_orchestrator.results.files import save_results
 from reading_pages import read_page, values
-from typer.testing import CliRunner
 
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
 
@@ -26,7 +25,7 @@ TRUE[5], TRUE[10] = 0.3, 0.15
 
 @pytest.fixture
 def call():
-    return lambda *arguments: CliRunner().invoke(app, ["twin", *(str(a) for a in arguments)])
+    return lambda *arguments: invoke(["twin", *(str(a) for a in arguments)])
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,8 @@ import json
 
 import pytest
 from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from gossamer_orchestrator.scenario.shipped import shipped_scenarios
-from typer.testing import CliRunner
 
 SCENARIO = """\
 step = 0.1
@@ -40,7 +39,7 @@ def call(fmus, tmp_path):
         path = tmp_path / "s.toml"
         path.write_text(text)
         arguments = [command, str(path), "--fmus", str(fmus), *options]
-        return CliRunner().invoke(app, arguments + (["--out", str(tmp_path / "out")] if command == "run" else []))
+        return invoke(arguments + (["--out", str(tmp_path / "out")] if command == "run" else []))
 
     return called
 
@@ -91,5 +90,5 @@ def test_options_replace_values_as_those_of_a_run(call):
 def test_shipped_scenarios_can_run(built, name):
     assert name in shipped_scenarios()
     folder = built("native")["sensor"].parent
-    result = CliRunner().invoke(app, ["validate", name, "--fmus", str(folder), "--strict"])
+    result = invoke(["validate", name, "--fmus", str(folder), "--strict"])
     assert result.exit_code == 0, result.stderr

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from gossamer_models.sensor import SensorArtifact
 from gossamer_orchestrator import save_results
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from gossamer_orchestrator.results.places import with_places
-from typer.testing import CliRunner
 
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
 
@@ -33,7 +32,7 @@ def test_a_run_gives_the_data_that_the_command_writes(scenario, fmus, tmp_path, 
     run = gossamer.run(scenario, fmus=fmus, out=tmp_path / "python", set={"g.u": 3.0})
     assert capsys.readouterr().out == ""
     arguments = ["run", str(scenario), "--fmus", str(fmus), "--out", str(tmp_path / "command"), "--set", "g.u=3.0"]
-    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert invoke(arguments).exit_code == 0
     assert run.data.equals(gossamer.load(tmp_path / "command").data)
     assert {path.name for path in run.folder.iterdir()} == {path.name for path in (tmp_path / "command").iterdir()}
     assert run["time"].attrs["units"] == "s"

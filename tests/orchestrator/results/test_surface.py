@@ -11,7 +11,7 @@ import pytest
 from gossamer_models import Stepper
 from gossamer_models.membrane import membrane_model
 from gossamer_orchestrator import ResultsError
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from gossamer_orchestrator.fmi.shape import Shape, Surface
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.report.surface import surface_content
@@ -20,7 +20,6 @@ from gossamer_orchestrator.results.surface import SLACK, TAUT, WRINKLED, face_st
 from gossamer_orchestrator.results.vtk import export_vtk
 from reading_pages import Reader, numbers
 from sails import sail_file, sail_model
-from typer.testing import CliRunner
 
 
 def surface(nu: float = 0.3) -> Surface:
@@ -162,7 +161,7 @@ def test_paraview_files_hold_places_damage_and_strain(known, tmp_path):
     file.append(np.concatenate([[9.0], *(part.ravel() for part in pair)])[None])
     file.close()
     save_results(known, tmp_path)
-    result = CliRunner().invoke(app, ["export-vtk", str(tmp_path)])
+    result = invoke(["export-vtk", str(tmp_path)])
     assert result.stdout == f"{tmp_path / 'vtk/membrane.pvd'}\n"
     sets = ElementTree.parse(tmp_path / "vtk/membrane.pvd").getroot()[0]
     assert [float(each.get("timestep")) for each in sets] == [0.0, 9.0]
@@ -205,7 +204,7 @@ def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
         file.append(np.concatenate([[time], each.ravel(), np.zeros(3)])[None])
     file.close()
     save_results(data, tmp_path)
-    assert CliRunner().invoke(app, ["report", str(tmp_path)]).exit_code == 0
+    assert invoke(["report", str(tmp_path)]).exit_code == 0
     page = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
     content = json.loads(page.unpacked("data"))
     drawn = content["surface"]
@@ -218,8 +217,8 @@ def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
         16,
         24,
     ]  # two nodes of each side around the zone, and around all
-    result = CliRunner().invoke(app, ["plot", str(tmp_path), "--format", "svg", "--out", str(tmp_path / "svg")])
+    result = invoke(["plot", str(tmp_path), "--format", "svg", "--out", str(tmp_path / "svg")])
     names = {line.rpartition("/")[2] for line in result.stdout.splitlines()}
     assert "deflection.svg" in names
     assert (tmp_path / "svg/deflection.svg").read_text(encoding="utf-8").startswith("<?xml")
-    assert CliRunner().invoke(app, ["plot", str(tmp_path), "--format", "bmp"]).exit_code == 1
+    assert invoke(["plot", str(tmp_path), "--format", "bmp"]).exit_code == 1

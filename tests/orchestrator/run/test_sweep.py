@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 import xarray as xr
 from gossamer_orchestrator import ScenarioError
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from gossamer_orchestrator.results.plots.cases import plot_cases
 from gossamer_orchestrator.run.sweep import make_cases, read_ranges
 from matplotlib.figure import Figure
-from typer.testing import CliRunner
 
 SCENARIO = """
 step = 0.1
