@@ -11,7 +11,7 @@ from .results import Result
 from .terminal import stderr
 
 if TYPE_CHECKING:
-    from gossamer_orchestrator.run.outline import Outline
+    from gossamer_orchestrator.run.child import Outline
     from gossamer_orchestrator.verify import Finding
     from rich.table import Table
 
@@ -24,7 +24,7 @@ class Validation(Result):
 
     Attributes
     ----------
-    outline : gossamer_orchestrator.run.outline.Outline
+    outline : gossamer_orchestrator.run.child.Outline
         ``components`` in stepping order, ``connections``, times, what is recorded, and ``warnings``.
     """
 
@@ -125,9 +125,9 @@ def validate(
 
         gossamer validate my_scenario.toml
     """
-    from gossamer_orchestrator.run.validation import validate_scenario
+    from gossamer_orchestrator.run.runner import validate_scenario
     from gossamer_orchestrator.scenario.changes import read_changes
-    from gossamer_orchestrator.scenario.shipped import find_scenario
+    from gossamer_orchestrator.scenario.source import find_scenario
 
     with stderr().status("starting the FMUs"):
         outline = validate_scenario(

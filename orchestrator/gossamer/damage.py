@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .arguments import AnyPath, Elements, File, NamesWithCommas, NotNegative, Values, assigned, command, with_commas
-from .records import Quantity, beside, file_of, find_record, name_of
+from .records import beside, file_of, find_record, name_of
 from .results import INVALID, Result, draw_zones, typed, zone_coordinates
 from .terminal import stderr
 from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.twin import Answer, Record
+    from gossamer_models.twin import Answer, ResponseRecord
     from rich.table import Table
 
 logger = logging.getLogger(__name__)
@@ -128,7 +128,7 @@ def twin(
     record: AnyPath,
     *,
     fit: NamesWithCommas | None = None,
-    kind: Quantity | None = None,
+    kind: str | None = None,
     noise: NotNegative | None = None,
     stop: float | None = None,
     set: Values | None = None,
@@ -186,7 +186,7 @@ def twin(
     """
     from gossamer_files import replacing
     from gossamer_models.twin import Twin
-    from gossamer_orchestrator.results.watch import TWIN
+    from gossamer_orchestrator.results.files import TWIN
     from gossamer_orchestrator.run.progress import ProgressBar
 
     from .pages.twin import twin_page
@@ -221,7 +221,7 @@ def twin(
     return TwinAnswer(path=path, page=next(iter(pages), None), answer=answer, compared=compared)
 
 
-def _compared(path: Path, given: Record, used: Record, stop: float | None) -> str:
+def _compared(path: Path, given: ResponseRecord, used: ResponseRecord, stop: float | None) -> str:
     """Say which part of a record was compared; nothing if it is all of it."""
     if used.samples >= given.samples:
         return ""

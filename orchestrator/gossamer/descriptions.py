@@ -18,8 +18,7 @@ from gossamer_models.mistakes import DescriptionError
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.names import suggest
 from gossamer_orchestrator.scenario.schema import Table
-from gossamer_orchestrator.scenario.source import Location, Problems, Source
-from gossamer_orchestrator.scenario.toml_file import explain, parse_toml, read_text
+from gossamer_orchestrator.scenario.source import Location, Problems, Source, explain, parse_toml, read_text
 from pydantic import ValidationError, create_model
 
 T = TypeVar("T")

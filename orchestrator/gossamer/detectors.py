@@ -18,7 +18,7 @@ from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.assessment import Assessment as Assessed
+    from gossamer_models.assessment import AssessmentResults
     from gossamer_models.campaign import CampaignPlan, Summary
     from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
 
@@ -110,8 +110,8 @@ def campaign(
 ) -> Campaign:
     """Simulate the cases of a campaign: random damage, load, material and sensors.
 
-    Called again, it goes on after an interruption: finished chunks are kept, and the numbers depend on the file alone. Writes
-    the store, and report.html, the page of the campaign.
+    Called again, it goes on after an interruption: finished chunks are kept, and the numbers depend on the file alone.
+    Writes the store, and report.html, the page of the campaign.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def campaign(
     """
     from gossamer_models.campaign import read_campaign, run_campaign
     from gossamer_orchestrator.run.progress import ProgressBar
-    from gossamer_orchestrator.scenario.shipped import find_scenario
+    from gossamer_orchestrator.scenario.source import find_scenario
 
     from .descriptions import load_campaign, locating
     from .pages.campaign import campaign_page
@@ -196,7 +196,7 @@ class TrainedDetector(Result):
 
     @property
     def data(self) -> xr.Dataset:
-        """Errors by kind of record, ``cases``, see ``gossamer_models.assessment.after_training``; damage in %, shares [1]."""
+        """Errors by kind of record, ``cases``: see ``gossamer_models.assessment.figures``."""
         return _by(("cases",), (((kind,), row) for kind, row in self.held_out.items()))
 
     def __fspath__(self) -> str:
@@ -240,8 +240,8 @@ def train(
     """Train a detector on simulated damage.
 
     Runs the campaign first if that has not been done, which takes many minutes; the training itself takes some. What varies
-    in the campaign is what the detector is trained over. For a scenario, damage varies and the membrane is its own. Errors on
-    cases that were held out stand beside those of the answer "always 0"; after a training of the thesis those on its test
+    in the campaign is what the detector is trained over. For a scenario, damage varies and the membrane is its own. Errors
+    on cases that were held out stand beside those of the answer "always 0"; after a training of the thesis those on its test
     cases, beside its own.
 
     Parameters
@@ -289,7 +289,7 @@ def train(
         return _train_thesis(str(source or "single"), out)
     path = None if out is None else json_file(out)
     keep_inputs([source or NOMINAL], [out, path])
-    from gossamer_models.assessment.after_training import errors, held_out_verdicts
+    from gossamer_models.assessment.figures import errors, held_out_verdicts
     from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior
     from gossamer_orchestrator.run.progress import ProgressBar
@@ -325,7 +325,7 @@ def _data(source: str) -> tuple[xr.Dataset, str, float | None]:
     """Return the campaign of a source, run if need be, its name, and the length of a window that a scenario states [s]."""
     from gossamer_models.campaign import read_campaign, run_campaign
     from gossamer_orchestrator.run.progress import ProgressBar
-    from gossamer_orchestrator.scenario.shipped import find_scenario, shipped_scenarios
+    from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios
 
     from .descriptions import load_campaign, locating
 
@@ -347,8 +347,7 @@ def _data(source: str) -> tuple[xr.Dataset, str, float | None]:
 
 def is_scenario(source: str) -> bool:
     """Tell a scenario, which has components, from a campaign, by content or by the name of a shipped one."""
-    from gossamer_orchestrator.scenario.shipped import shipped_scenarios
-    from gossamer_orchestrator.scenario.toml_file import parse_toml, read_text
+    from gossamer_orchestrator.scenario.source import parse_toml, read_text, shipped_scenarios
 
     if not Path(source).is_file():
         return source in shipped_scenarios() and source not in shipped_scenarios("campaign")
@@ -380,7 +379,7 @@ def campaign_of(file: Path, nominal: CampaignPlan) -> tuple[CampaignPlan, float 
 
 
 def _train_thesis(name: str, out: AnyPath | None) -> TrainedDetector:
-    from gossamer_models.assessment.after_training import thesis_errors
+    from gossamer_models.assessment.figures import thesis_errors
     from gossamer_models.detector.thesis_training import TRAININGS, train_detector
     from gossamer_orchestrator import OrchestratorError
     from gossamer_orchestrator.names import suggest
@@ -409,13 +408,13 @@ class DetectorAssessment(Result):
 
     Attributes
     ----------
-    result : gossamer_models.assessment.Assessment
+    result : gossamer_models.assessment.AssessmentResults
         Everything that was found.
     files : list of Path
         Results, pictures and page.
     """
 
-    result: Assessed
+    result: AssessmentResults
     files: list[Path]
 
     @property

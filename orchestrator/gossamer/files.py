@@ -50,7 +50,7 @@ def new(name: AnyPath) -> Path:
         gossamer new mine && gossamer build && gossamer run mine.toml
     """
     from gossamer_orchestrator import ScenarioError
-    from gossamer_orchestrator.scenario.shipped import write_new
+    from gossamer_orchestrator.scenario.source import write_new
 
     path = Path(name) if str(name).endswith(".toml") else Path(f"{name}.toml")
     if path.stem.startswith("-") or not path.stem.replace("-", "_").isidentifier():
@@ -139,8 +139,7 @@ def newest_page(results: Path) -> Path:
     """
     from gossamer_orchestrator import ResultsError
     from gossamer_orchestrator.pages import PAGE
-    from gossamer_orchestrator.results.files import RECORDED
-    from gossamer_orchestrator.results.watch import WATCH
+    from gossamer_orchestrator.results.files import RECORDED, WATCH
 
     own = results.parent / results.stem  # folder of the page of an artifact or a store
     folder = own if results.suffix in STORES and (own / PAGE).is_file() else _folder(results)
@@ -160,7 +159,8 @@ def _nothing_at(results: Path) -> str:
 
     if results.suffix in STORES and results.exists():
         page = results.with_suffix("") / PAGE
-        return f"{results} has no page {page}. The command that wrote it writes one, unless {option('pictures', False)} forbids it."
+        allowed = f"unless {option('pictures', False)} forbids it"
+        return f"{results} has no page {page}. The command that wrote it writes one, {allowed}."
     is_folder = results.is_dir()
     what = f"the folder {results} has no page and no results" if is_folder else f"there is no file or folder {results}"
     return f"{what}. {others(results, (PAGE, *RECORDED)) or MAKE_SOME}"
@@ -280,7 +280,7 @@ def export_ssp(scenario: AnyPath, *, out: File | None = None, fmus: Folder = "ou
 
         gossamer export-ssp my_scenario.toml --out mine.ssp
     """
-    from gossamer_orchestrator.exchange.ssp.writer import export_ssp as write
+    from gossamer_orchestrator.exchange.ssp_writer import export_ssp as write
 
     return _write(write, scenario, fmus, out, ".ssp")
 
@@ -331,8 +331,8 @@ def _write(
     ending: str,
 ) -> Path:
     """Write a scenario, which is not overwritten, as another kind of file; return its path, and say what it holds."""
-    from gossamer_orchestrator.exchange.open import open_scenario
-    from gossamer_orchestrator.scenario.shipped import find_scenario
+    from gossamer_orchestrator.exchange import open_scenario
+    from gossamer_orchestrator.scenario.source import find_scenario
 
     path = find_scenario(str(text))
     target = Path("out") / f"{path.stem}{ending}" if out is None else Path(out)
@@ -348,7 +348,7 @@ def _write(
 def _naming_shipped(path: Path) -> Iterator[None]:
     """Say where a shipped scenario is, which is not to be changed, below what is wrong with it."""
     from gossamer_orchestrator import ScenarioError
-    from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+    from gossamer_orchestrator.scenario.source import shipped_scenarios
 
     try:
         yield

@@ -166,7 +166,7 @@ def build(
     keep_inputs([artifact, setup, mesh], [Path(out) / f"{name}.fmu" for name in wanted])
     structure = None
     if setup is not None:
-        from gossamer_orchestrator.scenario.shipped import find_scenario
+        from gossamer_orchestrator.scenario.source import find_scenario
 
         from .descriptions import load_structure
 

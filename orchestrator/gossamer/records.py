@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from gossamer_files.options import option
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from gossamer_models.membrane import MembraneParams
     from gossamer_models.sensor import SensorArtifact
-    from gossamer_models.twin import Record
+    from gossamer_models.twin import ResponseRecord
 
-Quantity = Literal["strain", "resistance"]
+KINDS = ("resistance", "strain")
 OFF_GRID = 1e-3  # steps
 
 
@@ -27,7 +27,7 @@ class KnownRecord:
 
     Attributes
     ----------
-    record : Record
+    record : ResponseRecord
         Histories.
     params : MembraneParams
         Parameters of the membrane.
@@ -35,7 +35,7 @@ class KnownRecord:
         Parameters of the sensors, one value for each.
     """
 
-    record: Record
+    record: ResponseRecord
     params: MembraneParams
     sensor_parameters: Mapping[str, list[float]] = field(default_factory=dict)
 
@@ -74,6 +74,9 @@ def find_record(
     from gossamer_models.twin import read_table
     from gossamer_orchestrator import OrchestratorError, load_results
 
+    if kind not in (None, *KINDS):
+        msg = f"{option('kind')} is {kind!r}. Write strain or resistance."
+        raise OrchestratorError(msg)
     if path.suffix == ".csv" and not of_a_run(header_of(path)):
         known = asdict(MembraneParams())
         found = KnownRecord(record=read_table(path, kind, noise), params=MembraneParams(**_assigned(values, known)))
@@ -91,11 +94,11 @@ def find_record(
 def find_in_results(data: xr.Dataset, kind: str | None, noise: float | None, values: Sequence[str]) -> KnownRecord:
     """Find a record in the results of a run, as ``find_record`` does."""
     from gossamer_models.membrane import MembraneParams
-    from gossamer_orchestrator.results import roles
+    from gossamer_orchestrator.results import dataset
 
     names = asdict(MembraneParams())
     record, sensors = _recorded(_on_grid(data), kind, noise)
-    known = {name: value for name, value in _parameters(data, roles.find(data, "membrane")).items() if name in names}
+    known = {name: value for name, value in _parameters(data, dataset.find(data, "membrane")).items() if name in names}
     params = MembraneParams(**{**known, **_assigned(values, names)})
     return KnownRecord(record=record, params=params, sensor_parameters=sensors)
 
@@ -132,21 +135,21 @@ def _on_grid(data: xr.Dataset) -> xr.Dataset:
     return data.isel(time=np.abs(place - np.round(place)) < OFF_GRID)
 
 
-def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[Record, dict[str, list[float]]]:
+def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[ResponseRecord, dict[str, list[float]]]:
     import numpy as np
     from gossamer_models.twin import make_record
     from gossamer_models.twin.record import N_SENSORS
     from gossamer_orchestrator import ResultsError
-    from gossamer_orchestrator.results import roles
+    from gossamer_orchestrator.results import dataset
 
     time = data["time"].to_numpy().astype(float)
     values = np.full((N_SENSORS, len(time)), np.nan)
-    sensors = roles.sensors(data) if roles.find_all(data, "sensor") else {}
-    received = {k: f"{name}.resistance" for k, name in roles.compensators(data).items()} if sensors else {}
+    sensors = dataset.sensors(data) if dataset.find_all(data, "sensor") else {}
+    received = {k: f"{name}.resistance" for k, name in dataset.compensators(data).items()} if sensors else {}
     names = {k: received[k] if received.get(k) in data else f"{name}.resistance" for k, name in sensors.items()}
     names = {k: name for k, name in names.items() if name in data}
     if kind == "strain" or (kind is None and not names):
-        strain = roles.need(data, f"{roles.find(data, 'membrane')}.strain")[0]
+        strain = dataset.need(data, f"{dataset.find(data, 'membrane')}.strain")[0]
         for k in strain[strain.dims[1]].to_numpy().tolist():
             values[k - 1] = strain.sel({strain.dims[1]: k}).to_numpy()
         return make_record(time, values, "strain", noise, "the results"), {}

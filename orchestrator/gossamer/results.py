@@ -88,7 +88,7 @@ class Result:
         return None
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything as JSON: keys end in the unit (``time_s``), ratios have none, or ``units`` stands beside them."""
+        """Return all as JSON: keys end in the unit (``time_s``), ratios have none, or ``units`` stands beside them."""
         return {"files": self.written()}
 
     def __repr__(self) -> str:

@@ -69,22 +69,22 @@ class Run(Result):
     @cached_property
     def verdict(self) -> Verdict:
         """What the page of the run says first."""
+        from gossamer_orchestrator.results.files import read_watch
         from gossamer_orchestrator.results.report.verdict import make_verdict
-        from gossamer_orchestrator.results.watch import read_watch
 
         return make_verdict(self.data, self.judgements, read_watch(self.folder))
 
     @cached_property
     def watched(self) -> dict[str, Any] | None:
         """What the twin saw that watched this run."""
-        from gossamer_orchestrator.results.watch import WATCH, read_watch
+        from gossamer_orchestrator.results.files import WATCH, read_watch
 
         return read_watch(self.folder) if self.folder / WATCH in self.files else None
 
     @property
     def valid(self) -> bool | None:
         """Whether the last judgement of the detector and what the twin saw are valid; None if nothing was judged."""
-        from .damage import LARGE
+        from .watching import LARGE
 
         judged = self.judgements[-1].valid if self.judgements else None
         if self.watched is None:
@@ -235,15 +235,14 @@ def run(
     """
     from gossamer_orchestrator import OrchestratorError
     from gossamer_orchestrator.results.drawing import Drawing
-    from gossamer_orchestrator.results.files import CSV, NETCDF
+    from gossamer_orchestrator.results.files import CSV, NETCDF, WATCH
     from gossamer_orchestrator.results.places import with_places
-    from gossamer_orchestrator.results.watch import WATCH
     from gossamer_orchestrator.run.progress import ProgressBar
     from gossamer_orchestrator.run.runner import run_scenario
     from gossamer_orchestrator.scenario.changes import read_changes
-    from gossamer_orchestrator.scenario.shipped import find_scenario
+    from gossamer_orchestrator.scenario.source import find_scenario
 
-    from .damage import LiveWatch
+    from .watching import LiveWatch
 
     if watch and resume:
         given = option("watch", True)

@@ -1,4 +1,4 @@
-"""Tables of sensors that were identified or judged: what was read, errors, rivals, trials. They are printed, and on pages."""
+"""Tables of sensors that were identified or judged, printed and on pages: what was read, errors, rivals, trials."""
 
 from __future__ import annotations
 

@@ -594,8 +594,8 @@ def assess(
     """Judge an identified sensor on other records, without fitting it.
 
     Says first what it read: columns, units, ranges, sampling, gaps, repairs, and where a record leaves the full scale of the
-    sensor: it is judged up to there. Writes predicted and recovered values as CSV, pictures, and report.html, the page to look
-    at. Beside the sensor stands a static cubic, which is fitted to the first stretch of each record.
+    sensor: it is judged up to there. Writes predicted and recovered values as CSV, pictures, and report.html, the page to
+    look at. Beside the sensor stands a static cubic, which is fitted to the first stretch of each record.
 
     Parameters
     ----------

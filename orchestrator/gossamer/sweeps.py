@@ -157,10 +157,18 @@ def sweep(
     import xarray as xr
     from gossamer_orchestrator.results.places import with_places
     from gossamer_orchestrator.results.plots.cases import save_cases
-    from gossamer_orchestrator.run.gathered import TABLE, combine, write_table
     from gossamer_orchestrator.run.progress import ProgressBar
-    from gossamer_orchestrator.run.sweep import is_finished, make_cases, on_cores, read_ranges, run_sweep
-    from gossamer_orchestrator.scenario.shipped import find_scenario
+    from gossamer_orchestrator.run.sweep import (
+        TABLE,
+        combine,
+        is_finished,
+        make_cases,
+        on_cores,
+        read_ranges,
+        run_sweep,
+        write_table,
+    )
+    from gossamer_orchestrator.scenario.source import find_scenario
 
     from .pages.sweep import sweep_page
 

@@ -12,14 +12,14 @@ from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import AnyPath, Elements, File, NotNegative, Values, assigned, command, expected_errors
-from .records import KnownRecord, Quantity, beside, file_of, find_in_results, find_record
+from .records import KnownRecord, beside, file_of, find_in_results, find_record
 from .results import INVALID, Result, draw_zones, typed, zone_coordinates
 from .terminal import TERMINAL, stderr, talk
 from .writing import keep_inputs
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.twin import Finding, Watch, Window
+    from gossamer_models.twin import DamageOnset, Watch, Window
     from gossamer_orchestrator import Simulation
     from rich.console import Console
     from rich.table import Table
@@ -41,7 +41,7 @@ class WatchReport:
         Whether the last window raised an alarm.
     alarms : list of float
         Ends of the windows that raised an alarm [s].
-    findings : list of gossamer_models.twin.Finding
+    findings : list of gossamer_models.twin.DamageOnset
         Damages that began.
     times, scores, misfits : list of float
         End of each window [s], the score of new damage in units of its mean [1], and chi2 per sample [1].
@@ -51,7 +51,7 @@ class WatchReport:
         self._console = console
         self.alarmed = False
         self.alarms: list[float] = []
-        self.findings: list[Finding] = []
+        self.findings: list[DamageOnset] = []
         self.misfits: list[float] = []
         self.times: list[float] = []
         self.scores: list[float] = []
@@ -112,7 +112,7 @@ class WatchReport:
         return content | {"time": self.times, "score": self.scores}
 
 
-def _table(finding: Finding) -> Table:
+def _table(finding: DamageOnset) -> Table:
     """Return a table of the damaged zones."""
     from gossamer_orchestrator.results.tables import damage_rows, since
     from rich.table import Table
@@ -210,8 +210,8 @@ class Watching(Result):
 
     @property
     def data(self) -> xr.Dataset:
-        """``score`` of new damage and ``misfit``, chi2 per sample [1], over ``time`` [s], the ends of the windows; ``damage``
-        and ``deviation`` [1] by ``onset`` [s] and ``zone``, with row and column.
+        """``score`` of new damage and ``misfit``, chi2 per sample [1], over ``time`` [s], the ends of the windows;
+        ``damage`` and ``deviation`` [1] by ``onset`` [s] and ``zone``, with row and column.
         """  # noqa: D205
         import numpy as np
         import xarray as xr
@@ -251,8 +251,7 @@ class Watching(Result):
     def hints(self) -> list[str]:
         """Return which page shows it."""
         from gossamer_orchestrator.pages import PAGE
-        from gossamer_orchestrator.results.files import NETCDF
-        from gossamer_orchestrator.results.watch import WATCH
+        from gossamer_orchestrator.results.files import NETCDF, WATCH
 
         folder = self.path.parent
         shown = self.path.name == WATCH and (folder / PAGE).is_file() and (folder / NETCDF).is_file()
@@ -277,7 +276,7 @@ def watch(
     record: AnyPath,
     *,
     window: float = 0.05,
-    kind: Quantity | None = None,
+    kind: str | None = None,
     noise: NotNegative | None = None,
     false_alarms: float = FALSE_ALARMS,
     set: Values | None = None,
@@ -328,7 +327,7 @@ def watch(
         gossamer run damage_begins && gossamer watch out/damage_begins
     """
     from gossamer_models.membrane.mesh import N_ZONES
-    from gossamer_orchestrator.results.watch import WATCH
+    from gossamer_orchestrator.results.files import WATCH
     from gossamer_orchestrator.run.progress import ProgressBar
 
     source = Path(record)

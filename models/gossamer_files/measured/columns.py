@@ -10,6 +10,8 @@ import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from gossamer_files.options import option
+
 from .. import DataError
 from .text import MISSING, bare, is_number, units_only
 from .units import LENGTH, SI, STRAIN, factor
@@ -152,7 +154,7 @@ def find_column(path: Path, header: list[str], line: int, wanted: Wanted) -> Col
         raise DataError(msg)
     if not places:
         which = "no column is recognised as" if wanted.name is None else f"no column {wanted.name!r} for"
-        step = " or give the sampling step (--sampling-step)" if what == "time" and wanted.options else ""
+        step = f" or give the sampling step ({option('sampling_step')})" if what == "time" and wanted.options else ""
         msg = f"{path}, line {line}: {which} {what} among {listed(header)}. {wanted.name_one()}{step}."
         raise DataError(msg)
     place = places[0]

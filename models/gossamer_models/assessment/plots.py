@@ -14,7 +14,7 @@ from gossamer_files.pictures import COLORS, GREY, axes_or_new, picture
 
 from ..membrane.mesh import N_ZONES
 from .figures import CALL, NOMINAL
-from .results import Assessment, ConfusionRow, DetectionRow, Row
+from .results import AssessmentResults, ConfusionRow, DetectionRow, Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,7 +76,7 @@ def plot_confusion(row: ConfusionRow, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def plot_errors(assessment: Assessment, *, ax: Axes | None = None) -> Axes:
+def plot_errors(assessment: AssessmentResults, *, ax: Axes | None = None) -> Axes:
     """Draw the mean absolute error over damaged zones of every judge under every condition with damage."""
     ax = axes_or_new(ax)
     named = dict.fromkeys(row.condition for row in assessment.rows if np.isfinite(row.figures.error_damaged))
@@ -107,7 +107,7 @@ def plot_false_calls(rows: Sequence[Row], *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def save_pictures(assessment: Assessment, folder: Path) -> list[Path]:
+def save_pictures(assessment: AssessmentResults, folder: Path) -> list[Path]:
     """Draw everything that was found and write it as PNG, without a display; return the paths."""
     paths: list[Path] = []
 

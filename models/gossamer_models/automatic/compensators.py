@@ -16,7 +16,7 @@ from ..sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from ..sensor.tracking import Tracking
 from .sensors import NOTHING, sensor_name
 from .split import FITTED, cut
-from .tracking import TOO_SHORT, calibrated, error_model, held_errors, motion
+from .tracking import calibrated, error_model, held_errors, motion, too_short
 from .trials import Bench, error_on
 
 TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
@@ -162,7 +162,7 @@ def choose_compensator(
     errors, stated = (np.concatenate(each) / full_scale for each in zip(*ahead, strict=True))
     there = np.isfinite(errors)  # the last ones are not delivered before the trial ends
     if not there.any():
-        raise DataError(TOO_SHORT)
+        raise too_short()
     return best, calibrated(numbers, errors[there], stated[there])
 
 

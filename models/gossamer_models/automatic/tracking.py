@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
@@ -16,7 +17,14 @@ APART = 3  # samples over which a rate is taken
 RESTING = 0.05  # of the root mean square rate
 TURNING = 0.5  # of it: a larger change of rate is a turn
 FEWEST, MOST_TURNS = 0.005, 0.05  # [per sample]
-TOO_SHORT = "the training stretch leaves too few samples to judge a compensator by. Name a longer one (--train)."
+
+
+def too_short() -> DataError:
+    """Return the refusal of a training stretch."""
+    text = "the training stretch leaves too few samples to judge a compensator by."
+    return DataError(f"{text} Name a longer one ({option('train')}).")
+
+
 OPTIMISM = 1.4  # by which errors grow from the trials, of which the best wins, to records that lie further ahead
 SHARED = 0.5  # of the squares of the errors that the constant part of the stated deviation explains
 
@@ -36,7 +44,7 @@ def error_model(errors: Sequence[Vector], step: float) -> ErrorModel:
     """
     errors = [e for e in errors if e.size > 2 * APART]
     if not errors:
-        raise DataError(TOO_SHORT)
+        raise too_short()
     count = sum(e.size for e in errors)
 
     def correlation(lag: int) -> float:

@@ -20,12 +20,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..compensator.estimator import HALF_WIDTHS
 from ..errors import DataError
-from ..membrane.mesh import N_ZONES
-from .cases import SENSORS
 from .chunk import Kernels
 from .description import NOISE, ONSET, SENSOR_GAIN, SETTABLE, CampaignPlan
 
@@ -82,7 +81,7 @@ def open_store(path: Path, campaign: CampaignPlan, kernels: Kernels) -> zarr.Gro
     if there != wanted:
         keys = [key for key in {**there, **wanted} if there.get(key) != wanted.get(key)]
         lines = "".join(f"\n  {key}: {_short(there.get(key))} there, {_short(wanted.get(key))} here" for key in keys)
-        msg = f"{path} holds another campaign:{lines}\nName another folder with --out, or delete it."
+        msg = f"{path} holds another campaign:{lines}\nName another folder with {option('out')}, or delete it."
         raise DataError(msg)
     return group
 
@@ -147,10 +146,11 @@ def create_store(path: Path, campaign: CampaignPlan, kernels: Kernels, source: s
             **{name: version(name) for name in ("numpy", "casadi", "zarr")},
         },
     }
+    structure = campaign.membrane.structure
+    sizes = {"case": campaign.count, "sensor": structure.n_sensors, "zone": structure.n_zones, "time": campaign.steps}
     try:
         group = zarr.create_group(unfinished, attributes=attributes)
         for name, (dims, dtype, unit, description) in _variables(campaign).items():
-            sizes = {"case": campaign.count, "sensor": SENSORS, "zone": N_ZONES, "time": campaign.steps}
             array = group.create_array(
                 name,
                 shape=tuple(sizes[d] for d in dims),

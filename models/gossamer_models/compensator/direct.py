@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import casadi as ca
+from gossamer_files.options import option
 
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact
@@ -43,7 +44,8 @@ def direct_model(artifact: SensorArtifact) -> StepModel:
     """
     inverse = artifact.inverse
     if inverse is None:
-        msg = "this sensor has no direct inverse. Identify it with --direct-inverse, or take the exact inverse."
+        how = option("direct_inverse", True)
+        msg = f"this sensor has no direct inverse. Identify it with {how}, or take the exact inverse."
         raise ParameterError(msg)
     law, forward = SensorLaw(inverse.law), SensorLaw(replace(artifact, inverse=None))
 

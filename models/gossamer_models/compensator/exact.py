@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
+from gossamer_files.options import option
 
 from ..errors import ParameterError
 from ..modes import phi_1
@@ -130,7 +131,7 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
     if not artifact.exactly_invertible:
         msg = (
             "the output of this sensor may move against the strain, has a gain or a residual network, so it has no exact "
-            f"inverse. {TAKE_THE_FILTER} Or identify the sensor again with --direct-inverse."
+            f"inverse. {TAKE_THE_FILTER} Or identify the sensor again with {option('direct_inverse', True)}."
         )
         raise ParameterError(msg)
     law = SensorLaw(artifact)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from gossamer_files.measured import Column
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Vector
@@ -88,7 +89,7 @@ class RecordSummary:
             if c.unit is None and c.what == "strain" and each.highest >= LARGE_STRAIN:
                 sentences.append(
                     f"strain has no unit: read as a ratio, it reaches {each.highest:.0%}. If it is in per cent, give "
-                    "--strain-unit %."
+                    f"{option('strain_unit', '%')}."
                 )
         if self.gaps:
             longest = max(self.gaps, key=lambda gap: gap.seconds)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf
 
 import numpy as np
+from gossamer_files.options import option
 
 from ..fitting.records import Record, in_equal_steps
 from ..fitting.uncertainty import alike, rest_doubt
@@ -19,7 +20,7 @@ def doubts(fit: FractionalFit) -> tuple[str, ...]:
     """Return the assumptions and what the data do not determine, one sentence each."""
     sentences = [_uneven(record) for record in fit.records]
     if any(each.name == "R_0" for each in fit.parameters):
-        advice = "If the sensor was at rest, give the resistance at rest (--rest-resistance)."
+        advice = f"If the sensor was at rest, give the resistance at rest ({option('rest_resistance')})."
         rest, full_scale = fit.rest_resistance, fit.artifact.full_scale_strain
         sentences += [rest_doubt(record, rest, full_scale, RESTED, advice) for record in fit.records]
     loose = [each.name for each in fit.parameters if not each.determined]

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import scipy.sparse
+from gossamer_files import replacing
+from gossamer_files.options import option
 
 from ..arrays import Vector
 from ..errors import ParameterError
 from ..membrane import Sensor, Structure
 from .candidates import Gauges, candidates, stacked
-from .check import Check, check
-from .choice import choose
-from .information import deviations, information, smallest_damage
-from .simulation import Report, Simulation, quiet
+from .check import MonteCarloCheck, check
+from .information import choose, deviations, information, smallest_damage
+from .simulation import GaugeSimulation, Report, quiet
 
 NOISE = 0.02 / math.sqrt(12.0)  # of the thesis: uniform from 0 to 0.02 of strain
 STEP, STOP = 3e-4, 0.3  # [s], as the twin compares them
@@ -33,13 +36,13 @@ class Placement:
         Where they are.
     deviation : ndarray, shape (zones,)
         Standard deviation of each zone's damage [1] with all other zones, load, damping and offsets unknown.
-    check : Check or None
+    check : MonteCarloCheck or None
         Fits to simulated records.
     """
 
     sensors: tuple[Sensor, ...]
     deviation: Vector
-    check: Check | None = None
+    check: MonteCarloCheck | None = None
 
     @property
     def a90(self) -> Vector:
@@ -127,7 +130,7 @@ def place_sensors(
     All is linear about the undamaged membrane. The model is taken to be exact: what a finer mesh would add is left out.
     """
     samples = _samples(noise, step, stop)
-    simulation = Simulation(structure, load, step, samples)
+    simulation = GaugeSimulation(structure, load, step, samples)
     spread = candidates(structure, points, gauge_length)
     own = structure.setup.sensors
     n_own, n_nodes = len(own), len(structure.mesh.nodes)
@@ -137,7 +140,8 @@ def place_sensors(
     if np.ptp(strain, axis=1).max() <= STILL:
         msg = (
             "no strain changes while it is recorded, so it tells nothing. Let the built-in pressure act, for instance "
-            "--set pressure_amplitude=100 --set pressure_frequency=5, on a setup with a load of kind 'pressure'."
+            f"{option('set', 'pressure_amplitude=100')} {option('set', 'pressure_frequency=5')}, on a setup with a "
+            "load of kind 'pressure'."
         )
         raise ParameterError(msg)
     I = information(J, noise)
@@ -167,7 +171,7 @@ def place_sensors(
 def _samples(noise: float, step: float, stop: float) -> int:
     for name, value in (("noise", noise), ("step", step), ("stop", stop)):
         if not 0.0 < value < math.inf:
-            msg = f"--{name} is {value:g}. Write a positive number."
+            msg = f"{option(name)} is {value:g}. Write a positive number."
             raise ParameterError(msg)
     samples = math.floor(stop / step * (1.0 + 1e-12))
     if not 2 <= samples <= 1_000_000:
@@ -182,3 +186,30 @@ def _joined(first: Gauges, second: Gauges) -> Gauges:
     lines = scipy.sparse.csr_array(scipy.sparse.vstack([first.lines, second.lines]))
     means = scipy.sparse.csr_array(scipy.sparse.block_diag([first.means, second.means]))
     return Gauges(first.sensors + second.sensors, lines, means)
+
+
+def write_csv(found: Placing, path: Path) -> None:
+    """Write a row for each zone: its name, and for each placement the deviation and a90 of its damage [1]."""
+    placements = {"own": found.own, "chosen": found.chosen}
+    columns = {name: p for name, p in placements.items() if p is not None}
+    with replacing(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["zone", "group", *(f"{name} {what} [1]" for name in columns for what in ("deviation", "a90"))])
+        for k, zone in enumerate(found.structure.setup.zones):
+            numbers = [f"{v:.6g}" for p in columns.values() for v in (p.deviation[k], p.a90[k])]
+            rows.writerow([k + 1, zone.group, *numbers])
+
+
+def sensors_text(found: Placing) -> str:
+    """Return the chosen sensors as they stand in ``setup.toml``."""
+    tables = []
+    for sensor in found.chosen.sensors:
+        rows = [f"point = {_vector(sensor.point)}", f"direction = {_vector(sensor.direction)}"]
+        if sensor.gauge_length:
+            rows.append(f"gauge_length = {sensor.gauge_length!r}")
+        tables.append("\n".join(["[[sensors]]", *rows]))
+    return "\n\n".join(tables) + "\n"
+
+
+def _vector(values: tuple[float, float, float]) -> str:
+    return f"[{', '.join(repr(float(f'{value:.12g}')) for value in values)}]"

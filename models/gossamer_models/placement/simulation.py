@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Matrix, Vector
 from ..batch import Batch
@@ -31,7 +32,7 @@ def quiet(what: str, done: int, total: int) -> None:
     """Report nothing."""
 
 
-class Simulation:
+class GaugeSimulation:
     """A membrane on a mesh with damages and nuisances as unknowns.
 
     Parameters
@@ -127,9 +128,8 @@ class Simulation:
             done += steps
         self.simulations += len(x)
         if not np.isfinite(strain).all():
-            msg = (
-                "the membrane fails while it is simulated. Check supports and prestress, or lower the load with --set."
-            )
+            advice = f"Check supports and prestress, or lower the load with {option('set')}."
+            msg = f"the membrane fails while it is simulated. {advice}"
             raise ConvergenceError(msg)
         return strain
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from gossamer_files.options import option
+
 from ..fitting.records import Record
 
 LEAST_OVERLAP = 0.25  # of one of two ranges
@@ -35,7 +37,7 @@ def hardly_overlapping(
     if _size(here) < LEAST_OVERLAP * full_scale:
         sentences.append(
             f"strain is {100 * here[0]:.4g} to {100 * here[1]:.4g} %, a small part of the 0 to {100 * full_scale:.4g} % "
-            "that the sensor was identified on. Check the unit (--strain-unit), or name a record of like strain"
+            f"that the sensor was identified on. Check the unit ({option('strain_unit')}), or name a record of like strain"
         )
     here = float(record.resistance.min()), float(record.resistance.max())
     known = min(offset, offset + gain), max(offset, offset + gain)
@@ -44,7 +46,7 @@ def hardly_overlapping(
         sentences.append(
             f"resistance is {here[0]:.5g} to {here[1]:.5g}{unit}, but the sensor was identified on {known[0]:.5g} to "
             f"{known[1]:.5g}{unit} between rest and full scale: the ranges hardly overlap. Check column and unit "
-            "(--resistance, --resistance-unit), or give --fit-scales"
+            f"({option('resistance')}, {option('resistance_unit')}), or give {option('fit_scales', True)}"
         )
     return tuple(f"{record.name}: {sentence}." for sentence in sentences)
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError
@@ -73,7 +74,8 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> RelaxingScales:
     """
     where = f"{record.name}, lines {record.lines[rows][0]} to {record.lines[rows][-1]}" if rows.any() else record.name
     if rows.sum() < LEAST_SAMPLES or not np.ptp(output[rows]) > 0.0:
-        msg = f"{where}: no scales can be fitted to {int(rows.sum())} samples. Name a stretch with loading (--stretch)."
+        advice = f"Name a stretch with loading ({option('stretch')})."
+        msg = f"{where}: no scales can be fitted to {int(rows.sum())} samples. {advice}"
         raise DataError(msg)
     t, span = record.time - record.time[0], float(np.ptp(record.time[rows]))
     before = np.exp(-t[:, None] / (span * np.geomspace(SHORTEST_DECAY, 1.0, OFFSET_DECAYS)))
@@ -87,7 +89,7 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> RelaxingScales:
     if not gain.min() > 0.0:
         msg = (
             f"{where}: the fitted gain falls to {gain.min():.3g}: this record does not follow the sensor. Check its "
-            "columns and units, or name a longer stretch (--stretch)."
+            f"columns and units, or name a longer stretch ({option('stretch')})."
         )
         raise DataError(msg)
     return RelaxingScales(

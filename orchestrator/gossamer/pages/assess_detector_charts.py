@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gossamer_models.assessment import AlwaysZero, Assessment, Share
+from gossamer_models.assessment import AlwaysZero, AssessmentResults, Share
 from gossamer_models.assessment.figures import CALL, NOMINAL
 from gossamer_orchestrator.pages import Chart, band, curve, heat, names_from_top, points, with_interval
 from numpy.typing import ArrayLike
@@ -21,18 +21,18 @@ DETECTED = 0.9  # probability of detection of a90 and a90/95
 BINS = 40  # of the largest estimates
 
 
-def _color(found: Assessment, judge: str) -> str:
+def _color(found: AssessmentResults, judge: str) -> str:
     judges = [each for each in found.judges if each != ZERO]
     return "@grey" if judge == ZERO else COLORS[judges.index(judge) % len(COLORS)]
 
 
-def _symbol(found: Assessment, judge: str) -> str:
+def _symbol(found: AssessmentResults, judge: str) -> str:
     judges = [each for each in found.judges if each != ZERO]
     return "diamond" if judge == ZERO or judges.index(judge) < len(COLORS) else "square"
 
 
 def _by_condition(
-    found: Assessment, section: str, title: str, x: str, values: dict[tuple[str, str], Any], note: str
+    found: AssessmentResults, section: str, title: str, x: str, values: dict[tuple[str, str], Any], note: str
 ) -> Chart:
     """Draw numbers, or shares with their bounds, of every judge and condition; a line of the chart is a condition."""
     conditions = [c for c in dict.fromkeys(row.condition for row in found.rows) if any(c == key[1] for key in values)]
@@ -64,7 +64,7 @@ def _bounded(value: float | Share) -> tuple[float, float, float]:
     return value, math.nan, math.nan
 
 
-def error_charts(found: Assessment) -> list[Chart]:
+def error_charts(found: AssessmentResults) -> list[Chart]:
     """Draw the mean absolute errors of all judges under all conditions."""
     charts = []
     for name, zones in (("error_damaged", "damaged zones"), ("error_all", "all zones")):
@@ -76,7 +76,7 @@ def error_charts(found: Assessment) -> list[Chart]:
     return charts
 
 
-def call_charts(found: Assessment) -> list[Chart]:
+def call_charts(found: AssessmentResults) -> list[Chart]:
     """Draw the shares of valid records, of false calls and of calls, and the largest estimates of healthy records."""
 
     def shares(name: str) -> dict[tuple[str, str], Any]:
@@ -94,7 +94,7 @@ def call_charts(found: Assessment) -> list[Chart]:
     return [*charts, *_largest(found)]
 
 
-def _largest(found: Assessment) -> list[Chart]:
+def _largest(found: AssessmentResults) -> list[Chart]:
     """Draw how many healthy records have a largest estimate of a size."""
     rows = [row for row in found.rows if any(row.largest)]
     if not rows:
@@ -122,7 +122,7 @@ def _largest(found: Assessment) -> list[Chart]:
     ]
 
 
-def detection_charts(found: Assessment) -> list[Chart]:
+def detection_charts(found: AssessmentResults) -> list[Chart]:
     """Draw the probability of detection of all zones together, and the size that is found by zone."""
     charts = []
     for condition in dict.fromkeys(row.condition for row in found.detections):
@@ -201,7 +201,7 @@ def _zones(rows: Sequence[Any], color: str) -> list[dict[str, Any]]:
     return [with_interval(trace, size, bound)]
 
 
-def stated_charts(found: Assessment) -> list[Chart]:
+def stated_charts(found: AssessmentResults) -> list[Chart]:
     """Draw how often the truth lies in the stated intervals."""
     traces = []
     for row in (row for row in found.rows if row.condition in STATED and row.reliability):
@@ -211,7 +211,7 @@ def stated_charts(found: Assessment) -> list[Chart]:
     return [reliability_chart(traces, "Damaged zones of valid records.")] if traces else []
 
 
-def confusion_charts(found: Assessment) -> list[Chart]:
+def confusion_charts(found: AssessmentResults) -> list[Chart]:
     """Draw which zone is called first where one is damaged."""
     charts = []
     for row in found.confusions:

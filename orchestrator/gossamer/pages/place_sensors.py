@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from gossamer_models.placement import Placement, Placing
-from gossamer_models.placement.check import Check
+from gossamer_models.placement.check import MonteCarloCheck
 from gossamer_models.placement.plots import faces_of, view_of
 from gossamer_models.twin.least_squares import MOST_DAMAGE
 from gossamer_orchestrator.pages import SCRIPT, Chart, Page, bars, drawn, points, table
@@ -74,7 +74,7 @@ def _shown(found: Placing) -> list[tuple[str, Placement]]:
     return [(name, p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None]
 
 
-def check_sentence(name: str, check: Check) -> str:
+def check_sentence(name: str, check: MonteCarloCheck) -> str:
     """Say whether fits to simulated records err as predicted."""
     verdict = "agrees with" if check.agrees else "does NOT agree with"
     return (

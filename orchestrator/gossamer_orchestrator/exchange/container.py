@@ -23,15 +23,16 @@ from typing import Any
 
 from fmu_manipulation_toolbox.container import FMUContainer, FMUContainerError
 from fmu_manipulation_toolbox.operations import FMUError
+from gossamer_files.options import option
 from lxml import etree
 from pyssp_standard.unit import Units
 
 from ..errors import ScenarioError
 from ..fmi.archive import check_target, write_archive
-from ..fmi.fmutool import collect_errors
+from ..fmi.slave import collect_errors
 from ..scenario.plan import Plan, make_plan
 from ..scenario.schema import Scenario
-from .limits import declare_unit, inexpressible
+from .ssp_writer import declare_unit, inexpressible
 
 _NAMESPACE = uuid.UUID("6c0ac8a6-6d8d-5a15-8f0e-6ed3a6a0c1b4")
 _NEUTRAL = {"gain": 1.0, "bias": 0.0, "noise": None, "dropout": None}  # what a container's connections do not have
@@ -73,7 +74,7 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
         raise ScenarioError(msg)
     with closing(make_plan(scenario, Path(fmus))) as plan:
         if out.resolve() in [file.path.resolve() for file in plan.files]:
-            msg = f"{out} is one of the scenario's FMUs. Name another file with --out."
+            msg = f"{out} is one of the scenario's FMUs. Name another file with {option('out')}."
             raise ScenarioError(msg)
         advice = "and let the host change the container's input"
         problems = inexpressible(scenario, "a container", _NEUTRAL, advice)

@@ -13,9 +13,9 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from gossamer_files import replacing
+from gossamer_files.options import option
 
-from ..errors import FmuError, OrchestratorError, writing
-from ..file_kinds import explain_file
+from ..errors import FmuError, OrchestratorError, explain_file, writing
 from ..names import suggest
 
 MAX_FILES = 20_000
@@ -121,10 +121,10 @@ def check_target(path: Path, ending: str) -> None:
         It cannot be written there.
     """
     if path.suffix != ending:
-        msg = f"cannot write {path}: its name must end in {ending}. Name another file with --out."
+        msg = f"cannot write {path}: its name must end in {ending}. Name another file with {option('out')}."
         raise OrchestratorError(msg)
     if path.is_dir():
-        msg = f"cannot write {path}: it is a folder. Name a file in it with --out."
+        msg = f"cannot write {path}: it is a folder. Name a file in it with {option('out')}."
         raise OrchestratorError(msg)
 
 

@@ -17,10 +17,10 @@ import xarray as xr
 
 from ..fmi.shape import Array, Surface
 from .columns import PLACES
+from .dataset import find_all, is_whole
 from .files import load_results
 from .plots.axes import side
 from .report.membrane import SENSORS
-from .roles import find_all, is_whole
 from .shapes import load_shapes
 
 

@@ -15,10 +15,11 @@ from zipfile import BadZipFile
 
 import numpy as np
 from gossamer_files import digest, replacing
+from gossamer_files.options import option
 
 from ..errors import ResultsError, ScenarioError, writing
 from ..scenario.plan import Plan
-from .step_control import StepControl
+from .steps import StepControl
 
 if TYPE_CHECKING:
     from .master import Simulation
@@ -83,11 +84,12 @@ def load(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
         msg = (
             f"{', '.join(names)} cannot serialize {'its' if len(names) == 1 else 'their'} state (canSerializeFMUstate), or "
             "has events of its own (event mode, model exchange), so this run cannot be resumed. Run it from its start, "
-            "without --resume."
+            f"without {option('resume', True)}."
         )
         raise ScenarioError(msg)
     if not path.is_file():
-        msg = f"there is no unfinished run in {path.parent} to resume. Run it from its start, without --resume."
+        advice = f"Run it from its start, without {option('resume', True)}."
+        msg = f"there is no unfinished run in {path.parent} to resume. {advice}"
         raise ResultsError(msg)
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -95,7 +97,7 @@ def load(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
         card: dict[str, Any] = json.loads(str(arrays.pop("card")))
         known = (card["schema"], card["version"])
     except (OSError, ValueError, KeyError, BadZipFile) as error:
-        msg = f"cannot read {path}: {error}. Run it from its start, without --resume."
+        msg = f"cannot read {path}: {error}. Run it from its start, without {option('resume', True)}."
         raise ResultsError(msg) from error
     if known != (SCHEMA, VERSION):
         msg = f"{path} holds {known[0]!r} version {known[1]}, this program reads {SCHEMA!r} version {VERSION}."
@@ -105,7 +107,8 @@ def load(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
     if changed:
         msg = (
             f"{', '.join(changed)} differ{'s' * (len(changed) == 1)} from the unfinished run in {path.parent}. "
-            "Give it what it had, also --step, --stop, --set and --master, or run it from its start, without --resume."
+            f"Give it what it had, also {option('step')}, {option('stop')}, {option('set')} and {option('master')}, or run "
+            f"it from its start, without {option('resume', True)}."
         )
         raise ScenarioError(msg)
     return card, arrays

@@ -18,14 +18,14 @@ import time
 from contextlib import suppress
 from typing import Any
 
+from gossamer_files.options import option
+
 from .. import errors
 from ..errors import OrchestratorError, SimulationError
 from ..processes import end_all, marked
 from ..results.netcdf import Layout
-from .child import POSITION, Task
-from .interrupts import deferred_interrupt
-from .outline import Outline
-from .position import CALL, COMPONENT, FREE, PART, RETURNED, STOP, TICK, describe, open_position
+from .child import POSITION, Outline, RunTask
+from .position import CALL, COMPONENT, FREE, PART, RETURNED, STOP, TICK, deferred_interrupt, describe, open_position
 from .progress import ProgressBar
 from .stream import Shared
 
@@ -38,7 +38,7 @@ class Process:
 
     Parameters
     ----------
-    task : Task
+    task : RunTask
         What it does.
 
     Attributes
@@ -55,7 +55,7 @@ class Process:
         Why it did not.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: RunTask) -> None:
         self.position = open_position(task.scratch / POSITION, new=True)
         self.shared: Shared | None = None
         self.ended, self._closed = "", False
@@ -137,7 +137,9 @@ class Process:
                 self._explain_death()
                 return
             if limit is not None and now - since > limit and not over:
-                self._kill(self._blame(f"did not return within {limit:g} s", "Give it more time with --limit."))
+                self._kill(
+                    self._blame(f"did not return within {limit:g} s", f"Give it more time with {option('limit')}.")
+                )
                 return
             asked = asked or (now if position[STOP] else 0.0)
             if asked and now - asked > GRACE and not over:

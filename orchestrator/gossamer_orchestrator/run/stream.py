@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..errors import ResultsError, writing
@@ -64,7 +65,7 @@ def check_space(plan: Plan, folder: Path) -> None:
         msg = (
             f"{scenario.source.where(('record',))}: {len(plan.columns)} scalars at {rows} points take {size / 1e9:.3g} "
             f"GB, and {folder} has {free / 1e9:.3g} GB free. Record fewer variables, or fewer points with 'every', or name "
-            "another place with --out."
+            f"another place with {option('out')}."
         )
         raise ResultsError(msg)
 
@@ -112,7 +113,7 @@ class Stream:
         path = self._folder / UNFINISHED_NETCDF
         if self._resumed is None:
             if (self._folder / RESUME).is_file() or (path.is_file() and has_rows(path)):
-                text = "the unfinished run in %s is replaced by this one. --resume continues a run"
+                text = f"the unfinished run in %s is replaced by this one. {option('resume', True)} continues a run"
                 logger.warning(text, self._folder)
             (self._folder / RESUME).unlink(missing_ok=True)
             self._file = GrowingFile.create(path, header, layout)

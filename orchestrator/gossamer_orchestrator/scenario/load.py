@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from gossamer_files.options import option
 from pydantic import ValidationError
 
 from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Group, Input, Noise, Recording, Scenario, Table
-from .source import Location, Problems, Source
-from .toml_file import explain, parse_toml, read_text
+from .source import Location, Problems, Source, explain, parse_toml, read_text
 
 _TABLES: dict[str | int, type[Table]] = {
     "components": Component,
@@ -58,7 +58,7 @@ def parse_scenario(
     content = parse_toml(text, name, "scenario")
     given = {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
     return make_scenario(
-        content | given, source=Source(name, text, {(key,): f"--{key}" for key in given}), folder=folder
+        content | given, source=Source(name, text, {(key,): option(key) for key in given}), folder=folder
     )
 
 

@@ -11,19 +11,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import FmuError
-from ..file_kinds import explain_file
+from gossamer_files.options import option
+
+from ..errors import FmuError, explain_file
 from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
 from .connections import check_connections
-from .graph import order_components
-from .groups import check_groups
+from .graph import check_groups, check_steps, order_components
 from .histories import FILE, History, read_histories
 from .schema import Component, Connection, Scenario, Value
-from .sizes import resized
 from .source import Location, Problems
-from .steps import check_steps
 from .values import expand, start_values
 
 logger = logging.getLogger(__name__)
@@ -212,7 +210,7 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict:
         place: Location = ("components", name, "fmu")
         if not component.fmu.endswith(".fmu") and not folder.is_dir():
             text = f"there is no folder {folder} with FMUs. Build them: gossamer build --out {folder}"
-            problems.found.append(f"{scenario.source.name}: {text}, or name their folder with --fmus.")
+            problems.found.append(f"{scenario.source.name}: {text}, or name their folder with {option('fmus')}.")
             continue
         if path not in found:
             literal = scenario.folder / component.fmu
@@ -230,7 +228,7 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict:
 def _resize(file: FmuFile, component: Component, place: Location, problems: Problems) -> FmuFile:
     """Return the FMU with arrays of the sizes that a component gives by structural parameters."""
     try:
-        return resized(file, component)
+        return file.resized(component.parameters)
     except FmuError as error:
         problems.add(place, str(error))
         return file
@@ -246,7 +244,11 @@ def _read_file(
         return None
     if not path.is_file():
         near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
-        more = "" if fmu.endswith(".fmu") else " Build the FMUs with 'gossamer build' or name their folder with --fmus."
+        more = (
+            ""
+            if fmu.endswith(".fmu")
+            else f" Build the FMUs with 'gossamer build' or name their folder with {option('fmus')}."
+        )
         if fmu == "estimator":
             more += NO_ESTIMATOR
         problems.add(place, f"there is no FMU {fmu!r} in {path.parent}. {near}{more}")
@@ -260,7 +262,7 @@ def _read_file(
         more = f" .. and {len(file.findings) - 3} more" if len(file.findings) > 3 else ""
         text = f"FMU {fmu!r} is against the rules of FMI: {' '.join(file.findings[:3])}{more}"
         if strict:
-            problems.add(place, f"{text} Correct it, or run it without --strict.")
+            problems.add(place, f"{text} Correct it, or run it without {option('strict', True)}.")
         else:
             logger.warning("%s: %s", problems.source.where(place), text)
     return file

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gossamer_models.sensor import Scales, default_artifact
 from command_line import invoke
+from gossamer_models.sensor import Scales, default_artifact
 
 
 @pytest.fixture

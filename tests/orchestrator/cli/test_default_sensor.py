@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
 from gossamer_models import Stepper
 from gossamer_models.fitting import Columns, Record, read_record
 from gossamer_models.identify import settings_for
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.fit import fit_preisach
-from command_line import invoke
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data" / "nylon_silver"
 needs_data = pytest.mark.skipif(not DATA.exists(), reason=f"measured data are not here: {DATA}")

@@ -6,10 +6,10 @@ import shlex
 import fmpy
 import numpy as np
 import pytest
+from command_line import invoke
 from gossamer_models.fitting import read_record
 from gossamer_models.fractional import FractionalArtifact, predict
 from gossamer_models.sensor import SensorArtifact
-from command_line import invoke
 
 QUICK = ["--modes", "2", "--relaxations", "1", "--starts", "1"]
 

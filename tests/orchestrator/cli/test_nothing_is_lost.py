@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
+from gossamer.descriptions import load_campaign
 from gossamer_models.campaign import run_campaign
 from gossamer_models.detector import PosteriorArtifact
 from gossamer_models.sensor import SensorArtifact
-from command_line import invoke
-from gossamer_orchestrator.cli.campaign_file import load_campaign
 from gossamer_orchestrator.fmi.archive import check_archive
 
 CAMPAIGN = "cases = 640\nseed = 3\nstop = 0.06\n[damage]\nzones = [1, 2]\ndepth = [0.3, 0.5]\nhealthy = 0.1\n"
@@ -94,7 +94,7 @@ def prepared(request, record):
         earlier, command = [*TRAIN, "--epochs", "30"], TRAIN
     else:
         earlier, command = [*BUILD, "--native"], BUILD
-    done = subprocess.run([sys.executable, "-m", "gossamer_orchestrator", *earlier], cwd="before", check=False)
+    done = subprocess.run([sys.executable, "-m", "gossamer", *earlier], cwd="before", check=False)
     assert done.returncode == 0
     return command
 

@@ -11,12 +11,12 @@ from html import unescape
 import numpy as np
 import pytest
 from browsing import opened
+from command_line import invoke
 from gossamer.pages.comparison import Comparison, verdict
 from gossamer.pages.sensor import sensor_charts
 from gossamer_models.automatic import HERE
 from gossamer_models.fitting.errors import nrmse
 from gossamer_models.sensor import RelaxationTerm, SensorArtifact, default_artifact
-from command_line import invoke
 from reading_pages import read_page, values
 
 QUICK = ["--modes", "2", "--relaxations", "2", "--starts", "1"]

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
+from gossamer.descriptions import load_structure
 from gossamer_models import Stepper
 from gossamer_models.membrane import (
     Edge,
@@ -22,10 +24,8 @@ from gossamer_models.membrane import (
     mesh_membrane_model,
     read_mesh,
 )
-from command_line import invoke
-from gossamer_orchestrator.cli.setup_file import load_structure
 from gossamer_orchestrator.errors import ScenarioError
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 
 meshio = pytest.importorskip("meshio", reason="reading mesh files needs the extra 'mesh'")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer.pages.sweep import sweep_page
 from command_line import invoke
+from gossamer.pages.sweep import sweep_page
 from gossamer_orchestrator.pages import write_page
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.run.sweep import make_cases

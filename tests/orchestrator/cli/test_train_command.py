@@ -7,12 +7,12 @@ import math
 
 import gossamer
 import pytest
+from command_line import invoke
+from gossamer.detectors import campaign_of, is_scenario
 from gossamer_models.campaign import CampaignPlan
 from gossamer_models.detector import PosteriorArtifact
-from command_line import invoke
-from gossamer_orchestrator.cli.train import _campaign_of, _is_scenario
 from gossamer_orchestrator.errors import ScenarioError
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from reading_pages import read_page, values
 
 SMALL = """
@@ -70,18 +70,18 @@ def test_a_campaign_that_is_too_short_is_one_sentence(tmp_path, monkeypatch):
 
 def test_a_scenario_gives_its_membrane_and_windows(tmp_path):
     text = shipped_scenarios()["damaged"].read_text()
-    assert _is_scenario("damaged")
-    assert not _is_scenario("detector_nominal")
+    assert is_scenario("damaged")
+    assert not is_scenario("detector_nominal")
     file = tmp_path / "mine.toml"
     file.write_text(text.replace('fmu = "membrane"\n', 'fmu = "membrane"\nparameters = { pressure_amplitude = 8e3 }\n'))
-    assert _is_scenario(str(file))
-    campaign, _ = _campaign_of(file, CampaignPlan(cases=10))
+    assert is_scenario(str(file))
+    campaign, _ = campaign_of(file, CampaignPlan(cases=10))
     assert campaign.membrane.parameters["pressure_amplitude"] == 8e3
     assert campaign.steps == 3 * 844 + 2
     other = tmp_path / "other.toml"
     other.write_text(text.replace('fmu = "membrane"\n', 'fmu = "elsewhere/plate"\n'))
     with pytest.raises(ScenarioError, match="Write a campaign file"):
-        _campaign_of(other, CampaignPlan(cases=10))
+        campaign_of(other, CampaignPlan(cases=10))
 
 
 def test_the_card_of_the_shipped_detector_states_ranges_and_errors():

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from command_line import invoke
+from gossamer.damage import _compared
 from gossamer_models.membrane import MembraneParams
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin import Answer, Record
-from gossamer_models.twin.forward import Forward
-from command_line import invoke
-from gossamer_orchestrator.cli.twin import _compared, zone_table
+from gossamer_models.twin import Answer, ResponseRecord
+from gossamer_models.twin.simulation import Forward
 from gossamer_orchestrator.results.files import save_results
 from reading_pages import read_page, values
 
@@ -105,7 +105,7 @@ def test_the_page_of_a_run_is_not_replaced(call, results, tmp_path, ending):
 
 
 def test_what_was_compared_of_a_longer_record_is_said():
-    given, used = (Record(step=3e-4, values=np.zeros((4, n)), kind="strain", noise=None) for n in (5100, 1000))
+    given, used = (ResponseRecord(step=3e-4, values=np.zeros((4, n)), kind="strain", noise=None) for n in (5100, 1000))
     sentence = _compared(Path("out/my run"), given, used, None)
     assert sentence == (
         "Compared: 0 to 0.3 s of a record of 1.53 s. For damage that begins later use 'gossamer watch \"out/my run\"'."
@@ -173,7 +173,10 @@ def test_the_table_has_a_column_of_remarks_only_where_there_is_one():
     known = dict.fromkeys(("damage", "deviation", "probability"), np.zeros(16))
     fields = dict.fromkeys(Answer.__dataclass_fields__) | known
     headings = [
-        [str(column.header) for column in zone_table(Answer(**fields | {"unresolved": zones})).columns]
+        [str(column.header) for column in shown.columns]
         for zones in ((), (3,))
+        for shown in TwinAnswer(
+            path=Path(), page=None, compared="", answer=Answer(**fields | {"unresolved": zones})
+        ).tables()
     ]
     assert headings == [["zone", "damage [%]", "P(damaged)"], ["zone", "damage [%]", "P(damaged)", "remark"]]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
-from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario
 from command_line import invoke
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 
 SCENARIO = """\
 step = 0.1

@@ -10,15 +10,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from command_line import invoke
+from gossamer import LiveWatch
+from gossamer.records import find_in_results
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model
 from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
-from command_line import invoke
-from gossamer_orchestrator.cli.twin_record import find_in_results
-from gossamer_orchestrator.cli.watch import LiveWatch
 from gossamer_orchestrator.results.dataset import make_dataset
 from gossamer_orchestrator.scenario.schema import Recording
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 
 STEP, ONSET = 3e-4, 0.2104
 # coarse, so that a window costs little; twin and truth have the same

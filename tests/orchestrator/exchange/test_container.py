@@ -11,6 +11,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
+from command_line import invoke
 from fmpy.validation import validate_fmu
 from gossamer_orchestrator import (
     OrchestratorError,
@@ -19,9 +20,8 @@ from gossamer_orchestrator import (
     load_scenario,
     parse_scenario,
 )
-from command_line import invoke
 from gossamer_orchestrator.names import split_indices
-from gossamer_orchestrator.scenario.shipped import find_scenario
+from gossamer_orchestrator.scenario.source import find_scenario
 from simulated import simulate as simulate_here
 
 HOST = Path(__file__).with_name("container_host.py")

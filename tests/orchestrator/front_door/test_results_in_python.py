@@ -9,9 +9,9 @@ from pathlib import Path
 import gossamer
 import numpy as np
 import pytest
+from command_line import invoke
 from gossamer_models.sensor import SensorArtifact
 from gossamer_orchestrator import save_results
-from command_line import invoke
 from gossamer_orchestrator.results.places import with_places
 
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
@@ -162,8 +162,8 @@ def sensor(measured):
 
 def test_an_identified_sensor_has_its_records_and_is_a_path(sensor, measured):
     command = SensorArtifact.read(Path(sensor)).provenance["command"]
-    assert command.startswith("gossamer.identify(files=['measured.csv'], out='sensor.json', train='0:80', modes=2")
-    assert "tau='40.0'" in command
+    assert command.startswith("gossamer.identify(files='measured.csv', out='sensor.json', train='0:80', modes=2")
+    assert "tau=[40.0]" in command
     (record,) = sensor.records.values()
     assert record.sizes == {"time": 240}
     assert record["time"].attrs["units"] == "s"
@@ -199,7 +199,7 @@ def test_a_sensor_is_built_from_what_identify_returns(sensor, tmp_path):
 def test_the_twin_gives_damage_by_zone(tmp_path):
     pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
     from gossamer_models.membrane import MembraneParams
-    from gossamer_models.twin.forward import Forward
+    from gossamer_models.twin.simulation import Forward
 
     true, step = np.zeros(16), 3e-4
     true[5] = 0.3

@@ -9,8 +9,8 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_orchestrator import ResultsError
 from command_line import invoke
+from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.pages import Chart, drawn
 from gossamer_orchestrator.pages.thin import Pixels
 from gossamer_orchestrator.pages.words import unbroken

@@ -8,8 +8,8 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_orchestrator import ScenarioError
 from command_line import invoke
+from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.results.plots.cases import plot_cases
 from gossamer_orchestrator.run.sweep import make_cases, read_ranges
 from matplotlib.figure import Figure
@@ -29,8 +29,8 @@ def call(fmus, tmp_path):
 
     def sweep(*ranges, out="out", more=()):
         options = [f"--set={each}" for each in ranges]
-        return CliRunner().invoke(
-            app, ["sweep", str(tmp_path / "s.toml"), "--fmus", str(fmus), "--out", str(tmp_path / out), *options, *more]
+        return invoke(
+            ["sweep", str(tmp_path / "s.toml"), "--fmus", str(fmus), "--out", str(tmp_path / out), *options, *more]
         )
 
     return sweep

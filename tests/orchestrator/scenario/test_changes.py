@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from gossamer_orchestrator import ScenarioError, load_results, make_plan, parse_scenario, run_scenario
 from command_line import invoke
+from gossamer_orchestrator import ScenarioError, load_results, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.names import suggest
 from gossamer_orchestrator.scenario.changes import changed, read_changes
 

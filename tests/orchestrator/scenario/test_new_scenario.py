@@ -6,8 +6,8 @@ import re
 import tomllib
 
 import pytest
-from gossamer_orchestrator import judge, load_scenario, make_plan, parse_scenario, run_scenario
 from command_line import invoke
+from gossamer_orchestrator import judge, load_scenario, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.scenario import schema
 

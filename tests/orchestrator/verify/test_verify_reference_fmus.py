@@ -5,8 +5,8 @@ from __future__ import annotations
 import zipfile
 
 import pytest
-from gossamer_orchestrator import FmuFile
 from command_line import invoke
+from gossamer_orchestrator import FmuFile
 from gossamer_orchestrator.verify import FAILED, PASSED, REMARK, verify
 from gossamer_orchestrator.verify.checks import CHECKS
 from reference.build import NAMES

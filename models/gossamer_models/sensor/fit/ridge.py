@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from gossamer_files.options import option
 
 from ...arrays import Rows, Vector
 from ...errors import DataError
@@ -60,7 +61,7 @@ def choose_ridge(
             if not any(moves(s.strain[s.train]) for s in parts):
                 msg = (
                     "the strain rests in the first half of the training stretch, so no ridge can be chosen. Give a number "
-                    "(--ridge)."
+                    f"({option('ridge')})."
                 )
                 raise DataError(msg)
             part = replace(regression, stretches=parts)

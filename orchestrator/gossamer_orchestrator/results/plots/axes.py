@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import xarray as xr
 
-from ..roles import find_all
+from ..dataset import find_all
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,8 +14,8 @@ from gossamer_files.pictures import COLORS, GREY, picture
 from ...errors import ResultsError
 from ...names import suggest
 from ..columns import WATCHED
+from ..dataset import find_all
 from ..judgements import changes, true_damage
-from ..roles import find_all
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

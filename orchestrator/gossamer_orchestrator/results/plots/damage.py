@@ -12,8 +12,8 @@ from gossamer_files.pictures import COLORS, GREY, axes_or_new, legend_below
 from numpy.typing import NDArray
 
 from ...errors import ResultsError
+from ..dataset import find, need
 from ..judgements import doubts, judge, true_damage, windows
-from ..roles import find, need
 from .axes import side, time_axis
 
 if TYPE_CHECKING:

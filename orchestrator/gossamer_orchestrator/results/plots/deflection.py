@@ -9,9 +9,8 @@ import xarray as xr
 from gossamer_files.pictures import COLORS, GREY, axes_or_new
 
 from ...errors import ResultsError
-from ..roles import find, is_whole, need
-from ..shapes import ShapeHistory
-from ..surface import TAUT, face_strains
+from ..dataset import find, is_whole, need
+from ..shapes import TAUT, ShapeHistory, face_strains
 from .axes import side, time_axis
 
 if TYPE_CHECKING:

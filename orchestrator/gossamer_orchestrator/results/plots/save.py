@@ -14,8 +14,8 @@ import xarray as xr
 from gossamer_files.pictures import picture
 
 from ...errors import OrchestratorError, ResultsError, writing
+from ..files import read_watch
 from ..shapes import load_shapes
-from ..watch import read_watch
 from . import damage, deflection, sensors
 
 logger = logging.getLogger(__name__)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ...errors import ResultsError
 from ...words import duration
+from ..dataset import compensators, find, need, sensors
 from ..judgements import windows
-from ..roles import compensators, find, need, sensors
 from .axes import plain_axis, short_axis, time_axis
 
 if TYPE_CHECKING:

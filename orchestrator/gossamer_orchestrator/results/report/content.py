@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from ...errors import ResultsError
 from ...pages.thin import Pixels
 from ..columns import LIKENESS
+from ..dataset import find_all, is_whole
+from ..files import read_watch
 from ..judgements import Judgement, changes, true_damage, windows
 from ..plots.axes import side
-from ..roles import find_all, is_whole
 from ..shapes import ShapeHistory, load_shapes
-from ..watch import read_watch
 from .membrane import membrane_mesh
 from .sensors import Array, Curve, curve_of, error_of, loops, sensor_curves, spectrogram_of
 from .surface import surface_content

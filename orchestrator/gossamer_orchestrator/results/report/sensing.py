@@ -11,8 +11,8 @@ import xarray as xr
 from ...names import split_endpoint
 from ...pages.thin import Pixels
 from ...words import percent
+from ..dataset import origins_of
 from ..plots.sensors import LEAST_RANGE
-from ..roles import origins_of
 from .sensors import Array, curve_of, error_of, rows_later, sensor_curves
 
 WITHIN_BAND = (

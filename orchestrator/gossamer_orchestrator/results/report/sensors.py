@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ...errors import ResultsError
 from ...pages.thin import Pixels
+from ..dataset import compensators, find_all, origins_of, sensors
 from ..judgements import Judgement
-from ..roles import compensators, find_all, origins_of, sensors
 from .spectra import spectrogram, spectrum
 
 LOOP_ROWS = 2000  # of a loop of resistance over strain

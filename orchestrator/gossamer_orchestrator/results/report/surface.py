@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmi.shape import Array, Integers, Surface
-from ..shapes import ShapeHistory
-from ..surface import face_strains
+from ..shapes import ShapeHistory, face_strains
 
 SEEN = 0.1  # of its size: how far a membrane that moves less is drawn
 CLEAR = 0.12  # of its size: from a sensor to the number of a zone

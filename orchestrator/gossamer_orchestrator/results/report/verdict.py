@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from ...errors import ResultsError
 from ...pages.page import Kind
 from ...words import counted, uncertain
+from ..dataset import find_all
 from ..judgements import Judgement, doubts, recorded_detector
-from ..roles import find_all
 from ..tables import LEAST_SHOWN
 from .sensing import sensor_doubts
 

@@ -16,12 +16,11 @@ from typing import Any
 
 from pyssp_standard.ssd import Component, System
 
-from ...fmi.file import FmuFile
-from ...fmi.types import parse
-from ...fmi.units import conversion
-from ...scenario.schema import Value
-from .files import SspFiles
-from .parameters import Given, definitions, read_bindings
+from ..fmi.file import FmuFile
+from ..fmi.types import parse
+from ..fmi.units import conversion
+from ..scenario.schema import Value
+from .ssp_files import Given, SspFiles, definitions, read_bindings
 
 logger = logging.getLogger(__name__)
 

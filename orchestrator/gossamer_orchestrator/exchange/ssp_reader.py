@@ -16,14 +16,14 @@ from typing import Any
 
 from pyssp_standard.ssd import SSD
 
-from ...errors import OrchestratorError
-from ...fmi.archive import unpack
-from ...scenario.graph import find_cycle, sort_components
-from ...scenario.load import make_scenario
-from ...scenario.schema import Connection, Scenario, Value
-from ...scenario.source import Source
-from .files import ANNOTATION, KEPT, SSP, STRUCTURE, SspFiles
-from .network import Network, dotted
+from ..errors import OrchestratorError
+from ..fmi.archive import unpack
+from ..scenario.graph import find_cycle, sort_components
+from ..scenario.load import make_scenario
+from ..scenario.schema import Connection, Scenario, Value
+from ..scenario.source import Source
+from .ssp_files import ANNOTATION, KEPT, SSP, STRUCTURE, SspFiles
+from .ssp_network import Network, dotted
 
 logger = logging.getLogger(__name__)
 

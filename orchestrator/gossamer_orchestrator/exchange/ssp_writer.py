@@ -1,4 +1,4 @@
-"""Write a scenario and its FMUs as an SSP archive.
+"""Write a scenario and its FMUs as an SSP archive; what other formats cannot express of a scenario.
 
 Written is the subset that other tools read: one flat system without connectors of its own, every input connected or given
 a value, Reals only, and for each component one parameter set, named ``initialValues``, inside the system structure. What
@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import logging
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -22,14 +22,17 @@ from pyssp_standard.parameter_types import ParameterType
 from pyssp_standard.ssd import SSD, Component, Connection, Connector, DefaultExperiment, ParameterBinding, System
 from pyssp_standard.ssv import Parameter, SSVElem
 from pyssp_standard.transformation_types import Transformation
+from pyssp_standard.unit import BaseUnit, Unit
 from pyssp_standard.utils import register_namespaces
 
-from ...fmi.archive import check_target, write_archive
-from ...fmi.file import FmuFile
-from ...scenario import schema
-from ...scenario.plan import ComponentPlan, Plan, make_plan
-from ..limits import declare_unit, inexpressible
-from .files import ANNOTATION, KEPT, STRUCTURE
+from ..fmi.archive import check_target, write_archive
+from ..fmi.file import FmuFile
+from ..fmi.units import scale
+from ..scenario import schema
+from ..scenario.plan import ComponentPlan, Plan, make_plan
+from ..scenario.schema import Scenario
+from ..scenario.source import Problems
+from .ssp_files import ANNOTATION, KEPT, STRUCTURE
 
 logger = logging.getLogger(__name__)
 
@@ -185,3 +188,44 @@ def _osp_step(step: float) -> Any:  # noqa: ANN401
     algorithm = etree.SubElement(annotation.root, f"{{{_OSP_NAMESPACE}}}Algorithm", nsmap={"osp": _OSP_NAMESPACE})
     etree.SubElement(algorithm, f"{{{_OSP_NAMESPACE}}}FixedStepAlgorithm", baseStepSize=repr(step))
     return annotation
+
+
+def inexpressible(scenario: Scenario, what: str, keys: Mapping[str, float | None], advice: str) -> Problems:
+    """List what a format does not have of the steps, the events and the keys of connections.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What is to be expressed.
+    what : str
+        The format, for messages.
+    keys : mapping of str to float or None
+        Keys that it does not have, with the value that changes nothing.
+    advice : str
+        What to do about an event, besides removing it.
+    """
+    problems = Problems(scenario.source)
+    for i, _ in enumerate(scenario.events):
+        problems.add(("events", i), f"{what} has no events. Remove it, {advice}.")
+    for i, _ in enumerate(scenario.inputs):
+        problems.add(("inputs", i), f"{what} has no inputs from files. Remove it, {advice}.")
+    for name, component in scenario.components.items():
+        if component.every > 1:
+            text = f"{what} steps all components at once, so it has no 'every'. Remove it."
+            problems.add(("components", name, "every"), text)
+    if scenario.step_control is not None:
+        problems.add(("step_control",), f"{what} has no step control. Remove the table.")
+    for i, connection in enumerate(scenario.connections):
+        for key, neutral in keys.items():
+            if getattr(connection, key) not in (None, neutral):
+                problems.add(("connections", i, key), f"{what} has no {key} in its connections. Remove it.")
+    return problems
+
+
+def declare_unit(units: Any, name: str, base: Any) -> bool:  # noqa: ANN401
+    """Define a unit by FMPy's ``BaseUnit`` or None among pyssp-standard's; False if the name has another meaning there."""
+    try:
+        units.add_unit(Unit(name, None if base is None else BaseUnit(scale(base))))
+    except ValueError:
+        return False
+    return True
