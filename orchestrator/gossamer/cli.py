@@ -87,7 +87,6 @@ def parsed(words: Sequence[str]) -> tuple[str, dict[str, Any], Callable[[], Any]
     called, bound, _ = app.parse_args(words, print_error=False, exit_on_error=False)
     if called.__name__ not in COMMANDS:
         return "", {}, lambda: called(*bound.args, **bound.kwargs)
-    bound.apply_defaults()
     return called.__name__, dict(bound.arguments), None
 
 
@@ -100,12 +99,12 @@ def _run(words: list[str]) -> int:
     if other is not None:
         other()
         return 0
-    common = {each: given.pop(each) for each in COMMON}
-    TERMINAL.quiet, TERMINAL.talks, TERMINAL.typed = common["quiet"], True, words
+    common = {each: given.pop(each, None) for each in COMMON}
+    TERMINAL.quiet, TERMINAL.talks, TERMINAL.typed = bool(common["quiet"]), True, words
     try:
-        with _logging(common["verbose"], common["log_file"]):
+        with _logging(bool(common["verbose"]), common["log_file"]):
             found = COMMANDS[name](**given)
-            return _answer(found, common["json"])
+            return _answer(found, bool(common["json"]))
     except ArgumentError as error:
         print(error, file=sys.stderr)
         return USAGE
@@ -199,15 +198,11 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature:
         about = helps.setdefault(argument.owner, _explained(argument.owner or function))
         listed.append(_parameter(argument, about[argument.name]))
     for name, (flags, kind, text) in COMMON.items():
-        how = cyclopts.Parameter(name=flags, help=text, group=group, negative=(), show_default=False)
-        listed.append(
-            inspect.Parameter(
-                name,
-                inspect.Parameter.KEYWORD_ONLY,
-                annotation=Annotated[kind, how],
-                default=False if kind is bool else None,
-            )
+        how = cyclopts.Parameter(
+            name=flags, help=text, group=group, negative=(), show_default=False, allow_repeating=True
         )
+        hint, default = Annotated[kind | None, how], None
+        listed.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=hint, default=default))
     return inspect.Signature(listed)
 
 
@@ -228,6 +223,7 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
         kind = list[str]
     elif str in kinds:
         kind = str
+    hint = kind | None if argument.default is None else kind
     owner = argument.owner
     how = cyclopts.Parameter(
         help=text,
@@ -239,7 +235,7 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
         **({"group": cyclopts.Group((inspect.getdoc(owner) or "").partition(".")[0])} if owner else {}),
     )
     place = inspect.Parameter.KEYWORD_ONLY if argument.is_option else inspect.Parameter.POSITIONAL_ONLY
-    return inspect.Parameter(argument.name, place, annotation=Annotated[kind, how], default=argument.default)
+    return inspect.Parameter(argument.name, place, annotation=Annotated[hint, how], default=argument.default)
 
 
 def _whole(_kind: type, tokens: Sequence[cyclopts.Token]) -> int:

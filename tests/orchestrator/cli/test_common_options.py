@@ -108,6 +108,7 @@ def test_an_invalid_last_judgement_has_an_exit_code_of_its_own(call, fmus, tmp_p
     columns = {"detector.damage": (("time", "zone"), damage), "detector.valid": ("time", told)}
     data = xr.Dataset(columns, {"time": time}, {"ended": "complete", "wall_time": 0.1})
     monkeypatch.setattr("gossamer_orchestrator.run.runner.run_scenario", lambda *_, **__: data)
+    monkeypatch.setattr("gossamer_orchestrator.results.places.with_places", lambda data, _: data)
     (tmp_path / "g.toml").write_text(GAIN)
     result = call("run", tmp_path / "g.toml", "--out", tmp_path / "out", "--no-pictures", "--json")
     assert result.exit_code == code, result.stderr

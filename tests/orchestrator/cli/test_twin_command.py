@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from command_line import invoke
+from gossamer import TwinAnswer
 from gossamer.damage import _compared
 from gossamer_models.membrane import MembraneParams
 from gossamer_models.sensor import default_artifact
