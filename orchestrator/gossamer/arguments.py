@@ -134,7 +134,7 @@ def command(function: Callable[P, R]) -> Callable[P, R]:
         taken = declared(function)
         given = dict(zip(taken, args, strict=False)) | kwargs
         inspect.signature(function).bind(*args, **kwargs)  # what is missing, unknown or given twice is a TypeError
-        checked = {name: check(taken[name], value) if name in taken else value for name, value in given.items()}
+        checked: Any = {name: check(taken[name], value) for name, value in given.items()}
         with expected_errors(taken):
             return function(**checked)  # type: ignore[call-arg]
 

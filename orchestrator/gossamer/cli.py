@@ -224,7 +224,8 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
     elif str in kinds:
         kind = str
     hint = kind | None if argument.default is None else kind
-    owner = argument.owner
+    title = (inspect.getdoc(argument.owner) or "").partition(".")[0] if argument.owner else ""
+    panel = cyclopts.Group(title) if title else "Parameters" if argument.is_option else "Arguments"
     how = cyclopts.Parameter(
         help=text,
         metavar=written.placeholder,
@@ -232,7 +233,7 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
         converter=_whole if kind is int else None,
         show_default=argument.default not in (None, False, inspect.Parameter.empty),
         allow_repeating=True,
-        **({"group": cyclopts.Group((inspect.getdoc(owner) or "").partition(".")[0])} if owner else {}),
+        group=panel,
     )
     place = inspect.Parameter.KEYWORD_ONLY if argument.is_option else inspect.Parameter.POSITIONAL_ONLY
     return inspect.Parameter(argument.name, place, annotation=Annotated[hint, how], default=argument.default)

@@ -170,7 +170,9 @@ def build(
 
         from .descriptions import load_structure
 
-        structure = load_structure(find_scenario(str(setup), "membrane"), mesh, expose=expose)
+        structure = load_structure(
+            find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh), expose=expose
+        )
     elif mesh is not None or expose:
         given = f"{option('mesh')} and {option('expose', True)}"
         msg = f"{given} need a setup of material and supports. Name its file with {option('setup')}."

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,7 +40,7 @@ class KnownRecord:
     params: MembraneParams
     sensor_parameters: Mapping[str, list[float]] = field(default_factory=dict)
 
-    def sensors(self, file: Path | str | None) -> SensorArtifact | None:
+    def sensors(self, file: str | PathLike[str] | None) -> SensorArtifact | None:
         """Return the sensors of a record of resistance, from a file or as shipped; None for a record of strain."""
         from gossamer_models.sensor import SensorArtifact, default_artifact
 

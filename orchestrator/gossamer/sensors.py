@@ -219,7 +219,7 @@ class Identification(Result):
         return f"The resistance is predicted with an error (NRMSE) of {', '.join(errors)}."
 
     @property
-    def _warnings(self) -> list[str]:
+    def _warnings(self) -> tuple[str, ...]:
         """Rivals that recover strain better: they stand beside the command to build, which they question."""
         from gossamer_models.automatic import defeats
 

@@ -9,12 +9,11 @@ from functools import cache
 import numpy as np
 
 from ..arrays import Rows
-from ..errors import DataError
 from ..fitting.records import Record
 from ..replay import Recovered, recover_by_fit
 from ..sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from ..sensor.tracking import Tracking
-from .sensors import NOTHING, sensor_name
+from .sensors import nothing_fitted, sensor_name
 from .split import FITTED, cut
 from .tracking import calibrated, error_model, held_errors, motion, too_short
 from .trials import Bench, error_on
@@ -147,7 +146,7 @@ def choose_compensator(
         "compensator", order, lambda m: m.text, [judge], until=until, share=(0.7, 0.95), surely=len(first)
     )
     if not found:
-        raise DataError(NOTHING)
+        raise nothing_fitted()
     close = [method for error, method in found if error <= NEAR * found[0][0]]
     best = min(close, key=methods.index)
     # if another method has won, this filter serves whoever builds the FMU filter

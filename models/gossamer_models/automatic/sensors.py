@@ -31,6 +31,13 @@ COMPARABLE = 1.25  # times the least error: a sensor that predicts worse is not 
 KINDS = 2  # sensors of different extensions that go on to the choice of the compensator
 
 
+def nothing_fitted() -> DataError:
+    """Return the refusal of a training stretch to which no model could be fitted."""
+    advice = f"Name a longer one ({option('train')}), or a model ({option('model')})."
+    text = "no model could be fitted to the earlier part of the training stretch, so none can be chosen."
+    return DataError(f"{text} {advice}")
+
+
 def choose_sensors(
     records: tuple[Record, ...],
     train: tuple[Rows, ...],
@@ -70,9 +77,7 @@ def choose_sensors(
     kinds = product(reversed(EXTENSIONS), (True, False))
     found = ask([_hats(extension, earlier, FIRST_RIDGE) for extension, earlier in kinds], share=(0.0, 0.2))
     if not found:
-        advice = f"Name a longer one ({option('train')}), or a model ({option('model')})."
-        msg = f"no model could be fitted to the earlier part of the training stretch, so none can be chosen. {advice}"
-        raise DataError(msg)
+        raise nothing_fitted()
     best = _of_different_kinds(found)
     found += ask([_hats(s.extension, s.earlier, ridge) for s in best for ridge in RIDGES], share=(0.2, 0.4))
     corrected: list[PreisachSettings] = []
