@@ -10,7 +10,7 @@ from .results import TableText
 
 if TYPE_CHECKING:
     from gossamer_models.fitting import Record
-    from gossamer_models.fitting.summary import Quantity
+    from gossamer_models.fitting.records import Quantity
     from gossamer_models.identify import Identified
     from gossamer_models.review import Judged
 

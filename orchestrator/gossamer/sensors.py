@@ -638,7 +638,7 @@ def assess(
         gossamer assess sensor.json other.csv --compensator inverse --compensator estimator --out out/mine
     """
     from gossamer_models.fitting import Columns
-    from gossamer_models.fitting.tables import table_path
+    from gossamer_models.replay import table_path
     from gossamer_models.review import judge_files, save_judged
     from gossamer_orchestrator.run.progress import ProgressBar
 
