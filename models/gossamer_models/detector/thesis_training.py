@@ -5,8 +5,6 @@ Symbols: ``U`` packet energies, ``I`` logarithms of the damage feature indices.
 
 from __future__ import annotations
 
-from gossamer_files.options import option
-
 import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -258,7 +256,7 @@ def train_detector(training: ThesisTraining = TRAININGS["single"]) -> DetectorAr
         bias=np.array([networks.bias for networks in trained]),
         rules=np.array([networks.rules for networks in trained]),
         provenance={
-            "command": f"gossamer train {option('kind')} thesis",
+            "command": "gossamer train --kind thesis",
             "cases": f"undamaged and {', '.join(f'{level:g}' for level in LEVELS)} in each of {ZONES} zones alone{more}",
             "noise": f"uniform, {NOISE[0]:g} to {NOISE[1]:g}" if training.noisy else "none",
             "leave_one_out": f"rms of memberships in windows 1 to {WINDOWS}: {errors}",

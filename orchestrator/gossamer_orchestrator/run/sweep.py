@@ -125,10 +125,10 @@ def make_cases(ranges: Mapping[str, Sequence[Given]]) -> list[Case]:
 
 def run_case(command: Sequence[str], out: Path, case: Case) -> tuple[int, str]:
     """Run a case in a process of its own, here or on another machine; return its number and how it ended."""
-    texts = [f"{option('set')}={name}={json.dumps(value)}" for name, value in case.values.items()]
-    module = [sys.executable, "-P", "-m", "gossamer", f"{option('quiet')}"]
+    texts = [f"--set={name}={json.dumps(value)}" for name, value in case.values.items()]
+    module = [sys.executable, "-P", "-m", "gossamer", "--quiet"]
     with subprocess.Popen(
-        [*module, *command, *texts, f"{option('out')}", str(out / case.name)],
+        [*module, *command, *texts, "--out", str(out / case.name)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
