@@ -178,7 +178,7 @@ def check(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
         msg = f"{name} is None. Give a value."
         raise ArgumentError(msg)
     value = value.item() if hasattr(value, "item") and not getattr(value, "shape", ()) else value
-    if str in kinds and os.PathLike not in kinds:
+    if Mapping in kinds or (str in kinds and os.PathLike not in kinds):
         return value  # texts and numbers, read where they are used
     if os.PathLike in kinds:
         for each in several(value) if wanted.written.many else [value]:

@@ -61,13 +61,13 @@ class Wanted:
 
     def name_one(self) -> str:
         """Return what to do about columns that are not recognised."""
-        return f"Name one (--{self.what})" if self.options else f"Call one {self.what}, and no other"
+        return f"Name one ({option(self.what)})" if self.options else f"Call one {self.what}, and no other"
 
     def state_unit(self, text: str = "") -> str:
         """Return what to do about a unit that it cannot have: of strain, a length is divided by another one first."""
         if self.what == "strain" and LENGTH.fullmatch(text.strip()):
             return "That is a displacement: divide it by the gauge length first, and write the ratio"
-        where = f"(--{self.what}-unit)" if self.options else "in brackets after the column's name"
+        where = f"({option(f'{self.what}_unit')})" if self.options else "in brackets after the column's name"
         return f"State the unit {where}: {UNITS[self.what]}"
 
 

@@ -90,7 +90,7 @@ class RecordSummary:
             c = each.column
             if c.others:
                 sentences.append(
-                    f"{c.name!r} is taken as {c.what}; {' and '.join(map(repr, c.others))} may be it too (--{c.what})."
+                    f"{c.name!r} is taken as {c.what}; {' and '.join(map(repr, c.others))} may be it too ({option(c.what)})."
                 )
             if c.unit is None and c.what == "strain" and each.highest >= LARGE_STRAIN:
                 sentences.append(

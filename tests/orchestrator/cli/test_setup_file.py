@@ -131,10 +131,10 @@ def test_the_command_builds_a_shipped_membrane_and_refuses_an_unknown_one(tmp_pa
     assert "in place of" not in call("build", "membrane", "--out", tmp_path).stderr
     result = call("build", "membrane", "--setup", "reflecter", "--out", tmp_path)
     assert result.exit_code == 1
-    assert "Did you mean 'reflector'" in result.stderr + str(result.exception)
+    assert "Did you mean 'reflector'" in result.stderr
     result = call("build", "membrane", "--mesh", "a.msh", "--out", tmp_path)
     assert result.exit_code == 1
-    assert "need a setup" in result.stderr + str(result.exception)
+    assert "need a setup" in result.stderr
 
 
 @pytest.mark.parametrize("name", ["drum", "reflector", "sail", "tube"])

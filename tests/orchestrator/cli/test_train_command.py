@@ -31,7 +31,7 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.toml").write_text(SMALL)
     options = ["--window", "0.03", "--epochs", "60"]
-    result = invoke(["train", "small.toml", *options], catch_exceptions=False)
+    result = invoke(["train", "small.toml", *options])
     assert result.exit_code == 0, result.output
     assert "always 0" in result.stderr
     artifact = PosteriorArtifact.read(tmp_path / "out/detector/small.json")

@@ -6,6 +6,7 @@ import json
 
 import pytest
 from command_line import invoke
+from gossamer_files.options import DASHES, STYLE
 from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 
@@ -59,10 +60,11 @@ def test_a_right_scenario_shows_components_and_converted_units_and_leaves_nothin
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_refused_in_the_words_of_the_plan_of_a_run(call, fmus, mistake):
+def test_a_mistake_is_refused_in_the_words_of_the_plan_of_a_run(call, fmus, mistake, monkeypatch):
     text = SCENARIO.replace(*MISTAKES[mistake])
     assert text != SCENARIO
     checked = call("validate", text)
+    monkeypatch.setenv(STYLE, DASHES)
     with pytest.raises(ScenarioError) as planned:
         make_plan(parse_scenario(text, name="s.toml"), fmus)
     assert (checked.exit_code, checked.stderr) == (1, f"{planned.value}\n")
