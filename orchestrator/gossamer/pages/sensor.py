@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
-from gossamer_models.fitting.uncertainty import Parameter
+from gossamer_models.fitting.errors import Parameter
 from gossamer_models.fractional import FractionalArtifact, FractionalFit
 from gossamer_models.sensor import RelaxationTerm, SensorArtifact
 from gossamer_models.sensor.fit import PreisachFit
