@@ -126,8 +126,8 @@ def validate(
         gossamer validate my_scenario.toml
     """
     from gossamer_orchestrator.run.runner import validate_scenario
-    from gossamer_orchestrator.scenario.changes import read_changes
     from gossamer_orchestrator.scenario.source import find_scenario
+    from gossamer_orchestrator.scenario.values import read_changes
 
     with stderr().status("starting the FMUs"):
         outline = validate_scenario(

@@ -17,7 +17,7 @@ from gossamer_models.membrane import Setup, Structure, make_structure, read_mesh
 from gossamer_models.mistakes import DescriptionError
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.names import suggest
-from gossamer_orchestrator.scenario.schema import Table
+from gossamer_orchestrator.scenario.schema import ScenarioTable
 from gossamer_orchestrator.scenario.source import Location, Problems, Source, explain, parse_toml, read_text
 from pydantic import ValidationError, create_model
 
@@ -80,7 +80,7 @@ def read_description(path: Path, what: str, kind: type[T], tables: Mapping[str, 
     source = Source(path.name, read_text(path, what))
     content = parse_toml(source.text, source.name, what)
     problems = Problems(source)
-    file: Any = create_model("File", __base__=Table, content=(kind, ...))
+    file: Any = create_model("File", __base__=ScenarioTable, content=(kind, ...))
     try:  # as JSON, so that arrays are tuples and tables are what they are for, while types stay strict
         found: T = file.model_validate_json(json.dumps({"content": content}, default=str)).content
     except ValidationError as error:

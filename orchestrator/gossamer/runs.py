@@ -239,8 +239,8 @@ def run(
     from gossamer_orchestrator.results.places import with_places
     from gossamer_orchestrator.run.progress import ProgressBar
     from gossamer_orchestrator.run.runner import run_scenario
-    from gossamer_orchestrator.scenario.changes import read_changes
     from gossamer_orchestrator.scenario.source import find_scenario
+    from gossamer_orchestrator.scenario.values import read_changes
 
     from .watching import LiveWatch
 

@@ -158,7 +158,7 @@ class FiniteCheck:
                     msg = f"{text} Correct its inputs or parameters, or run without {option('strict', True)}."
                     raise SimulationError(msg, component=component, time=simulation.time)
                 logger.warning(
-                    f"%s What follows from it means nothing; {option('strict', True)} ends the run there.", text
+                    "%s What follows from it means nothing; %s ends the run there.", text, option("strict", True)
                 )
 
     def end(self, simulation: Simulation) -> None:
@@ -211,10 +211,8 @@ class ShapeRecorder:
         else:
             self._file.append(pack_frame(simulation.time, frame)[None])
 
-    def end(self, simulation: Simulation) -> None:  # noqa: ARG002
-        """Close the file."""
-        if self._file is not None:
-            self._file.close()
+    def end(self, simulation: Simulation) -> None:
+        """Do nothing: the file is whole at any time."""
 
     def _frame(self, simulation: Simulation) -> Frame:
         return {name: shape.read(simulation.serialize_one(name)) for name, shape in self._shapes.items()}

@@ -306,7 +306,7 @@ class IteratedGroup:
             msg = f"{text} {advice}"
             raise SimulationError(msg, component=source[0], time=time)
         logger.warning(
-            f"%s The run goes on with its last values; {option('strict', True)} ends it there. %s", text, advice
+            "%s The run goes on with its last values; %s ends it there. %s", text, option("strict", True), advice
         )
 
 

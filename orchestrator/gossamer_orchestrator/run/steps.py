@@ -141,7 +141,7 @@ FLOOR = (
 ENOUGH = 0.1  # where e is less, the next step is twice as large: e is then expected below 0.4
 
 
-class StepControl:
+class ControlledSteps:
     """The steps of a run.
 
     Parameters
@@ -261,4 +261,4 @@ class StepControl:
             msg = f"{text} {advice}"
             raise SimulationError(msg, component="", time=simulation.time)
         if self._misses == 1:
-            logger.warning(f"%s The run goes on; {option('strict', True)} ends it there. %s", text, advice)
+            logger.warning("%s The run goes on; %s ends it there. %s", text, option("strict", True), advice)

@@ -6,7 +6,7 @@ import pytest
 from command_line import invoke
 from gossamer_orchestrator import ScenarioError, load_results, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.names import suggest
-from gossamer_orchestrator.scenario.changes import changed, read_changes
+from gossamer_orchestrator.scenario.values import changed, read_changes
 
 TEXT = """
 step = 0.1

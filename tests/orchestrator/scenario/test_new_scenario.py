@@ -11,7 +11,7 @@ from gossamer_orchestrator import judge, load_scenario, make_plan, parse_scenari
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.scenario import schema
 
-TABLES = [each for each in vars(schema).values() if isinstance(each, type) and issubclass(each, schema.Table)]
+TABLES = [each for each in vars(schema).values() if isinstance(each, type) and issubclass(each, schema.ScenarioTable)]
 
 
 @pytest.fixture
