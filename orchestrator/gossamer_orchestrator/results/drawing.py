@@ -15,7 +15,7 @@ from pathlib import Path
 
 logger = logging.getLogger(__name__)
 
-SHARES = ((0, 1), (1, None))  # of the pages, for a process each: the first one takes about as long as all others
+SHARES = ((0, 1), (1, None))  # of the pictures, for a process each: the first one takes about as long as all others
 
 
 class Drawing:
@@ -24,7 +24,7 @@ class Drawing:
     def __init__(self) -> None:
         self._processes = [
             subprocess.Popen(
-                [sys.executable, "-P", "-m", "gossamer_orchestrator.results.plots.child"],
+                [sys.executable, "-P", "-m", "gossamer_orchestrator.results.report.pictures"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
@@ -40,7 +40,7 @@ class Drawing:
 
     def __exit__(self, *_: object) -> None:
         for process in self._processes:
-            with process:
+            with suppress(BrokenPipeError), process:
                 process.terminate()
 
     def begin(self, folder: Path, every: int) -> None:
@@ -54,16 +54,19 @@ class Drawing:
 
     def finish(self) -> list[Path]:
         """Wait for the pictures; return the paths of those that were drawn, and warn of what went wrong."""
-        from .plots.save import Drawn, paths_of
+        from .report.pictures import Picture, paths_of
 
         pages, problems = [], []
         for process in self._processes:
             for line in process.stdout or ():
-                report = json.loads(line)
+                try:
+                    report = json.loads(line)
+                except ValueError:  # a library printed it
+                    continue
                 if "error" in report:
                     problems.append(report["error"])
                 else:
-                    pages.append(Drawn(**report | {"path": Path(report["path"])}))
+                    pages.append(Picture(**report | {"path": Path(report["path"])}))
             if code := process.wait():
                 problems.append(f"a process that draws them ended with exit code {code}.")
         problems += [page.failure for page in pages if page.failure]
