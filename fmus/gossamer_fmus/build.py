@@ -10,37 +10,41 @@ A native FMU also holds its C code and the compiled binaries::
     binaries/<platform>/<name>.<so|dll|dylib>
     sources/                                 see ``c_code``
 
-An FMU of a model with files of its own holds them too::
+A Python FMU holds one generic slave and the serialized step model instead; see ``python_fmu``. An FMU of a model with files
+of its own, for programs that draw it, holds them too::
 
-    resources/                               see ``resources``
-
-A Python FMU holds one generic slave and the serialized step model instead; see ``python_fmu``.
+    resources/<name>                         as the model has it
+    resources/state.json                     where variables and state of the model lie in a serialized state of the FMU
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
-from collections.abc import Callable, Iterable
+import uuid
+import zipfile
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Unpack
 
+from gossamer_files import replacing
 from gossamer_models import GossamerError, ParameterError, StepModel
 
-from .archive import identifier, write_archive
 from .c_code import sources, with_guid
-from .catalogue import NAMES, make_model
+from .catalogue import NAMES, ModelOptions, make_model
 from .compiler import choose_platforms, compile_library
 from .description import FmiVersion, build_description, model_description
 from .loop_code import FILE
 from .page import documents
 from .python_fmu import python_members
-from .resources import resources
 
-if TYPE_CHECKING:
-    from gossamer_models.mesh_membrane import Structure
+_NAMESPACE = uuid.UUID("6f2ad6c2-5a57-5d3c-9c1d-2f4a3c1f6d10")
+_HEAD = 8 + 16 + 4  # of a state: magic, digest and checksum [byte], in both kinds
+_BEFORE = {True: 4 * 8, False: 1}  # the variables: in C (stepper.h, State) and in Python (stepper.py)
 
 
 def build_fmu(
@@ -84,23 +88,18 @@ def build_fmu(
     ModuleNotFoundError
         The compiler is not installed.
     """
-    return _build([(model.name, model, readme)], folder, native, fmi, platforms, progress)[0]
+    return _build({model.name: model}, folder, readme, native, fmi, platforms, progress)[model.name]
 
 
 def build_all(
     folder: Path,
     names: Iterable[str] = NAMES,
     *,
-    artifact: Path | None = None,
-    scales: tuple[float, ...] | None = None,
-    elements_per_side: int | None = None,
-    order: int | None = None,
-    law: str | None = None,
-    structure: Structure | None = None,
     native: bool = False,
     fmi: FmiVersion = 2,
     platforms: Iterable[str] = (),
     progress: Callable[[str], None] = lambda _: None,
+    **options: Unpack[ModelOptions],
 ) -> dict[str, Path]:
     """Build this project's FMUs, all or some of them.
 
@@ -110,20 +109,10 @@ def build_all(
         Folder for the FMUs.
     names : iterable of str
         FMUs to build.
-    artifact : Path, optional
-        Identified sensor, of either family, or trained detector; every FMU named must be built from this kind of
-        artifact.
-    scales : tuple of float, optional
-        Resistance at rest [ohm], its rise to full scale [ohm] and full scale [1] of an identified sensor, in place of its
-        own; needed where it has none.
-    elements_per_side, order : int, optional
-        Mesh of the membrane, which must be the only name; see ``membrane_model``.
-    law : str, optional
-        Law of the membrane's material: st_venant_kirchhoff, hencky, neo_hookean or relaxed.
-    structure : Structure, optional
-        Membrane on a mesh in place of the square one.
     native, fmi, platforms, progress
         See ``build_fmu``.
+    **options
+        What the models are made from; see ``ModelOptions``.
 
     Returns
     -------
@@ -139,14 +128,6 @@ def build_all(
     ModuleNotFoundError
         The compiler is not installed.
     """
-    options = {
-        "artifact": artifact,
-        "scales": scales,
-        "elements_per_side": elements_per_side,
-        "order": order,
-        "law": law,
-        "structure": structure,
-    }
     names, models = tuple(names), dict[str, StepModel]()
     for name in names:
         try:
@@ -155,45 +136,85 @@ def build_all(
             if len(names) > 1:
                 error.add_note(f"That was {name}; none of {', '.join(names)} was written.")
             raise
-    named = [(name, model, None) for name, model in models.items()]
-    paths = _build(named, folder, native, fmi, platforms, progress)
-    return dict(zip(models, paths, strict=True))
+    return _build(models, folder, None, native, fmi, platforms, progress)
 
 
 def _build(
-    models: Iterable[tuple[str, StepModel, Path | None]],
+    models: Mapping[str, StepModel],
     folder: Path,
+    readme: Path | None,
     native: bool,
     fmi: FmiVersion,
     platforms: Iterable[str],
     progress: Callable[[str], None],
-) -> list[Path]:
+) -> dict[str, Path]:
     """Write the files of all FMUs, compile them in parallel (the compiler is a separate program), and pack them by name."""
     platforms = tuple(platforms)
     if not native and (fmi != 2 or platforms):
         msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Add --native."
         raise ParameterError(msg)
     platforms = choose_platforms(platforms, fmi) if native else ()
-    fmus = []
-    for name, model, readme in models:
+    codes, fmus = dict[str, dict[str, bytes]](), dict[str, dict[str, bytes]]()
+    for name, model in models.items():
         code = sources(model, "", fmi) if native else {}
-        members = documents(model, readme) | ({} if native else python_members(model)) | resources(model, native=native)
+        members = documents(model, readme) | ({} if native else python_members(model)) | _resources(model, native)
         if model.tables is not None:
             members[f"resources/{FILE}"] = model.tables.content()
-        description = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}
-        guid = identifier(members | code | description)
-        code = with_guid(code, guid) if native else {}
-        members |= {f"sources/{name}": content for name, content in code.items()}
+        described = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}
+        guid = _identifier(members | code | described)
+        codes[name] = with_guid(code, guid) if native else {}
+        members |= {f"sources/{file}": content for file, content in codes[name].items()}
         members["modelDescription.xml"] = model_description(model, guid, fmi=fmi, native=native)
         if fmi == 3:
             members["sources/buildDescription.xml"] = build_description(model)
-        fmus.append((name, model.name, code, members))
+        fmus[name] = members
 
-    def compile_one(job: tuple[str, tuple[str, str, dict[str, bytes], dict[str, bytes]]]) -> None:
-        platform, (name, library, code, members) = job
+    def compile_one(job: tuple[str, str]) -> None:
+        platform, name = job
         begin = partial(progress, f"{name} for {platform}")
-        members.update(compile_library(code, library, fmi, platform, begin))
+        fmus[name].update(compile_library(codes[name], models[name].name, fmi, platform, begin))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(compile_one, product(platforms, fmus)))
-    return [write_archive(folder / f"{name}.fmu", members) for name, _, _, members in fmus]
+    return {name: _write(folder / f"{name}.fmu", members) for name, members in fmus.items()}
+
+
+def _resources(model: StepModel, native: bool) -> dict[str, bytes]:
+    """Return the model's own files by path, and where its numbers lie in a serialized state.
+
+    ``values`` and ``x`` of ``state.json`` are the places [byte] of the variables, in the order of the table, and of the
+    states of the model; both are doubles in the order of this machine's bytes.
+    """
+    if not model.resources:
+        return {}
+    begin = _HEAD + _BEFORE[native]
+    card = {
+        "schema": "gossamer.state",
+        "version": 1,
+        "values": begin,
+        "n_values": len(model.variables),
+        "x": begin + 8 * len(model.variables),
+        "n_x": model.n_states,
+    }
+    files = model.resources | {"state.json": json.dumps(card, indent=1).encode()}
+    return {f"resources/{name}": data for name, data in files.items()}
+
+
+def _identifier(members: Mapping[str, bytes]) -> str:
+    """Return the guid of some files, given by name."""
+    content = hashlib.sha256()
+    for name, data in sorted(members.items()):
+        content.update(name.encode() + b"\0" + data + b"\0")
+    return f"{{{uuid.uuid5(_NAMESPACE, content.hexdigest())}}}"
+
+
+def _write(path: Path, members: Mapping[str, bytes]) -> Path:
+    """Write files, given by name, as an FMU whose bytes depend on nothing else; its folder is made if needed."""
+    with replacing(path) as unfinished, zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0])):
+            member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            member.compress_type = zipfile.ZIP_DEFLATED
+            member.external_attr = 0o644 << 16
+            member.create_system = 3
+            archive.writestr(member, data)
+    return path

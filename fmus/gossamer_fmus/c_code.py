@@ -18,8 +18,7 @@ from pathlib import Path
 import casadi as ca
 from gossamer_models import StepModel
 
-from .arrays import arrays_of
-from .description import FmiVersion
+from .description import FmiVersion, arrays_of
 from .loop_code import loop_sources, table_sizes, with_loops
 
 

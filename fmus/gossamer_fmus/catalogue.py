@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from gossamer_models import ParameterError, StepModel
 from gossamer_models.artifacts import artifact_schema
@@ -19,7 +19,7 @@ from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
 
 if TYPE_CHECKING:
-    from gossamer_models.mesh_membrane import Structure
+    from gossamer_models.membrane import Structure
 
 log = logging.getLogger(__name__)
 
@@ -34,27 +34,46 @@ MODELS: dict[str, Callable[..., StepModel]] = {
     "hub": hub_model,
 }
 NAMES = tuple(MODELS)
-CHAIN = NAMES[:6]  # those of the monitoring chain
-MEMBRANES = ("membrane", "framed_membrane")
+CHAIN = ("membrane", "sensor", "compensator", "estimator", "filter", "detector")  # those of the monitoring chain
+_MEMBRANES = ("membrane", "framed_membrane")
+_SENSORS = ("sensor", "compensator", "estimator", "filter")
 
+# The FMUs that have an option, and what the refusal says of another.
 _OPTIONS = {
-    "artifact": CHAIN[1:],
-    "scales": NAMES[1:4],
-    "elements_per_side": MEMBRANES,
-    "order": MEMBRANES,
-    "law": MEMBRANES,
-    "structure": MEMBRANES,
-}  # and the FMUs that have them
-_REFUSALS = {
-    "scales": "FMU {!r} has no scales of a sensor. Name those that have: sensor, compensator, estimator or filter.",
-    "artifact": "FMU {!r} is not built from an artifact. Name those that are: sensor, compensator, estimator, filter or "
-    "detector.",
-    "elements_per_side": "FMU {!r} has no mesh. Name a membrane alone to choose its elements per side.",
-    "order": "FMU {!r} has no mesh. Name a membrane alone to choose the order of its elements.",
-    "law": "FMU {!r} has no law of a material. Name a membrane alone to choose it.",
-    "structure": "FMU {!r} is not built from a mesh. Name a membrane alone with --setup.",
+    "artifact": ((*_SENSORS, "detector"), "is not built from an artifact. Name those that are: {}."),
+    "scales": (_SENSORS, "has no scales of a sensor. Name those that have: {}."),
+    "elements_per_side": (_MEMBRANES, "has no mesh. Name a membrane alone to choose its elements per side."),
+    "order": (_MEMBRANES, "has no mesh. Name a membrane alone to choose the order of its elements."),
+    "law": (_MEMBRANES, "has no law of a material. Name a membrane alone to choose it."),
+    "structure": (_MEMBRANES, "is not built from a mesh. Name a membrane alone with --setup."),
 }
 _SCALES = "resistance at rest [ohm], its rise to full scale [ohm] and full scale [1], for instance 1000,150,0.2."
+
+
+class ModelOptions(TypedDict, total=False):
+    """What a model is made from; None stands for the default.
+
+    Attributes
+    ----------
+    artifact : Path
+        Identified sensor, of either family, or trained detector; every FMU named must be built from this kind of artifact.
+    scales : tuple of float
+        Resistance at rest [ohm], its rise to full scale [ohm] and full scale [1] of an identified sensor, in place of its
+        own; needed where it has none.
+    elements_per_side, order : int
+        Mesh of the membrane, which must be the only name; see ``membrane_model``.
+    law : str
+        Law of the membrane's material: st_venant_kirchhoff, hencky, neo_hookean or relaxed.
+    structure : Structure
+        Membrane on a mesh in place of the square one.
+    """
+
+    artifact: Path | None
+    scales: tuple[float, ...] | None
+    elements_per_side: int | None
+    order: int | None
+    law: str | None
+    structure: Structure | None
 
 
 def fmu_folder(name: str) -> Path:
@@ -72,7 +91,7 @@ def package_folder(name: str) -> Path:
     return Path(spec.origin).parent
 
 
-def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepModel:  # noqa: ANN401
+def make_model(name: str, *, compiled: bool = False, **options: Unpack[ModelOptions]) -> StepModel:
     """Make the model of one of the FMUs.
 
     Parameters
@@ -82,8 +101,7 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     compiled : bool
         Whether to use the form of the model for compilation, if it has one.
     **options
-        ``artifact``, ``scales``, ``elements_per_side``, ``order``, ``law`` and ``structure`` as in ``build_all``; None
-        stands for the default.
+        See ``ModelOptions``.
 
     Returns
     -------
@@ -97,30 +115,29 @@ def make_model(name: str, *, compiled: bool = False, **options: Any) -> StepMode
     ArtifactError
         The artifact cannot be used.
     """
-    given = {option: value for option, value in options.items() if value is not None}
+    given: dict[str, Any] = {option: value for option, value in options.items() if value is not None}
     for option in given:
-        if name not in _OPTIONS[option]:
-            raise ParameterError(_REFUSALS[option].format(name))
-    artifact, scales = given.pop("artifact", None), given.pop("scales", None)
-    if name in MEMBRANES and "structure" in given:
-        return _mesh_membrane(**given, frame=name == "framed_membrane", compiled=compiled)
-    if name in MEMBRANES:
+        having, refusal = _OPTIONS[option]
+        if name not in having:
+            msg = f"FMU {name!r} {refusal.format(', '.join(having[:-1]) + ' or ' + having[-1])}"
+            raise ParameterError(msg)
+    if name in _MEMBRANES:
+        if "structure" in given:
+            return _mesh_membrane(**given, frame=name == "framed_membrane", compiled=compiled)
         return MODELS[name](**given, compiled=compiled)
+    artifact, scales = given.get("artifact"), given.get("scales")
     if artifact is None:
-        return (
-            MODELS[name](**given)
-            if scales is None
-            else MODELS[name](replace(default_artifact(), scales=_scales(scales)))
-        )
+        sensor = () if scales is None else (replace(default_artifact(), scales=_scales(scales)),)
+        return MODELS[name](*sensor)
     if name == "detector":
         trained = read_detector(artifact)
         return posterior_model(trained) if isinstance(trained, PosteriorArtifact) else detector_model(trained)
     from gossamer_models import fractional  # slow to import, and rarely needed
 
     if artifact_schema(artifact) != fractional.SCHEMA:
-        sensor = _with_scales(artifact, scales)
-        _warn_of_defaults(name, artifact, sensor)
-        return MODELS[name](sensor, **given)
+        identified = _with_scales(artifact, scales)
+        _warn_of_defaults(name, artifact, identified)
+        return MODELS[name](identified)
     if scales is not None:
         msg = f"{artifact} holds a fractional model, which has its own scales. Leave --scales out."
         raise ParameterError(msg)
@@ -137,7 +154,7 @@ def _mesh_membrane(structure: Structure, *, frame: bool, compiled: bool, **rest:
     if rest:
         msg = f"--{min(rest).replace('_', '-')} has no meaning with --setup, which says it itself. Leave it out."
         raise ParameterError(msg)
-    from gossamer_models.mesh_membrane import mesh_membrane_model
+    from gossamer_models.membrane import mesh_membrane_model
 
     return mesh_membrane_model(structure, frame=frame, compiled=compiled)
 

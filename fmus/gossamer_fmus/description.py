@@ -1,15 +1,19 @@
-"""``modelDescription.xml`` and ``buildDescription.xml``, from a model's table of variables."""
+"""``modelDescription.xml`` and ``buildDescription.xml``, from a model's table of variables.
+
+Neighbouring variables that share a name, such as ``strain[1]`` .. ``strain[4]``, are one array in FMI 3.0.
+"""
 
 from __future__ import annotations
 
+import os
+import re
+from dataclasses import dataclass
 from importlib.metadata import version
+from itertools import groupby, product
 from typing import Literal
 from xml.etree import ElementTree as ET
 
-from gossamer_models import StepModel, Variable
-
-from .arrays import Array, arrays_of
-from .units import base_unit
+from gossamer_models import ParameterError, StepModel, Variable
 
 FmiVersion = Literal[2, 3]
 # Two periods of the load in the demo, in steps that the membrane takes as one.
@@ -19,6 +23,76 @@ _LOG_CATEGORIES = {
     "logStatusDiscard": "Steps that were refused, and why.",
     "logStatusError": "Calls that were refused, and why.",
 }
+_BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")  # attributes of <BaseUnit>
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Array:
+    """One array, or one scalar.
+
+    Attributes
+    ----------
+    name : str
+        Without indices.
+    first : int
+        Place of the first element in the table.
+    members : tuple of Variable
+        Elements; the last index runs fastest.
+    shape : tuple of int
+        Empty for a scalar.
+    """
+
+    name: str
+    first: int
+    members: tuple[Variable, ...]
+    shape: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return len(self.members)
+
+    @property
+    def label(self) -> str:
+        """Name with the first and last indices."""
+        names = [f"`{v.name}`" for v in self.members]
+        return names[0] if len(names) == 1 else f"{names[0]} .. `{self.members[-1].name}`"
+
+    @property
+    def description(self) -> str:
+        """Common beginning of the descriptions of all elements."""
+        if self.size == 1:
+            return self.members[0].description
+        common = os.path.commonprefix([v.description for v in self.members])  # noqa: RUF071
+        return re.sub(r"[^\w)]+$", "", common[: common.rfind(" ")]) + " .."
+
+
+def arrays_of(model: StepModel) -> list[Array]:
+    """Return the arrays and scalars of a model in table order.
+
+    Raises
+    ------
+    ParameterError
+        Elements are missing, are not in the order in which the last index runs fastest, or differ in unit, range or
+        variability.
+    """
+    arrays: list[Array] = []
+    numbered = enumerate(model.variables)
+    for (name, _), group in groupby(numbered, key=lambda item: (item[1].name.split("[")[0], item[1].causality)):
+        places, members = zip(*group, strict=True)
+        last = re.search(r"\[(.*)\]", members[-1].name)
+        shape = tuple(int(part) for part in last[1].split(",")) if last else ()
+        indices = product(*(range(1, size + 1) for size in shape))
+        names = [f"{name}[{','.join(map(str, index))}]" if index else name for index in indices]
+        kinds = {(v.unit, v.minimum, v.maximum, v.nominal, v.discrete) for v in members}
+        if [v.name for v in members] != names or len(kinds) > 1 or name in {array.name for array in arrays}:
+            msg = (
+                f"the elements of {name!r} in model {model.name!r} do not form an array: list all of them in one place, the "
+                "last index fastest, with one unit, range and variability."
+            )
+            raise ParameterError(msg)
+        arrays.append(Array(name=name, first=places[0], members=members, shape=shape))
+    return arrays
 
 
 def model_description(model: StepModel, guid: str, *, fmi: FmiVersion = 2, native: bool) -> bytes:
@@ -77,6 +151,34 @@ def build_description(model: StepModel) -> bytes:
     ET.SubElement(files, "SourceFile", name="fmi3.c")
     ET.SubElement(configuration, "Library", name="m", external="true")
     return _bytes(root)
+
+
+def base_unit(name: str) -> dict[str, str]:
+    """Return the attributes of ``<BaseUnit>`` for a unit symbol: exponents of the SI base units and a factor.
+
+    Raises
+    ------
+    ParameterError
+        The unit is unknown, has an offset as degC has, or is not a product of integer powers of base units.
+    """
+    import pint
+
+    expression = re.sub(r"(?<=[A-Za-z])(?=-?\d)", "**", name)  # kg/m3 is kg/m**3
+    registry = pint.application_registry
+    try:
+        quantity, twice = (registry.Quantity(value, expression).to_base_units() for value in (1.0, 2.0))
+    except pint.PintError as error:
+        msg = f"unit {name!r} cannot be written in base units: {error}. Use another unit."
+        raise ParameterError(msg) from error
+    powers = {registry.get_symbol(unit): exponent for unit, exponent in quantity.unit_items()}
+    whole = all(unit in _BASE and power == int(power) for unit, power in powers.items())
+    if twice.magnitude != 2.0 * quantity.magnitude or not whole:
+        msg = f"unit {name!r} is not a product of integer powers of SI base units. Use one that is."
+        raise ParameterError(msg)
+    attributes = {unit: str(int(power)) for unit, power in powers.items()}
+    if quantity.magnitude != 1.0:
+        attributes["factor"] = repr(float(quantity.magnitude))
+    return attributes
 
 
 def _root(model: StepModel, *, native: bool, **attributes: str) -> ET.Element:

@@ -1,6 +1,6 @@
 """Files: written whole, so that who reads one finds the old content or the new, and why one cannot be read.
 
-Models, FMUs and orchestrator use it, which may not import each other.
+Models, FMUs and orchestrator use it, which may not import each other. ``measured`` reads measured tables.
 """
 
 from __future__ import annotations
@@ -16,6 +16,14 @@ from glob import escape
 from pathlib import Path
 
 STALE = 3600.0  # [s] without a change: its writer was killed
+
+
+class GossamerError(Exception):
+    """Root of every error that this project raises on purpose."""
+
+
+class DataError(GossamerError, ValueError):
+    """Measured or tabulated data that cannot be used as they are."""
 
 
 def digest(path: Path) -> str:

@@ -2,23 +2,30 @@
 
 One compiler for all platforms keeps the numbers the same: IEEE arithmetic in the order of the expressions, no contraction
 to fused multiply-adds, no reordering. Only functions such as ``sin`` come from the C library of each platform.
+
+What was compiled is kept in the user's cache folder, so that it is made once. A file ``<key>.<digest><suffix>`` holds
+content whose SHA-256 begins with its digest; a damaged one is made again. The key is a digest of all that the content
+depends on. Files appear at once and whole, so several processes may make the same one. The folder may be removed.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import logging
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
+
+from gossamer_files import replacing
 
 from .errors import CompilerError
-from .kept import cache_folder, is_usual, kept
 
 PACKAGE = "ziglang==0.17.0"  # as in pyproject.toml
 FLAGS = (
@@ -29,6 +36,8 @@ FLAGS = (
     "-ffp-contract=off",
     "-fno-math-errno",  # inline square roots; no code reads errno
 )
+
+_DIGITS = 16
 
 log = logging.getLogger(__name__)
 
@@ -64,15 +73,23 @@ def kept_library(depends_on: Iterable[str | bytes], suffix: str, compile_it: Cal
     what : str
         What is compiled, for the log.
     """
-
-    def make() -> bytes:
-        log.info("compiling %s; the result is kept in %s", what, cache_folder())
-        begin = time.perf_counter()
-        content = compile_it()
-        log.info("compiled %s in %.1f s", what, time.perf_counter() - begin)
-        return content
-
-    return kept([compiler_version(), *FLAGS, *depends_on], suffix, make)
+    key = hashlib.sha256()
+    for part in [compiler_version(), *FLAGS, *depends_on]:
+        data = part.encode() if isinstance(part, str) else part
+        key.update(len(data).to_bytes(8, "little") + data)
+    name = key.hexdigest()[:_DIGITS]
+    for file in cache_folder().glob(f"{name}.*{suffix}"):
+        if is_whole(file):
+            return file
+        log.warning("%s is damaged: its SHA-256 is not the one in its name. It is made again.", file)
+    log.info("compiling %s; the result is kept in %s", what, cache_folder())
+    begin = time.perf_counter()
+    content = compile_it()
+    log.info("compiled %s in %.1f s", what, time.perf_counter() - begin)
+    path = cache_folder() / f"{name}.{_digest(content)}{suffix}"
+    with replacing(path) as unfinished:  # another process sees all of it or nothing
+        unfinished.write_bytes(content)
+    return path
 
 
 def compile_shared(
@@ -107,13 +124,13 @@ def compile_shared(
     CompilerError
         The compiler is not installed or refused the sources; its message is quoted.
     """
-    with TemporaryDirectory() as temporary:
+    with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         for name, content in files.items():
             (folder / name).write_bytes(content)
         compiler = [sys.executable, "-m", "ziglang", "cc", *FLAGS, *options]
         # zig keeps files in the user's cache folder too, and waits for ever where it cannot
-        own = {} if is_usual() else {"ZIG_GLOBAL_CACHE_DIR": str(cache_folder() / "zig")}
+        own = {} if cache_folder() == _usual_folder() else {"ZIG_GLOBAL_CACHE_DIR": str(cache_folder() / "zig")}
         command = [*compiler, "-g0", "-s", "-shared", "-o", library, source]
         done = subprocess.run(
             command,
@@ -128,3 +145,33 @@ def compile_shared(
             msg = f"the compiler failed for {what}:\n{how}"
             raise CompilerError(msg)
         return (folder / library).read_bytes()
+
+
+def is_whole(file: Path) -> bool:
+    """Return whether a file is there and has the SHA-256 that its name tells."""
+    try:
+        return file.name.split(".")[1] == _digest(file.read_bytes())
+    except OSError:
+        return False
+
+
+@functools.cache
+def cache_folder() -> Path:
+    """Return the folder of the cache, or a temporary one where that cannot be written."""
+    folder = _usual_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError as error:
+        temporary = Path(tempfile.mkdtemp(prefix="gossamer-"))
+        log.warning("compiled code cannot be kept in %s (%s); it goes to %s", folder, error.strerror, temporary)
+        return temporary
+
+
+def _usual_folder() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gossamer"
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:_DIGITS]

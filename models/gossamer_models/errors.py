@@ -4,9 +4,18 @@ One root, ``GossamerError``; every leaf is also the built-in it resembles. A mes
 fault and ends in what to do next.
 """
 
+from gossamer_files import DataError, GossamerError
 
-class GossamerError(Exception):
-    """Root of every error that this project raises on purpose."""
+__all__ = [
+    "ArtifactError",
+    "CompilerError",
+    "ConvergenceError",
+    "DataError",
+    "GossamerError",
+    "InputError",
+    "ParameterError",
+    "StateError",
+]
 
 
 class ParameterError(GossamerError, ValueError):
@@ -31,7 +40,3 @@ class ArtifactError(GossamerError, ValueError):
 
 class CompilerError(GossamerError, RuntimeError):
     """The C compiler failed, for instance on a full disk."""
-
-
-class DataError(GossamerError, ValueError):
-    """Measured or tabulated data that cannot be used as they are."""

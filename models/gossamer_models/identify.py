@@ -15,10 +15,9 @@ from gossamer_files import digest
 from .arrays import Vector
 from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
 from .errors import ParameterError
-from .fitting.columns import Columns
 from .fitting.errors import Errors, nrmse
 from .fitting.plots import Picture, record_pictures, save_figures
-from .fitting.reading import read_records
+from .fitting.reading import Columns, read_records
 from .fitting.records import Record, judged_rows, strain_range, thin, training_stretches
 from .fitting.tables import table_path, write_predictions
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
@@ -184,7 +183,7 @@ def identify_files(
     progress : callable
         Called with a sentence on the progress.
     recognised : callable
-        Called with the records before anything is fitted; ``Record.found`` says what was recognised.
+        Called with the records before anything is fitted; ``Record.summary`` says what was recognised.
     advance : callable
         Called with the share of an automatic choice that is done [1] and a sentence.
 

@@ -4,8 +4,8 @@ from .errors import ResultsError as ResultsError
 from .errors import ScenarioError as ScenarioError
 from .errors import SimulationError as SimulationError
 from .exchange.container import build_container as build_container
-from .exchange.ssp.reader import open_ssp as open_ssp
-from .exchange.ssp.writer import export_ssp as export_ssp
+from .exchange.ssp_reader import open_ssp as open_ssp
+from .exchange.ssp_writer import export_ssp as export_ssp
 from .fmi.file import FmuFile as FmuFile
 from .results.files import load_results as load_results
 from .results.files import save_results as save_results

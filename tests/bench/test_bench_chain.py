@@ -9,10 +9,10 @@ from tempfile import TemporaryDirectory
 
 import pytest
 from gossamer_orchestrator import FmuFile, Recorder, Simulation, load_scenario, make_plan, parse_scenario
-from gossamer_orchestrator.run.finite import FiniteCheck
 from gossamer_orchestrator.run.position import open_position
+from gossamer_orchestrator.run.recorder import FiniteCheck
 from gossamer_orchestrator.run.stream import Stream
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 
 PYTHON_TARGET = 3.0  # [s] for 1000 steps
 NATIVE_TARGET = 0.6  # [s] for one simulated second

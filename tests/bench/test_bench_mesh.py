@@ -11,9 +11,7 @@ import pytest
 from fmpy import fmi2
 from gossamer_fmus.build import build_fmu
 from gossamer_fmus.c_code import sources
-from gossamer_models.membrane import membrane_model
-from gossamer_models.mesh_membrane import mesh_membrane_model
-from gossamer_models.placement.square import square_structure
+from gossamer_models.membrane import membrane_model, mesh_membrane_model, square_structure
 
 PAGE = Path(__file__)
 

@@ -10,7 +10,7 @@ import click
 import pytest
 import typer
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 
 ROOT = Path(__file__).resolve().parents[2]
 PATTERNS = ("*.md", "docs/*.md", "docs/tools/*.md", "docs/site/**/*.md", "fmus/*/README.md")
@@ -176,10 +176,10 @@ def test_every_page_with_a_snippet_is_in_the_list():
 
 def test_the_campaign_that_a_page_reads_is_read(tmp_path, monkeypatch):
     pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
-    from gossamer_models.campaign import Campaign, Mesh, run_campaign
+    from gossamer_models.campaign import CampaignPlan, Mesh, run_campaign
 
     monkeypatch.chdir(tmp_path)
-    small = Campaign(cases=4, stop=0.003, membrane=Mesh(elements_per_side=4, order=1))
+    small = CampaignPlan(cases=4, stop=0.003, membrane=Mesh(elements_per_side=4, order=1))
     run_campaign(small, tmp_path / "out/campaigns/training.zarr", workers=1)
     names = {}
     exec(dict(FENCED.findall(text_of("docs/campaigns.md").partition("## From Python")[0]))["python"], names)

@@ -85,9 +85,7 @@ def test_every_notebook_has_a_page_that_leads_to_it(site, pages):
 
 def test_every_public_name_has_its_place(site, pages):
     packages = sorted(file.stem for file in (site / "api").glob("*.html"))
-    assert {"gossamer_models", "gossamer_models.mesh_membrane", "gossamer_orchestrator", "gossamer_fmus"} <= set(
-        packages
-    )
+    assert {"gossamer_models", "gossamer_models.membrane", "gossamer_orchestrator", "gossamer_fmus"} <= set(packages)
     for package in packages:
         names = import_module(package).__all__
         assert names, package

@@ -2,7 +2,7 @@
 
 from fmpy import fmi2, fmi3
 from fmu_host import description_of
-from gossamer_fmus.arrays import arrays_of
+from gossamer_fmus.description import arrays_of
 
 
 class Fmi2:

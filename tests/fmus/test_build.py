@@ -12,10 +12,9 @@ import pytest
 from fmpy.validation import validate_fmu
 from fmu_host import FMUS, model_of
 from gossamer_fmus import NAMES, build_all, build_fmu, variables_table
-from gossamer_fmus.arrays import arrays_of
 from gossamer_fmus.catalogue import MODELS, fmu_folder, make_model
+from gossamer_fmus.description import arrays_of, base_unit
 from gossamer_fmus.page import with_variables
-from gossamer_fmus.units import base_unit
 from gossamer_models import ArtifactError, ParameterError, StepModel, Variable
 from gossamer_models.sensor import Scales, default_artifact
 from gossamer_models.sensor.tracking import DEFAULT_TRACKING

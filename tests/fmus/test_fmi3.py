@@ -15,7 +15,7 @@ from fmi_instances import Fmi3
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 from fmu_host import FMUS, Instance, excite
-from gossamer_fmus.arrays import arrays_of
+from gossamer_fmus.description import arrays_of
 from gossamer_models import Stepper
 from lxml import etree
 

@@ -10,7 +10,7 @@ from fmu_host import Instance
 from gossamer_fmus.build import build_fmu
 from gossamer_fmus.c_code import sources
 from gossamer_models import Stepper
-from gossamer_models.mesh_membrane import (
+from gossamer_models.membrane import (
     Gas,
     Load,
     Region,

@@ -3,8 +3,9 @@
 import hashlib
 
 import pytest
-from gossamer_fmus import build_all, compiler
-from gossamer_models import kept
+from gossamer_fmus import build_all
+from gossamer_fmus import compiler as fmu_compiler
+from gossamer_models import compiler
 
 
 @pytest.fixture
@@ -16,11 +17,11 @@ def compiled(tmp_path, monkeypatch):
         calls.append(f"{library} for {what}")
         return hashlib.sha256(repr((sorted(files.items()), source, library, options)).encode()).digest()
 
-    monkeypatch.setattr(compiler, "compile_shared", compile_shared)
-    monkeypatch.setattr(kept, "_usual_folder", lambda: tmp_path / "cache")
-    kept.cache_folder.cache_clear()
+    monkeypatch.setattr(fmu_compiler, "compile_shared", compile_shared)
+    monkeypatch.setattr(compiler, "_usual_folder", lambda: tmp_path / "cache")
+    compiler.cache_folder.cache_clear()
     yield calls
-    kept.cache_folder.cache_clear()
+    compiler.cache_folder.cache_clear()
 
 
 LINUX, WINDOWS = "sensor.so for x86_64-linux-gnu.2.17", "sensor.dll for x86_64-windows-gnu"

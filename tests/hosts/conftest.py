@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from gossamer_orchestrator import load_scenario, run_scenario
-from gossamer_orchestrator.exchange.ssp.writer import export_ssp
+from gossamer_orchestrator.exchange.ssp_writer import export_ssp
 from gossamer_orchestrator.scenario.plan import make_plan
 
 # Host: the package it needs, and the systems for which that package has binaries (x86_64 all).

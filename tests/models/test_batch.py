@@ -11,7 +11,7 @@ import sys
 import casadi as ca
 import numpy as np
 import pytest
-from gossamer_models import GossamerError, InputError, ParameterError, StateError, StepModel, Stepper, kept
+from gossamer_models import GossamerError, InputError, ParameterError, StateError, StepModel, Stepper, compiler
 from gossamer_models.batch import Batch
 from gossamer_models.batch import batch as batch_module
 from gossamer_models.compensator import compensator_model
@@ -310,10 +310,10 @@ def test_what_lanes_cannot_do_runs_one_by_one_and_the_log_says_why(caplog):
 @pytest.fixture
 def own_cache(tmp_path, monkeypatch):
     """A cache folder that is empty; that of the compiler stays."""
-    monkeypatch.setattr(kept, "_usual_folder", lambda: tmp_path)
-    kept.cache_folder.cache_clear()
+    monkeypatch.setattr(compiler, "_usual_folder", lambda: tmp_path)
+    compiler.cache_folder.cache_clear()
     yield tmp_path
-    kept.cache_folder.cache_clear()
+    compiler.cache_folder.cache_clear()
 
 
 def test_a_damaged_library_is_compiled_again(own_cache, caplog):
@@ -334,9 +334,9 @@ def test_a_damaged_library_is_compiled_again(own_cache, caplog):
 def test_a_cache_folder_that_cannot_be_written_is_replaced_by_a_temporary_one(tmp_path, monkeypatch, caplog):
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    kept.cache_folder.cache_clear()
-    folder = kept.cache_folder()
-    kept.cache_folder.cache_clear()
+    compiler.cache_folder.cache_clear()
+    folder = compiler.cache_folder()
+    compiler.cache_folder.cache_clear()
     assert folder.is_dir()
     assert str(folder) in caplog.text
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gossamer_models.campaign import Campaign, Chain, Damage, Distribution, Mesh, Noise, Vary, draw_cases
+from gossamer_models.campaign import CampaignPlan, Chain, Damage, Distribution, MeasurementNoise, Mesh, Vary, draw_cases
 from gossamer_models.campaign.cases import unit_points
 from gossamer_models.mistakes import DescriptionError
 from hypothesis import given, settings
@@ -21,7 +21,7 @@ LEAST_P = (
 
 
 def campaign(cases=1000, **changes):
-    return Campaign(**{"cases": cases, "seed": 3, "vary": VARY, **changes})
+    return CampaignPlan(**{"cases": cases, "seed": 3, "vary": VARY, **changes})
 
 
 def everything(cases):
@@ -99,7 +99,7 @@ def test_a_list_of_damages_is_gone_through_again():
     damage = draw_cases(asked, range(5)).damage
     assert (damage.sum(axis=1) == [0.0, 0.5, 0.0, 0.5, 0.0]).all()
     assert damage[3, [0, 15]].tolist() == [0.4, 0.1]
-    assert Campaign(damage=Damage(cases=({}, {}))).count == 2
+    assert CampaignPlan(damage=Damage(cases=({}, {}))).count == 2
 
 
 def test_chunks_share_out_the_cases():
@@ -108,14 +108,14 @@ def test_chunks_share_out_the_cases():
 
 
 REFUSED = {
-    "no number of cases": (lambda: Campaign(), "'cases' is missing"),
-    "no cases": (lambda: Campaign(cases=0), "'cases' is 0. Write a whole number from 1"),
-    "no time": (lambda: Campaign(cases=1, step=-1.0), "'step' is -1 s. Write a positive time"),
+    "no number of cases": (lambda: CampaignPlan(), "'cases' is missing"),
+    "no cases": (lambda: CampaignPlan(cases=0), "'cases' is 0. Write a whole number from 1"),
+    "no time": (lambda: CampaignPlan(cases=1, step=-1.0), "'step' is -1 s. Write a positive time"),
     "part of a step": (
-        lambda: Campaign(cases=1, stop=0.3001),
+        lambda: CampaignPlan(cases=1, stop=0.3001),
         "no whole number of steps of 0.0003 s. The nearest is 0.3.",
     ),
-    "too many steps": (lambda: Campaign(cases=1, step=1e-9), "makes 3e\\+08 steps"),
+    "too many steps": (lambda: CampaignPlan(cases=1, step=1e-9), "makes 3e\\+08 steps"),
     "range of nothing known": (
         lambda: campaign(vary={"damping": Vary(factor=(1.0, 2.0))}),
         "no 'damping' to vary. Known: ",
@@ -151,7 +151,7 @@ REFUSED = {
         "has a range and a constant value",
     ),
     "resistance of nothing": (
-        lambda: campaign(noise=Noise(resistance=Distribution(normal=1e-3))),
+        lambda: campaign(noise=MeasurementNoise(resistance=Distribution(normal=1e-3))),
         "there is noise on the resistance and no",
     ),
 }
@@ -165,4 +165,4 @@ def test_a_campaign_without_sense_is_refused(case):
 
 
 def test_noise_on_resistance_needs_the_chain():
-    assert campaign(noise=Noise(resistance=Distribution(normal=1e-3)), chain=Chain()).chain == Chain()
+    assert campaign(noise=MeasurementNoise(resistance=Distribution(normal=1e-3)), chain=Chain()).chain == Chain()

@@ -7,11 +7,11 @@ import sys
 import time
 
 import pytest
-from gossamer_models.campaign import Campaign, CampaignStoppedError, Mesh, Vary, read_campaign, run_campaign
+from gossamer_models.campaign import CampaignPlan, CampaignStoppedError, Mesh, Vary, read_campaign, run_campaign
 
 pytest.importorskip("distributed", reason="clusters need the extra 'campaign'")
 
-TINY = Campaign(
+TINY = CampaignPlan(
     cases=200,
     seed=8,
     stop=0.06,
@@ -110,7 +110,7 @@ def test_a_worker_and_then_the_scheduler_are_killed_and_nothing_is_lost(whole, c
 
 
 def test_no_scheduler_there_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr("gossamer_models.campaign.cluster.SCHEDULER_PATIENCE", 1.0)
+    monkeypatch.setattr("gossamer_models.campaign.run.SCHEDULER_PATIENCE", 1.0)
     with pytest.raises(
         CampaignStoppedError, match=r"no Dask scheduler at tcp://127.0.0.1:9.*Start one with 'dask scheduler'"
     ):

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from gossamer_models import DataError, Stepper, simulate
 from gossamer_models.campaign import (
-    Campaign,
+    CampaignPlan,
     CampaignStoppedError,
     Chain,
     Damage,
     Distribution,
+    MeasurementNoise,
     Mesh,
-    Noise,
     Vary,
     measured_resistance,
     measured_strain,
@@ -30,7 +30,7 @@ from gossamer_models.campaign import (
     run_campaign,
 )
 from gossamer_models.campaign.chunk import build_kernels, run_chunk
-from gossamer_models.campaign.run import Task, write_chunk
+from gossamer_models.campaign.run import ChunkTask, write_chunk
 from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import sensor_model
@@ -38,14 +38,14 @@ from gossamer_models.sensor import sensor_model
 pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
 
 SINGLE = 2.0**-23  # rounding of stored histories, relative
-TINY = Campaign(
+TINY = CampaignPlan(
     cases=160,
     seed=5,
     stop=0.03,
     chunk=4,
     membrane=Mesh(elements_per_side=4, order=1),
     vary={"pressure_amplitude": Vary(factor=(0.9, 1.1)), "sensor_gain": Vary(range=(0.98, 1.02))},
-    noise=Noise(strain=Distribution(uniform=(0.0, 0.02))),
+    noise=MeasurementNoise(strain=Distribution(uniform=(0.0, 0.02))),
 )
 SCRIPT = """
 import signal
@@ -280,14 +280,14 @@ def test_a_case_that_breaks_is_marked_and_harms_no_other(tmp_path):
 
 
 def test_a_worker_of_another_version_refuses(whole):
-    task = Task(TINY, pickle.dumps(build_kernels(TINY)), whole, "0.0.1")
+    task = ChunkTask(TINY, pickle.dumps(build_kernels(TINY)), whole, "0.0.1")
     with pytest.raises(CampaignStoppedError, match=r"this is 0\.0\.1\. Install one version everywhere"):
         write_chunk(task, 0)
 
 
 def test_a_worker_of_another_machine_compiles_for_itself(whole, tmp_path, monkeypatch):
     path = shutil.copytree(whole, tmp_path / "far.zarr")
-    task = Task(TINY, pickle.dumps(build_kernels(TINY)), path, version("gossamer"))
+    task = ChunkTask(TINY, pickle.dumps(build_kernels(TINY)), path, version("gossamer"))
     for file in ("finished/c/3", "strain/c/3/0/0"):
         (path / file).unlink()
     monkeypatch.setattr("gossamer_models.batch.kernel.processor", lambda: "another")
@@ -331,7 +331,7 @@ def test_the_chain_is_that_of_the_steppers(tmp_path):
         stop=0.015,
         chain=Chain(),
         damage=Damage(zones=(1, 1)),
-        noise=Noise(resistance=Distribution(normal=1e-3)),
+        noise=MeasurementNoise(resistance=Distribution(normal=1e-3)),
         vary={"sensor_gain": Vary(range=(0.9, 1.1)), "edge_displacement": Vary(factor=(0.9, 1.1))},
     )
     run_campaign(asked, tmp_path / "chain.zarr", workers=1)

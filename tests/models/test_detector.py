@@ -16,12 +16,13 @@ from gossamer_models.detector import (
     packet_energies,
     triangular_memberships,
 )
-from gossamer_models.detector.networks import PEAKS, train_networks
 from gossamer_models.detector.thesis_training import (
     LEVELS,
+    PEAKS,
     SAMPLES,
     TRAININGS,
     simulate_cases,
+    train_networks,
     training_cases,
     window_energies,
 )

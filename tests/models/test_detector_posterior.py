@@ -12,13 +12,11 @@ from gossamer_models.assessment.after_training import errors
 from gossamer_models.batch import Batch
 from gossamer_models.detector import PosteriorArtifact, posterior_model
 from gossamer_models.detector.features import SECTORS, block_means, difference_noise, principal_components
-from gossamer_models.detector.fuzzy_rules import FuzzyRules
-from gossamer_models.detector.learned import analyse, explain, heads_of
-from gossamer_models.detector.posterior import image_signs, judge_records
+from gossamer_models.detector.networks import FuzzyRules
+from gossamer_models.detector.posterior import analyse, explain, heads_of, image_signs, judge_records
 from gossamer_models.detector.posterior_artifact import NOMINAL
-from gossamer_models.detector.posterior_fit import Fit, spoilt_sensors
-from gossamer_models.detector.posterior_records import Sensing, Windows, reflect
-from gossamer_models.detector.posterior_settings import Training
+from gossamer_models.detector.posterior_fit import NetworkFit, spoilt_sensors
+from gossamer_models.detector.posterior_records import Sensing, Training, Windows, reflect
 from gossamer_models.membrane import membrane_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -175,7 +173,7 @@ def test_gradients_of_the_fuzzy_rules_are_those_of_finite_differences(seed):
     """With memberships above 0 throughout: where one changes its sign there is no derivative."""
     random = np.random.default_rng(seed)
     f, damage = random.normal(size=(300, 9)), random.uniform(-0.5, 0.5, (300, 16)).clip(0.0)
-    rules = FuzzyRules([a.astype(float) for a in FuzzyRules.of_cases(f, damage, 20, random).arrays])
+    rules = FuzzyRules([a.astype(float) for a in FuzzyRules.of_cases(f, damage, 4, 20, random).arrays])
     rules.arrays[-1] += 0.5
     g = random.normal(size=(300, 12))
     gradients, of_f = rules.gradients(rules.values(f), g)
@@ -335,7 +333,7 @@ def test_training_knows_what_spoilt_sensors_make_of_a_record():
     x -= x.mean(axis=2, keepdims=True)
     parts = principal_components(x, 30)
     cases = Windows(np.repeat(x, 2, axis=2), random_damage(300, 15), np.ones(300, bool), np.zeros(300, int))
-    fit = Fit.of(parts, x, cases, Sensing(), Training(block=2))
+    fit = NetworkFit.of(parts, x, cases, Sensing(), Training(block=2))
     gains, sensors = spoilt_sensors(np.ones((1200, 4)), random)
     clean, outside = fit.read(gains, sensors)
     images, _ = reflect(x, cases.damage)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from flight import get, put
 from gossamer_models import Stepper
-from gossamer_models.membrane import membrane_model
-from gossamer_models.mesh_membrane import (
+from gossamer_models.membrane import (
     Region,
     Sensor,
     Setup,
     Support,
     make_structure,
+    membrane_model,
     mesh_membrane_model,
     surface_mesh,
 )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gossamer_models.mesh_membrane import Gas, Load, Region, Sensor, Setup, Support, make_structure, surface_mesh
+from gossamer_models.membrane import Gas, Load, Region, Sensor, Setup, Support, make_structure, surface_mesh
 from gossamer_models.mistakes import DescriptionError
 from oracles.meshes import meshed, rectangle, started, tube
 

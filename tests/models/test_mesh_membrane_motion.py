@@ -4,9 +4,18 @@ import casadi as ca
 import numpy as np
 import pytest
 from gossamer_models import Stepper
-from gossamer_models.membrane import membrane_model
-from gossamer_models.mesh_membrane import Load, Region, Sensor, Setup, Support, Zone, make_structure, surface_mesh
-from gossamer_models.mesh_membrane.equations import MeshForces, rows
+from gossamer_models.membrane import (
+    Load,
+    Region,
+    Sensor,
+    Setup,
+    Support,
+    Zone,
+    make_structure,
+    membrane_model,
+    surface_mesh,
+)
+from gossamer_models.membrane.equations import MeshForces, rows
 from oracles.meshes import disc, meshed, rectangle, started
 from scipy.special import jn_zeros
 

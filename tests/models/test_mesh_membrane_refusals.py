@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer_models.errors import DataError
-from gossamer_models.mesh_membrane import (
+from gossamer_models.membrane import (
     Edge,
     Gas,
     Load,

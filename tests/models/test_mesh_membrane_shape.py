@@ -5,7 +5,7 @@ import io
 import numpy as np
 import pytest
 from gossamer_models import Stepper
-from gossamer_models.mesh_membrane.shape import mesh_shape
+from gossamer_models.membrane.mesh_shape import mesh_shape
 from sails import sail, sail_model
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from gossamer_models.mesh_membrane import Edge, Gas, Load, Region, Sensor, Support, surface_mesh
-from gossamer_models.mesh_membrane.gauges import gauge
+from gossamer_models.membrane import Edge, Gas, Load, Region, Sensor, Support, surface_mesh
+from gossamer_models.membrane.gauges import gauge
 from oracles.meshes import ball, disc, meshed, rectangle, started, tube
 from scipy.optimize import brentq, fsolve
 

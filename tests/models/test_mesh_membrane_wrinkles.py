@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gossamer_models.mesh_membrane import Load, Region, Support
+from gossamer_models.membrane import Load, Region, Support
 from oracles.meshes import annulus, disc, meshed, rectangle, started
 from scipy.optimize import fsolve
 

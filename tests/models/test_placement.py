@@ -6,10 +6,19 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 from gossamer_models import ParameterError
-from gossamer_models.membrane import MembraneParams
-from gossamer_models.mesh_membrane import MeshFile, Region, Setup, Support, Zone, make_structure, surface_mesh
-from gossamer_models.mesh_membrane.gauges import gauge
-from gossamer_models.placement import NOISE, place_sensors, save_picture, sensors_text, square_structure, write_csv
+from gossamer_models.membrane import (
+    MembraneParams,
+    MeshFile,
+    Region,
+    Setup,
+    Support,
+    Zone,
+    make_structure,
+    square_structure,
+    surface_mesh,
+)
+from gossamer_models.membrane.gauges import gauge
+from gossamer_models.placement import NOISE, place_sensors, save_picture, sensors_text, write_csv
 from gossamer_models.placement.candidates import ANGLES, candidates, stacked
 from gossamer_models.placement.choice import choose
 from gossamer_models.placement.information import THRESHOLD, deviations, information, smallest_damage

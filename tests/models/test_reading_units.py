@@ -5,10 +5,10 @@ import re
 
 import numpy as np
 import pytest
+from gossamer_files.measured.columns import WORDS
+from gossamer_files.measured.units import factor, is_unit
 from gossamer_models import DataError
 from gossamer_models.fitting import Columns, read_record
-from gossamer_models.fitting.columns import WORDS
-from gossamer_models.fitting.units import factor, is_unit
 
 T = 0.1 * np.arange(40)
 STRAIN = 0.05 * np.abs(np.sin(T))
@@ -74,13 +74,13 @@ def test_any_unit_may_stand_in_a_row_of_units_but_no_name_of_time_or_resistance(
 )
 def test_units_in_names_are_read(tmp_path, header, factors):
     found = same(read(tmp_path, text_of(header, *(x / f for x, f in zip((T, STRAIN, OHM), factors, strict=True)))))
-    assert [q.column.factor for q in found.found.quantities] == pytest.approx(factors)
-    assert found.found.remarks == ()
+    assert [q.column.factor for q in found.summary.quantities] == pytest.approx(factors)
+    assert found.summary.remarks == ()
 
 
 def test_a_row_of_units_is_read(tmp_path):
     found = same(read(tmp_path, text_of("time,strain,R", 1e3 * T, 100 * STRAIN, 1e-3 * OHM, below="ms,[%],kOhm")))
-    assert [q.column.unit for q in found.found.quantities] == ["ms", "%", "kOhm"]
+    assert [q.column.unit for q in found.summary.quantities] == ["ms", "%", "kOhm"]
     assert found.repairs == ()
     same(read(tmp_path, text_of("time,strain,R", T, STRAIN, 1e-3 * OHM, below="s,-,kΩ")))
 
@@ -135,14 +135,15 @@ def test_of_two_resistances_one_must_be_named(tmp_path):
     found = read(tmp_path, text, Columns(resistance="R_outer_ohm"))
     assert found.resistance == pytest.approx(2 * OHM)
     found = same(read(tmp_path, text.replace("R_inner_ohm", "resistance")))
-    assert "'resistance' is taken as resistance; 'R_outer_ohm' may be it too (--resistance)." in found.found.remarks
+    assert "'resistance' is taken as resistance; 'R_outer_ohm' may be it too (--resistance)." in found.summary.remarks
 
 
 @pytest.mark.parametrize("step", [1.0, 100.0, 12.5])
 def test_times_without_a_unit_that_may_be_milliseconds_are_refused(tmp_path, step):
     text = text_of("time,strain,R_ohm", step * np.arange(40))
     with pytest.raises(
-        DataError, match=r"'time' has no unit, .* apart may be seconds, milliseconds or a count\. State it"
+        DataError,
+        match=r"'time' has no unit, .* apart may be seconds, milliseconds or a count\. State the unit \(--time-unit\)",
     ):
         read(tmp_path, text)
     assert read(tmp_path, text, Columns(time_unit="ms")).time[-1] == pytest.approx(39e-3 * step)
@@ -152,12 +153,12 @@ def test_times_without_a_unit_that_may_be_milliseconds_are_refused(tmp_path, ste
 def test_a_strain_that_may_be_in_per_cent_is_said_and_one_beyond_a_ratio_of_one_refused_until_its_unit_is_stated(
     tmp_path,
 ):
-    remarks = read(tmp_path, text_of("t_s,strain,R_ohm", strain=16 * STRAIN)).found.remarks
+    remarks = read(tmp_path, text_of("t_s,strain,R_ohm", strain=16 * STRAIN)).summary.remarks
     assert [sentence for sentence in remarks if "it reaches 80%" in sentence and "--strain-unit %" in sentence]
-    assert read(tmp_path, text_of(strain=16 * STRAIN)).found.remarks == ()
+    assert read(tmp_path, text_of(strain=16 * STRAIN)).summary.remarks == ()
     text = text_of("t_s,strain,R_ohm", strain=32 * STRAIN)
     with pytest.raises(
-        DataError, match=r"has no unit, and may be \d+% or 1\.\d+ %\. .*--strain-unit 1 or --strain-unit %"
+        DataError, match=r"has no unit, and may be \d+% or 1\.\d+ %\. State the unit \(--strain-unit\): 1, %"
     ):
         read(tmp_path, text)
     assert read(tmp_path, text, Columns(strain_unit="%")).strain.max() == pytest.approx(0.32 * STRAIN.max())
@@ -169,7 +170,7 @@ def test_a_strain_that_may_be_in_per_cent_is_said_and_one_beyond_a_ratio_of_one_
 def test_encodings_and_decimal_commas_are_read(tmp_path, encoding, mark):
     header = "Zeit [s],Dehnung [µm/m],R [kOhm]"
     text = text_of(header.replace(",", ";") if mark else header, T, 1e6 * STRAIN, 1e-3 * OHM, mark=mark)
-    found = same(read(tmp_path, text, encoding=encoding)).found
+    found = same(read(tmp_path, text, encoding=encoding)).summary
     assert ("decimal commas" in found.written) == (mark == ",")
     assert ("LATIN-1" in found.written) == (encoding == "latin-1")
     assert ("UTF-16" in found.written) == encoding.startswith("utf-16")
@@ -177,13 +178,13 @@ def test_encodings_and_decimal_commas_are_read(tmp_path, encoding, mark):
 
 def test_a_preamble_is_passed_over(tmp_path):
     above = "Tensile tester 5;serial 12,5\n# operator: Maß\n\nspecimen,7,3\n"
-    found = same(read(tmp_path, text_of(above=above))).found
+    found = same(read(tmp_path, text_of(above=above))).summary
     assert "header in line 5" in found.written
     same(read(tmp_path, text_of("# time_s strain R_ohm").replace(",", " ")))
 
 
 def test_a_comment_is_a_header_only_where_no_other_line_above_the_numbers_is(tmp_path):
-    found = same(read(tmp_path, text_of(above="# time, strain, resistance of specimen 3, by hand.\n"))).found
+    found = same(read(tmp_path, text_of(above="# time, strain, resistance of specimen 3, by hand.\n"))).summary
     assert "header in line 2" in found.written
     for header, message in (
         (
@@ -211,7 +212,7 @@ def test_a_comment_above_other_text_is_no_header_whatever_units_are_stated(tmp_p
 def test_a_comment_above_units_and_samples_without_values_is_the_header(tmp_path, below):
     ohm = [f"{r:.10g},20" for r in 1e-3 * OHM]
     record = same(read(tmp_path, text_of("# time,strain,R,other", T, 100 * STRAIN, ohm, below=below)))
-    assert [q.column.unit for q in record.found.quantities] == ["s", "%", "kOhm"]
+    assert [q.column.unit for q in record.summary.quantities] == ["s", "%", "kOhm"]
 
 
 def test_of_many_columns_twelve_are_named(tmp_path):
@@ -265,15 +266,15 @@ def test_a_clock_that_stands_is_not_called_a_date(tmp_path, stamp):
 def test_a_date_is_the_time_only_with_the_time_of_day_and_where_no_other_column_is(tmp_path):
     rows = list(zip(T, STRAIN, OHM, strict=True))
     beside = "".join(f"2024-05-31,{t:.10g},{s:.10g},{r:.10g}\n" for t, s, r in rows)
-    assert same(read(tmp_path, f"date,elapsed,strain [1],R_ohm\n{beside}")).found.remarks == ()
+    assert same(read(tmp_path, f"date,elapsed,strain [1],R_ohm\n{beside}")).summary.remarks == ()
     for header in ("date", "Date/Time"):
         same(read(tmp_path, text_of(f"{header},strain,R_ohm", [f"2024-05-31T12:00:0{t:.1f}" for t in T])))
     with pytest.raises(
-        DataError, match=r"line 2: column 'date' holds dates without times of day, 1 for 40 samples\. Name a"
+        DataError, match=r"line 2: column 'date' holds dates without times of day, 1 for 40 samples\. Name one"
     ):
         read(tmp_path, text_of("date,strain,R_ohm", ["2024-05-31"] * 40))
     with pytest.raises(
-        DataError, match=r"column 'Date' holds numbers, which may be days\. State their unit \(--time-unit\)"
+        DataError, match=r"column 'Date' holds numbers, which may be days\. State the unit \(--time-unit\)"
     ):
         read(tmp_path, text_of("Date,strain,R_ohm", 45443.5 + T))
 
@@ -322,7 +323,7 @@ def test_a_gap_at_constant_strain_is_said_with_its_line(tmp_path):
     time = np.where(np.arange(40) < 20, T, T + 200.0)
     strain = STRAIN.copy()
     strain[20] = strain[19]
-    (gap,) = read(tmp_path, text_of(time=time, strain=strain)).found.gaps
+    (gap,) = read(tmp_path, text_of(time=time, strain=strain)).summary.gaps
     assert (gap.line, gap.strain) == (22, 0.0)
     assert gap.seconds == pytest.approx(200.1)
 

@@ -248,7 +248,7 @@ def test_a_sensor_that_does_not_move_is_dead():
 def test_tables_are_read_by_the_names_of_their_columns(tmp_path):
     path = tmp_path / "r.csv"
     rows = [f"{k * 1e-3},{k},{k + 1},,{k + 3}" for k in range(101) if k != 50]
-    path.write_text("\n".join(["time [s],strain[1],strain[2],strain[3],strain[4]", *rows]))
+    path.write_text("\n".join(["time [s],strain[1] [1],strain[2] [1],strain[3],strain[4] [1]", *rows]))
     record = read_table(path)
     assert record.step == pytest.approx(1e-3)
     assert record.samples == 100  # the sample of time 0 is the membrane at rest
@@ -260,13 +260,16 @@ def test_tables_are_read_by_the_names_of_their_columns(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("time,load\n0,1\n", "needs the columns time and"),
-        ("", "It has none"),
+        ("time,load\n0,1\n", "line 1: the twin needs the columns time and"),
+        ("", "it is empty"),
         ("time,strain[1],resistance[1]\n0,1,2\n", "--kind"),
-        ("time,strain[1]\n0,1\n0.1,abc\n", "row 3: 'abc'"),
-        ("time,strain[1]\n0,1\n0.2,1\n0.1,1\n", "must rise; sample 3"),
+        ("time,strain[1]\n0,1\n0.1,abc\n", "line 3: 'abc'"),
+        ("time,strain[1]\n0,1\n0.2,1\n0.1,1\n", "line 4: time goes backwards, 0.2 s to 0.1 s"),
+        ("time,strain[1]\n0,1\n0.1,1\n0.1,1\n", "line 4: 0.1 s stands twice"),
+        ("time,strain[1],strain[5]\n0,1,1\n", r"'strain\[5\]' is of none of the 4 sensors"),
+        ("time,strain[1],strain[1] [%]\n0,1,1\n", r"'strain\[1\]' stands twice"),
         ("time,strain[1]\n5.03,1\n5.1,1\n5.2,1\n5.3,1\n", "no multiples of one step"),
-        ("time,strain[1]\n-1,1\n0,1\n", "begin at -1 s"),
+        ("time [s],strain[1]\n-1,1\n0,1\n", "begin at -1 s"),
         ("time,strain[1]\n0,1\n0.1,1\n", "needs 60 or more"),
     ],
 )

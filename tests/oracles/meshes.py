@@ -2,7 +2,7 @@
 
 import numpy as np
 from gossamer_models import Stepper
-from gossamer_models.mesh_membrane import MeshFile, Setup, make_structure, mesh_membrane_model, surface_mesh
+from gossamer_models.membrane import MeshFile, Setup, make_structure, mesh_membrane_model, surface_mesh
 
 # of the 3 x 3 nodes of a cell, row by row: corners counter-clockwise, middles of the sides, middle
 _NINE = [(0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0), (1, 1)]

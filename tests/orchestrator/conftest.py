@@ -54,6 +54,7 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rewrite(folder / "integrator.fmu", folder / "forgetful.fmu", _without_state)
     rewrite(folder / "gain.fmu", folder / "pascal.fmu", with_unit("y", "Pa", 'kg="1" m="-1" s="-2"'))
     rewrite(folder / "gain.fmu", folder / "kilo.fmu", with_unit("u", "kPa", 'kg="1" m="-1" s="-2" factor="1000"'))
+    rewrite(folder / "gain.fmu", folder / "ratio.fmu", with_unit("u", "1", ""))
     rewrite(folder / "gain.fmu", folder / "metre.fmu", with_unit("u", "m", 'm="1"'))
     rewrite(folder / "gain.fmu", folder / "bounded.fmu", _with_bounds)
     return folder

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from gossamer_models import StepModel
-from gossamer_models.mesh_membrane import (
+from gossamer_models.membrane import (
     MeshFile,
     Region,
     Sensor,

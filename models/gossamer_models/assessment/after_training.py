@@ -9,8 +9,7 @@ import numpy as np
 
 from ..arrays import Matrix
 from ..detector import DetectorArtifact, PosteriorArtifact, detector_model
-from ..detector.posterior_records import Sensing, cut_windows
-from ..detector.posterior_settings import Training
+from ..detector.posterior_records import Sensing, Training, cut_windows
 from ..detector.posterior_training import split
 from ..detector.thesis_tables import GROUPS
 from ..detector.thesis_training import SAMPLES, simulate_cases, with_noise

@@ -11,12 +11,12 @@ from typing import Literal
 
 import numpy as np
 
-from ..campaign import Campaign, Chain, Damage, Distribution, Mesh, Noise, Vary
+from ..campaign import CampaignPlan, Chain, Damage, Distribution, MeasurementNoise, Mesh, Vary
 from ..detector.thesis_tables import NOISE, Damages
 from ..membrane.mesh import N_ZONES
 
-THESIS_NOISE = Noise(strain=Distribution(uniform=NOISE))
-CHAIN_NOISE = Noise(resistance=Distribution(normal=0.001))  # of the change of resistance at full scale
+THESIS_NOISE = MeasurementNoise(strain=Distribution(uniform=NOISE))
+CHAIN_NOISE = MeasurementNoise(resistance=Distribution(normal=0.001))  # of the change of resistance at full scale
 RANDOM = Damage(zones=(1, 4), depth=(0.05, 0.5))
 HEALTHY = Damage(zones=(0, 0))
 LATE = 30  # samples by which records through the chain are longer: more than the estimator's delay
@@ -43,7 +43,7 @@ class Condition:
         What tables call it.
     store : str
         Name of the campaign's store; conditions may share it.
-    campaign : Campaign
+    campaign : CampaignPlan
         What is simulated.
     noisy : bool
         Whether the campaign's noise of strain is added; the chain always has its own.
@@ -56,7 +56,7 @@ class Condition:
 
     name: str
     store: str
-    campaign: Campaign
+    campaign: CampaignPlan
     noisy: bool = True
     fault: Fault = "none"
     quick: bool = False
@@ -76,7 +76,7 @@ def conditions(cases: int, mesh: Mesh, other: Mesh, *, seed: int = 10, stop: flo
     stop : float
         Length of the records [s].
     """
-    random = Campaign(cases=cases, seed=seed, stop=stop, membrane=mesh, damage=RANDOM, noise=THESIS_NOISE)
+    random = CampaignPlan(cases=cases, seed=seed, stop=stop, membrane=mesh, damage=RANDOM, noise=THESIS_NOISE)
     healthy = replace(random, damage=HEALTHY)
     everything = {what: Vary(factor=(low, high)) for what, low, high in MISMATCHES.values()}
     return [
@@ -104,7 +104,7 @@ def conditions(cases: int, mesh: Mesh, other: Mesh, *, seed: int = 10, stop: flo
 
 def table_conditions(damages: Damages, mesh: Mesh, *, seed: int = 13, stop: float = 0.3) -> list[Condition]:
     """List the conditions that the cases of the thesis' tables are put to, called clean, noise and whole chain."""
-    cases = Campaign(seed=seed, stop=stop, membrane=mesh, damage=Damage(cases=damages), noise=THESIS_NOISE)
+    cases = CampaignPlan(seed=seed, stop=stop, membrane=mesh, damage=Damage(cases=damages), noise=THESIS_NOISE)
     return [
         Condition(name="clean", store=f"tables_{seed}", campaign=cases, noisy=False),
         Condition(name="noise", store=f"tables_{seed}", campaign=cases),
@@ -112,14 +112,14 @@ def table_conditions(damages: Damages, mesh: Mesh, *, seed: int = 13, stop: floa
     ]
 
 
-def _mismatches(random: Campaign) -> Iterator[Condition]:
+def _mismatches(random: CampaignPlan) -> Iterator[Condition]:
     for name, (what, *factors) in MISMATCHES.items():
         for factor in factors:
             campaign = replace(random, vary={what: Vary(factor=(factor, factor))})
             yield Condition(name=f"{name} x {factor:g}", store=f"{name}_{factor:g}", campaign=campaign, quick=True)
 
 
-def _through_chain(campaign: Campaign) -> Campaign:
+def _through_chain(campaign: CampaignPlan) -> CampaignPlan:
     """Return a campaign through sensor and estimator, longer by more than the estimator's delay."""
     stop = campaign.stop + LATE * campaign.step
     return replace(campaign, noise=CHAIN_NOISE, chain=Chain(compensator="estimator"), stop=stop)
@@ -148,7 +148,7 @@ def detections(cases: int, mesh: Mesh, *, seed: int = 11, long: float = 0.9, sto
     long, stop : float
         Length of the records of strain with the thesis' noise, and through the whole chain [s].
     """
-    base = Campaign(cases=cases, seed=seed, stop=long, membrane=mesh, damage=HEALTHY, noise=THESIS_NOISE)
+    base = CampaignPlan(cases=cases, seed=seed, stop=long, membrane=mesh, damage=HEALTHY, noise=THESIS_NOISE)
     damaged = replace(base, cases=None, damage=Damage(cases=single_damages(max(cases // 5, 1))), seed=seed + 1)
     chain, damaged_chain = (_through_chain(replace(campaign, stop=stop)) for campaign in (base, damaged))
     found = []

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Matrix
+from ..compiler import is_whole
 from ..errors import StateError
-from ..kept import is_whole
 from .cases import Cube
 from .library import processor
 

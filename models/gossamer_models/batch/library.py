@@ -1,4 +1,4 @@
-"""Compile kernels for this machine's processor; see ``kept`` for where they stay."""
+"""Compile kernels for this machine's processor; see ``compiler`` for where they stay."""
 
 from __future__ import annotations
 

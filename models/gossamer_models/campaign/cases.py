@@ -1,26 +1,32 @@
-r"""Cases of a campaign: damage, load, material and sensors of each, from the seed and the number of the case alone.
+r"""Cases of a campaign: damage, load, material, sensors and their noise, from the seed and the number of the case alone.
 
 Symbols: ``N`` cases, ``u`` points of the unit cube [1], one row per case, one column per quantity.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
+from ..errors import DataError
 from ..membrane.mesh import N_ZONES
 from ..membrane.strain import SENSOR_POINTS
-from .description import SENSOR_GAIN, Campaign
-from .ranges import Vary
+from .description import NOISE, SENSOR_GAIN, CampaignPlan, Distribution, Vary
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SENSORS = len(SENSOR_POINTS)
 _CASES, _STRATA, _NOISE = range(3)  # what random numbers are for
 _BELOW_ONE = np.nextafter(1.0, 0.0)
+_KINDS = {"strain": 0, "resistance": 1}
 
 
 @dataclass(frozen=True)
@@ -48,12 +54,12 @@ class Cases:
     onset: Vector
 
 
-def draw_cases(campaign: Campaign, numbers: Sequence[int]) -> Cases:
+def draw_cases(campaign: CampaignPlan, numbers: Sequence[int]) -> Cases:
     """Draw cases.
 
     Parameters
     ----------
-    campaign : Campaign
+    campaign : CampaignPlan
         What to draw from.
     numbers : sequence of int, length n
         Numbers of the cases, 0 to ``campaign.count`` - 1.
@@ -88,7 +94,7 @@ def draw_cases(campaign: Campaign, numbers: Sequence[int]) -> Cases:
     )
 
 
-def unit_points(campaign: Campaign, numbers: Sequence[int], columns: int) -> Matrix:
+def unit_points(campaign: CampaignPlan, numbers: Sequence[int], columns: int) -> Matrix:
     """Draw points of the unit cube, shape (n, columns) [1], as the campaign samples: at random or one per stratum."""
     u = np.array([generator(campaign.seed, _CASES, number).random(columns) for number in numbers]).reshape(-1, columns)
     if campaign.sampling == "random":
@@ -113,7 +119,7 @@ def _strata(seed: int, cases: int, column: int) -> NDArray[np.int64]:
     return generator(seed, _STRATA, column).permutation(cases)
 
 
-def _listed(campaign: Campaign, numbers: Sequence[int]) -> Matrix:
+def _listed(campaign: CampaignPlan, numbers: Sequence[int]) -> Matrix:
     listed = campaign.damage.cases
     damage = np.zeros((len(numbers), N_ZONES))
     for row, number in zip(damage, numbers, strict=True):
@@ -122,7 +128,7 @@ def _listed(campaign: Campaign, numbers: Sequence[int]) -> Matrix:
     return damage
 
 
-def _drawn(campaign: Campaign, count: Matrix, order: Matrix, depth: Matrix) -> Matrix:
+def _drawn(campaign: CampaignPlan, count: Matrix, order: Matrix, depth: Matrix) -> Matrix:
     r"""Turn points of the unit cube into damages, shape (n, 16).
 
     The first column tells how many zones: below the share h of healthy cases none, the rest divided equally. The zones are
@@ -147,3 +153,94 @@ def _spread(vary: Vary, base: float, u: Matrix) -> Matrix:
         return np.asarray(base * np.clip(low * powers, low, high))
     low, high = vary.range or (1.0, 1.0)
     return np.asarray(np.clip(low + (high - low) * u, low, high))
+
+
+def unit_noise(law: Distribution | None, kind: str, key: tuple[int, int], numbers: Sequence[int], steps: int) -> Matrix:
+    """Draw the noise of some cases.
+
+    Parameters
+    ----------
+    law : Distribution or None
+        None for no noise.
+    kind : {"strain", "resistance"}
+        Signal.
+    key : tuple of int
+        Seed of the campaign, and number of the draw: 0 is the noise of the campaign, others are fresh.
+    numbers : sequence of int, length n
+        Cases.
+    steps : int
+        Samples.
+
+    Returns
+    -------
+    ndarray, shape (n, 4, steps)
+        Noise [1]: of strain, or of resistance in units of the full-scale change. A function of kind, key and number.
+    """
+    seed, draw = key
+    noise = np.zeros((len(numbers), SENSORS, steps))
+    if law is None:
+        return noise
+    for row, number in zip(noise, numbers, strict=True):
+        random = noise_generator(seed, number, draw, _KINDS[kind])
+        if law.uniform is not None:
+            low, high = law.uniform
+            row[:] = low + (high - low) * random.random(row.shape)
+        else:
+            row[:] = (law.normal or 0.0) * random.standard_normal(row.shape)
+    return noise
+
+
+def measured_strain(data: xr.Dataset, draw: int = 0) -> xr.DataArray:
+    """Return strain as sensors without hysteresis would read it: gain times strain plus noise.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        From ``read_campaign``, or some of its cases.
+    draw : int
+        0 is the noise of the campaign; 1, 2, ... are fresh, for training.
+
+    Returns
+    -------
+    xarray.DataArray, shape (case, sensor, time)
+        Strain [1].
+    """
+    read: xr.DataArray = data[SENSOR_GAIN] * data["strain"] + _noise(data, "strain", draw)
+    return read.astype(np.float32).rename("measured_strain").transpose(*data["strain"].dims)
+
+
+def measured_resistance(data: xr.Dataset, draw: int = 0) -> xr.DataArray:
+    """Return the resistance with noise; that of draw 0 is what the compensators got.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        From ``read_campaign``, or some of its cases, of a campaign with a chain.
+    draw : int
+        0 is the noise of the campaign; 1, 2, ... are fresh.
+
+    Returns
+    -------
+    xarray.DataArray, shape (case, sensor, time)
+        Resistance [ohm].
+
+    Raises
+    ------
+    DataError
+        The campaign has no chain.
+    """
+    if "resistance" not in data:
+        msg = "this campaign has no resistance. Add [chain] to campaign.toml and run it into another folder."
+        raise DataError(msg)
+    change = data["resistance"].attrs["full_scale_change"]
+    noisy: xr.DataArray = data["resistance"] + change * _noise(data, "resistance", draw)
+    return noisy.astype(np.float32).rename("measured_resistance")
+
+
+def _noise(data: xr.Dataset, kind: str, draw: int) -> xr.DataArray:
+    campaign = json.loads(data.attrs["campaign"])
+    law = campaign["noise"][kind]
+    numbers = data["case"].to_numpy().tolist()
+    noise = unit_noise(law and Distribution(**law), kind, (campaign["seed"], draw), numbers, data.sizes["time"])
+    histories = data["strain"].copy(data=noise)
+    return histories * data[NOISE] if NOISE in data else histories

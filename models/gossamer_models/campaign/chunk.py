@@ -1,26 +1,154 @@
-"""The models of a campaign, and the cases of one chunk run through them, side by side.
+"""The models of a campaign, and the cases of one chunk run through them, side by side: membrane, sensors, compensators.
 
-Symbols: ``n`` cases of the chunk, ``T`` samples.
+Symbols: ``n`` cases of the chunk, ``T`` samples. A sensor is a lane of its kernel.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Matrix
+from ..arrays import Matrix, Vector
 from ..batch import Batch
+from ..compensator import compensator_model
 from ..compiler import has_compiler
 from ..membrane import membrane_model
 from ..membrane.mesh import N_ZONES
-from .cases import SENSORS, Cases, draw_cases
-from .chain import ChainKernels, chain_kernels, chain_models, run_chain
-from .description import NOISE, ONSET, SENSOR_GAIN, Campaign
+from ..membrane.params import stretch
+from ..mistakes import DescriptionError, Mistake
+from ..sensor import SensorArtifact, default_artifact, sensor_model
+from ..step_model import StepModel
+from .cases import SENSORS, Cases, draw_cases, unit_noise
+from .description import NOISE, ONSET, SENSOR_GAIN, CampaignPlan, Chain
 
+FULL_SCALE = "full_scale_resistance_change"
 STRAINS = tuple(f"strain[{i}]" for i in range(1, SENSORS + 1))
 DAMAGES = tuple(f"damage[{z}]" for z in range(1, N_ZONES + 1))
+
+
+@dataclass(frozen=True)
+class ChainKernels:
+    """The compiled sensor and compensator of a campaign.
+
+    Attributes
+    ----------
+    sensor, compensator : Batch
+        Kernels.
+    settings : Chain
+        What the campaign asks for.
+    full_scale_change : float
+        Change of resistance at full scale [ohm] of a sensor of gain 1.
+    """
+
+    sensor: Batch
+    compensator: Batch
+    settings: Chain
+    full_scale_change: float
+
+
+def chain_models(chain: Chain) -> tuple[StepModel, StepModel]:
+    """Build the models of sensor and compensator.
+
+    Raises
+    ------
+    DescriptionError
+        There is no such parameter.
+    GossamerError
+        The artifact cannot be read, or the compensator cannot follow its sensor.
+    """
+    artifact = default_artifact() if chain.artifact is None else SensorArtifact.read(Path(chain.artifact))
+    sensor, compensator = sensor_model(artifact), compensator_model(artifact, chain.compensator)
+    mistakes = []
+    for model, table in ((sensor, "sensor_parameters"), (compensator, "compensator_parameters")):
+        known = tuple(v.name for v in model.variables if v.causality == "parameter")
+        for name in getattr(chain, table):
+            if name not in known:
+                text = f"the {model.name} has no parameter {name!r}."
+                mistakes.append(Mistake(("chain", table, name), text, name, known))
+    if mistakes:
+        raise DescriptionError(*mistakes)
+    return sensor, compensator
+
+
+def chain_kernels(chain: Chain, sensor: StepModel, compensator: StepModel) -> ChainKernels:
+    """Compile sensor and compensator."""
+    starts = {v.name: v.start for v in sensor.variables if v.start is not None}
+    return ChainKernels(
+        sensor=Batch(sensor, ("resistance",), ("strain",)),
+        compensator=Batch(compensator, ("strain",), ("resistance",)),
+        settings=chain,
+        full_scale_change=float({**starts, **chain.sensor_parameters}[FULL_SCALE]),
+    )
+
+
+def run_chain(
+    campaign: CampaignPlan, kernels: ChainKernels, cases: Cases, strain: Matrix
+) -> tuple[dict[str, Matrix], NDArray[np.bool_]]:
+    """Turn strain into resistance and back.
+
+    Parameters
+    ----------
+    campaign : CampaignPlan
+        What is run.
+    kernels : ChainKernels
+        Its sensor and compensator.
+    cases : Cases
+        Cases of the chunk.
+    strain : ndarray, shape (n, 4, T)
+        Strain of the membrane [1]; not a number where that failed.
+
+    Returns
+    -------
+    dict of ndarray, shape (n, 4, T)
+        ``resistance`` [ohm] without noise and ``compensated_strain`` [1], with the noise of draw 0.
+    ndarray of bool, shape (n,)
+        Cases that failed.
+
+    Notes
+    -----
+    The gain of a sensor multiplies its change of resistance; its compensator does not know. A sensor rests at the strain
+    of its own prestressed membrane; its compensator assumes that of the constant parameters.
+    """
+    rest = np.broadcast_to(np.reshape(_prestrain(campaign, cases.varied), (-1, 1)), strain.shape[:2])
+    failed: NDArray[np.bool_] = np.asarray(np.isnan(strain).any(axis=(1, 2)))
+    usable = np.where(failed[:, None, None], rest[:, :, None], strain)
+    sensors: dict[str, ArrayLike] = {
+        "rest_strain": rest.ravel(),
+        **kernels.settings.sensor_parameters,
+        FULL_SCALE: kernels.full_scale_change * cases.sensor_gain.ravel(),
+    }
+    resistance, broken = _run(campaign, kernels.sensor, sensors, "strain", usable)
+    failed |= broken
+    noise = unit_noise(campaign.noise.resistance, "resistance", (campaign.seed, 0), cases.numbers, campaign.steps)
+    scale = kernels.full_scale_change * np.reshape(cases.varied.get(NOISE, 1.0), (-1, 1, 1))
+    noisy = np.where(failed[:, None, None], 0.0, resistance + scale * noise)
+    compensators: dict[str, ArrayLike] = {
+        "rest_strain": _prestrain(campaign, {}),
+        **kernels.settings.compensator_parameters,
+    }
+    compensated, broken = _run(campaign, kernels.compensator, compensators, "resistance", noisy)
+    return {"resistance": resistance, "compensated_strain": compensated}, failed | broken
+
+
+def _prestrain(campaign: CampaignPlan, varied: Mapping[str, Vector]) -> Vector | float:
+    """Return the strain [1] of the undamaged, unloaded membrane, of every case or of the constant parameters."""
+    values = {name: varied.get(name, campaign.base(name)) for name in ("edge_displacement", "side_length")}
+    prestrain: Vector | float = stretch(SimpleNamespace(**values)) - 1.0
+    return prestrain
+
+
+def _run(
+    campaign: CampaignPlan, kernel: Batch, start: Mapping[str, ArrayLike], name: str, signal: Matrix
+) -> tuple[Matrix, NDArray[np.bool_]]:
+    """Run a signal, shape (n, 4, T), through sensors or compensators; return their result and the cases that failed."""
+    run = kernel.run(campaign.steps, campaign.step, start, {name: signal.reshape(-1, signal.shape[-1])})
+    failed: NDArray[np.bool_] = np.asarray(run.failed.reshape(signal.shape[:2]).any(axis=1))
+    return np.reshape(run.results, signal.shape), failed
 
 
 @dataclass(frozen=True)
@@ -42,7 +170,7 @@ class Kernels:
     digests: dict[str, str]
 
 
-def build_kernels(campaign: Campaign) -> Kernels:
+def build_kernels(campaign: CampaignPlan) -> Kernels:
     """Build and compile the models of a campaign.
 
     Raises
@@ -63,12 +191,12 @@ def build_kernels(campaign: Campaign) -> Kernels:
     )
 
 
-def run_chunk(campaign: Campaign, kernels: Kernels, chunk: int) -> dict[str, NDArray[np.generic]]:
+def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str, NDArray[np.generic]]:
     """Simulate the cases of a chunk.
 
     Parameters
     ----------
-    campaign : Campaign
+    campaign : CampaignPlan
         What to run.
     kernels : Kernels
         Its models.
@@ -105,7 +233,7 @@ def _damage_at(time: float, cases: Cases) -> Matrix:
     return np.where(cases.onset[:, None] <= time, cases.damage, 0.0)
 
 
-def _damage_histories(campaign: Campaign, cases: Cases) -> dict[str, ArrayLike]:
+def _damage_histories(campaign: CampaignPlan, cases: Cases) -> dict[str, ArrayLike]:
     """Return the damage of each zone over the steps, shape (n, T), where it begins within the run."""
     if not campaign.begins:
         return {}

@@ -1,6 +1,7 @@
 """What a campaign is: how many cases, drawn from which damage, load, material, sensors and noise.
 
-Every class is one table of ``campaign.toml``; ``docs/campaigns.md`` describes the keys. Ranges are pairs (low, high).
+Every class is one table of ``campaign.toml``, or a range or distribution in one; ``docs/campaigns.md`` describes the keys.
+Ranges are pairs (low, high).
 """
 
 from __future__ import annotations
@@ -13,16 +14,73 @@ from typing import Literal
 from ..membrane.mesh import MAX_ORDER, N_ZONES, ZONES_PER_SIDE
 from ..membrane.model import INPUTS
 from ..membrane.params import PARAMETERS
-from ..mistakes import Mistake, disordered, raise_any
+from ..mistakes import DescriptionError, Mistake, disordered, raise_any
 from ..variables import Variable
-from .ranges import Distribution, Pair, Vary
 
+Pair = tuple[float, float]
 MOST_STEPS = 1_000_000
 MOST_CASES_PER_CHUNK = 4096
 DEEPEST = 0.95  # largest damage that the membrane takes [1]
 SENSOR_GAIN, NOISE = "sensor_gain", "noise"  # what can vary and is no variable of the membrane
 ONSET = "onset"
 SETTABLE: dict[str, Variable] = {v.name: v for v in (*PARAMETERS, *INPUTS) if not v.name.startswith("damage[")}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vary:
+    """Range that a quantity is drawn from; one of the two.
+
+    Attributes
+    ----------
+    range : tuple of float or None
+        In the unit of the quantity, uniform.
+    factor : tuple of float or None
+        Of the constant value; the logarithm is uniform, so that half and double are as likely.
+    """
+
+    range: Pair | None = None
+    factor: Pair | None = None
+
+    def __post_init__(self) -> None:
+        if (self.range is None) == (self.factor is None):
+            raise DescriptionError(Mistake((), "Write either range = [low, high] or factor = [low, high]."))
+        for name, pair in (("range", self.range), ("factor", self.factor)):
+            raise_any([*disordered(name, pair or (0.0, 0.0), -math.inf, math.inf)])
+        if self.factor is not None and self.factor[0] <= 0.0:
+            text = f"'factor' begins at {self.factor[0]:g}; factors are positive. Write a range in its place."
+            raise DescriptionError(Mistake(("factor",), text))
+
+    def limits(self, base: float) -> Pair:
+        """Return the lowest and highest value, given the constant one."""
+        if self.range is not None:
+            return self.range
+        low, high = sorted(base * f for f in self.factor or (1.0, 1.0))
+        return low, high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Distribution:
+    """Distribution of white noise; one of the two.
+
+    Attributes
+    ----------
+    uniform : tuple of float or None
+        Range.
+    normal : float or None
+        Standard deviation about zero.
+    """
+
+    uniform: Pair | None = None
+    normal: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.uniform is None) == (self.normal is None):
+            raise DescriptionError(Mistake((), "Write either uniform = [low, high] or normal = standard deviation."))
+        raise_any([*disordered("uniform", self.uniform or (0.0, 0.0), -math.inf, math.inf)])
+        if self.normal is not None and self.normal < 0.0:
+            raise DescriptionError(
+                Mistake(("normal",), f"'normal' is {self.normal:g}. Write a standard deviation, 0 or more.")
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +157,7 @@ class Damage:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Noise:
+class MeasurementNoise:
     """White noise of the measurement, one draw per sample.
 
     Attributes
@@ -135,7 +193,7 @@ class Chain:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Campaign:
+class CampaignPlan:
     """Many simulations of one membrane. A case is a function of ``seed``, its number, and what else stands here.
 
     Attributes
@@ -171,7 +229,7 @@ class Campaign:
     membrane: Mesh = field(default_factory=Mesh)
     damage: Damage = field(default_factory=Damage)
     vary: Mapping[str, Vary] = field(default_factory=dict)
-    noise: Noise = field(default_factory=Noise)
+    noise: MeasurementNoise = field(default_factory=MeasurementNoise)
     chain: Chain | None = None
 
     def __post_init__(self) -> None:
@@ -209,7 +267,7 @@ class Campaign:
         if name in (SENSOR_GAIN, NOISE):
             if vary.limits(1.0)[0] < 0.0:
                 yield Mistake((name,), f"{name!r} begins below 0. Write a range from 0 or a factor.")
-            if name == NOISE and self.noise == Noise():
+            if name == NOISE and self.noise == MeasurementNoise():
                 yield Mistake((name,), "there is no noise to vary. Add [noise], or remove it.")
             return
         if name not in SETTABLE:

@@ -12,6 +12,7 @@ import pickle
 import signal
 import threading
 import time
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -20,15 +21,60 @@ from functools import lru_cache, partial
 from importlib.metadata import version
 from multiprocessing import get_context, parent_process
 from pathlib import Path
+from typing import TypeVar
 
-from ..errors import StateError
+from ..errors import GossamerError, StateError
 from .chunk import Kernels, build_kernels, run_chunk
-from .cluster import CampaignStoppedError, on_cluster
-from .description import Campaign
+from .description import CampaignPlan
 from .store import count_failed, create_store, missing_chunks, open_store, remove_leftovers, write_cases
 
+A = TypeVar("A")
+R = TypeVar("R")
+SCHEDULER_PATIENCE = 10.0  # [s] for a scheduler to answer
+WORKER_PATIENCE = 60.0  # [s] for its first worker
 log = logging.getLogger(__name__)
 DEATHS = 3  # workers lost in a row, without a finished chunk between, after which a campaign stops
+
+
+class CampaignStoppedError(GossamerError, RuntimeError):
+    """Many simulations that ended before the last one; what is finished stays."""
+
+
+def on_cluster(function: Callable[[A], R], arguments: Sequence[A], scheduler: str) -> Iterator[R]:
+    """Call a function with each argument and yield what it returns; Dask gives the calls of a dead worker to another.
+
+    Raises
+    ------
+    CampaignStoppedError
+        There is no scheduler or no worker, or they are lost.
+    """
+    from distributed import CancelledError, Client, KilledWorker, as_completed
+    from distributed.comm.core import CommClosedError
+
+    try:
+        client = Client(scheduler, timeout=SCHEDULER_PATIENCE)
+    except (OSError, ValueError) as error:
+        msg = f"there is no Dask scheduler at {scheduler}: {error}. Start one with 'dask scheduler'."
+        raise CampaignStoppedError(msg) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=WORKER_PATIENCE)
+        except TimeoutError as error:
+            msg = f"the Dask scheduler at {scheduler} has no workers. Start some with 'dask worker {scheduler}'."
+            raise CampaignStoppedError(msg) from error
+        name = f"gossamer-{uuid.uuid4().hex}"
+        try:
+            futures = [
+                client.submit(function, argument, key=f"{name}-{k}", pure=False) for k, argument in enumerate(arguments)
+            ]
+            for future in as_completed(futures):
+                yield future.result()
+        except KilledWorker as error:
+            msg = f"workers of the cluster keep dying: {error}. What is finished is kept: run it again to go on."
+            raise CampaignStoppedError(msg) from error
+        except (CancelledError, CommClosedError, TimeoutError) as error:
+            msg = f"the Dask scheduler at {scheduler} is gone. What is finished is kept: start it and run it again."
+            raise CampaignStoppedError(msg) from error
 
 
 @dataclass(frozen=True)
@@ -52,7 +98,7 @@ class Summary:
 
 
 @dataclass(frozen=True)
-class Task:
+class ChunkTask:
     """What a worker needs for any chunk of a campaign.
 
     Attributes
@@ -65,14 +111,14 @@ class Task:
         Of Gossamer; a worker of another one refuses.
     """
 
-    campaign: Campaign
+    campaign: CampaignPlan
     kernels: bytes
     path: Path
     version: str
 
 
 def run_campaign(
-    campaign: Campaign,
+    campaign: CampaignPlan,
     path: Path,
     *,
     workers: int | None = None,
@@ -84,7 +130,7 @@ def run_campaign(
 
     Parameters
     ----------
-    campaign : Campaign
+    campaign : CampaignPlan
         What to run.
     path : Path
         Folder of the store; created if it is not there.
@@ -113,7 +159,7 @@ def run_campaign(
     """
     path = Path(path).resolve()
     kernels = build_kernels(campaign)
-    task = Task(campaign, pickle.dumps(kernels), path, version("gossamer"))
+    task = ChunkTask(campaign, pickle.dumps(kernels), path, version("gossamer"))
     if not path.exists():
         create_store(path, campaign, kernels, source)
     group = open_store(path, campaign, kernels)
@@ -143,7 +189,7 @@ def run_campaign(
     return Summary(campaign.count, count_failed(group), simulated, seconds)
 
 
-def write_chunk(task: Task, chunk: int) -> int:
+def write_chunk(task: ChunkTask, chunk: int) -> int:
     """Simulate a chunk and write it, in a worker; return its number.
 
     Raises
@@ -185,7 +231,7 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _on_cores(task: Task, chunks: Sequence[int], workers: int) -> Iterator[int]:
+def _on_cores(task: ChunkTask, chunks: Sequence[int], workers: int) -> Iterator[int]:
     """Run chunks in processes of this machine and yield each that is finished; replace workers that die."""
     left = list(chunks)
     deaths = 0

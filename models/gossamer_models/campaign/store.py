@@ -27,7 +27,7 @@ from ..errors import DataError
 from ..membrane.mesh import N_ZONES
 from .cases import SENSORS
 from .chunk import Kernels
-from .description import NOISE, ONSET, SENSOR_GAIN, SETTABLE, Campaign
+from .description import NOISE, ONSET, SENSOR_GAIN, SETTABLE, CampaignPlan
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,7 +37,7 @@ SCHEMA, VERSION = "gossamer.campaign", 1
 HISTORY = ("case", "sensor", "time")
 
 
-def identity(campaign: Campaign, kernels: Kernels) -> dict[str, Any]:
+def identity(campaign: CampaignPlan, kernels: Kernels) -> dict[str, Any]:
     """Return everything that the numbers of a campaign depend on, as JSON values by the path of their keys."""
     content = asdict(campaign)
     del content["title"]
@@ -59,14 +59,14 @@ def _flat(content: Any, path: str) -> list[tuple[str, Any]]:  # noqa: ANN401
     return [(path, content)]
 
 
-def open_store(path: Path, campaign: Campaign, kernels: Kernels) -> zarr.Group:
+def open_store(path: Path, campaign: CampaignPlan, kernels: Kernels) -> zarr.Group:
     """Open the store of a campaign to write its chunks.
 
     Parameters
     ----------
     path : Path
         Folder.
-    campaign : Campaign
+    campaign : CampaignPlan
         What is run.
     kernels : Kernels
         Its models.
@@ -110,14 +110,14 @@ def _open(path: Path, mode: Any) -> zarr.Group:  # noqa: ANN401
     return group
 
 
-def create_store(path: Path, campaign: Campaign, kernels: Kernels, source: str = "") -> None:
+def create_store(path: Path, campaign: CampaignPlan, kernels: Kernels, source: str = "") -> None:
     """Create the store of a campaign beside its place and move it there once it is whole.
 
     Parameters
     ----------
     path : Path
         Folder; there is nothing yet.
-    campaign : Campaign
+    campaign : CampaignPlan
         What will be run.
     kernels : Kernels
         Its models.
@@ -174,7 +174,7 @@ def create_store(path: Path, campaign: Campaign, kernels: Kernels, source: str =
         shutil.rmtree(unfinished, ignore_errors=True)
 
 
-def _variables(campaign: Campaign) -> dict[str, tuple[tuple[str, ...], str, str, str]]:
+def _variables(campaign: CampaignPlan) -> dict[str, tuple[tuple[str, ...], str, str, str]]:
     """List the variables of the store: dimensions, type, unit, description."""
     varied = {
         name: (("case",), "f8", SETTABLE[name].unit, SETTABLE[name].description)
@@ -216,7 +216,7 @@ def write_cases(group: zarr.Group, cases: range, content: Mapping[str, NDArray[n
     _array(group, "finished")[where] = True
 
 
-def missing_chunks(group: zarr.Group, campaign: Campaign) -> list[int]:
+def missing_chunks(group: zarr.Group, campaign: CampaignPlan) -> list[int]:
     """Return the numbers of the chunks that are not finished."""
     finished = np.asarray(_array(group, "finished")[:], dtype=bool)
     return [chunk for chunk in range(campaign.chunks) if not finished[campaign.numbers(chunk).start]]

@@ -1,14 +1,11 @@
 """Detectors: strain histories to damage per zone, by posterior networks or by the neuro-fuzzy networks of the thesis."""
 
 from .artifact import DetectorArtifact
-from .features import Components, block_means, difference_noise, principal_components
-from .files import read_detector, shipped_detectors
-from .model import detector_model
-from .neurofuzzy import defuzzify, similarity, triangular_memberships
-from .packets import block_energies, packet_energies
+from .features import Components, block_energies, block_means, difference_noise, packet_energies, principal_components
+from .model import detector_model, posterior_model
+from .networks import defuzzify, similarity, triangular_memberships
 from .posterior import judge_records
-from .posterior_artifact import PosteriorArtifact
-from .posterior_model import posterior_model
+from .posterior_artifact import PosteriorArtifact, read_detector, shipped_detectors
 
 __all__ = [
     # trained detectors

@@ -1,25 +1,49 @@
-"""A trained detector: reference indices, network weights and the baseline of each window."""
+"""Trained detectors: the windows that they judge, and the networks of the thesis with the baseline of each window."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from gossamer_files import reason
 
 from ..arrays import Vector
 from ..artifacts import read_arrays, read_artifact, write_artifact
-from .checks import require, usable
-from .packets import BLOCK
+from ..errors import ArtifactError
+from .features import BLOCK, PACKETS
 
 SCHEMA, VERSION = "gossamer.detector", 1
 DEFAULT = Path(__file__).with_name("single_damage.json")
-INDICES, ZONES = 16, 16
+ARRAYS = ("peaks", "baseline", "references", "weights", "bias", "rules")
+
+
+def require(condition: bool | np.bool_, problem: str) -> None:
+    """Raise ``ArtifactError`` unless the content of an artifact is as it must be."""
+    if not condition:
+        msg = f"detector artifact: {problem}. Train the detector again."
+        raise ArtifactError(msg)
+
+
+@contextmanager
+def usable(path: Path) -> Iterator[None]:
+    """Turn what goes wrong while a detector is made of the content of a file into ``ArtifactError``."""
+    try:
+        yield
+    except ArtifactError:
+        raise
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        msg = f"{path} does not hold a usable detector: {reason(error)}. Train the detector again."
+        raise ArtifactError(msg) from error
 
 
 @dataclass(frozen=True, kw_only=True)
-class DetectorArtifact:
-    """Sixteen trained networks for each of c successive windows, with n reference cases and k fuzzy sets.
+class TrainedWindows(ABC):
+    """Successive windows that a detector is trained for.
 
     Attributes
     ----------
@@ -27,18 +51,6 @@ class DetectorArtifact:
         Beginning of the first window and sampling step [s].
     samples : int
         Samples in a window, a multiple of 4.
-    peaks : ndarray, shape (k,)
-        Damage [1] at which each fuzzy set has membership one.
-    baseline : ndarray, shape (c, 16)
-        Packet energies of the undamaged structure, positive.
-    references : ndarray, shape (c, n, 16)
-        Logarithms of the damage feature indices of the reference cases [1].
-    weights : ndarray, shape (c, n, 16)
-        Distance weights W1_ij of reference i and index j, Eq. (6.1).
-    bias : ndarray, shape (c,)
-        Bias, Eq. (6.3).
-    rules : ndarray, shape (c, k, n, 16)
-        Weights from the similarities to the memberships in each network.
     provenance : dict
         How it was trained.
     """
@@ -46,47 +58,102 @@ class DetectorArtifact:
     start_time: float
     sampling_step: float
     samples: int
-    peaks: Vector
-    baseline: Vector
-    references: Vector
-    weights: Vector
-    bias: Vector
-    rules: Vector
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        require(self.references.ndim == 3, f"references has shape {self.references.shape}, not (c, n, 16)")
-        c, n, _ = self.references.shape
-        shapes = {
-            "baseline": (c, INDICES),
-            "references": (c, n, INDICES),
-            "weights": (c, n, INDICES),
-            "bias": (c,),
-            "rules": (c, self.peaks.size, n, ZONES),
-        }
-        for name, shape in shapes.items():
-            array = getattr(self, name)
-            require(array.shape == shape, f"{name} has shape {array.shape}, not {shape}")
-            require(np.isfinite(array).all(), f"{name} holds values that are not finite")
         require(self.start_time >= 0.0, f"start_time is {self.start_time:g} s, it must not be negative")
         require(0.0 < self.sampling_step < np.inf, f"sampling_step is {self.sampling_step:g} s, it must be positive")
-        require((np.diff(self.peaks) > 0.0).all(), "the peaks must increase")
-        require((self.weights >= 0.0).all(), "distance weights must not be negative")
-        require((self.baseline > 0.0).all(), "baseline energies must be positive")
         whole = self.samples >= BLOCK and self.samples % BLOCK == 0
         require(whole, f"a window needs a multiple of {BLOCK} samples, not {self.samples}")
+
+    @property
+    @abstractmethod
+    def sensors(self) -> int:
+        """Number of sensors."""
+
+    @property
+    @abstractmethod
+    def zones(self) -> int:
+        """Number of zones."""
 
     @property
     def window_length(self) -> float:
         """Length of a window [s]."""
         return self.samples * self.sampling_step
 
+    def card(self) -> dict[str, Any]:
+        """Return what the card of the file says of the windows."""
+        return {"start_time": self.start_time, "sampling_step": self.sampling_step, "samples": self.samples}
+
+    @staticmethod
+    def of_card(card: dict[str, Any]) -> dict[str, Any]:
+        """Return the fields of this class from a card."""
+        times = {name: float(card[name]) for name in ("start_time", "sampling_step")}
+        return times | {"samples": int(card["samples"]), "provenance": dict(card["provenance"])}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectorArtifact(TrainedWindows):
+    """Trained networks, one for each of z zones, of c successive windows, with n reference cases and k fuzzy sets.
+
+    Attributes
+    ----------
+    peaks : ndarray, shape (k,)
+        Damage [1] at which each fuzzy set has membership one.
+    baseline : ndarray, shape (c, 4 s)
+        Packet energies of the undamaged structure, positive: four of each of s sensors.
+    references : ndarray, shape (c, n, 4 s)
+        Logarithms of the damage feature indices of the reference cases [1].
+    weights : ndarray, shape (c, n, 4 s)
+        Distance weights W1_ij of reference i and index j, Eq. (6.1).
+    bias : ndarray, shape (c,)
+        Bias, Eq. (6.3).
+    rules : ndarray, shape (c, k, n, z)
+        Weights from the similarities to the memberships in each network.
+    """
+
+    peaks: Vector
+    baseline: Vector
+    references: Vector
+    weights: Vector
+    bias: Vector
+    rules: Vector
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self.references.ndim == 3, f"references has shape {self.references.shape}, not (c, n, indices)")
+        c, n, indices = self.references.shape
+        require(indices % len(PACKETS) == 0, f"there are {indices} indices, not {len(PACKETS)} of each sensor")
+        require(self.rules.ndim == 4, f"rules has shape {self.rules.shape}, not (c, k, n, zones)")
+        shapes = {
+            "baseline": (c, indices),
+            "references": (c, n, indices),
+            "weights": (c, n, indices),
+            "bias": (c,),
+            "rules": (c, self.peaks.size, n, self.zones),
+        }
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            require(array.shape == shape, f"{name} has shape {array.shape}, not {shape}")
+            require(np.isfinite(array).all(), f"{name} holds values that are not finite")
+        require((np.diff(self.peaks) > 0.0).all(), "the peaks must increase")
+        require((self.weights >= 0.0).all(), "distance weights must not be negative")
+        require((self.baseline > 0.0).all(), "baseline energies must be positive")
+
+    @property
+    def sensors(self) -> int:
+        """Number of sensors."""
+        return int(self.references.shape[-1]) // len(PACKETS)
+
+    @property
+    def zones(self) -> int:
+        """Number of zones."""
+        return int(self.rules.shape[-1])
+
     def write(self, path: Path) -> None:
         """Write the card and, beside it, the arrays."""
-        names = ("peaks", "baseline", "references", "weights", "bias", "rules")
-        content = {"start_time": self.start_time, "sampling_step": self.sampling_step, "samples": self.samples}
-        arrays = {name: getattr(self, name) for name in names}
-        write_artifact(path, SCHEMA, VERSION, self.provenance, content, arrays)
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+        write_artifact(path, SCHEMA, VERSION, self.provenance, self.card(), arrays)
 
     @classmethod
     def read(cls, path: Path) -> DetectorArtifact:
@@ -94,13 +161,7 @@ class DetectorArtifact:
         card = read_artifact(path, SCHEMA, VERSION)
         arrays = read_arrays(path, card)
         with usable(path):
-            return cls(
-                start_time=float(card["start_time"]),
-                sampling_step=float(card["sampling_step"]),
-                samples=int(card["samples"]),
-                provenance=dict(card["provenance"]),
-                **arrays,
-            )
+            return cls(**cls.of_card(card) | arrays)
 
     @classmethod
     def default(cls) -> DetectorArtifact:

@@ -1,10 +1,13 @@
-"""Features of signed strain histories: means over blocks of samples, their principal components, and the noise.
+"""Features of strain histories: energies of Haar packets, block means and their principal components, and the noise.
 
 Symbols: ``n`` cases, ``s`` samples of a window, ``M`` whole blocks of it, ``x`` centred block means [1], ``K`` components,
-``V`` their axes.
+``V`` their axes; ``x1..x4`` four successive samples, ``U`` packet energies in the order AA, AD, DA, DD.
 
-The energies of the thesis discard sign and phase, which hold most of what noise leaves of damage. Blocks must be short: a
-fifth of what damage in the middle of the membrane changes, and most of what it changes in a corner, is above 250 Hz.
+A packet coefficient of level 2 of the orthonormal Haar basis, Eqs. (7.5) and (7.6) of the thesis applied twice, depends on
+four successive samples only, so its energy is a running sum over blocks of four, without a record. PyWavelets gives the
+same for a whole record whose length is a multiple of four. These energies discard sign and phase, which hold most of what
+noise leaves of damage. Blocks of means must be short: a fifth of what damage in the middle of the membrane changes, and most
+of what it changes in a corner, is above 250 Hz.
 """
 
 from __future__ import annotations
@@ -15,18 +18,73 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import pywt
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
 
-SENSORS = 4
+BLOCK = 4
+PACKETS = ("AA", "AD", "DA", "DD")
 ORDER = 4  # of the differences that show the noise: strain is smooth between neighbouring samples
 DIFFERENCE = np.array([(-1.0) ** k * comb(ORDER, k) for k in range(ORDER + 1)])  # newest sample first
-
-
-# Sensors in the order of the mesh, x fastest: sums and differences of their signals, one row per symmetry of a signal.
+# One sensor in each quadrant, x fastest: sums and differences of their signals, one row per symmetry of a signal.
 SECTORS = 0.5 * np.kron([[1.0, 1.0], [1.0, -1.0]], [[1.0, 1.0], [1.0, -1.0]])
+SENSORS = len(SECTORS)
+
+
+def block_energies(block: ca.MX) -> ca.MX:
+    """Return the four packet energies of one block of four samples.
+
+    Parameters
+    ----------
+    block : casadi.MX, shape (n, 4)
+        Four successive samples of n signals.
+
+    Returns
+    -------
+    casadi.MX, shape (4 n,)
+        Energies, signal by signal in the order AA, AD, DA, DD; the integrand of Eq. (7.8) of [1]_ without the constant
+        sampling step, which cancels in the index.
+
+    References
+    ----------
+    .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+       Sensors, dissertation, Virginia Tech, 2010, Chapter 7.
+    """
+    x1, x2, x3, x4 = ca.horzsplit(block)
+    a1, d1 = x1 + x2, x1 - x2
+    a2, d2 = x3 + x4, x3 - x4
+    coefficients = ca.horzcat(a1 + a2, a1 - a2, d1 + d2, d1 - d2) / 2.0
+    return ca.vec((coefficients**2).T)
+
+
+def packet_energies(record: ArrayLike) -> Vector:
+    """Compute the packet energies of whole records with PyWavelets.
+
+    Parameters
+    ----------
+    record : array_like, shape (..., n)
+        Sampled signals; n a multiple of 4.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Energies in the order AA, AD, DA, DD.
+
+    Raises
+    ------
+    DataError
+        The number of samples is zero or not a multiple of four.
+    """
+    samples = np.asarray(record, dtype=float)
+    if samples.shape[-1] == 0 or samples.shape[-1] % BLOCK:
+        msg = (
+            f"a record of {samples.shape[-1]} samples has no whole blocks of {BLOCK}. Cut it to a multiple of {BLOCK}."
+        )
+        raise DataError(msg)
+    packets = pywt.WaveletPacket(samples, "haar", mode="periodization", maxlevel=2, axis=-1)
+    return np.stack([np.sum(packets[name.lower()].data ** 2, axis=-1) for name in PACKETS], axis=-1)
 
 
 @dataclass(frozen=True, slots=True)

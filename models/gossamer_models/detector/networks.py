@@ -1,120 +1,298 @@
-"""Training of the sixteen networks of one window.
+"""The networks of the detectors: similarity-based neuro-fuzzy ones as in the thesis, a perceptron, and how they are trained.
 
-Symbols: ``I`` logarithms of the damage feature indices, ``D`` distances, ``S`` similarities, ``T`` target memberships,
-``W1`` distance weights, ``W2`` rule weights.
+Symbols, as in Chapter 6 of [1]_: ``I`` input (damage feature index), ``X`` reference inputs, ``D`` distance, ``S``
+similarity, ``w1`` distance weights, ``b`` bias, ``w2`` rule weights, ``O`` memberships of the damage in the fuzzy sets,
+``peaks`` damage at which each set has membership one. Of what is trained here: ``W``, ``b`` weights and biases of a layer,
+``a`` its values; ``f`` features; ``T`` weights of the indices; ``V`` roots of the distance weights; ``R``, ``c`` weights and
+bias of the output layer; ``g`` gradients of the loss. Its arrays are single precision, one row per case.
+
+Correction of the source: similarity falls with distance, so Eq. (6.3) must read S = 1 / (1 + exp(-(b - D))).
+
+References
+----------
+.. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
+   Sensors, dissertation, Virginia Tech, 2010, Chapters 6 and 7.
 """
 
 from __future__ import annotations
 
-import itertools
-from typing import NamedTuple
+import functools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, Literal
 
+import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Vector
-from ..errors import DataError
-from .artifact import ZONES
-from .neurofuzzy import triangular_memberships
 
-PEAKS = (0.0, 0.2, 0.4)
-SCALES = np.logspace(-3.0, 1.0, 13)
-BIASES = (-4.0, -2.0, 0.0, 2.0, 4.0)
-RIDGES = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 1e-1)
+Defuzzification = Literal["centroid", "mom", "som", "lom"]
+Rows32 = NDArray[np.floating[Any]]  # single precision where it is trained
+PEAKS = (0.0, 0.25, 0.5)  # damage at which a zone has membership one in each fuzzy set [1]
+LEAST = 1e-3  # added to the sum of the memberships, so that no similarity at all gives no damage
+BIAS, NEAR = 2.0, 0.6  # of the first similarities: about a tenth on average
 
 
-class Networks(NamedTuple):
-    """The sixteen networks of one window.
-
-    Attributes
-    ----------
-    weights : ndarray, shape (n, 16)
-        Distance weights W1_ij.
-    bias : float
-        Bias of the similarity.
-    rules : ndarray, shape (k, n, 16)
-        Rule weights W2.
-    leave_one_out : float
-        Root mean square error of the memberships [1] of each case from networks that are trained on all others.
-    """
-
-    weights: Vector
-    bias: float
-    rules: Vector
-    leave_one_out: float
-
-
-def train_networks(I: Vector, damages: Vector, levels: int, peaks: ArrayLike = PEAKS) -> Networks:
-    """Train the sixteen networks of one window; the training cases are the references.
+def similarity(I: ca.MX, X: ca.MX, w1: ca.MX, b: float) -> ca.MX:
+    """Return the similarity of an input with every reference input, Eqs. (6.1) and (6.3).
 
     Parameters
     ----------
-    I : ndarray, shape (n, 16)
-        Logarithms of the damage feature indices of the training cases: the undamaged one, some levels of damage in each
-        zone alone, zone by zone, then any others.
-    damages : ndarray, shape (n, 16)
-        Their damages [1].
-    levels : int
-        Levels in each zone.
-    peaks : array_like, shape (k,)
-        Peaks of the fuzzy sets [1].
+    I : shape (m, 1)
+        Input [1].
+    X : shape (n, m)
+        Reference inputs [1].
+    w1 : shape (n, m)
+        Weights of the squared differences, not negative.
+    b : float
+        Bias: the distance at which the similarity is one half.
 
     Returns
     -------
-    Networks
-        With the least leave-one-out error.
-
-    Notes
-    -----
-    W1_ij = scale / (r_j^2 d_i): r_j is how far index j strays from linear between neighbouring cases of the same zone, so
-    that rough indices count less; d_i is the distance of reference i from its two nearest neighbours, so that every
-    reference reaches just its surroundings. The output layer, Section 6.3 of the thesis, is a ridge regression on the
-    triangular memberships. Scale, bias and ridge minimize the leave-one-out error: a residual over one minus the diagonal
-    of the hat matrix, which one singular value decomposition of S gives for every ridge. The sixteen networks share the
-    similarity layer; each has its own output layer.
-
-    Raises
-    ------
-    DataError
-        Fewer than two levels per zone, or indices without any roughness.
+    shape (n, 1)
+        Similarities between 0 and 1.
     """
-    n = len(I)
-    alone = 1 + levels * ZONES
-    if levels < 2 or n < alone:
-        msg = (
-            f"there are {n} training cases; training needs the undamaged one and two or more levels in each of {ZONES} "
-            "zones"
-        )
-        raise DataError(msg)
-    paths = np.concatenate([np.repeat(I[None, :1], ZONES, axis=0), I[1:alone].reshape(ZONES, levels, -1)], axis=1)
-    roughness = np.sqrt(np.mean((paths[:, 1:-1] - 0.5 * (paths[:, :-2] + paths[:, 2:])) ** 2, axis=(0, 1)))
-    if roughness.min() <= 0.0 or not np.isfinite(roughness).all():
-        msg = (
-            f"index {int(roughness.argmin()) + 1} is not finite, or linear in damage to the last bit. Check the strains it "
-            "comes from."
-        )
-        raise DataError(msg)
-    D = ((I[:, None] - I[None]) ** 2) @ roughness**-2
-    reach = np.sort(D + np.diag(np.full(n, np.inf)), axis=0)[:2].mean(axis=0)
-    T = triangular_memberships(damages, peaks)
-    targets = T.transpose(0, 2, 1).reshape(n, -1)
+    rows = ca.mtimes(ca.DM.ones(X.shape[0], 1), I.T)  # one loop of C; repmat would be one per row
+    D = ca.sum2(w1 * (X - rows) ** 2)
+    return 1.0 / (1.0 + ca.exp(D - b))
 
-    best = (np.inf, 0.0, 0.0, np.empty(0))
-    with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
-        for scale, bias in itertools.product(SCALES, BIASES):
-            S = 1.0 / (1.0 + np.exp(np.minimum(D * scale / reach - bias, 700.0)))
-            Q, singular, Vt = np.linalg.svd(S)
-            projected = Q.T @ targets
-            for ridge in RIDGES:
-                inverse = singular / (singular**2 + ridge**2)
-                leverage = 1.0 - Q**2 @ (singular * inverse)
-                if leverage.min() < 1e-9:
-                    continue
-                residual = targets - Q @ ((singular * inverse)[:, None] * projected)
-                error = float(np.sqrt(np.mean((residual / leverage[:, None]) ** 2)))
-                if error < best[0]:
-                    best = (error, scale, bias, Vt.T @ (inverse[:, None] * projected))
-    error, scale, bias, W2 = best
-    rules = W2.reshape(n, T.shape[-1], ZONES).transpose(1, 0, 2)
-    return Networks(scale / (roughness**2 * reach[:, None]), bias, rules, error)
+
+def triangular_memberships(damage: ArrayLike, peaks: ArrayLike) -> Vector:
+    """Return the memberships of damages in triangular fuzzy sets that share their feet with the neighbours' peaks.
+
+    Parameters
+    ----------
+    damage : array_like, shape (...)
+        Damage [1]; beyond the last peak the last membership stays one.
+    peaks : array_like, shape (k,)
+        Increasing peaks [1].
+
+    Returns
+    -------
+    ndarray, shape (..., k)
+        Memberships; they add up to one.
+    """
+    p, x = np.asarray(peaks, dtype=float), np.asarray(damage, dtype=float)
+    identity = np.eye(p.size)
+    return np.stack([np.interp(x, p, row) for row in identity], axis=-1)
+
+
+def defuzzify(O: ca.MX, peaks: ca.DM, method: Defuzzification = "centroid", least: float = 1e-300) -> ca.MX:
+    """Turn memberships into crisp values.
+
+    Parameters
+    ----------
+    O : shape (k, z)
+        Memberships in k fuzzy sets, one column per network; negative ones count as zero.
+    peaks : casadi.DM, shape (k, 1)
+        Increasing values at which each set has membership one.
+    method : {"centroid", "mom", "som", "lom"}
+        Centroidal matching, Eq. (6.4), or the middle, smallest or largest of the sets of largest membership.
+    least : float
+        Added to the sum of the memberships that the centroid is divided by.
+
+    Returns
+    -------
+    shape (1, z)
+        Crisp values; 0 where no set has a membership.
+    """
+    sets = [ca.fmax(row, 0.0) for row in ca.vertsplit(O)]
+    values = [float(peak) for peak in peaks.full().ravel()]
+    if method == "centroid":
+        moment = sum(membership * value for membership, value in zip(sets, values, strict=True))
+        return moment / (sum(sets) + least)
+    largest = functools.reduce(ca.fmax, sets)
+    smallest_peak, largest_peak = values[-1], values[0]
+    for membership, value in zip(sets, values, strict=True):
+        largest_peak = ca.if_else(membership >= largest, value, largest_peak)
+    for membership, value in zip(reversed(sets), reversed(values), strict=True):
+        smallest_peak = ca.if_else(membership >= largest, value, smallest_peak)
+    crisp = {"som": smallest_peak, "lom": largest_peak, "mom": 0.5 * (smallest_peak + largest_peak)}[method]
+    return ca.if_else(largest > 0.0, crisp, 0.0)
+
+
+@dataclass(frozen=True)
+class Perceptron:
+    """Layers of a perceptron: tanh, the last one linear.
+
+    Attributes
+    ----------
+    arrays : list of ndarray
+        W of the first layer, shape (inputs, outputs), its b, shape (outputs,), W of the second, ...
+    """
+
+    arrays: list[Rows32]
+
+    @classmethod
+    def random(cls, sizes: Sequence[int], random: np.random.Generator) -> Perceptron:
+        """Make layers between the given numbers of values, with the weights of [1]_.
+
+        References
+        ----------
+        .. [1] X. Glorot, Y. Bengio, Understanding the difficulty of training deep feedforward neural networks, AISTATS,
+           2010.
+        """
+        arrays: list[Rows32] = []
+        for n, m in pairwise(sizes):
+            W = random.standard_normal((n, m)) * np.sqrt(2.0 / (n + m))
+            arrays += [W.astype(np.float32), np.zeros(m, np.float32)]
+        return cls(arrays)
+
+    def values(self, x: Rows32) -> list[Rows32]:
+        """Return the values of all layers, beginning with the input."""
+        found = [x]
+        for layer in range(0, len(self.arrays), 2):
+            a = found[-1] @ self.arrays[layer] + self.arrays[layer + 1]
+            found.append(a if layer + 2 == len(self.arrays) else np.tanh(a))
+        return found
+
+    def gradients(self, values: Sequence[Rows32], g: Rows32) -> tuple[list[Rows32], Rows32]:
+        """Propagate the gradient of the output back.
+
+        Parameters
+        ----------
+        values : sequence of ndarray
+            From ``values``.
+        g : ndarray, shape (n, outputs)
+            Gradient of the loss with respect to the output.
+
+        Returns
+        -------
+        gradients : list of ndarray
+            As ``arrays``.
+        ndarray, shape (n, inputs)
+            Gradient with respect to the input.
+        """
+        found: list[Rows32] = []
+        for layer in range(len(self.arrays) - 2, -1, -2):
+            a = values[layer // 2]
+            found = [a.T @ g, g.sum(axis=0), *found]
+            g = g @ self.arrays[layer].T
+            if layer:
+                g = g * (1.0 - a**2)
+        return found, g
+
+
+@dataclass
+class Adam:
+    """Adam [1]_ over a list of arrays, which it changes in place.
+
+    Attributes
+    ----------
+    arrays : list of ndarray
+        Parameters.
+
+    References
+    ----------
+    .. [1] D. P. Kingma, J. Ba, Adam: a method for stochastic optimization, ICLR, 2015, arXiv:1412.6980.
+    """
+
+    arrays: list[Rows32]
+    _steps: int = 0
+    _means: list[Rows32] = field(default_factory=list)
+    _squares: list[Rows32] = field(default_factory=list)
+
+    def step(self, gradients: Sequence[Rows32], rate: float) -> None:
+        """Take one step against the gradients."""
+        if not self._means:
+            self._means = [np.zeros_like(a) for a in self.arrays]
+            self._squares = [np.zeros_like(a) for a in self.arrays]
+        self._steps += 1
+        size = rate * np.sqrt(1.0 - 0.999**self._steps) / (1.0 - 0.9**self._steps)
+        for a, g, mean, square in zip(self.arrays, gradients, self._means, self._squares, strict=True):
+            mean += 0.1 * (g - mean)
+            square += 0.001 * (g * g - square)
+            a -= np.float32(size) * mean / (np.sqrt(square) + np.float32(1e-8))
+
+
+def batches(cases: int, size: int, random: np.random.Generator) -> Iterator[NDArray[np.int64]]:
+    """Deal the cases into batches, in random order; the last few that fill none wait for another epoch."""
+    order = random.permutation(cases)
+    for first in range(0, max(cases - size, 0) + 1, size):
+        yield order[first : first + size]
+
+
+@dataclass(frozen=True)
+class FuzzyRules:
+    """Indices, similarities with reference cases, and rules for q of z zones.
+
+    Attributes
+    ----------
+    arrays : list of ndarray
+        ``T``, shape (F, z); ``X`` and ``V``, shape (n, z); ``b``, shape (1,); ``R``, shape (n, 5 q); ``c``, shape (5 q,).
+        The output layer gives the logarithms of the odds of damage of the zones, their memberships in the sets of
+        ``PEAKS``, set by set, and the logarithms of their deviations.
+    """
+
+    arrays: list[Rows32]
+
+    @classmethod
+    def of_cases(cls, f: Rows32, d: Rows32, answered: int, references: int, random: np.random.Generator) -> FuzzyRules:
+        """Begin with cases as references, as the thesis does, and with indices that estimate the damages linearly.
+
+        Parameters
+        ----------
+        f : ndarray, shape (m, F)
+            Features of cases.
+        d : ndarray, shape (m, z)
+            Their damage [1]; the first columns are the zones that the network answers for.
+        answered : int
+            Number of these.
+        references : int
+            Number of the cases that become references.
+        random : numpy.random.Generator
+            Which, and how far each reaches along each index.
+        """
+        T = np.linalg.solve(f.T @ f + np.eye(f.shape[1]), f.T @ (d - d.mean(axis=0)))
+        spread = (f @ T).std(axis=0)
+        T /= np.where(spread > 0.0, spread, 1.0)
+        chosen = random.choice(len(f), references, replace=False)
+        X = f[chosen] @ T
+        V = np.exp(random.standard_normal(X.shape)) * NEAR / np.sqrt(X.shape[1])
+        S = cls._similarity(f[:1000] @ T, X, V, BIAS)
+        O = triangular_memberships(d[chosen, :answered], PEAKS)  # (n, q, k)
+        R = np.zeros((references, (2 + len(PEAKS)) * answered))
+        R[:, answered:-answered] = O.transpose(0, 2, 1).reshape(references, -1) / S.sum(axis=1).mean()
+        return cls([a.astype(np.float32) for a in (T, X, V, np.array([BIAS]), R, np.zeros(R.shape[1]))])
+
+    @staticmethod
+    def _similarity(I: Rows32, X: Rows32, V: Rows32, b: Rows32 | float) -> Rows32:
+        w = V * V
+        D = (I * I) @ w.T - 2.0 * I @ (w * X).T + np.sum(w * X * X, axis=1)
+        return np.asarray(1.0 / (1.0 + np.exp(np.clip(D - b, -60.0, 60.0))))
+
+    def values(self, f: Rows32) -> list[Rows32]:
+        """Return features, indices, values of the output layer, similarities, and heads: odds, mean and deviation."""
+        T, X, V, b, R, c = self.arrays
+        I = f @ T
+        S = self._similarity(I, X, V, b)
+        a = S @ R + c
+        logit, O, total, spread = _parts(a)
+        mean = np.einsum("nkz,k->nz", O, np.array(PEAKS, f.dtype)) / total
+        return [f, I, a, S, np.hstack([logit, mean, spread])]
+
+    def gradients(self, values: Sequence[Rows32], g: Rows32) -> tuple[list[Rows32], Rows32]:
+        """Propagate the gradient of the heads, shape (n, 3 q), back; return it as ``arrays``, and for the features."""
+        T, X, V, _, R, _ = self.arrays
+        f, I, a, S, heads = values
+        _, O, total, _ = _parts(a)
+        logit, mean, spread = np.split(g, 3, axis=1)
+        slope = (np.array(PEAKS, f.dtype)[:, None] - np.split(heads, 3, axis=1)[1][:, None]) / total[:, None]
+        of_O = (mean[:, None] * slope * (O > 0.0)).reshape(len(f), -1)
+        g_a = np.hstack([logit, of_O, spread])
+        g_D = -(g_a @ R.T) * S * (1.0 - S)
+        w = V * V
+        weighed, count = g_D.T @ I, g_D.sum(axis=0)[:, None]
+        g_w = g_D.T @ (I * I) - 2.0 * X * weighed + X * X * count
+        g_I = 2.0 * (I * (g_D @ w) - g_D @ (w * X))
+        found = [f.T @ g_I, -2.0 * w * (weighed - X * count), 2.0 * V * g_w, -g_D.sum(keepdims=True)[0], S.T @ g_a]
+        return [*found, g_a.sum(axis=0)], g_I @ T.T
+
+
+def _parts(a: Rows32) -> tuple[Rows32, Rows32, Rows32, Rows32]:
+    """Split the output layer: odds (n, q), memberships (n, k, q) and their sums (n, q), logarithms of deviations (n, q)."""
+    parts = a.reshape(len(a), 2 + len(PEAKS), -1)
+    O = np.maximum(parts[:, 1:-1], 0.0)
+    return parts[:, 0], O, O.sum(axis=1) + a.dtype.type(LEAST), parts[:, -1]

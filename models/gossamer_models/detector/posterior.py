@@ -3,34 +3,39 @@
 Symbols: ``x`` centred block means [1], ``V``, ``lam`` axes and variances of the principal components, ``c`` components,
 ``r`` what lies outside them, ``s`` noise of a block mean [1], ``P``, ``m``, ``sd`` probability, mean and standard
 deviation of the damage of a damaged zone [1].
+
+``judge_window`` is the definition, as an expression. ``analyse``, ``heads_of`` and ``explain`` are the same in NumPy for
+many cases at once, as training needs it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
+from ..variables import results_of
 from .features import SECTORS, SENSORS, Components, block_means, difference_noise
-from .fuzzy_rules import LEAST, PEAKS, QUADRANT
-from .neurofuzzy import defuzzify, similarity
-from .posterior_artifact import ZONES, PosteriorArtifact, PosteriorWindow
+from .networks import LEAST, PEAKS, FuzzyRules, Perceptron, defuzzify, similarity
+from .posterior_artifact import HEADS, PosteriorArtifact, PosteriorWindow
 
 WRONG = 0.10  # error of a zone that a valid answer must not have [1]
 LARGEST_RISK = 0.01  # of a valid answer: that it is wrong by more than 10 % [1]
 FLOOR = 3e-5  # least noise of a block mean [1], far below what matters, so that clean records have one too
 MIRRORS = ((1, 1), (1, -1), (-1, 1), (-1, -1))  # images of a record: steps through rows (along y) and columns (along x)
-_ZONE = np.arange(ZONES).reshape(4, 4)
-IMAGE_ZONES = [_ZONE[::y, ::x][:2, :2].ravel() for y, x in MIRRORS]  # zones that are the first quadrant of an image
 SPREAD, SPREADS = 0.017, 3.0  # a network can state standard deviations within e^-3 to e^3 times this [1]
+Rows = NDArray[Any]  # of single or double precision
 
 
-class Judgement(NamedTuple):
-    """Outputs of the detector that one window gives; arrays have shape (16,) or (16, n).
+@dataclass(frozen=True, slots=True)
+class DamagePosterior:
+    """Outputs of the detector that one window gives; arrays have shape (z,), z zones.
 
     Attributes
     ----------
@@ -39,7 +44,7 @@ class Judgement(NamedTuple):
     probability : that there is damage [1].
     misfit : distance from the records of the training; 1 is the largest valid one.
     risk : chance that the damage of some zone is wrong by more than 10 % [1].
-    ratios : the parts of the misfit, shape (4,) or (4, n), before they are divided by their limits.
+    valid : 1 if the windows are those of the training, misfit is at most 1 and risk at most ``LARGEST_RISK``, else 0.
     """
 
     damage: ca.MX
@@ -47,11 +52,20 @@ class Judgement(NamedTuple):
     probability: ca.MX
     misfit: ca.MX
     risk: ca.MX
-    ratios: ca.MX
+    valid: ca.MX
 
 
-def judge_window(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX) -> Judgement:
-    r"""Write the judgement of a window.
+def image_zones(zones: int) -> list[NDArray[np.int64]]:
+    """Return the zones, of a square grid, that are the first quadrant in each image of a record."""
+    side = math.isqrt(zones)
+    zone = np.arange(zones).reshape(side, side)
+    return [zone[::y, ::x][: side // 2, : side // 2].ravel() for y, x in MIRRORS]
+
+
+def judge_window(
+    window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX, known: ca.MX | float = 1.0
+) -> tuple[DamagePosterior, ca.MX]:
+    r"""Write what follows from a window.
 
     Parameters
     ----------
@@ -63,10 +77,19 @@ def judge_window(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX) ->
         Centred block means [1].
     noise : casadi.MX, shape (4,)
         Standard deviations [1] of the noise of a sample by fourth differences.
+    known : casadi.MX or float, scalar
+        1 if the window is one of those that the network was trained for, else 0.
+
+    Returns
+    -------
+    DamagePosterior
+        The outputs.
+    casadi.MX, shape (4,)
+        The parts of the misfit before they are divided by their limits.
 
     Notes
     -----
-    The network answers for the four zones of one quadrant, given a record; given its mirror images, for the other zones.
+    The network answers for the zones of one quadrant, given a record; given its mirror images, for the other zones.
     The features are the components as a Wiener filter leaves them, :math:`z_k = c_k \sqrt{\lambda_k} / (\lambda_k + s^2)`,
     and :math:`\log_{10} s`. The noise s is that outside the components, where there is no strain.
 
@@ -85,7 +108,7 @@ def judge_window(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX) ->
     features = ca.vertcat(c * ca.sqrt(lam) / (lam + s2), log_noise(s2))
     images = ca.repmat(features, 1, len(MIRRORS)) * ca.DM(image_signs(window.sectors))
     *_, hidden, heads = (fuzzy_rules if window.network == "neuro-fuzzy" else layers)(window.encoder, images)
-    P, m, sd = posterior(*(spread_out(head) for head in ca.vertsplit(heads, QUADRANT)))
+    P, m, sd = posterior(*(spread_out(head) for head in ca.vertsplit(heads, window.zones // SENSORS)))
     damage = ca.if_else(P >= 0.5, m, 0.0)
     hidden = hidden[:, 0]
     explained = layers(window.decoder, ca.vertcat(damage, ca.DM(window.latent).T @ hidden))[-1] * ca.DM(window.scales)
@@ -97,7 +120,8 @@ def judge_window(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX) ->
         ca.sqrt(s2),
     )
     deviation = ca.sqrt(P * sd**2 + P * (1.0 - P) * m**2)
-    return Judgement(damage, deviation, P, ca.mmax(ratios / ca.DM(window.limits)), risk_of(P, m, sd), ratios)
+    misfit, risk = ca.mmax(ratios / ca.DM(window.limits)), risk_of(P, m, sd)
+    return DamagePosterior(damage, deviation, P, misfit, risk, known * (misfit <= 1.0) * (risk <= LARGEST_RISK)), ratios
 
 
 def layers(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
@@ -115,13 +139,13 @@ def fuzzy_rules(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
     found = []
     for features in ca.horzsplit(x):
         S = similarity(ca.DM(T).T @ features, ca.DM(X), ca.DM(roots**2), float(bias[0]))
-        logit, *O, spread = ca.vertsplit(ca.DM(rules).T @ S + ca.DM(rule_bias), QUADRANT)
+        logit, *O, spread = ca.vertsplit(ca.DM(rules).T @ S + ca.DM(rule_bias), rule_bias.size // (2 + len(PEAKS)))
         found.append((S, ca.vertcat(logit, defuzzify(ca.horzcat(*O).T, ca.DM(PEAKS), least=LEAST).T, spread)))
     return [ca.horzcat(*part) for part in zip(*found, strict=True)]
 
 
 def posterior(logit: ca.MX, mean: ca.MX, spread: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-    """Turn heads, shape (16,) each, into probability, and mean and standard deviation of the damage of a damaged zone."""
+    """Turn heads, shape (z,) each, into probability, and mean and standard deviation of the damage of a damaged zone."""
     return (
         1.0 / (1.0 + ca.exp(-logit)),
         ca.fmax(mean, 0.0),
@@ -169,17 +193,8 @@ def components(window: PosteriorWindow, x: ca.MX) -> tuple[ca.MX, ca.MX]:
 
 
 def spread_out(head: ca.MX) -> ca.MX:
-    """Put a head of the quadrant in each mirror image, shape (4, 4), to its zones, shape (16,)."""
-    return ca.vec(head)[np.argsort(np.concatenate(IMAGE_ZONES)).tolist()]
-
-
-def judge_function(artifact: PosteriorArtifact, number: int) -> ca.Function:
-    """Make a function of the features of window ``number``, from 0, with the outputs of ``Judgement``, ratios last."""
-    window = artifact.windows[number]
-    M = window.mean.size
-    x, noise = ca.MX.sym("x", SENSORS * M), ca.MX.sym("noise", SENSORS)
-    judged = judge_window(window, artifact.block, ca.reshape(x, M, SENSORS).T, noise)
-    return ca.Function("judge", [x, noise], list(judged))
+    """Put a head of the quadrant in each mirror image, shape (z / 4, 4), to its zones, shape (z,)."""
+    return ca.vec(head)[np.argsort(np.concatenate(image_zones(head.numel()))).tolist()]
 
 
 def judge_records(artifact: PosteriorArtifact, number: int, records: Matrix) -> dict[str, Matrix]:
@@ -197,11 +212,80 @@ def judge_records(artifact: PosteriorArtifact, number: int, records: Matrix) -> 
     Returns
     -------
     dict
-        The fields of ``Judgement``, shape (n, 16) or (n,), ``ratios``, shape (n, 4), and ``valid``, shape (n,).
+        The fields of ``DamagePosterior``, shape (n, z) or (n,), and ``ratios``, shape (n, 4).
     """
-    found = judge_function(artifact, number)(
-        block_means(records, artifact.block).reshape(len(records), -1).T, difference_noise(records).T
-    )
-    result = {name: np.array(value.T) for name, value in zip(Judgement._fields, found, strict=True)}
+    window = artifact.windows[number]
+    M = window.mean.size
+    x, noise = ca.MX.sym("x", SENSORS * M), ca.MX.sym("noise", SENSORS)
+    outputs, ratios = judge_window(window, artifact.block, ca.reshape(x, M, SENSORS).T, noise)
+    named = {**results_of(outputs), "ratios": ratios}
+    judge = ca.Function("judge", [x, noise], list(named.values()))
+    found = judge(block_means(records, artifact.block).reshape(len(records), -1).T, difference_noise(records).T)
+    result = {name: np.array(value.T) for name, value in zip(named, found, strict=True)}
     result |= {name: result[name][:, 0] for name in ("misfit", "risk")}
-    return result | {"valid": (result["misfit"] <= 1.0) & (result["risk"] <= LARGEST_RISK)}
+    return result | {"valid": result["valid"][:, 0] > 0.5}
+
+
+class Features(NamedTuple):
+    """Features of the network, shape (n, K + 1), components, shape (n, K), and variance of the noise, shape (n, 1)."""
+
+    features: Rows
+    c: Rows
+    s2: Rows
+
+
+def analyse(parts: Components | PosteriorWindow, x: Rows) -> Features:
+    """Return the features of block means, shape (n, 4, M)."""
+    y = np.tensordot(x - parts.mean, SECTORS, (1, 1))  # (n, M, 4)
+    c = np.empty((len(x), len(parts.sectors)))
+    outside = np.sum(y * y, axis=(1, 2))
+    for sector in range(SENSORS):
+        some = parts.sectors == sector
+        V = parts.axes[:, some]
+        c[:, some] = y[:, :, sector] @ V
+        left = y[:, :, sector] - c[:, some] @ V.T
+        outside += np.sum(left * left, axis=1) - np.sum(y[:, :, sector] ** 2, axis=1)
+    s2 = outside[:, None] / (SENSORS * degrees_of_freedom(parts)) + FLOOR**2
+    return Features(features(parts.variances, c, s2), c, s2)
+
+
+def features(lam: Rows, c: Rows, s2: Rows) -> Rows:
+    """Return the features of components, shape (n, K), and the variance of the noise, shape (n, 1)."""
+    return np.hstack([c * np.sqrt(lam) / (lam + s2), 0.5 * np.log10(s2) + s2.dtype.type(3.5)])
+
+
+def network_of(window: PosteriorWindow) -> Perceptron | FuzzyRules:
+    """Return the network of a window."""
+    arrays: list[Rows] = list(window.encoder)
+    return FuzzyRules(arrays) if window.network == "neuro-fuzzy" else Perceptron(arrays)
+
+
+def all_heads(net: Perceptron | FuzzyRules, features: Rows, signs: Rows) -> Rows:
+    """Evaluate the heads of all zones, shape (n, 3 z), from the images of the features."""
+    images = [net.values(features * sign)[-1].reshape(len(features), HEADS, -1) for sign in signs.T]
+    found = np.concatenate(images, axis=2)
+    found[:, :, np.concatenate(image_zones(found.shape[2]))] = found.copy()
+    return found.reshape(len(features), -1)
+
+
+def deviation(spread: Rows) -> Rows:
+    """Return the standard deviation [1] that the third head states."""
+    return np.asarray(SPREAD * np.exp(np.clip(spread, -SPREADS, SPREADS)), spread.dtype)
+
+
+def damage_of(heads: Rows) -> Rows:
+    """Return the estimated damage [1], shape (n, z), that heads, shape (n, 3 z), state."""
+    logit, mean, _ = np.split(heads, HEADS, axis=1)
+    return np.asarray(np.where(logit >= 0.0, np.clip(mean, 0.0, 1.0), 0.0))
+
+
+def heads_of(window: PosteriorWindow, found: Features) -> Matrix:
+    """Evaluate the heads, shape (n, 3 z), of a window."""
+    return all_heads(network_of(window), found.features, image_signs(window.sectors))
+
+
+def explain(window: PosteriorWindow, found: Features) -> Matrix:
+    """Return what the decoder makes of the answer, shape (n, K), to compare with the components."""
+    hidden = network_of(window).values(found.features)[-2]
+    given = np.hstack([damage_of(heads_of(window, found)), hidden @ window.latent])
+    return Perceptron(list(window.decoder)).values(given)[-1] * window.scales

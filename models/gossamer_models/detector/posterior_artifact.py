@@ -9,13 +9,14 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from ..arrays import Matrix, Vector
-from ..artifacts import read_arrays, read_artifact, write_artifact
-from .checks import require, usable
-from .fuzzy_rules import INDICES, PEAKS, QUADRANT
+from ..artifacts import artifact_schema, read_arrays, read_artifact, write_artifact
+from ..errors import ArtifactError
+from .artifact import DetectorArtifact, TrainedWindows, require, usable
+from .features import SENSORS
+from .networks import PEAKS
 
 SCHEMA, VERSION = "gossamer.posterior_detector", 2
 NOMINAL = Path(__file__).with_name("nominal.json")
-ZONES = 16
 Network: TypeAlias = Literal["perceptron", "neuro-fuzzy"]
 HEADS = 3  # of the network per zone: logit of P(damaged), mean, logarithm of the standard deviation
 
@@ -38,13 +39,14 @@ class PosteriorWindow:
     rest : ndarray, shape (1,)
         Root mean square of what clean records have outside the components [1], per degree of freedom.
     network : {"perceptron", "neuro-fuzzy"}
-        What answers for the four zones of one quadrant.
+        What answers for the zones of one quadrant.
     encoder : tuple of ndarray
-        Its arrays, from K + 1 features to 3 heads of 4 zones: weights and biases of three layers, or as in ``FuzzyRules``.
+        Its arrays, from K + 1 features to 3 heads of these zones: weights and biases of three layers, or as in
+        ``FuzzyRules``.
     latent : ndarray, shape (H, L)
         From the last hidden values to what the decoder gets beside the damage.
     decoder : tuple of ndarray
-        Weights and biases of two layers, from 16 + L values to K components in units of ``scales``.
+        Weights and biases of two layers, from all zones + L values to K components in units of ``scales``.
     scales : ndarray, shape (K,)
         Units of the decoder [1].
     directions, errors : ndarray, shapes (K, K) and (K,)
@@ -84,19 +86,25 @@ class PosteriorWindow:
         found = {name: getattr(self, name).shape for name in shapes}
         require(found == shapes, f"its arrays have shapes {found}, not {shapes}")
         first = self.encoder[0].shape[-1]
-        layers = [(K + 1, first), (first,), (first, H), (H,), (H, HEADS * QUADRANT), (HEADS * QUADRANT,)]
-        if self.network == "neuro-fuzzy":
-            outputs = (2 + len(PEAKS)) * QUADRANT
-            layers = [(K + 1, INDICES), (H, INDICES), (H, INDICES), (1,), (H, outputs), (outputs,)]
+        outputs = (HEADS if self.network == "perceptron" else 2 + len(PEAKS)) * (self.zones // SENSORS)
+        middle = [(first,), (first, H), (H,)] if self.network == "perceptron" else [(H, first), (H, first), (1,)]
+        layers = [(K + 1, first), *middle, (H, outputs), (outputs,)]
         require([a.shape for a in self.encoder] == layers, f"its network has layers {[a.shape for a in self.encoder]}")
         inner = self.decoder[0].shape[-1]
-        layers = [(ZONES + L, inner), (inner,), (inner, K), (K,)]
+        layers = [(self.zones + L, inner), (inner,), (inner, K), (K,)]
         require([a.shape for a in self.decoder] == layers, f"its decoder has layers {[a.shape for a in self.decoder]}")
         for array in self.arrays().values():
             require(np.isfinite(array).all(), "it holds values that are not finite")
-        require(np.isin(self.sectors, range(4)).all() and (np.diff(self.sectors) >= 0).all(), "sectors are not 0 to 3")
+        require(
+            np.isin(self.sectors, range(SENSORS)).all() and (np.diff(self.sectors) >= 0).all(), "sectors are not 0 to 3"
+        )
         for name in ("variances", "rest", "scales", "limits"):
             require((getattr(self, name) > 0.0).all(), f"{name} must be positive")
+
+    @property
+    def zones(self) -> int:
+        """Number of zones."""
+        return int(self.decoder[0].shape[0] - self.latent.shape[-1])
 
     def arrays(self) -> dict[str, Vector]:
         """Return all arrays by the names of the file."""
@@ -111,15 +119,11 @@ class PosteriorWindow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PosteriorArtifact:
+class PosteriorArtifact(TrainedWindows):
     """Trained networks of successive windows.
 
     Attributes
     ----------
-    start_time, sampling_step : float
-        Beginning of the first window and sampling step [s].
-    samples : int
-        Samples of a window, a multiple of 4.
     block : int
         Samples that are averaged.
     windows : tuple of PosteriorWindow
@@ -133,27 +137,17 @@ class PosteriorArtifact:
         Ranges of the training by quantity: zones, depth [1], noise [1], and what else varied.
     held_out : dict
         Errors on held-out cases: by kind of record, mean absolute errors [% damage], coverage [1] and shares of records.
-    provenance : dict
-        How it was trained.
     """
 
-    start_time: float
-    sampling_step: float
-    samples: int
     block: int
     windows: tuple[PosteriorWindow, ...]
     periodic: bool
     losses: list[list[float]] = field(default_factory=list)
     trained_over: dict[str, list[float]] = field(default_factory=dict)
     held_out: dict[str, dict[str, float]] = field(default_factory=dict)
-    provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        require(self.start_time >= 0.0, f"start_time is {self.start_time:g} s, it must not be negative")
-        require(0.0 < self.sampling_step < np.inf, f"sampling_step is {self.sampling_step:g} s, it must be positive")
-        require(
-            self.samples >= 4 and self.samples % 4 == 0, f"a window needs a multiple of 4 samples, not {self.samples}"
-        )
+        super().__post_init__()
         require(2 <= self.block <= self.samples // 2, f"a block of {self.block} samples is none of {self.samples}")
         require(len(self.windows) > 0, "it has no windows")
         require(len({window.network for window in self.windows}) == 1, "its windows have networks of several kinds")
@@ -161,12 +155,20 @@ class PosteriorArtifact:
         for window in self.windows:
             require(window.mean.size == size, f"its windows have {window.mean.size} blocks, not {size}")
 
+    @property
+    def sensors(self) -> int:
+        """Number of sensors."""
+        return SENSORS
+
+    @property
+    def zones(self) -> int:
+        """Number of zones."""
+        return self.windows[0].zones
+
     def write(self, path: Path) -> None:
         """Write the card and, beside it, the arrays in single precision, the axes in half."""
         content: dict[str, Any] = {
-            "start_time": self.start_time,
-            "sampling_step": self.sampling_step,
-            "samples": self.samples,
+            **self.card(),
             "block": self.block,
             "windows": len(self.windows),
             "network": self.windows[0].network,
@@ -195,19 +197,42 @@ class PosteriorArtifact:
                 for number in range(1, int(card["windows"]) + 1)
             ]
             return cls(
-                start_time=float(card["start_time"]),
-                sampling_step=float(card["sampling_step"]),
-                samples=int(card["samples"]),
+                **cls.of_card(card),
                 block=int(card["block"]),
                 windows=tuple(PosteriorWindow.of(network, found) for found in of_window),
                 periodic=bool(card["periodic"]),
                 losses=list(card.get("losses", [])),
                 trained_over=dict(card["trained_over"]),
                 held_out=dict(card["held_out"]),
-                provenance=dict(card["provenance"]),
             )
 
     @classmethod
     def default(cls) -> PosteriorArtifact:
         """Read the artifact that is shipped with this package: the nominal training."""
         return cls.read(NOMINAL)
+
+
+def shipped_detectors() -> dict[str, Path]:
+    """Return the files of the detectors that ship with the package by their names: nominal, single_damage, wide."""
+    return {path.stem: path for path in sorted(Path(__file__).parent.glob("*.json"))}
+
+
+def read_detector(file: Path) -> PosteriorArtifact | DetectorArtifact:
+    """Read a trained detector of either kind.
+
+    Parameters
+    ----------
+    file : Path
+        Its card, or the name of one that ships with the package if there is no such file.
+
+    Raises
+    ------
+    ArtifactError
+        The file is missing, damaged, or no detector.
+    """
+    shipped = shipped_detectors()
+    path = file if file.is_file() else shipped.get(str(file), file)
+    if not path.is_file():
+        msg = f"there is no detector {file}. Name the JSON file of one, or one that ships: {', '.join(shipped)}."
+        raise ArtifactError(msg)
+    return PosteriorArtifact.read(path) if artifact_schema(path) == SCHEMA else DetectorArtifact.read(path)

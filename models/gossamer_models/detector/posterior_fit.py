@@ -15,14 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
+from . import posterior
 from .features import SECTORS, SENSORS, Components, block_means
-from .fuzzy_rules import QUADRANT, FuzzyRules
-from .learned import all_heads, analyse, damage_of, deviation, features
-from .perceptron import Adam, Perceptron, Rows32, batches
-from .posterior import FLOOR, IMAGE_ZONES, MIRRORS, SPREADS, degrees_of_freedom, image_signs
-from .posterior_artifact import HEADS, ZONES
-from .posterior_records import Sensing, Windows, coloured_noise, noise_levels, reflect
-from .posterior_settings import Training
+from .networks import Adam, FuzzyRules, Perceptron, Rows32, batches
+from .posterior_artifact import HEADS
+from .posterior_records import Sensing, Training, Windows, coloured_noise, noise_levels, reflect
 
 BETA = 0.5  # of the weight sd^(2 beta) in the loss of the mean
 FAR = 4.0  # standard deviations beyond which a case pulls no more
@@ -50,19 +47,19 @@ def loss_gradient(heads: Rows32, d: Rows32) -> tuple[float, Rows32]:
     logit, mean, spread = np.split(heads, 3, axis=1)
     damaged = (d > 0.0).astype(np.float32)
     P = 1.0 / (1.0 + np.exp(-logit))
-    sd = deviation(spread)
+    sd = posterior.deviation(spread)
     u = (mean - d) / sd
     near = np.clip(u, -FAR, FAR)
     weight = damaged * (sd / np.float32(0.05)) ** np.float32(2.0 * BETA)
     likelihood = np.logaddexp(0.0, np.where(damaged > 0.0, -logit, logit)) + damaged * (0.5 * u * u + np.log(sd))
-    g_spread = weight * (1.0 - near * near) * (np.abs(spread) < SPREADS)
+    g_spread = weight * (1.0 - near * near) * (np.abs(spread) < posterior.SPREADS)
     g = np.hstack([P - damaged, weight * near / sd * np.float32(0.05), g_spread])
     return float(likelihood.sum(axis=1).mean()), g / np.float32(len(d))
 
 
 def polynomials(d: Rows32) -> Rows32:
     """Return powers of the damages and products of two of them, shape (n, 441)."""
-    i, j = np.triu_indices(ZONES, 1)
+    i, j = np.triu_indices(d.shape[1], 1)
     pairs = d[:, i] * d[:, j]
     powers = [d**k for k in range(1, 6)]
     return np.hstack([np.ones((len(d), 1), d.dtype), *powers, pairs, pairs * d[:, i], pairs * d[:, j]])
@@ -140,7 +137,7 @@ def spoilt_sensors(gains: Vector, random: np.random.Generator) -> tuple[Vector, 
 
 
 @dataclass(frozen=True)
-class Fit:
+class NetworkFit:
     """What both networks of a window learn from; every case and its mirror images.
 
     Attributes
@@ -176,24 +173,24 @@ class Fit:
     random: np.random.Generator
 
     @classmethod
-    def of(cls, parts: Components, x: Rows32, train: Windows, sensing: Sensing, training: Training) -> Fit:
+    def of(cls, parts: Components, x: Rows32, train: Windows, sensing: Sensing, training: Training) -> NetworkFit:
         """Project clean block means, shape (n, 4, M), and fit the polynomials."""
         random = np.random.default_rng((training.seed, 1))
         c = (x @ parts.axes.astype("f4")) * _shares(parts)
-        order = [_SENSORS[::y, ::x].ravel() for y, x in MIRRORS]
+        order = [_SENSORS[::y, ::x].ravel() for y, x in posterior.MIRRORS]
         energy, overlap = np.einsum("nsm,nsm->ns", x, x, dtype=float), x.astype(float) @ parts.mean
-        signs = image_signs(parts.sectors)[:-1].T
+        signs = posterior.image_signs(parts.sectors)[:-1].T
         images = [c[:, sensors] * sign for sensors, sign in zip(order, signs, strict=True)]
         damage = reflect(x[:, :, :1], train.damage)[1].astype(np.float32)
         c = np.concatenate(images).astype(np.float32)
-        settled = np.tile(train.settled, len(MIRRORS)) & (damage.max(axis=1) > 0.0)
+        settled = np.tile(train.settled, len(posterior.MIRRORS)) & (damage.max(axis=1) > 0.0)
         moves = [
-            Moves.of(damage, c, np.flatnonzero(settled & (np.tile(train.shift, len(MIRRORS)) == shift)))
+            Moves.of(damage, c, np.flatnonzero(settled & (np.tile(train.shift, len(posterior.MIRRORS)) == shift)))
             for shift in np.unique(train.shift)
         ]
         unit = coloured_noise((COLOURED_DRAWS, SENSORS, train.records.shape[-1]), random)
-        found = analyse(parts, block_means(unit, training.block) + parts.mean)
-        noise = found.c.astype("f4"), (found.s2[:, 0] * SENSORS * degrees_of_freedom(parts)).astype("f4")
+        found = posterior.analyse(parts, block_means(unit, training.block) + parts.mean)
+        noise = found.c.astype("f4"), (found.s2[:, 0] * SENSORS * posterior.degrees_of_freedom(parts)).astype("f4")
         return cls(
             parts=parts,
             c=c,
@@ -243,13 +240,13 @@ class Fit:
         level, coloured = noise_levels(n, random)
         level = (level / np.sqrt(self.training.block)).astype(np.float32)
         noise: Rows32 = random.standard_normal((n, K), np.float32)
-        freedom = SENSORS * degrees_of_freedom(self.parts)
+        freedom = SENSORS * posterior.degrees_of_freedom(self.parts)
         energy: Vector = np.asarray(random.chisquare(freedom, n))
         draw = random.integers(0, len(self.noise[1]), int(coloured.sum()))
         flip = np.where(random.random((len(draw), 1)) < 0.5, 1.0, -1.0).astype(np.float32)
         noise[coloured] = self.noise[0][draw] * flip * np.float32(np.sqrt(self.training.block))
         energy[coloured] = self.noise[1][draw] * self.training.block
-        s2 = (outside + level**2 * energy) / freedom + FLOOR**2
+        s2 = (outside + level**2 * energy) / freedom + posterior.FLOOR**2
         return clean + level[:, None] * noise, clean, s2[:, None].astype(np.float32), damage
 
     def read(self, gains: Vector, sensors: NDArray[np.int64]) -> tuple[Rows32, Vector]:
@@ -274,7 +271,9 @@ class Fit:
         """Return the root mean square of what clean records have outside the components, per degree of freedom [1]."""
         n = len(self.c)
         _, outside = self.read(self.sensing.gains(n, self.random), np.tile(np.arange(SENSORS), (n, 1)))
-        return float(np.sqrt(outside.mean() / (SENSORS * degrees_of_freedom(self.parts)) + FLOOR**2))
+        return float(
+            np.sqrt(outside.mean() / (SENSORS * posterior.degrees_of_freedom(self.parts)) + posterior.FLOOR**2)
+        )
 
     def _batches(self, epochs: int, spoilt: float) -> Iterator[tuple[float, tuple[Rows32, Rows32, Rows32, Rows32]]]:
         """Deal batches of ``epoch``, with the step size of Adam."""
@@ -290,18 +289,18 @@ class Fit:
     def network(self, report: Callable[[], None]) -> tuple[Perceptron | FuzzyRules, list[float]]:
         """Train the network for the damage of one quadrant; return the mean of ``loss_gradient`` in each epoch, too."""
         t, lam = self.training, self.parts.variances.astype(np.float32)
+        own = posterior.image_zones(self.damage.shape[1])[0]
         net: Perceptron | FuzzyRules
         if t.network == "neuro-fuzzy":
             noisy, _, s2, damage = self.epoch(virtual=False, spoilt=0.0)
-            own = IMAGE_ZONES[0]
             damage = np.hstack([damage[:, own], np.delete(damage, own, axis=1)])
-            net = FuzzyRules.of_cases(features(lam, noisy, s2), damage, t.references, self.random)
+            net = FuzzyRules.of_cases(posterior.features(lam, noisy, s2), damage, own.size, t.references, self.random)
         else:
-            net = Perceptron.random((t.components + 1, t.hidden, t.hidden, HEADS * QUADRANT), self.random)
+            net = Perceptron.random((t.components + 1, t.hidden, t.hidden, HEADS * own.size), self.random)
         adam, losses = Adam(net.arrays), []
         for rate, (noisy, _, s2, damage) in self._batches(t.epochs, t.spoilt):
-            values = net.values(features(lam, noisy, s2))
-            loss, gradient = loss_gradient(values[-1], damage[:, IMAGE_ZONES[0]])
+            values = net.values(posterior.features(lam, noisy, s2))
+            loss, gradient = loss_gradient(values[-1], damage[:, own])
             adam.step(net.gradients(values, gradient)[0], rate)
             losses.append(loss)
             report()
@@ -312,16 +311,19 @@ class Fit:
     ) -> tuple[Perceptron, Rows32]:
         """Train the decoder on what the network, which stays as it is, makes of noisy records, towards the clean ones."""
         t, lam, unit = self.training, self.parts.variances.astype(np.float32), scales.astype(np.float32)
-        signs = image_signs(self.parts.sectors).astype(np.float32)
-        decoder = Perceptron.random((ZONES + t.latent, t.inner, t.components), self.random)
+        signs = posterior.image_signs(self.parts.sectors).astype(np.float32)
+        zones = self.damage.shape[1]
+        decoder = Perceptron.random((zones + t.latent, t.inner, t.components), self.random)
         hidden_values = net.arrays[-2].shape[0]
         latent = (self.random.standard_normal((hidden_values, t.latent)) / np.sqrt(hidden_values)).astype(np.float32)
         adam = Adam([*decoder.arrays, latent])
         for rate, (noisy, clean, s2, _) in self._batches(t.decoder_epochs, 0.0):
-            found = features(lam, noisy, s2)
+            found = posterior.features(lam, noisy, s2)
             hidden = net.values(found)[-2]
-            values = decoder.values(np.hstack([damage_of(all_heads(net, found, signs)), hidden @ latent]))
+            values = decoder.values(
+                np.hstack([posterior.damage_of(posterior.all_heads(net, found, signs)), hidden @ latent])
+            )
             gradients, g_in = decoder.gradients(values, (values[-1] - clean / unit) / np.float32(len(clean)))
-            adam.step([*gradients, hidden.T @ g_in[:, ZONES:]], rate)
+            adam.step([*gradients, hidden.T @ g_in[:, zones:]], rate)
             report()
         return decoder, latent

@@ -1,4 +1,4 @@
-"""From a campaign to what a posterior network is trained on: windows, their damage, reflections, gain and noise.
+"""What a posterior network is trained with: settings, windows of a campaign, their mirror images, gain and noise.
 
 Symbols: ``n`` cases, ``M`` blocks of a window, ``x`` centred block means [1].
 """
@@ -6,6 +6,7 @@ Symbols: ``n`` cases, ``M`` blocks of a window, ``x`` centred block means [1].
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,9 @@ from scipy.signal import lfilter
 from ..arrays import Matrix, Vector
 from ..errors import DataError
 from .features import SENSORS, block_means
-from .perceptron import Rows32
+from .networks import Rows32
+from .posterior import MIRRORS
+from .posterior_artifact import Network
 from .thesis_tables import NOISE
 
 if TYPE_CHECKING:
@@ -25,6 +28,60 @@ if TYPE_CHECKING:
 THESIS_NOISE = (NOISE[1] - NOISE[0]) / np.sqrt(12.0)  # its standard deviation [1]
 LEAST_NOISE, MOST_NOISE = 1e-5, 6.5e-3  # of a sample, white [1]
 COLOURED = 2e-3  # most of a sample that is not white, as an estimator leaves it [1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Training:
+    """Settings of the training.
+
+    Attributes
+    ----------
+    samples, windows : int
+        Samples of a window, and how many of them.
+    block, components : int
+        Samples that are averaged, and principal components.
+    network : {"perceptron", "neuro-fuzzy"}
+        A multilayer perceptron, or the thesis' network with indices that are trained.
+    references : int
+        Reference cases of a neuro-fuzzy network.
+    hidden, latent, inner : int
+        Values of each hidden layer of the perceptron, latent values that the decoder gets beside the damage, and values of
+        its hidden layer.
+    virtual : float
+        Share of the cases that are moved to other damages until the last quarter of the epochs; see ``NetworkFit.epoch``.
+    spoilt : float
+        Share of the records with a wrong sensor, so that the network is not sure of its answer where it sees one.
+    epochs, batch : int
+        Passes of the network through the cases, and cases of a step.
+    rate : float
+        First step size of Adam; it falls to 0 along half a cosine.
+    held_out : float
+        Share of the cases, the last ones, that limits and errors come from: half for each.
+    seed : int
+        Of weights, order, gain and noise.
+    """
+
+    samples: int = 844
+    windows: int = 3
+    block: int = 2
+    components: int = 128
+    network: Network = "neuro-fuzzy"
+    references: int = 256
+    hidden: int = 128
+    latent: int = 8
+    inner: int = 96
+    epochs: int = 150
+    virtual: float = 0.9
+    spoilt: float = 0.03
+    batch: int = 256
+    rate: float = 2e-3
+    held_out: float = 0.15
+    seed: int = 0
+
+    @property
+    def decoder_epochs(self) -> int:
+        """Passes of the decoder through the cases."""
+        return 1 + self.epochs // 4
 
 
 @dataclass(frozen=True)
@@ -124,12 +181,11 @@ def reflect(x: Rows32, damage: Matrix) -> tuple[Rows32, Matrix]:
     ndarray, shape (4 n, 4, ...), and ndarray, shape (4 n, 16)
         The cases, then their images in x, in y and in both.
     """
-    n = len(x)
-    signals, zones = x.reshape(n, 2, 2, -1), damage.reshape(n, 4, 4)
-    flips = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+    n, side = len(x), math.isqrt(damage.shape[1])
+    signals, zones = x.reshape(n, 2, 2, -1), damage.reshape(n, side, side)
     return (
-        np.concatenate([signals[:, ::y, ::x] for y, x in flips]).reshape(4 * n, *x.shape[1:]),
-        np.concatenate([zones[:, ::y, ::x] for y, x in flips]).reshape(4 * n, -1),
+        np.concatenate([signals[:, ::y, ::x] for y, x in MIRRORS]).reshape(4 * n, *x.shape[1:]),
+        np.concatenate([zones[:, ::y, ::x] for y, x in MIRRORS]).reshape(4 * n, -1),
     )
 
 

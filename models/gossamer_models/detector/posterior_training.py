@@ -1,6 +1,7 @@
-r"""Train posterior networks on a campaign.
+r"""Train posterior networks on a campaign, and make them honest on held-out cases: probabilities, deviations, valid limits.
 
-Symbols: ``n`` cases, ``x`` centred block means [1].
+Symbols: ``n`` cases, ``x`` centred block means [1], ``T`` temperature [1], ``f`` factor on standard deviations [1], ``d``
+damage [1].
 """
 
 from __future__ import annotations
@@ -12,25 +13,31 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
+from ..arrays import Matrix, Vector
 from ..errors import DataError
-from .features import principal_components
-from .fuzzy_rules import PEAKS
+from . import posterior_records as records
+from .features import SENSORS, block_means, principal_components
+from .networks import PEAKS
+from .posterior import FLOOR, Features, analyse, deviation, explain, heads_of, judge_records
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
-from .posterior_calibration import calibrate
-from .posterior_fit import Fit
-from .posterior_records import COLOURED, LEAST_NOISE, MOST_NOISE, Sensing, Windows, cut_windows, features_of
-from .posterior_settings import Training
+from .posterior_fit import NetworkFit
 
 if TYPE_CHECKING:
     import xarray as xr
 
 SMALL = 2e-4  # components are in units of their deviation or of this [1], for the decoder
+BAND = 1.96  # standard deviations of a 95 % band
+FALSE_REJECTION = 0.01  # share of records of the training that the misfit may refuse
+FEWEST = 40  # held-out cases that limits can be taken from
+ROOM = 1.2  # noise above that of the training that is still valid
 
 
 def train_posterior(
-    data: xr.Dataset, training: Training | None = None, progress: Callable[[float], None] | None = None
+    data: xr.Dataset, training: records.Training | None = None, progress: Callable[[float], None] | None = None
 ) -> PosteriorArtifact:
     """Train the networks of all windows on a campaign.
 
@@ -38,7 +45,7 @@ def train_posterior(
     ----------
     data : xarray.Dataset
         From ``read_campaign``. What varies in it is what the detector is trained over.
-    training : Training, optional
+    training : records.Training, optional
         Settings.
     progress : callable, optional
         Called with the share of the work that is done.
@@ -48,7 +55,7 @@ def train_posterior(
     DataError
         There are too few cases, the runs are too short, or the network cannot state damages as large.
     """
-    t = training or Training()
+    t = training or records.Training()
     campaign = json.loads(data.attrs["campaign"])
     deepest = max([campaign["damage"]["depth"][1], *(d for case in campaign["damage"]["cases"] for d in case.values())])
     if t.network == "neuro-fuzzy" and deepest > PEAKS[-1]:
@@ -57,8 +64,10 @@ def train_posterior(
             f"{100.0 * PEAKS[-1]:g} %. Choose a perceptron, or less damage."
         )
         raise DataError(msg)
-    sensing = Sensing.of(data)
-    cuts = [cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)]
+    sensing = records.Sensing.of(data)
+    cuts = [
+        records.cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)
+    ]
     windows: list[PosteriorWindow] = []
     losses: list[list[float]] = []
     done = itertools.count(1)
@@ -93,11 +102,14 @@ def trained_over(campaign: dict[str, Any]) -> dict[str, list[float]]:
     for name, vary in campaign["vary"].items():
         kind = "range" if vary["range"] else "factor"
         ranges[f"{name}, {kind}"] = vary[kind]
-    noise = {"white noise of a sample [1]": [LEAST_NOISE, MOST_NOISE], "coloured noise [1]": [0.0, COLOURED]}
+    noise = {
+        "white noise of a sample [1]": [records.LEAST_NOISE, records.MOST_NOISE],
+        "coloured noise [1]": [0.0, records.COLOURED],
+    }
     return {name: [float(value) for value in pair] for name, pair in (ranges | noise).items()}
 
 
-def split(cut: Windows, t: Training) -> tuple[Windows, Windows, Windows]:
+def split(cut: records.Windows, t: records.Training) -> tuple[records.Windows, records.Windows, records.Windows]:
     """Split cases into those to train on, to calibrate with and to test with."""
     n = len(cut.damage)
     ends = [0, n - int(t.held_out * n), n - int(0.5 * t.held_out * n), n]
@@ -106,14 +118,14 @@ def split(cut: Windows, t: Training) -> tuple[Windows, Windows, Windows]:
 
 
 def _train_window(
-    cut: Windows, sensing: Sensing, t: Training, report: Callable[[], None]
+    cut: records.Windows, sensing: records.Sensing, t: records.Training, report: Callable[[], None]
 ) -> tuple[PosteriorWindow, list[float]]:
     random = np.random.default_rng(t.seed)
     train, calibration, _ = split(cut, t)
-    x = features_of(train.records, t.block)
+    x = records.features_of(train.records, t.block)
     parts = principal_components(sensing.gained(x, random), t.components)
     parts = replace(parts, axes=parts.axes.astype(np.float16).astype(float))  # as the file holds them
-    fit = Fit.of(parts, x, train, sensing, t)
+    fit = NetworkFit.of(parts, x, train, sensing, t)
     scales = np.sqrt(parts.variances + SMALL**2)
     net, losses = fit.network(report)
     decoder, latent = fit.decoder(net, scales, report)
@@ -133,3 +145,100 @@ def _train_window(
         limits=np.ones(4),
     )
     return calibrate(window, t.block, calibration, sensing, random), losses
+
+
+def calibrate(
+    window: PosteriorWindow,
+    block: int,
+    held_out: records.Windows,
+    sensing: records.Sensing,
+    random: np.random.Generator,
+) -> PosteriorWindow:
+    """Calibrate one window.
+
+    Parameters
+    ----------
+    window : PosteriorWindow
+        Trained network.
+    block : int
+        Samples of a block.
+    held_out : records.Windows
+        Cases that it was not trained on.
+    sensing : records.Sensing
+        Gain and noise of the training.
+    random : numpy.random.Generator
+        Source of both.
+
+    Returns
+    -------
+    PosteriorWindow
+        With a temperature of the probabilities [1]_ and a factor on the deviations in the weights of its last layer, and
+        with errors of the decoder and limits.
+
+    Raises
+    ------
+    DataError
+        There are too few cases.
+
+    References
+    ----------
+    .. [1] C. Guo, G. Pleiss, Y. Sun, K. Q. Weinberger, On calibration of modern neural networks, ICML, 2017,
+       arXiv:1706.04599.
+    """
+    if len(held_out.damage) < FEWEST:
+        msg = (
+            f"{len(held_out.damage)} held-out cases are too few to calibrate a detector, {FEWEST} are the least. Run more "
+            "cases."
+        )
+        raise DataError(msg)
+    clean, d = records.reflect(held_out.records, held_out.damage)
+    noisy = sensing.samples(clean, random)
+    window = _with_honest_heads(window, analyse(window, block_means(noisy, block)), d)
+    found = analyse(window, block_means(sensing.gained(clean, random), block))
+    left = found.c - explain(window, found)
+    squares, directions = np.linalg.eigh(left.T @ left / len(left))
+    directions = directions.astype(np.float16).astype(float)  # as the file holds them
+    window = replace(window, directions=directions, errors=np.sqrt(np.maximum(squares, FLOOR**2)))
+    artifact = PosteriorArtifact(
+        start_time=0.0,
+        sampling_step=1.0,
+        samples=clean.shape[-1],
+        block=block,
+        windows=(window,),
+        periodic=False,
+    )
+    return replace(window, limits=_limits(judge_records(artifact, 0, noisy)["ratios"]))
+
+
+def _with_honest_heads(window: PosteriorWindow, found: Features, d: Matrix) -> PosteriorWindow:
+    logit, mean, spread = np.split(heads_of(window, found), 3, axis=1)
+    damaged = d > 0.0
+
+    def surprise(log_T: float) -> float:
+        return float(np.logaddexp(0.0, np.where(damaged, -logit, logit) * np.exp(-log_T)).mean())
+
+    T = np.exp(minimize_scalar(surprise, bounds=(-1.5, 1.5), method="bounded").x)
+    called = damaged & (logit >= 0.0)
+    if called.sum() < FEWEST:
+        msg = f"the network recognises {called.sum()} damaged zones of {damaged.sum()}. Train longer, or on more cases."
+        raise DataError(msg)
+    u = np.abs(mean - d)[called] / deviation(spread[called])
+    f = np.quantile(u, 2.0 * norm.cdf(BAND) - 1.0) / BAND
+    *rest, W, b = window.encoder
+    W, b = W.copy(), b.copy()
+    quadrant = window.zones // SENSORS
+    W[:, :quadrant] /= T
+    b[:quadrant] /= T
+    b[-quadrant:] += np.log(f)
+    return replace(window, encoder=(*rest, W, b))
+
+
+def _limits(ratios: Matrix) -> Vector:
+    """Return the limits of ratios, shape (n, 4), which together refuse ``FALSE_REJECTION`` of the records."""
+    low, high = 0.0, FALSE_REJECTION
+    for _ in range(30):  # the share that each may refuse
+        each = 0.5 * (low + high)
+        limits = np.quantile(ratios[:, :3], 1.0 - each, axis=0)
+        together = (ratios[:, :3] > limits).any(axis=1).mean()
+        low, high = (each, high) if together < FALSE_REJECTION else (low, each)
+    return np.array([*limits, ROOM * ratios[:, 3].max()])

@@ -12,7 +12,6 @@ from typing import TypeAlias
 import numpy as np
 
 from ..arrays import Matrix
-from ..membrane.mesh import N_ZONES
 
 NOISE = (0.0, 0.02)  # of Section 7.7: uniform, of every sample of strain [1]
 Damages: TypeAlias = tuple[dict[int, float], ...]  # damage [1] by zone of each case
@@ -48,7 +47,7 @@ class ThesisTables:
 
 def as_array(damages: Damages) -> Matrix:
     """Return damages by zone as an array, shape (n, 16) [1]."""
-    found = np.zeros((len(damages), N_ZONES))
+    found = np.zeros((len(damages), ZONES))
     for row, damage in zip(found, damages, strict=True):
         for zone, value in damage.items():
             row[zone - 1] = value
@@ -56,7 +55,7 @@ def as_array(damages: Damages) -> Matrix:
 
 
 def _rows(text: str) -> Matrix:
-    return np.array(text.split(), dtype=float).reshape(-1, N_ZONES)
+    return np.array([line.split() for line in text.strip().splitlines()], dtype=float)
 
 
 # Cases 1 to 17 of Tables 7.1 and 7.2. Table 7.1 prints zone 10 in case 16; its prediction and Table 7.2 say 11.
@@ -173,13 +172,15 @@ _TABLE_7_5 = """
 39.01  0.21 18.02  1.23 38.01  2.21     0     3  0.01 38.02     0  1.01     0  0.01     0     0
 """
 
-_NONE = np.full((1, N_ZONES), np.nan)
+_CLEAN, _NOISY = _rows(_TABLE_7_1), _rows(_TABLE_7_2)
+ZONES = _CLEAN.shape[1]  # of the membrane of the thesis
+_NONE = np.full((1, ZONES), np.nan)
 SINGLE_TRAINING = ThesisTables(
     name="Tables 7.1 and 7.2",
     cases=tuple(range(1, 18)),
     damages=_SINGLE,
-    clean=np.vstack([_NONE, _rows(_TABLE_7_1)]),
-    noisy=np.vstack([_NONE, _rows(_TABLE_7_2)]),
+    clean=np.vstack([_NONE, _CLEAN]),
+    noisy=np.vstack([_NONE, _NOISY]),
 )
 MULTIPLE_TRAINING = ThesisTables(
     name="Tables 7.4 and 7.5",

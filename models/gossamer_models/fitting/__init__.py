@@ -1,8 +1,7 @@
 """Records, errors and least squares: what every fit of a model to measurements needs."""
 
-from .columns import Columns
 from .errors import Errors, e1, nrmse, stretch_errors
-from .reading import read_record, read_records
+from .reading import Columns, read_record, read_records
 from .records import Record, training_rows
 from .uncertainty import Parameter, covariance
 

@@ -1,63 +1,106 @@
-r"""Records of strain and resistance: read, converted to SI, checked and repaired by stated rules.
+r"""Records of strain and resistance: read, checked and repaired by stated rules.
 
-Rules, each with the line of the file named where it applies:
+Rules, beside those of ``gossamer_files.measured``, each with the line of the file named where it applies:
 
 - Records of one fit have different names.
-- ``table.py`` finds encoding, preamble, header, delimiter and decimal mark, ``columns.py`` the columns and their units.
-  What was recognised goes with the record, ``found.py``, to be shown before a fit.
-- A column without a unit is in s, 1 or ohm. Times without one that may be milliseconds or a count are refused, and so is
-  an elongation, which may be a length.
-- ISO 8601 timestamps are seconds after the first one. Dates without times of day are refused if samples share one.
-- Lines with more cells than the header has names are refused: a decimal comma divides a number.
+- What was recognised goes with the record, ``summary.py``, to be shown before a fit.
+- Times without a unit that may be milliseconds or a count are refused, and so is an elongation, which may be a length.
 - Samples with a missing value or no finite number are left out; more than ``MOST_MISSING`` of them are refused.
 - Samples with the same time are averaged. Times that go backwards are refused; ``sort`` sorts them instead.
 - A record without a time column needs ``sampling_step``. A time column and ``sampling_step`` together are refused.
 - A gap, a step longer than ``LONGEST_GAP`` median steps in which strain changes by more than ``GAP_STRAIN`` of its range, is
   refused, because the switching during the gap is unknown. A gap at constant strain stays and is reported.
-- Strain above ``LARGEST_RATIO`` in a column without a unit, an output that jumps by a factor of ``LARGEST_JUMP`` between
+- Strain above 1 in a column without a unit, an output that jumps by a factor of ``LARGEST_JUMP`` between
   samples, and records of one fit whose largest outputs differ by this factor are refused as mixed units.
 - Constant strain or output, and strain below zero by more than rounding of the meter, are refused.
 """
 
 from __future__ import annotations
 
-import csv
-import math
-from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass
-from datetime import datetime
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from gossamer_files import reason
+from gossamer_files.measured import Column, Measured, Wanted, find_column, of_a_run, passes_midnight, read_columns
 from numpy.typing import NDArray
 
-from ..arrays import Vector
+from ..arrays import Rows, Vector
 from ..errors import DataError
-from .columns import DATE, ELONGATION, Column, Columns, no_unit, read_units, wanted_columns
-from .found import Found, Quantity, gaps_of, unclear_clock, written
+from .options import option
 from .records import Record
-from .repairs import DAY, LARGEST_JUMP, Samples, check, drop_missing, order_times
-from .table import Numbers, Table, is_number, open_table, rows_of, why_no_number
+from .summary import LONGEST_GAP, Quantity, RecordSummary, gaps_of
+
+MOST_MISSING = 0.05
+GAP_STRAIN = 0.05
+LARGEST_JUMP = 30.0  # of the output between two samples: a meter that changed its unit
+LEAST_STRAIN = -0.01  # of the range: a drifted zero of the meter
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Raw:
-    """Samples as they stand in a file, in SI, and how they were found; ``unread`` has the cells of the first bad one."""
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """Which columns to read, and in which units.
 
-    table: Table
-    wanted: list[Column]
-    numbers: Numbers
+    Attributes
+    ----------
+    time, strain, resistance : str or None
+        Names of columns; None to recognise them.
+    time_unit, strain_unit, resistance_unit : str or None
+        Their units; None to recognise them.
+    sampling_step : float or None
+        Time between samples [s] where there is no time column.
+    sort : bool
+        Sort samples by time instead of refusing times that go backwards.
+    """
+
+    time: str | None = option(None, "Column of time; recognised if not given.", metavar="NAME")
+    strain: str | None = option(None, "Column of strain.", metavar="NAME")
+    resistance: str | None = option(None, "Column of resistance.", metavar="NAME")
+    time_unit: str | None = option(None, "s, ms, us, min or h.")
+    strain_unit: str | None = option(None, "1, %, permille or ustrain.")
+    resistance_unit: str | None = option(None, "ohm, kohm or Mohm; 1 for a signal.")
+    sampling_step: float | None = option(None, "Time between samples [s] of a record without time.")
+    sort: bool = option(False, "Sort samples by time instead of refusing them.")
+
+    def choose(self, path: Path, header: list[str], line: int) -> list[Column]:
+        """Return time, unless there is a sampling step, strain and resistance; refuse all unclear ones at once."""
+        wanted, mistakes = list[Column](), list[str]()
+        for what in ("time", "strain", "resistance")[self.sampling_step is not None :]:
+            column = Wanted(what=what, name=getattr(self, what), unit=getattr(self, f"{what}_unit"), options=True)
+            try:
+                wanted.append(find_column(path, header, line, column))
+            except DataError as error:
+                mistakes.append(str(error))
+        if self.sampling_step is not None:
+            if self.time is not None or self.time_unit is not None:
+                mistakes.append(
+                    f"{path}: a column or unit of time and a sampling step are given. Leave one of them out."
+                )
+            if not self.sampling_step > 0.0:
+                mistakes.append(f"the sampling step must be a positive time [s], not {self.sampling_step:g}")
+        if mistakes and self.strain is None and self.resistance is None and of_a_run(header):
+            mistakes = [
+                f"{path} is a result of a run, and its sensors are identified already. Name a file that was measured, or "
+                "the columns of one sensor here (--strain, --resistance)."
+            ]
+        if mistakes:
+            raise DataError("\n".join(mistakes))
+        return wanted
+
+
+@dataclass(slots=True)
+class _Samples:
+    """Time, strain and resistance of a file, and their repairs, one sentence each."""
+
+    path: Path
+    columns: list[Vector]
     lines: NDArray[np.int_]
-    values: list[Vector]
-    unread: list[str]
+    repairs: list[str] = field(default_factory=list)
 
-    @property
-    def written(self) -> str:
-        return written(
-            self.table.encoding, self.table.header_line, self.table.delimiter, comma=bool(self.numbers.commas)
-        )
+    def keep(self, rows: Rows | NDArray[np.int_]) -> None:
+        """Keep some samples."""
+        self.columns = [c[rows] for c in self.columns]
+        self.lines = self.lines[rows]
 
 
 def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1.0) -> Record:
@@ -83,31 +126,28 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
         The file cannot be read or breaks one of the rules above; the message names the line.
     """
     columns = columns or Columns()
-    raw = _read(path, columns)
-    values = list(raw.values)
+    measured = read_columns(path, lambda header, line: columns.choose(path, header, line), unreadable="kept")
+    samples = _Samples(path, list(measured.values), measured.lines)
     if columns.sampling_step is not None:
-        values.insert(0, columns.sampling_step * np.arange(raw.lines.size, dtype=np.float64))
-    of_strain = next(c for c in raw.wanted if c.what == "strain")
-    _check_elongation(raw, of_strain)
-    samples = Samples(path, values, raw.lines, strain_unit_stated=of_strain.unit is not None)
-    if columns.sampling_step is not None:
+        samples.columns.insert(0, columns.sampling_step * np.arange(measured.lines.size, dtype=np.float64))
         samples.repairs.append(f"no clock was read: samples are taken as {columns.sampling_step:g} s apart")
-    drop_missing(samples, " | ".join(raw.unread), _advice(raw.unread, raw.wanted))
-    _check_days(raw, samples.columns[0])
-    order_times(samples, sort=columns.sort)
-    _check_clock(raw, samples.columns[0])
-    check(samples)
+    _drop_missing(samples, measured)
+    measured.check_days(samples.columns[0])
+    _order_times(samples, measured, sort=columns.sort)
     time, strain, resistance = samples.columns
+    measured.check_clock(time, ", or give the sampling step")
+    measured.check_strain(measured.columns[-2], strain, samples.lines)
+    _check(samples)
     steps = np.diff(time)
     ranges = {"time": time, "strain": strain, "resistance": resistance}
-    found = Found(
-        written=raw.written,
+    summary = RecordSummary(
+        written=measured.written,
         quantities=tuple(
             Quantity(column=c, lowest=float(ranges[c.what].min()), highest=float(ranges[c.what].max()))
-            for c in raw.wanted
+            for c in measured.columns
         ),
         samples=time.size,
-        rows=raw.lines.size,
+        rows=measured.lines.size,
         step=float(np.median(steps)),
         shortest=float(steps.min()),
         longest=float(steps.max()),
@@ -124,7 +164,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
         lines=samples.lines,
         weight=weight,
         repairs=tuple(samples.repairs),
-        found=found,
+        summary=summary,
     )
 
 
@@ -167,97 +207,77 @@ def read_records(
     return tuple(records)
 
 
-def _read(path: Path, columns: Columns) -> _Raw:
-    """Read all samples; no more than their numbers is kept, so that a file of any length fits."""
-    lines, unread = array("q"), list[str]()
-    numbers = Numbers(path)
-    try:
-        table = open_table(path, lambda header, line: wanted_columns(path, header, line, columns))
-        wanted = wanted_columns(path, table.header, table.header_line, columns)
-        width = len(table.header)
-        values = [array("d") for _ in wanted]
-        with path.open(encoding=table.encoding, newline="") as file:
-            for k, (line, row) in enumerate(rows_of(table, file)):
-                if any(cell.strip() for cell in row[width:]):
-                    msg = (
-                        f"{path}, line {line}: {len(row)} cells under {width} names. Write decimal points, or semicolons "
-                        "between cells with decimal commas, and a name for every column."
-                    )
-                    raise DataError(msg)
-                if k == 0 and (with_units := read_units(path, line, row, wanted, columns)) is not None:
-                    wanted = with_units
-                    continue
-                lines.append(line)
-                for column, c in zip(values, wanted, strict=True):
-                    column.append(_value(row, c, numbers, line))
-                if not unread and not all(math.isfinite(column[-1]) for column in values):
-                    unread = row
-    except (OSError, UnicodeError, csv.Error) as error:
-        msg = f"cannot read {path}: {reason(error)}. Name a CSV file with a header line."
-        raise DataError(msg) from error
-    if not lines:
-        msg = f"{path} holds no samples. Name a CSV file with a header line and numbers below it."
-        raise DataError(msg)
-    factors = [1.0 if c.what == "time" and numbers.clock is not None else c.factor for c in wanted]
-    return _Raw(
-        table=table,
-        wanted=wanted,
-        numbers=numbers,
-        lines=np.array(lines, dtype=int),
-        values=[each * np.array(column, dtype=np.float64) for each, column in zip(factors, values, strict=True)],
-        unread=unread,
-    )
-
-
-def _value(row: list[str], column: Column, numbers: Numbers, line: int) -> float:
-    if column.place >= len(row):
-        return math.nan
-    return (numbers.read_time if column.what == "time" else numbers.read)(row[column.place], line)
-
-
-def _advice(row: list[str], wanted: list[Column]) -> str:
-    """Return what to do about the first cell of a sample that is no number."""
-    cells = [row[c.place] if c.place < len(row) else "" for c in wanted]
-    bad = next((cell for cell in cells if not is_number(cell)), "nan")
-    return why_no_number(bad)
-
-
-def _check_elongation(raw: _Raw, column: Column) -> None:
-    """Refuse an elongation without a unit, which may be a length as well as a strain."""
-    if column.unit is None and column.name.strip().lower().startswith(ELONGATION):
-        msg = (
-            f"{raw.table.path}, line {raw.table.header_line}: column {column.name!r} has no unit, and may be a length. "
-            f"{no_unit('', 'strain')}; divide a length by the gauge length first."
-        )
-        raise DataError(msg)
-
-
-def _check_days(raw: _Raw, time: Vector) -> None:
-    """Refuse dates without times of day, on one of which several samples lie."""
-    first, days = raw.numbers.clock, np.unique(time)
-    midnight = isinstance(first, datetime) and first.time() == datetime.min.time()
-    if midnight and days.size < time.size and not (days % DAY).any():
-        clock = next(c for c in raw.wanted if c.what == "time")
-        msg = (
-            f"{raw.table.path}, line {raw.lines[0]}: column {clock.name!r} holds dates without times of day, {days.size} "
-            f"for {time.size} samples. Name a column of time (--time), or write 2024-05-31T12:00:00.5."
-        )
-        raise DataError(msg)
-
-
-def _check_clock(raw: _Raw, time: Vector) -> None:
-    """Refuse times whose unit is unclear, and timestamps in a column that states a unit of its own."""
-    clock = next((c for c in raw.wanted if c.what == "time"), None)
-    if clock is None:
+def _drop_missing(samples: _Samples, measured: Measured) -> None:
+    """Leave out samples without a finite number."""
+    good = np.all([np.isfinite(c) for c in samples.columns], axis=0)
+    missing = int((~good).sum())
+    if not missing:
         return
-    where = f"{raw.table.path}, line {raw.table.header_line}"
-    if raw.numbers.clock is not None:
-        if clock.factor != 1.0:
-            msg = f"{where}: column {clock.name!r} is in {clock.unit}, but holds timestamps. Leave the unit out."
-            raise DataError(msg)
-    elif clock.unit is None and clock.name.lower() == DATE:
-        msg = f"{where}: column {clock.name!r} holds numbers, which may be days. State their unit (--time-unit)."
+    line, first = int(samples.lines[~good][0]), " | ".join(measured.unread)
+    if missing > MOST_MISSING * good.size:
+        msg = (
+            f"{samples.path}, line {line}: {missing} of {good.size} samples hold no finite number, more than "
+            f"{100 * MOST_MISSING:g} %. It reads {first}. {measured.why_unread()}."
+        )
         raise DataError(msg)
-    elif (why := unclear_clock(clock, time)) is not None:
-        msg = f"{where}: {why}"
+    which = "sample without a finite number was" if missing == 1 else "samples without a finite number were"
+    samples.repairs.append(f"{missing} {which} left out, the first in line {line}: {first}")
+    samples.keep(good)
+
+
+def _order_times(samples: _Samples, measured: Measured, *, sort: bool) -> None:
+    """Average repeated times; sort times that go backwards, or refuse them: to sort across midnight would tear a record."""
+    time = samples.columns[0]
+    if not sort or passes_midnight(time):
+        measured.check_rising(time, samples.lines, "Sort the record (--sort)")
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    if back.size:
+        samples.repairs.append(
+            f"samples were sorted by time, the first out of order in line {samples.lines[back[0] + 1]}"
+        )
+        samples.keep(np.argsort(time, kind="stable"))
+        time = samples.columns[0]
+    again = np.flatnonzero(np.diff(time) == 0.0)
+    if again.size:
+        samples.repairs.append(
+            f"{again.size} repeated times were averaged, the first in line {samples.lines[again[0] + 1]}"
+        )
+        _, first, group = np.unique(time, return_index=True, return_inverse=True)
+        count = np.bincount(group)
+        samples.columns = [np.bincount(group, weights=c) / count for c in samples.columns]
+        samples.columns[0] = time[first]
+        samples.lines = samples.lines[first]
+
+
+def _check(samples: _Samples) -> None:
+    """Refuse a record that cannot be that of a sensor."""
+    time, strain, resistance = samples.columns
+    size = float(np.ptp(strain)) if strain.size else 0.0
+    if time.size < 3 or not size > 0.0 or not np.ptp(resistance) > 0.0:
+        what = "too short" if time.size < 3 else "of constant strain" if not size > 0.0 else "of constant output"
+        lines = f"lines {samples.lines[0]} to {samples.lines[-1]}"
+        msg = f"{samples.path}, {lines}: the record is {what}. Name a record with loading."
+        raise DataError(msg)
+    negative = np.flatnonzero(strain < LEAST_STRAIN * size)
+    if negative.size:
+        k = int(negative[0])
+        msg = f"{samples.path}, line {samples.lines[k]}: strain {strain[k]:g} is negative. Subtract the strain at rest."
+        raise DataError(msg)
+    level = np.maximum(np.abs(resistance), 1e-2 * np.abs(resistance).max())
+    jumps = np.flatnonzero(np.abs(np.diff(np.log(level))) >= np.log(LARGEST_JUMP) - 1e-9)
+    if jumps.size:
+        k = int(jumps[0]) + 1
+        msg = (
+            f"{samples.path}, line {samples.lines[k]}: the output jumps from {resistance[k - 1]:g} to {resistance[k]:g}, "
+            "as if its unit changed there. Convert the record to one unit."
+        )
+        raise DataError(msg)
+    steps = np.diff(time)
+    gaps = np.flatnonzero((steps > LONGEST_GAP * np.median(steps)) & (np.abs(np.diff(strain)) > GAP_STRAIN * size))
+    if gaps.size:
+        k = int(gaps[0]) + 1
+        msg = (
+            f"{samples.path}, line {samples.lines[k]}: a gap of {steps[k - 1]:g} s in which strain changes by "
+            f"{abs(strain[k] - strain[k - 1]):g}; what switched there is unknown. Cut the record there into two files."
+        )
         raise DataError(msg)

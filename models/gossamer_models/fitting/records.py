@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
-from .found import Found
+from .summary import RecordSummary
 
 MOST_SAMPLES = 50_000  # of all records of a fit
 MOST_RESAMPLED = 4  # times as many samples as before
@@ -36,7 +36,7 @@ class Record:
         Weight of its squared errors in a fit with others [1].
     repairs : tuple of str
         Repairs of the record, one sentence each.
-    found : Found or None
+    summary : RecordSummary or None
         What was recognised in its file; None for a record that comes from none.
     """
 
@@ -47,7 +47,7 @@ class Record:
     lines: NDArray[np.int_]
     weight: float = 1.0
     repairs: tuple[str, ...] = ()
-    found: Found | None = None
+    summary: RecordSummary | None = None
 
     def __post_init__(self) -> None:
         table = [self.time, self.strain, self.resistance]
@@ -65,7 +65,7 @@ class Record:
     @property
     def unit(self) -> str | None:
         """Unit of the resistance as it stands here: "ohm", or "1" for a signal; None where its file states none."""
-        columns = [each.column for each in self.found.quantities] if self.found else []
+        columns = [each.column for each in self.summary.quantities] if self.summary else []
         column = next((each for each in columns if each.what == "resistance" and each.unit is not None), None)
         return None if column is None else column.si
 

@@ -30,7 +30,7 @@ def lobatto_points(n: int) -> tuple[Vector, Vector]:
     .. [1] M. Abramowitz, I. A. Stegun, Handbook of Mathematical Functions, National Bureau of Standards, 1964.
     """
     P = Legendre.basis(n - 1)
-    inner = np.sort(np.asarray(P.deriv().roots(), dtype=np.float64))
+    inner = np.sort(np.real(P.deriv().roots()))  # real; NumPy 2.5 returns them as complex numbers
     points = np.concatenate([[-1.0], (inner - inner[::-1]) / 2.0, [1.0]])  # symmetric to the last bit
     return points / 2.0, 1.0 / (n * (n - 1) * P(points) ** 2)
 

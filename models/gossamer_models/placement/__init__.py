@@ -3,7 +3,6 @@
 from .check import Check
 from .placing import NOISE, Placement, Placing, place_sensors
 from .plots import plot_placement, save_picture
-from .square import square_structure
 from .tables import sensors_text, write_csv
 
 __all__ = [
@@ -15,6 +14,5 @@ __all__ = [
     "plot_placement",
     "save_picture",
     "sensors_text",
-    "square_structure",
     "write_csv",
 ]

@@ -12,8 +12,8 @@ import scipy.sparse
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
-from ..mesh_membrane import Sensor, Structure
-from ..mesh_membrane.gauges import Gauge, gauge, shape_functions
+from ..membrane import Sensor, Structure
+from ..membrane.gauges import Gauge, gauge, shape_functions
 
 ANGLES = (0.0, 90.0, 45.0, -45.0)  # [degrees] from the first axis
 _PLACES = {
@@ -57,7 +57,9 @@ def stacked(sensors: tuple[Sensor, ...], gauges: list[Gauge], nodes: int) -> Gau
     if not gauges:
         return Gauges((), scipy.sparse.csr_array((0, nodes)), scipy.sparse.csr_array((0, 0)))
     lines = scipy.sparse.csr_array(scipy.sparse.vstack([found.lines for found in gauges]))
-    means = scipy.sparse.csr_array(scipy.sparse.block_diag([found.weights[None] for found in gauges]))
+    means = scipy.sparse.csr_array(
+        scipy.sparse.block_diag([scipy.sparse.csr_array(found.weights[None]) for found in gauges])
+    )
     return Gauges(sensors, lines, means)
 
 

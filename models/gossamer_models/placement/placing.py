@@ -11,7 +11,7 @@ import scipy.sparse
 
 from ..arrays import Vector
 from ..errors import ParameterError
-from ..mesh_membrane import Sensor, Structure
+from ..membrane import Sensor, Structure
 from .candidates import Gauges, candidates, stacked
 from .check import Check, check
 from .choice import choose

@@ -9,7 +9,7 @@ import numpy as np
 from gossamer_files.pictures import COLORS, axes_or_new, picture
 
 from ..arrays import Matrix, Vector
-from ..mesh_membrane import Structure
+from ..membrane import Structure
 from .placing import Placement, Placing
 
 if TYPE_CHECKING:

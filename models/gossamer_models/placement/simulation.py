@@ -15,7 +15,7 @@ import numpy as np
 from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..errors import ConvergenceError, ParameterError
-from ..mesh_membrane import Structure, mesh_membrane_model
+from ..membrane import Structure, mesh_membrane_model
 from ..step_model import StepModel
 from ..twin.least_squares import DAMAGE_STEP, MOST_DAMAGE, neighbours
 from ..twin.nuisances import BEYOND, LOAD

@@ -19,10 +19,9 @@ from ..artifacts import artifact_schema
 from ..automatic.baselines import cubic
 from ..automatic.compare import HERE, Interval, beside, error_interval
 from ..errors import ArtifactError
-from ..fitting.columns import Columns
 from ..fitting.errors import nrmse
 from ..fitting.plots import Picture, record_pictures, save_figures
-from ..fitting.reading import read_records
+from ..fitting.reading import Columns, read_records
 from ..fitting.records import Record, judged_rows, training_rows
 from ..fitting.tables import table_path, write_predictions
 from ..replay import REACH, Recovered, clipped_strain, recover, sensor_output

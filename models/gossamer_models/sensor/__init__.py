@@ -5,9 +5,9 @@ from .drives import EXTENSIONS, Drive
 from .model import sensor_model
 
 __all__ = [
+    "EXTENSIONS",
     "DirectInverse",
     "Drive",
-    "EXTENSIONS",
     "RelaxationTerm",
     "Scales",
     "SensorArtifact",

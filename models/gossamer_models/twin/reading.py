@@ -5,31 +5,33 @@ Symbols: ``t`` times [s] since the load set in, ``h`` step of the grid [s].
 
 from __future__ import annotations
 
-import csv
+import re
 from pathlib import Path
 from typing import Literal, cast
 
 import numpy as np
-from gossamer_files import reason
+from gossamer_files.measured import Column, Wanted, find_column, listed, named_column, read_columns
+from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
 from .record import N_SENSORS, Record
 
-TIME = "time"
 KINDS = ("resistance", "strain")
+INDEXED = re.compile(r"(strain|resistance) ?\[(\d+)\](.*)")  # strain[1] [%]
 OFF_GRID = 0.05  # of a step: how far a time may lie from the grid
 LONGEST = 1_000_000  # samples
 
 
 def read_table(path: Path, kind: str | None = None, noise: float | None = None) -> Record:
-    """Read a CSV file with columns ``time`` and ``strain[1]`` to ``strain[4]`` or ``resistance[1]`` to ``resistance[4]``.
+    """Read a CSV file with a column of time and ``strain[1]`` to ``strain[4]`` or ``resistance[1]`` to ``resistance[4]``.
 
     Parameters
     ----------
     path : Path
-        File; a unit in brackets after a name, ``time [s]``, is ignored. Empty cells and missing rows are gaps; a sensor
-        without a column is left out.
+        File. A unit stands after a name, ``strain[1] [%]``, or in a row below; without one, values are in s, 1 or ohm.
+        Timestamps are counted from the first one. Empty cells and missing rows are gaps; a sensor without a column is left
+        out.
     kind : {"strain", "resistance"} or None
         Which columns to take; None for the only ones there are.
     noise : float or None
@@ -38,35 +40,50 @@ def read_table(path: Path, kind: str | None = None, noise: float | None = None) 
     Raises
     ------
     DataError
-        The file cannot be read, lacks columns, or its times or values make no sense.
+        The file cannot be read, lacks columns, or its times or values make no sense; the message names the line.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError) as error:
-        msg = f"cannot read {path}: {reason(error)}. Name a CSV file."
-        raise DataError(msg) from error
-    names = [name.strip().rpartition(" [")[0] or name.strip() for name in rows[0]] if rows else []
-    found = [k for k in KINDS if kind in (None, k) and any(f"{k}[{i + 1}]" in names for i in range(N_SENSORS))]
-    if TIME not in names or len(found) != 1:
+    measured = read_columns(path, lambda header, line: _choose(path, header, line, kind), unreadable="gap")
+    time, *rows = measured.values
+    measured.check_once(time)
+    measured.check_clock(time)
+    values = np.full((N_SENSORS, time.size), np.nan)
+    for column, row in zip(measured.columns[1:], rows, strict=True):
+        if column.what == "strain":
+            measured.check_strain(column, row, measured.lines)
+        values[_sensor(column.name)] = row
+    return make_record(time, values, measured.columns[1].what, noise, str(path), measured.lines)
+
+
+def _choose(path: Path, header: list[str], line: int, kind: str | None) -> list[Column]:
+    """Return the column of time and those of one kind, by sensor."""
+    indexed = {k: match for k, cell in enumerate(header) if (match := INDEXED.fullmatch(cell))}
+    kinds = [each for each in KINDS if kind in (None, each) and any(match[1] == each for match in indexed.values())]
+    if len(kinds) != 1:
         wanted = " or ".join(f"{k}[1] to {k}[{N_SENSORS}]" for k in (KINDS if kind is None else [kind]))
-        both = (
-            "It has both; say which to take with --kind."
-            if len(found) == 2
-            else f"It has {', '.join(names) or 'none'}."
-        )
-        msg = f"{path} needs the columns time and {wanted}. {both}"
+        it_has = "It has both; say which to take with --kind" if kinds else f"It has {listed(header)}"
+        msg = f"{path}, line {line}: the twin needs the columns time and {wanted}. {it_has}."
         raise DataError(msg)
-    places = {name: i for i, name in enumerate(names)}
-    time = _column(path, rows, places[TIME])
-    values = np.full((N_SENSORS, len(time)), np.nan)
-    for i in range(N_SENSORS):
-        if f"{found[0]}[{i + 1}]" in places:
-            values[i] = _column(path, rows, places[f"{found[0]}[{i + 1}]"])
-    return make_record(time, values, found[0], noise, str(path))
+    columns = [find_column(path, header, line, Wanted(what="time"))]
+    places = {k: match for k, match in indexed.items() if match[1] == kinds[0]}
+    sensors = [_sensor(header[k]) for k in places]
+    for k, sensor in zip(places, sensors, strict=True):
+        if not 0 <= sensor < N_SENSORS or sensors.count(sensor) > 1:
+            why = "stands twice" if 0 <= sensor < N_SENSORS else f"is of none of the {N_SENSORS} sensors"
+            msg = f"{path}, line {line}: column {header[k]!r} {why}. Remove it."
+            raise DataError(msg)
+    column = Wanted(what=kinds[0])
+    return columns + [
+        named_column(path, header, line, column, k, name=match[1] + match[3]) for k, match in places.items()
+    ]
 
 
-def make_record(time: Vector, values: Matrix, kind: str, noise: float | None, source: str) -> Record:
+def _sensor(name: str) -> int:
+    return int(INDEXED.sub(r"\2", name)) - 1
+
+
+def make_record(
+    time: Vector, values: Matrix, kind: str, noise: float | None, source: str, lines: NDArray[np.int_] | None = None
+) -> Record:
     """Put samples on a grid that begins when the load sets in, at time 0; that sample itself is left out.
 
     Parameters
@@ -79,6 +96,8 @@ def make_record(time: Vector, values: Matrix, kind: str, noise: float | None, so
         As in ``Record``.
     source : str
         Where they come from, for messages.
+    lines : ndarray of int or None
+        Line of each sample in a file, for messages.
 
     Raises
     ------
@@ -88,7 +107,7 @@ def make_record(time: Vector, values: Matrix, kind: str, noise: float | None, so
     steps = np.diff(time)
     if len(time) < 2 or not np.isfinite(time).all() or not (steps > 0.0).all():
         at = 1 + int(np.argmin(np.where(np.isfinite(steps), steps, -np.inf))) if len(time) > 1 else 0
-        msg = f"the times of {source} must rise; sample {at + 1} does not. Sort the rows and remove doubled ones."
+        msg = f"the times of {source} must rise; {_place(at, lines)} does not. Sort the rows and remove doubled ones."
         raise DataError(msg)
     if time[0] < 0.0:
         msg = f"the times of {source} begin at {time[0]:g} s. Count them from the moment that the load sets in."
@@ -100,8 +119,9 @@ def make_record(time: Vector, values: Matrix, kind: str, noise: float | None, so
     if off.max() > OFF_GRID or place[-1] > LONGEST:
         at = int(np.argmax(off))
         msg = (
-            f"the times of {source} are no multiples of one step of {h:g} s after the load sets in: sample {at + 1} is at "
-            f"{time[at]:g} s. Resample the record, and count its time from the moment that the load sets in."
+            f"the times of {source} are no multiples of one step of {h:g} s after the load sets in: "
+            f"{_place(at, lines)} is at {time[at]:g} s. Resample the record, and count its "
+            "time from the moment that the load sets in."
         )
         raise DataError(msg)
     grid = np.full((N_SENSORS, int(place[-1]) + 1), np.nan)
@@ -109,15 +129,5 @@ def make_record(time: Vector, values: Matrix, kind: str, noise: float | None, so
     return Record(step=h, values=grid[:, 1:], kind=cast(Literal["strain", "resistance"], kind), noise=noise)
 
 
-def _column(path: Path, rows: list[list[str]], place: int) -> Vector:
-    column = np.full(len(rows) - 1, np.nan)
-    for i, row in enumerate(rows[1:]):
-        cell = row[place].strip() if place < len(row) else ""
-        try:
-            column[i] = float(cell) if cell else np.nan
-        except ValueError:
-            msg = (
-                f"{path}, row {i + 2}: {cell!r} under {rows[0][place]!r} is no number. Leave the cell empty for a gap."
-            )
-            raise DataError(msg) from None
-    return column
+def _place(sample: int, lines: NDArray[np.int_] | None) -> str:
+    return f"sample {sample + 1}" if lines is None else f"line {lines[sample]}"

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 from gossamer_orchestrator.errors import ResultsError
+from gossamer_orchestrator.results.dataset import find_all
 from gossamer_orchestrator.results.files import load_results
 from gossamer_orchestrator.results.judgements import Judgement, windows
-from gossamer_orchestrator.results.roles import find_all
 from gossamer_orchestrator.run.sweep import Case, is_finished
 from numpy.typing import NDArray
 

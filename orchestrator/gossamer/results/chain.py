@@ -15,7 +15,7 @@ from ..display import as_html, first_of
 if TYPE_CHECKING:
     from gossamer_orchestrator import Judgement
     from gossamer_orchestrator.results.report.verdict import Verdict
-    from gossamer_orchestrator.run.outline import Outline
+    from gossamer_orchestrator.run.child import Outline
     from gossamer_orchestrator.run.sweep import Case
     from gossamer_orchestrator.verify import Finding
     from rich.console import Console
@@ -49,8 +49,8 @@ class Run:
     @cached_property
     def verdict(self) -> Verdict:
         """What the page of the run says first."""
+        from gossamer_orchestrator.results.files import read_watch
         from gossamer_orchestrator.results.report.verdict import make_verdict
-        from gossamer_orchestrator.results.watch import read_watch
 
         return make_verdict(self.data, self.judgements, read_watch(self.folder))
 
@@ -83,7 +83,7 @@ class Validation:
 
     Attributes
     ----------
-    outline : gossamer_orchestrator.run.outline.Outline
+    outline : gossamer_orchestrator.run.child.Outline
         ``components`` in stepping order, ``connections``, times, what is recorded, and ``warnings``.
     """
 

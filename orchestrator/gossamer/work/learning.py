@@ -61,7 +61,7 @@ def assess(sensor: Path, files: list[Path], **given: Any) -> Assessment:  # noqa
 def _quietly(_console: Console, records: Sequence[Record]) -> None:
     """Log what was read of records where it should be confirmed."""
     for record in records:
-        for sentence in record.found.remarks if record.found else ():
+        for sentence in record.summary.remarks if record.summary else ():
             logger.info("%s: %s", record.name, sentence)
 
 

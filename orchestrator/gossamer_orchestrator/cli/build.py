@@ -178,7 +178,7 @@ def _structure(setup: Path | None, mesh: Path | None, *, expose: bool) -> Any:  
             msg = "--mesh and --expose need a setup of material and supports. Name its file with --setup."
             raise FmuError(msg)
         return None
-    from ..scenario.shipped import find_scenario
+    from ..scenario.source import find_scenario
     from .setup_file import load_structure
 
     with model_errors():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..scenario.shipped import find_scenario
+from ..scenario.source import find_scenario
 from ..words import counted
 from .command import Result, show, stderr
 from .common import keep_inputs, model_errors, note_page, save_page

@@ -14,8 +14,7 @@ from pydantic import ValidationError, create_model
 
 from ..names import suggest
 from ..scenario.schema import Table
-from ..scenario.source import Location, Problems, Source
-from ..scenario.toml_file import explain, parse_toml, read_text
+from ..scenario.source import Location, Problems, Source, explain, parse_toml, read_text
 
 T = TypeVar("T")
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import ScenarioError
-from ..scenario.shipped import find_scenario, shipped_scenarios
+from ..scenario.source import find_scenario, shipped_scenarios
 from .command import Result, note, show
 from .common import FMUS, FmuFolder, ScenarioName, keep_inputs, kinds_of
 
@@ -60,7 +60,7 @@ def container(
 
 def export_given(scenario: str, *, out: Path | None, fmus: Path) -> tuple[Path, str]:
     """Write an .ssp with the options of the command; return its path and what it holds."""
-    from ..exchange.ssp.writer import export_ssp
+    from ..exchange.ssp_writer import export_ssp
 
     return _write(export_ssp, scenario, fmus, out, ".ssp")
 
@@ -87,7 +87,7 @@ def _write(
     write: Callable[[Scenario, Path, Path], Path], text: str, fmus: Path, out: Path | None, ending: str
 ) -> tuple[Path, str]:
     """Write a scenario, which is not overwritten, as another kind of file; return its path and what it holds."""
-    from ..exchange.open import open_scenario
+    from ..exchange import open_scenario
 
     path = find_scenario(text)
     target = Path("out") / f"{path.stem}{ending}" if out is None else out

@@ -30,7 +30,7 @@ def new(
 
 def new_given(name: str) -> Path:
     """Write a scenario under the name or the path of the command; return its path."""
-    from ..scenario.shipped import write_new
+    from ..scenario.source import write_new
 
     path = Path(name) if name.endswith(".toml") else Path(f"{name}.toml")
     if path.stem.startswith("-") or not path.stem.replace("-", "_").isidentifier():

@@ -103,7 +103,8 @@ def place_given(
 ) -> tuple[Placing, list[Path]]:
     """Choose sensors with the options of the command; return what was found; table, picture, sensors and page."""
     from gossamer.pages.place_sensors import placement_page
-    from gossamer_models.placement import NOISE, save_picture, sensors_text, square_structure, write_csv
+    from gossamer_models.membrane import square_structure
+    from gossamer_models.placement import NOISE, save_picture, sensors_text, write_csv
     from gossamer_models.placement import place_sensors as place
 
     from ..pages import PAGE

@@ -11,7 +11,7 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from gossamer_models.fitting import Record
-    from gossamer_models.fitting.found import Quantity
+    from gossamer_models.fitting.summary import Quantity
 
 UNITS = {"ohm": " ohm", "1": "", None: " (unit not stated)"}  # after a number, of ``Record.unit``
 
@@ -28,7 +28,7 @@ def print_recognised(console: Console, records: Sequence[Record]) -> None:
     if table.row_count:
         console.print(table)
     for record in records:
-        confirm = [f"{record.name}: {sentence}" for sentence in (record.found.remarks if record.found else ())]
+        confirm = [f"{record.name}: {sentence}" for sentence in (record.summary.remarks if record.summary else ())]
         for sentence in (*record.repaired, *confirm):
             console.print(sentence, style="yellow", markup=False)
 
@@ -43,7 +43,7 @@ def print_remarks(console: Console, remarks: Iterable[str], records: Iterable[Re
 
 def recognised_rows(record: Record) -> list[tuple[str, ...]]:
     """Return what was recognised in the file of a record, a row per quantity; nothing for one that comes from no file."""
-    found = record.found
+    found = record.summary
     if found is None:
         return []
     even = found.longest - found.shortest < 1e-3 * found.step

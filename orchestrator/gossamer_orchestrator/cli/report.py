@@ -70,8 +70,7 @@ def newest_page(results: Path) -> Path:
         There is neither a page nor results of a run.
     """
     from ..pages import PAGE
-    from ..results.files import RECORDED
-    from ..results.watch import WATCH
+    from ..results.files import RECORDED, WATCH
 
     own = results.parent / results.stem  # folder of the page of an artifact or a store
     folder = own if results.suffix in STORES and (own / PAGE).is_file() else _folder(results)

@@ -13,8 +13,8 @@ import typer
 
 from ..errors import OrchestratorError, ResultsError
 from ..results.drawing import Drawing
-from ..results.watch import WATCH
-from ..scenario.shipped import find_scenario
+from ..results.files import WATCH
+from ..scenario.source import find_scenario
 from .build import build_fmus
 from .command import INVALID, Result, note, show, stderr
 from .common import FMUS, FmuFolder, Master, ScenarioName, Step, Stop, note_page, save_page

@@ -1,4 +1,4 @@
-"""Read ``setup.toml`` and its mesh: keys and types are those of ``gossamer_models.mesh_membrane.Setup``."""
+"""Read ``setup.toml`` and its mesh: keys and types are those of ``gossamer_models.membrane.Setup``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
-from gossamer_models.mesh_membrane import (
+from gossamer_models.membrane import (
     Edge,
     Gas,
     Load,

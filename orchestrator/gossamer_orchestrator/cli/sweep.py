@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..scenario.shipped import find_scenario
+from ..scenario.source import find_scenario
 from .command import Result, show, stderr
 from .common import FMUS, FmuFolder, ScenarioName, Step, Stop, keep_inputs, model_errors, note_page, save_page
 
@@ -124,9 +124,8 @@ def run_cases(
 
     from ..pages import PAGE
     from ..results.report.cases import save_cases
-    from ..run.gathered import TABLE, combine, write_table
     from ..run.progress import ProgressBar
-    from ..run.sweep import make_cases, on_cores, read_ranges, run_sweep
+    from ..run.sweep import TABLE, combine, make_cases, on_cores, read_ranges, run_sweep, write_table
 
     path = find_scenario(scenario)
     folder = Path("out") / f"{path.stem}_sweep" if out is None else out
@@ -164,7 +163,7 @@ def _on_cluster(
     function: Callable[[Case], tuple[int, str]], cases: Sequence[Case], scheduler: str
 ) -> Iterator[tuple[int, str]]:
     """Call a function with each case on the Dask cluster of a scheduler."""
-    from gossamer_models.campaign.cluster import on_cluster
+    from gossamer_models.campaign.run import on_cluster
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
     with model_errors():

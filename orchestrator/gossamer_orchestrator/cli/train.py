@@ -13,13 +13,13 @@ import typer
 
 from ..errors import OrchestratorError, ScenarioError
 from ..names import suggest
-from ..scenario.shipped import find_scenario, shipped_scenarios
+from ..scenario.source import find_scenario, shipped_scenarios
 from .command import Result, show, stderr
 from .common import json_file, keep_inputs, model_errors, note_page, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.campaign import Campaign
+    from gossamer_models.campaign import CampaignPlan
     from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
     from gossamer_models.detector.posterior_artifact import Network
 
@@ -124,7 +124,7 @@ def train_given(
     network: Network = "neuro-fuzzy" if kind == Kind.NEURO_FUZZY else "perceptron"
     from gossamer.pages.train import training_page
     from gossamer_models.assessment.after_training import errors, held_out_verdicts
-    from gossamer_models.detector.posterior_settings import Training
+    from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
     from ..run.progress import ProgressBar
@@ -184,12 +184,12 @@ def _is_scenario(source: str) -> bool:
     """Tell a scenario, which has components, from a campaign, by content or by the name of a shipped one."""
     if not Path(source).is_file():
         return source in shipped_scenarios() and source not in shipped_scenarios("campaign")
-    from ..scenario.toml_file import parse_toml, read_text
+    from ..scenario.source import parse_toml, read_text
 
     return "components" in parse_toml(read_text(Path(source), "scenario"), source, "scenario")
 
 
-def _campaign_of(file: Path, nominal: Campaign) -> tuple[Campaign, float | None]:
+def _campaign_of(file: Path, nominal: CampaignPlan) -> tuple[CampaignPlan, float | None]:
     """Return the nominal campaign with the membrane and the windows of a scenario, and the length of a window [s]."""
     from ..scenario.load import load_scenario
 

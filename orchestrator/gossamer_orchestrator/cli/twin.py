@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from gossamer_files import replacing
 
-from ..results.watch import TWIN
+from ..results.files import TWIN
 from .command import INVALID, Result, show, stderr
 from .common import json_file, keep_inputs, model_errors, note_page, save_page, typed
 from .twin_options import (

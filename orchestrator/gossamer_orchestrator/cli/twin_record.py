@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -12,10 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from gossamer_files.measured import header_of, of_a_run
 
 from ..errors import OrchestratorError, ResultsError
 from ..names import suggest
-from ..results import roles
+from ..results import dataset
 from ..results.files import load_results
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def find_record(path: Path, kind: str | None, noise: float | None, stop: float |
     if kind not in (None, *KINDS):
         msg = f"--kind is {kind!r}. Write strain or resistance."
         raise OrchestratorError(msg)
-    if path.suffix == ".csv" and not _of_a_run(path):
+    if path.suffix == ".csv" and not of_a_run(header_of(path)):
         given = _assigned(params, asdict(MembraneParams()))
         found = Found(record=read_table(path, kind, noise), params=MembraneParams(**given))
     else:
@@ -100,20 +100,10 @@ def find_in_results(data: xr.Dataset, kind: str | None, noise: float | None, par
 
     names = asdict(MembraneParams())
     record, sensors = _recorded(_on_grid(data), kind, noise)
-    known = {name: value for name, value in _parameters(data, roles.find(data, "membrane")).items() if name in names}
+    known = {name: value for name, value in _parameters(data, dataset.find(data, "membrane")).items() if name in names}
     return Found(
         record=record, params=MembraneParams(**{**known, **_assigned(params, names)}), sensor_parameters=sensors
     )
-
-
-def _of_a_run(path: Path) -> bool:
-    """Tell whether a CSV file has the columns of a run: names with a component."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            names = next(csv.reader(file), [])
-    except (OSError, UnicodeDecodeError):
-        return False
-    return any("." in name.partition("[")[0] for name in names)
 
 
 def _on_grid(data: xr.Dataset) -> xr.Dataset:
@@ -132,12 +122,12 @@ def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[
 
     time = data["time"].to_numpy().astype(float)
     values = np.full((N_SENSORS, len(time)), np.nan)
-    sensors = roles.sensors(data) if roles.find_all(data, "sensor") else {}
-    received = {k: f"{name}.resistance" for k, name in roles.compensators(data).items()} if sensors else {}
+    sensors = dataset.sensors(data) if dataset.find_all(data, "sensor") else {}
+    received = {k: f"{name}.resistance" for k, name in dataset.compensators(data).items()} if sensors else {}
     names = {k: received[k] if received.get(k) in data else f"{name}.resistance" for k, name in sensors.items()}
     names = {k: name for k, name in names.items() if name in data}
     if kind == "strain" or (kind is None and not names):
-        strain = roles.need(data, f"{roles.find(data, 'membrane')}.strain")[0]
+        strain = dataset.need(data, f"{dataset.find(data, 'membrane')}.strain")[0]
         for k in strain[strain.dims[1]].to_numpy().tolist():
             values[k - 1] = strain.sel({strain.dims[1]: k}).to_numpy()
         return make_record(time, values, "strain", noise, "the results"), {}

@@ -15,7 +15,7 @@ from .common import FMUS, FmuFolder, Master, ScenarioName, Step, Stop
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..run.outline import Outline
+    from ..run.child import Outline
 
 MOST_ROWS = 200
 UNITS = {"start": "s", "stop": "s", "step": "s"}
@@ -69,9 +69,9 @@ def validate_given(
     strict: bool,
 ) -> Outline:
     """Check a scenario with the options of the command; return what a run would do."""
-    from ..run.validation import validate_scenario
+    from ..run.runner import validate_scenario
     from ..scenario.changes import read_changes
-    from ..scenario.shipped import find_scenario
+    from ..scenario.source import find_scenario
 
     with stderr().status("starting the FMUs"):
         return validate_scenario(

@@ -13,7 +13,7 @@ from gossamer_files import replacing
 from rich.console import Console
 
 from ..errors import OrchestratorError
-from ..results.watch import WATCH
+from ..results.files import WATCH
 from .command import INVALID, Result, is_quiet, note, show, stderr
 from .common import keep_inputs, model_errors, typed
 from .twin_options import (

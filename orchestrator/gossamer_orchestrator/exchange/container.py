@@ -28,10 +28,10 @@ from pyssp_standard.unit import Units
 
 from ..errors import ScenarioError
 from ..fmi.archive import check_target, write_archive
-from ..fmi.fmutool import collect_errors
+from ..fmi.slave import collect_errors
 from ..scenario.plan import Plan, make_plan
 from ..scenario.schema import Scenario
-from .limits import declare_unit, inexpressible
+from .ssp_writer import declare_unit, inexpressible
 
 _NAMESPACE = uuid.UUID("6c0ac8a6-6d8d-5a15-8f0e-6ed3a6a0c1b4")
 _NEUTRAL = {"gain": 1.0, "bias": 0.0, "noise": None, "dropout": None}  # what a container's connections do not have

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 from gossamer_files import replacing
 
-from ..errors import FmuError, OrchestratorError, writing
-from ..file_kinds import explain_file
+from ..errors import FmuError, OrchestratorError, explain_file, writing
 from ..names import suggest
 
 MAX_FILES = 20_000

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from ..errors import FmuError, SimulationError
 from .file import FmuFile
-from .ports import Port, TypedPort
 from .slave import DISCARD, ERROR, FATAL, WARNING, Log, is_python, start_slave
-from .types import Value
+from .types import Port, TypedPort, Value
 
 MAX_UPDATES = 1000
 _LAST_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind

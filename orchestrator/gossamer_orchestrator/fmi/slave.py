@@ -1,10 +1,14 @@
-"""Start instances of an unpacked FMU through FMPy, FMI 2.0 or 3.0, and keep what they log."""
+"""Start instances of an unpacked FMU through FMPy, FMI 2.0 or 3.0; keep what they log, and what other tools say of it."""
 
 from __future__ import annotations
 
 import ctypes
+import logging
+import sys
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import Any
 
@@ -145,3 +149,19 @@ def _callbacks(log: Log, *, proxy: bool) -> Any:  # noqa: ANN401
     if proxy:
         addLoggerProxy(ctypes.byref(callbacks))
     return callbacks
+
+
+@contextmanager
+def collect_errors() -> Iterator[list[str]]:
+    """Collect what they log as errors inside the ``with`` block, and show nothing; the list is filled at its end."""
+    logger, handler = logging.getLogger("fmu_manipulation_toolbox"), BufferingHandler(sys.maxsize)
+    handler.setLevel(logging.ERROR)
+    propagate, logger.propagate = logger.propagate, False
+    logger.addHandler(handler)
+    errors: list[str] = []
+    try:
+        yield errors
+    finally:
+        errors += [record.getMessage() for record in handler.buffer]
+        logger.removeHandler(handler)
+        logger.propagate = propagate

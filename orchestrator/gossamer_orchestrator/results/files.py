@@ -3,18 +3,20 @@
 ``results.nc`` (netCDF 3, any tool reads it) holds everything including the scenario's text; ``results.csv`` has a column per
 scalar, named ``component.variable [unit]``. While a run goes on, and after its program was killed, ``unfinished.nc`` takes
 the place of ``results.nc``: the rows so far, with the attribute ``ended`` "unfinished"; ``unfinished.npz`` is the state to
-resume from. A file that was there is replaced when the new one is complete, and not before.
+resume from. A file that was there is replaced when the new one is complete, and not before. ``watch.json`` is what the
+digital twin found that watched the run.
 """
 
 from __future__ import annotations
 
 import csv
+import json
 import logging
 import shutil
 from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gossamer_files import replacing
@@ -25,6 +27,7 @@ from .columns import SCHEMA, VERSION, Column
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 logger = logging.getLogger(__name__)
 
@@ -187,3 +190,17 @@ def _load_csv(path: Path) -> xr.Dataset:
         model = split_endpoint(name)[0].rstrip("0123456789")  # a table names no models
         columns.append(Column(name, unit, "", model))
     return arrange(table[:, 0], table[:, 1:], columns)
+
+
+WATCH = "watch.json"
+LARGE = 2.0  # chi2 per sample of a window that the twin does not explain
+TWIN = "twin.json"  # beside results too: what ``gossamer twin`` found; its page is in the folder ``twin``
+
+
+def read_watch(folder: Path) -> dict[str, Any] | None:
+    """Read what the twin found, if it watched the run."""
+    try:
+        content = json.loads((folder / WATCH).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) else None

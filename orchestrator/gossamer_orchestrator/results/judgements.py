@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import ResultsError
 from .columns import LIKENESS, WATCHED
-from .roles import find, find_all, is_whole, need
+from .dataset import find, find_all, is_whole, need
 
 _ROWS = 20_000
 # of a valid judgement, by the interface of the detectors

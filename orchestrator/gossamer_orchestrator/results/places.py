@@ -17,8 +17,8 @@ import xarray as xr
 
 from ..fmi.shape import Array, Surface
 from .columns import PLACES
+from .dataset import find_all, is_whole, parameters_of
 from .files import load_results
-from .roles import find_all, is_whole, parameters_of
 from .shapes import load_shapes
 
 SENSORS = (

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from ..errors import ResultsError, writing
 from ..fmi.shape import Array, Surface
+from .dataset import find_all, is_whole
 from .files import make_folder
 from .judgements import windows
-from .roles import find_all, is_whole
-from .shapes import ShapeHistory
-from .surface import face_strains
+from .shapes import ShapeHistory, face_strains
 
 
 def export_vtk(data: xr.Dataset, shapes: Mapping[str, ShapeHistory], folder: Path) -> list[Path]:

@@ -18,7 +18,7 @@ from gossamer_files import digest, replacing
 
 from ..errors import ResultsError, ScenarioError, writing
 from ..scenario.plan import Plan
-from .step_control import StepControl
+from .steps import StepControl
 
 if TYPE_CHECKING:
     from .master import Simulation

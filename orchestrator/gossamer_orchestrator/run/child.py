@@ -4,7 +4,7 @@
 
     python -P -m gossamer_orchestrator.run.child
 
-reads a ``Task`` from its standard input and writes its reports, a line of JSON each, to its standard output. It ends with
+reads a ``RunTask`` from its standard input and writes its reports, a line of JSON each, to its standard output. It ends with
 the process that started it: at the end of its standard input it ends, with all its descendants.
 """
 
@@ -18,50 +18,49 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import OrchestratorError, ScenarioError, SimulationError
-from ..exchange.open import open_scenario
+from ..exchange import open_scenario
+from ..results.columns import group, plan_columns
 from ..results.files import RESUME
 from ..scenario.changes import changed
-from ..scenario.plan import make_plan
-from ..scenario.schema import MASTERS, Given, Scenario
+from ..scenario.plan import ComponentPlan, Plan, make_plan
+from ..scenario.schema import MASTERS, Connection, Given, Scenario
 from . import checkpoint
-from .finite import FiniteCheck
 from .master import Observer, Simulation
-from .outline import outline
 from .position import COMPONENT, open_position
-from .shapes import ShapeRecorder
+from .recorder import FiniteCheck, ShapeRecorder
 from .stream import Shared, Stream, check_space
 
 POSITION, WAITING = "position", "waiting"  # files in the temporary folder
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
+class RunTask:
     """What to run.
 
     The arguments of ``run_scenario``, a temporary folder, the level of log messages to report, and whether to end before the
     first step.
     """
 
-    scenario: Scenario | Path
-    fmus: Path
+    scenario: Scenario | Path | str
+    fmus: Path | str
     step: float | None
     stop: float | None
-    values: dict[str, Given]
+    values: Mapping[str, Given] | None
     master: str | None
-    out: Path
-    scratch: Path
     strict: bool
-    threads: int
-    resume: bool
-    observers: bytes
+    scratch: Path
     level: int
+    out: Path = Path()  # where a run writes its folder by default
+    threads: int = 1
+    resume: bool = False
+    observers: bytes = b""
     only_start: bool = False
 
 
@@ -91,7 +90,7 @@ def main() -> None:
             reports.write(json.dumps(content) + "\n")
             reports.flush()
 
-    task: Task = pickle.load(control)
+    task: RunTask = pickle.load(control)
     threading.Thread(target=_end_with_parent, args=(control,), daemon=True).start()
     logging.basicConfig(level=task.level, handlers=[_Reporter(report)])
     try:
@@ -107,7 +106,7 @@ def main() -> None:
     os._exit(0)  # an FMU's library may crash at the end of a process
 
 
-def _run(task: Task, report: Report) -> None:
+def _run(task: RunTask, report: Report) -> None:
     """Plan and simulate; the end of the run is reported before the FMUs are freed, which may crash."""
     opened = (
         nullcontext(task.scenario)
@@ -121,8 +120,8 @@ def _run(task: Task, report: Report) -> None:
                 raise ScenarioError(msg)
             order = scenario.order if task.master == "gauss-seidel" else None
             scenario = scenario.model_copy(update={"master": task.master, "order": order})
-        scenario = changed(scenario, task.values, task.fmus)
-        plan = make_plan(scenario, task.fmus, strict=task.strict)
+        scenario = changed(scenario, task.values or {}, Path(task.fmus))
+        plan = make_plan(scenario, Path(task.fmus), strict=task.strict)
         check_space(plan, task.out)
         card, arrays = checkpoint.load(task.out / RESUME, plan) if task.resume else (None, {})
         names = [component.name for component in plan.components]
@@ -171,6 +170,77 @@ def _end_with_parent(control: BinaryIO) -> None:
     if hasattr(os, "killpg"):
         os.killpg(0, signal.SIGKILL)
     os._exit(1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outline:
+    """A run that can start.
+
+    Attributes
+    ----------
+    start, stop, step : float
+        First and last time, and communication step [s].
+    master : {"gauss-seidel", "jacobi"}
+        How the components are stepped.
+    components : list of dict
+        In stepping order: ``component``, ``fmu``, ``fmi``, ``every``, and how many inputs are ``connected``.
+    connections : list of dict
+        One per scalar: ``from`` and ``to`` with their units, ``from_unit`` and ``to_unit``; ``gain`` and ``bias`` where the
+        scenario states them or units are converted.
+    variables, scalars, points : int
+        How many variables are recorded, arrays whole as results hold them; how many scalars these are, each element of an
+        array one; and at how many instants at least.
+    warnings : list of str
+        What the run would warn of before its first step.
+    """
+
+    start: float
+    stop: float
+    step: float
+    master: str
+    components: list[dict[str, Any]]
+    connections: list[dict[str, Any]]
+    variables: int
+    scalars: int
+    points: int
+    warnings: list[str] = field(default_factory=list)
+
+
+def outline(plan: Plan) -> Outline:
+    """Say what a run would do."""
+    scenario = plan.scenario
+    return Outline(
+        start=scenario.start,
+        stop=scenario.seconds(scenario.ticks),
+        step=scenario.step,
+        master=scenario.master,
+        components=[_component(each) for each in plan.components],
+        connections=[_connection(each, plan) for each in plan.connections],
+        variables=len(group(plan_columns(plan))[0]),
+        scalars=len(plan.columns),
+        points=scenario.ticks // scenario.record.every + 1,
+    )
+
+
+def _component(planned: ComponentPlan) -> dict[str, Any]:
+    return {
+        "component": planned.name,
+        "fmu": planned.fmu.path.name,
+        "fmi": planned.fmu.description.fmiVersion,
+        "every": planned.every,
+        "connected": len(planned.connections),
+    }
+
+
+def _connection(wired: Connection, plan: Plan) -> dict[str, Any]:
+    return {
+        "from": wired.origin,
+        "from_unit": plan.component(wired.sender).fmu.unit(wired.output),
+        "to": wired.target,
+        "to_unit": plan.component(wired.receiver).fmu.unit(wired.input),
+        "gain": wired.gain,
+        "bias": wired.bias,
+    }
 
 
 if __name__ == "__main__":

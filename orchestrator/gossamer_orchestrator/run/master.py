@@ -17,10 +17,6 @@ from typing import Protocol
 from ..fmi.instance import Instance
 from ..fmi.instances import start_instance
 from ..scenario.plan import Plan
-from .channel import Channel
-from .division import UNITS, Division
-from .group import IteratedGroup
-from .interrupts import deferred_interrupt
 from .member import Member, SlowMember
 from .position import (
     CALL,
@@ -34,11 +30,12 @@ from .position import (
     STOP,
     TICK,
     Position,
+    deferred_interrupt,
     new_position,
 )
-from .step_control import StepControl
-from .store import Store
-from .together import Stage, side_by_side
+from .signals import Channel, Store
+from .stages import IteratedGroup, Stage, side_by_side
+from .steps import UNITS, Division, StepControl
 
 logger = logging.getLogger(__name__)
 

@@ -1,14 +1,17 @@
-"""Where a run stands, in memory that another process can read.
+"""Where a run stands, in memory that another process can read, and the signals that ask it to end.
 
 Ten integers. The process of a run writes them before it calls an FMU, so that whoever watches it can say which FMU was
-called when the process died, or hangs. A write costs some 30 ns.
+called when the process died, or hangs. A write costs some 30 ns. A signal waits for the end of the present step.
 """
 
 from __future__ import annotations
 
 import mmap
-from collections.abc import Sequence
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 
 TICK, PART, COMPONENT, CALL, ROWS, FIRST, DIVIDED, STOP, AT_ONCE, RETURNED = range(10)
 """Step under way; its part; number of the component whose FMU is called, -1 for none; what it is called for; rows recorded;
@@ -54,3 +57,35 @@ def describe(position: Position, seconds: float, names: Sequence[str]) -> tuple[
         return "", ""
     called = " or ".join(names[number : number + max(position[AT_ONCE], 1)])
     return called, f"{_CALLS[call]}{f' t = {seconds:.9g} s' if call == STEP else ''}"
+
+
+def ending_signals() -> list[signal.Signals]:
+    """List the signals of this system that ask this program to end.
+
+    Under nohup SIGHUP does not. SIGINT does, though a shell lets what runs in its background ignore it.
+    """
+    there = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    return [number for number in there if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
+
+
+@contextmanager
+def deferred_interrupt(position: Position) -> Iterator[None]:
+    """Let Ctrl-C and the signals that ask for the end stop the run after the present step; a second one acts at once."""
+    previous = {number: signal.getsignal(number) for number in ending_signals()}
+
+    def remember(_signal: int, _frame: FrameType | None) -> None:
+        position[STOP] = 1
+        restore()
+
+    def restore() -> None:
+        for number, handler in previous.items():
+            with suppress(TypeError, ValueError):
+                signal.signal(number, handler)
+
+    with suppress(ValueError):  # only the main thread can handle signals
+        for number in previous:
+            signal.signal(number, remember)
+    try:
+        yield
+    finally:
+        restore()

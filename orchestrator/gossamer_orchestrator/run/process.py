@@ -22,10 +22,8 @@ from .. import errors
 from ..errors import OrchestratorError, SimulationError
 from ..processes import end_all, marked
 from ..results.netcdf import Layout
-from .child import POSITION, Task
-from .interrupts import deferred_interrupt
-from .outline import Outline
-from .position import CALL, COMPONENT, FREE, PART, RETURNED, STOP, TICK, describe, open_position
+from .child import POSITION, Outline, RunTask
+from .position import CALL, COMPONENT, FREE, PART, RETURNED, STOP, TICK, deferred_interrupt, describe, open_position
 from .progress import ProgressBar
 from .stream import Shared
 
@@ -38,7 +36,7 @@ class Process:
 
     Parameters
     ----------
-    task : Task
+    task : RunTask
         What it does.
 
     Attributes
@@ -55,7 +53,7 @@ class Process:
         Why it did not.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: RunTask) -> None:
         self.position = open_position(task.scratch / POSITION, new=True)
         self.shared: Shared | None = None
         self.ended, self._closed = "", False

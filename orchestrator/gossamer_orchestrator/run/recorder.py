@@ -1,21 +1,29 @@
-"""Record a run in a table: a row per recorded communication point.
+"""Observers of every run: the rows of its table, values that are no numbers, and the shapes of membranes.
 
-Recorded are every n-th point, the last one, and the ends of the windows of detectors, where judgements are made.
+A row is written at every n-th communication point, the last one, and the ends of the windows of detectors, where judgements
+are made.
 """
 
 from __future__ import annotations
 
+import logging
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ResultsError, SimulationError, writing
+from ..fmi.shape import Shape, read_shape
 from ..names import split_indices
 from ..results.columns import DETECTOR, WATCHED
+from ..results.netcdf import GrowingFile
+from ..results.shapes import SHAPES, UNFINISHED_SHAPES, Frame, create_shapes, pack_frame, reopen_shapes
 from ..scenario.plan import Plan
 
 if TYPE_CHECKING:
     from .master import Simulation
+
 
 _ROWS = 1024
 
@@ -112,3 +120,98 @@ class _Windows:
         self._simulation.read(self._name)
         last, self._last = self._last, self._values[self._places]
         return not np.array_equal(last, self._last, equal_nan=True)
+
+
+logger = logging.getLogger(__name__)
+
+
+class FiniteCheck:
+    """Observer that names the first variable of each component that is not finite, and its time.
+
+    Parameters
+    ----------
+    strict : bool
+        Raise ``SimulationError`` instead of a warning.
+    """
+
+    def __init__(self, *, strict: bool = False) -> None:
+        self._strict = strict
+
+    def begin(self, simulation: Simulation) -> None:
+        """Look up whose values are whose."""
+        self._names = list(simulation.places)
+        self._zeros = np.zeros(len(self._names))
+        self._fresh = np.ones(len(self._names), dtype=bool)
+
+    def sample(self, simulation: Simulation) -> None:
+        """Look for the first value that is not finite; a sum of products with zero is zero if all are."""
+        if simulation.values.dot(self._zeros) == 0.0:
+            return
+        for place in np.flatnonzero(self._fresh & ~np.isfinite(simulation.values)):
+            component, variable = self._names[place]
+            if self._fresh[place]:
+                self._fresh[[name[0] == component for name in self._names]] = False
+                value = float(simulation.values[place])
+                text = f"component {component!r} returned {variable} = {value} at t = {simulation.time:.9g} s."
+                if self._strict:
+                    msg = f"{text} Correct its inputs or parameters, or run without --strict."
+                    raise SimulationError(msg, component=component, time=simulation.time)
+                logger.warning("%s What follows from it means nothing; --strict ends the run there.", text)
+
+    def end(self, simulation: Simulation) -> None:
+        """Do nothing."""
+
+
+class ShapeRecorder:
+    """Observer that writes ``unfinished_shapes.nc`` into a folder, if an FMU of the run can be drawn.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is run; ``[record] frames`` of its scenario is how many instants, evenly spread from the first to the last.
+    folder : Path
+        Where results go.
+    """
+
+    def __init__(self, plan: Plan, folder: Path) -> None:
+        scenario = plan.scenario
+        self._path, self._earlier = folder / UNFINISHED_SHAPES, folder / SHAPES
+        frames, every = scenario.record.frames, scenario.record.every
+        spread = every * np.linspace(0, scenario.ticks // every, frames).round().astype(int)  # as in results.nc
+        self._ticks = {*spread[:-1].tolist(), scenario.ticks} if frames else set()
+        self._shapes: dict[str, Shape] = {}
+        self._file: GrowingFile | None = None
+
+    def begin(self, simulation: Simulation) -> None:
+        """Find the FMUs that can be drawn; open the file again if the run is resumed."""
+        found = {c.name: read_shape(c.fmu) for c in simulation.plan.components} if self._ticks else {}
+        self._shapes = {name: shape for name, shape in found.items() if shape is not None}
+        if simulation.tick == 0:
+            with writing(self._path, ResultsError):
+                self._path.unlink(missing_ok=True)
+            return
+        if not self._path.is_file() and self._earlier.is_file():  # the run had ended early
+            self._earlier.replace(self._path)
+        before = sum(tick < simulation.tick for tick in self._ticks)
+        if self._shapes and before:
+            self._file = reopen_shapes(self._path, pack_frame(0.0, self._frame(simulation)).size, before)
+        self.sample(simulation)
+
+    def sample(self, simulation: Simulation) -> None:
+        """Record the shapes if it is their instant."""
+        if not self._shapes or simulation.tick not in self._ticks or simulation.over:
+            return
+        frame = self._frame(simulation)
+        if self._file is None:
+            surfaces = {name: shape.surface(simulation.serialize_one(name)) for name, shape in self._shapes.items()}
+            self._file = create_shapes(self._path, surfaces, simulation.time, frame)
+        else:
+            self._file.append(pack_frame(simulation.time, frame)[None])
+
+    def end(self, simulation: Simulation) -> None:  # noqa: ARG002
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+
+    def _frame(self, simulation: Simulation) -> Frame:
+        return {name: shape.read(simulation.serialize_one(name)) for name, shape in self._shapes.items()}

@@ -1,4 +1,4 @@
-"""Run a scenario from its file to results on disk, in a process of its own."""
+"""Run a scenario from its file to results on disk, or only its start, in a process of its own."""
 
 from __future__ import annotations
 
@@ -7,28 +7,33 @@ import pickle
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING
 
-from ..errors import OrchestratorError, ResultsError
+from gossamer_files import replacing
+
+from ..errors import OrchestratorError, ResultsError, writing
 from ..results.files import (
     CSV,
     CSV_VALUES,
+    MESSAGES,
     NETCDF,
     RESUME,
+    TWIN,
     UNFINISHED_NETCDF,
+    WATCH,
     load_results,
     make_folder,
     save_csv,
     values_in,
 )
 from ..results.shapes import settle_shapes
-from ..results.watch import TWIN, WATCH
 from ..scenario.schema import Given, Scenario
-from .child import WAITING, Task
+from .child import WAITING, Outline, RunTask
 from .folders import locked, scratch
 from .master import Observer
-from .messages import Messages
 from .position import DIVIDED
 from .process import Process
 from .progress import ProgressBar
@@ -36,6 +41,7 @@ from .stream import write_waiting
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 logger = logging.getLogger(__name__)
 
@@ -118,20 +124,20 @@ def run_scenario(
         make_folder(folder)
         stack.enter_context(locked(folder))
         messages = stack.enter_context(Messages())
-        task = Task(
-            scenario=scenario if isinstance(scenario, Scenario) else Path(scenario),
-            fmus=Path(fmus),
+        task = RunTask(
+            scenario=scenario,
+            fmus=fmus,
             step=step,
             stop=stop,
-            values=dict(values or {}),
+            values=values,
             master=master,
-            out=folder,
-            scratch=temporary,
             strict=strict,
+            scratch=temporary,
+            level=logger.getEffectiveLevel(),
+            out=folder,
             threads=threads,
             resume=resume,
             observers=_pickled(observers),
-            level=logger.getEffectiveLevel(),
         )
         earlier, begun = _said_by_twin(folder), time.perf_counter()
         process = stack.enter_context(Process(task))
@@ -236,3 +242,94 @@ def _pickled(observers: Sequence[Observer]) -> bytes:
 def _remove_empty(folder: Path) -> None:
     with suppress(OSError):
         folder.rmdir()
+
+
+def validate_scenario(
+    scenario: Scenario | Path | str,
+    fmus: Path | str,
+    *,
+    step: float | None = None,
+    stop: float | None = None,
+    values: Mapping[str, Given] | None = None,
+    master: str | None = None,
+    limit: float | None = None,
+    strict: bool = False,
+) -> Outline:
+    """Check everything that ``run_scenario`` checks before its first step: the scenario, its FMUs, and that these start.
+
+    Parameters
+    ----------
+    scenario, fmus, step, stop, values, master, limit, strict
+        As of ``run_scenario``.
+
+    Returns
+    -------
+    Outline
+
+    Raises
+    ------
+    ScenarioError, FmuError, ResultsError, SimulationError
+        As ``run_scenario``.
+    """
+    with ExitStack() as stack:
+        temporary = stack.enter_context(scratch())
+        messages = stack.enter_context(Messages())
+        task = RunTask(
+            scenario=scenario,
+            fmus=fmus,
+            step=step,
+            stop=stop,
+            values=values,
+            master=master,
+            strict=strict,
+            scratch=temporary,
+            level=logger.getEffectiveLevel(),
+            only_start=True,
+        )
+        process = stack.enter_context(Process(task))
+        process.watch(limit, None)
+        process.end()
+        if process.error is not None:
+            raise process.error
+        assert process.outline is not None
+        return replace(process.outline, warnings=messages.texts)
+
+
+_PACKAGE = logging.getLogger(__name__.partition(".")[0])
+
+
+class Messages(logging.Handler):
+    """Collects warnings and errors of this package while it is a context.
+
+    Attributes
+    ----------
+    texts : list of str
+        Each with its level, on one line.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.texts: list[str] = []
+
+    def __enter__(self) -> Messages:
+        _PACKAGE.addHandler(self)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        _PACKAGE.removeHandler(self)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a message."""
+        self.texts.append(f"{record.levelname.lower()}: {' '.join(record.getMessage().split())}")
+
+    def save(self, folder: Path) -> None:
+        """Write ``messages.txt``, or remove that of an earlier run if there is nothing to say."""
+        path = folder / MESSAGES
+        with writing(path, ResultsError):
+            if not self.texts:
+                path.unlink(missing_ok=True)
+                return
+            with replacing(path) as new:
+                new.write_text("\n".join(self.texts) + "\n", encoding="utf-8")

@@ -12,7 +12,6 @@ from ..errors import ScenarioError
 from ..fmi.file import FmuFile
 from ..names import matches, split_endpoint, suggest
 from .schema import Component, Given, Scenario
-from .sizes import resized
 from .source import Location
 
 OPTIONS = ("step", "stop", "master")  # of a scenario, with options of the command of their own
@@ -78,7 +77,7 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
             path = scenario.fmu_path(component, fmus)
             if path.is_file():  # otherwise the plan says so
                 files[path] = files[path] if path in files else FmuFile(path, validate=False)
-                file = resized(files[path], components[component], validate=False)
+                file = files[path].resized(components[component].parameters, validate=False)
                 keys = _keys(file, variable, name)
                 components[component] = _with_value(components[component], keys, value)
                 places: list[Location] = [

@@ -1,4 +1,7 @@
-"""The graph of a scenario: algebraic loops, which need a delay or iterations, and the order in which components step."""
+"""The graph of a scenario: algebraic loops, which need a delay or iterations, and the order in which components step.
+
+The groups that are iterated, and the steps of components, are checked here too.
+"""
 
 from __future__ import annotations
 
@@ -172,3 +175,60 @@ def _check_stated_order(
         if max(places) - min(places) >= len(places):
             text = f"the components of the group {', '.join(group.components)} must stand side by side in 'order'."
             problems.add(("order",), text)
+
+
+def check_groups(
+    scenario: Scenario, files: Mapping[str, FmuFile], connections: Iterable[Connection], problems: Problems
+) -> None:
+    """Report groups that cannot be iterated.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The groups, and the master.
+    files : mapping of str to FmuFile
+        FMUs by component.
+    connections : iterable of Connection
+        Those that are right.
+    problems : Problems
+        Receives the mistakes.
+    """
+    if scenario.groups and scenario.master == "jacobi":
+        text = 'a group is stepped one component after another, which master = "jacobi" is not. Remove one of the two.'
+        problems.add(("groups",), text)
+    homes: dict[str, int] = {}
+    for i, group in enumerate(scenario.groups):
+        place = ("groups", i, "components")
+        for name in group.components:
+            if name not in files:
+                problems.add(place, f"there is no component {name!r}. {suggest(name, files)}")
+                continue
+            if name in homes:
+                where = "twice in this group" if homes[name] == i else "in another group, too"
+                problems.add(place, f"component {name!r} stands {where}. Name it once.")
+                continue
+            homes[name] = i
+            if not files[name].interface.canGetAndSetFMUstate:
+                text = f"FMU {files[name].name!r} of component {name!r} cannot restore its state (canGetAndSetFMUstate)"
+                problems.add(place, f"{text}, so its step cannot be repeated. Remove it from the group.")
+        names = set(group.components)
+        if names <= set(files) and not any({c.sender, c.receiver} <= names for c in connections):
+            problems.add(place, "the group's components are not connected to each other. Remove the group.")
+
+
+def check_steps(scenario: Scenario, files: Mapping[str, FmuFile], problems: Problems) -> None:
+    """Report steps of components that do not fit the run, and FMUs that the step control cannot take back."""
+    grouped = {name for group in scenario.groups for name in group.components}
+    for name, component in scenario.components.items():
+        place = ("components", name, "every")
+        if scenario.ticks % component.every:
+            text = f"the run has {scenario.ticks} steps, which {component.every} does not divide"
+            problems.add(place, f"{text}. Choose another 'every', 'step' or 'stop'.")
+        if component.every > 1 and name in grouped:
+            problems.add(
+                place, f"component {name!r} is in a group, whose components step together. Remove one of the two."
+            )
+    unable = sorted({file.name for file in files.values() if not file.can_repeat})
+    if scenario.step_control is not None and unable:
+        text = f"{', '.join(unable)} cannot restore its state or vary its step, so its steps cannot be controlled"
+        problems.add(("step_control",), f"{text}. Remove the table, or use a smaller 'step'.")

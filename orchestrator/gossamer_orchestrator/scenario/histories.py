@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-from array import array
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gossamer_files import DataError
+from gossamer_files.measured import Column, Wanted, named_column, read_columns
 from numpy.typing import NDArray
 
 from ..errors import ScenarioError
@@ -21,6 +22,7 @@ from .schema import Input, Scenario
 from .source import Problems
 
 FILE = "[inputs]"  # stands for a component where a connection has its sender
+TITLE = re.compile(r"(.*?)\s+(?:\[([^\[\]]*)\]|\(([^()]*)\))")  # pressure [kPa]
 
 
 @dataclass(frozen=True)
@@ -91,16 +93,17 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
     if linear and kind not in FLOATS:
         msg = f'{given.target!r} is of type {kind} and cannot be interpolated. Write between = "held".'
         raise ScenarioError(msg)
-    try:
-        times, values, unit = (_read_csv if path.suffix == ".csv" else _read_netcdf)(path, given, kind)
-    except FileNotFoundError:
+    if not path.exists():
         msg = (
             f"there is no file {path.absolute()}; 'file' is looked for beside the scenario. Correct its name or folder."
         )
-        raise ScenarioError(msg) from None
-    except (OSError, ValueError, IndexError, KeyError, StopIteration) as error:
-        reason = "it is empty" if isinstance(error, StopIteration) else str(error).rstrip(".")
-        msg = f"column {given.column!r} of {path} cannot be read as {kind}: {reason}. Correct the file."
+        raise ScenarioError(msg)
+    try:
+        times, values, unit = (_read_csv if path.suffix == ".csv" else _read_netcdf)(path, given, kind)
+    except DataError as error:
+        raise ScenarioError(str(error)) from error
+    except (OSError, ValueError, KeyError) as error:
+        msg = f"column {given.column!r} of {path} cannot be read as {kind}: {str(error).rstrip('.')}. Correct the file."
         raise ScenarioError(msg) from error
     if not times.size or not np.all(np.diff(times) > 0.0) or not np.all(np.isfinite(times)):
         msg = f"the times of {path} do not increase. Sort its rows, and keep one per time."
@@ -131,22 +134,35 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
 
 def _read_csv(path: Path, given: Input, kind: str) -> tuple[NDArray[np.float64], list[Value], str | None]:
     """Return times, values and the unit of a column, whose title may end in its unit: ``pressure [kPa]``."""
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = csv.reader(file)
-        titles = next(rows)
-        names = [title.partition(" [")[0].strip() for title in titles]
-        time, column = (_find(text, titles, names) for text in (given.time or titles[0], given.column))
-        times, values = array("d"), []
-        for row in rows:
-            if row:
-                try:
-                    times.append(float(row[time]))
-                    values.append(_parse_cell(kind, row[column].strip()))
-                except ValueError as error:
-                    msg = f"line {rows.line_num}: {error}"
-                    raise ValueError(msg) from error
-    _, _, unit = titles[column].partition(" [")
-    return np.array(times), values, unit.rstrip("] ") or None
+    what = "value" if kind in FLOATS else "text"
+
+    def choose(header: list[str], line: int) -> list[Column]:
+        places = [_find(path, line, text, header) for text in (given.time or header[0], given.column)]
+        time = named_column(path, header, line, Wanted(what="time"), places[0])
+        return [
+            time,
+            Column(wanted=Wanted(what=what), place=places[1], name=given.column, unit=_divided(header[places[1]])[1]),
+        ]
+
+    read = read_columns(path, choose)
+    read.check_once(read.values[0])
+    unit = read.columns[1].unit
+    if kind in FLOATS:
+        return read.values[0], read.values[1].tolist(), unit
+    values = []
+    for line, text in zip(read.lines, read.texts, strict=True):
+        try:
+            values.append(_parse_cell(kind, text))
+        except ValueError as error:
+            msg = f"{path}, line {line}: column {given.column!r} cannot be read as {kind}: {error}. Correct the file."
+            raise DataError(msg) from error
+    return read.values[0], values, unit
+
+
+def _divided(title: str) -> tuple[str, str | None]:
+    """Divide a title into name and unit; the index of ``strain[1]`` is part of the name."""
+    match = TITLE.fullmatch(title)
+    return (match[1], match[2] or match[3] or None) if match else (title, None)
 
 
 def _parse_cell(kind: str, text: str) -> Value:
@@ -158,12 +174,20 @@ def _parse_cell(kind: str, text: str) -> Value:
     return parse(kind, text)
 
 
-def _find(text: str, titles: list[str], names: list[str]) -> int:
-    for known in (titles, names):
-        if text in known:
-            return known.index(text)
-    msg = f"there is no column {text!r}. {suggest(text, names)}"
-    raise ValueError(msg)
+def _find(path: Path, line: int, text: str, titles: list[str]) -> int:
+    names = [_divided(title)[0] for title in titles]
+    places = [k for k, title in enumerate(titles) if title == text] or [
+        k for k, name in enumerate(names) if name == text
+    ]
+    if len(places) == 1:
+        return places[0]
+    which = (
+        f"{len(places)} columns are called {text!r}. Rename all but one"
+        if places
+        else (f"there is no column {text!r}. {suggest(text, names)}")
+    )
+    msg = f"{path}, line {line}: {which.rstrip('.')}."
+    raise DataError(msg)
 
 
 def _read_netcdf(path: Path, given: Input, kind: str) -> tuple[NDArray[np.float64], list[Value], str | None]:

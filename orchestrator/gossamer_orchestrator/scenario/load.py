@@ -10,8 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Group, Input, Noise, Recording, Scenario, Table
-from .source import Location, Problems, Source
-from .toml_file import explain, parse_toml, read_text
+from .source import Location, Problems, Source, explain, parse_toml, read_text
 
 _TABLES: dict[str | int, type[Table]] = {
     "components": Component,

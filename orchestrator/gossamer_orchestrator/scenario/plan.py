@@ -11,19 +11,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import FmuError
-from ..file_kinds import explain_file
+from ..errors import FmuError, explain_file
 from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
 from .connections import check_connections
-from .graph import order_components
-from .groups import check_groups
+from .graph import check_groups, check_steps, order_components
 from .histories import FILE, History, read_histories
 from .schema import Component, Connection, Scenario, Value
-from .sizes import resized
 from .source import Location, Problems
-from .steps import check_steps
 from .values import expand, start_values
 
 logger = logging.getLogger(__name__)
@@ -230,7 +226,7 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict:
 def _resize(file: FmuFile, component: Component, place: Location, problems: Problems) -> FmuFile:
     """Return the FMU with arrays of the sizes that a component gives by structural parameters."""
     try:
-        return resized(file, component)
+        return file.resized(component.parameters)
     except FmuError as error:
         problems.add(place, str(error))
         return file

@@ -1,4 +1,4 @@
-"""The text of a scenario file and the line on which each of its keys stands.
+"""Files of scenarios: where they are, shipped or not, their text, and the line on which each key stands.
 
 ``tomllib`` gives values without positions. So it parses the file once more when an error message needs a line, a statement
 at a time; an array over several lines is closed after each of them to see what has been added.
@@ -6,15 +6,18 @@ at a time; an array over several lines is closed after each of them to see what 
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
-from ..errors import ScenarioError
+from ..errors import ScenarioError, explain_file, writing
+from ..names import suggest
 
 Location = tuple[str | int, ...]
 
@@ -108,3 +111,116 @@ class Problems:
         """Raise ``ScenarioError`` with every mistake on a line of its own."""
         if self.found:
             raise ScenarioError("\n".join(dict.fromkeys(self.found)))
+
+
+LONGEST = 200  # characters of a value in a message
+
+
+def read_text(path: Path, what: str) -> str:
+    """Return the text of a file; ``what`` it should be, for instance ``scenario``, stands in messages.
+
+    Raises
+    ------
+    ScenarioError
+        There is no such file, or it is no text in UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")  # some editors begin it with a byte order mark
+    except FileNotFoundError:
+        near = suggest(path.name, sorted(p.name for p in path.parent.glob("*.toml")))
+        msg = f"there is no {what} file {path}. {near}"
+        raise ScenarioError(msg) from None
+    except (OSError, UnicodeDecodeError):
+        msg = f"{path} is not a {what} (a TOML file in UTF-8). {explain_file(path)}"
+        raise ScenarioError(msg) from None
+
+
+def parse_toml(text: str, name: str, what: str) -> dict[str, Any]:
+    """Return the content of a text; ``name`` of its file and ``what`` it should be stand in messages.
+
+    Raises
+    ------
+    ScenarioError
+        It is not TOML.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.fullmatch(r"(.*) \(at line (\d+), (column \d+)\)", str(error))
+        problem, line, column = found.groups() if found else (str(error), len(text.splitlines()), "")
+        msg = f"{name}:{line}: {problem}{', ' * bool(column)}{column}. Correct the TOML syntax there."
+        raise ScenarioError(msg) from None
+    except RecursionError:
+        msg = f"{name}: its tables or arrays are nested too deeply. A {what} needs four levels."
+        raise ScenarioError(msg) from None
+
+
+def explain(kind: str, location: Location, message: str, value: Any, known: Iterable[str]) -> str:  # noqa: ANN401
+    """Turn one error of pydantic into a sentence; ``known`` are the keys of the table around it."""
+    key, table = str(location[-1]), ".".join(part for part in location[:-1] if isinstance(part, str))
+    place = f" in {table!r}" if table else ""
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        return f"unknown key {key!r}{place}. {suggest(key, known)}"
+    if kind == "missing":
+        return f"key {key!r}{place} is missing. Add it."
+    if key == "[key]":
+        return f"{location[-2]!r} cannot be a name. Use letters, digits and underscores, and no digit at the start."
+    if kind == "string_pattern_mismatch" and key in ("from", "to"):
+        return f"{key!r}{place}: write component.variable, not {value!r}."
+    return f"{key!r}{place}: {message[0].lower()}{message[1:]}, not {_short(value)}."
+
+
+def _short(value: Any) -> str:  # noqa: ANN401
+    text = repr(value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
+
+
+Kind = Literal["scenario", "campaign", "membrane"]
+NEW = Path(__file__).with_name("new.toml")
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def shipped_scenarios(kind: Kind = "scenario") -> dict[str, Path]:
+    """Return the shipped files of a kind by name."""
+    for folder in (_PACKAGE / f"{kind}s", _PACKAGE.parent / f"{kind}s"):
+        if folder.is_dir():
+            return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+    return {}
+
+
+def find_scenario(text: str, kind: Kind = "scenario") -> Path:
+    """Return the file of a path or of the name of a shipped one.
+
+    Raises
+    ------
+    ScenarioError
+        There is neither.
+    """
+    shipped = shipped_scenarios(kind)
+    path = Path(text)
+    if path.is_file() or (path.suffix == ".toml" and path.stem not in shipped):
+        return path  # a missing file is reported where it is read
+    if path.stem in shipped and path.suffix in ("", ".toml") and path.parent == Path():
+        return shipped[path.stem]
+    msg = f"there is no {kind} file {text!r}, and no shipped {kind} of that name. {suggest(text, shipped)}"
+    raise ScenarioError(msg)
+
+
+def write_new(path: Path) -> Path:
+    """Write a scenario with a comment on every table and key, and return its path.
+
+    Raises
+    ------
+    ScenarioError
+        There is such a file already, or it cannot be written.
+    """
+    text = NEW.read_text(encoding="utf-8").replace("{name}", path.stem).replace("{file}", str(path))
+    try:
+        with writing(path, ScenarioError), path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except ScenarioError as error:
+        if isinstance(error.__cause__, FileExistsError):
+            msg = f"{path} is there already. Take another name, or remove it."
+            raise ScenarioError(msg) from None
+        raise
+    return path

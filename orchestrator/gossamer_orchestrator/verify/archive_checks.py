@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 
 from ..fmi.file import explain_platforms, platforms
-from ..fmi.fmutool import collect_errors
+from ..fmi.slave import collect_errors
 from .registry import FAILED, NOT_APPLICABLE, PASSED, REMARK, Outcome, check, none_of, sentence
 from .subject import REALS, Subject
 

@@ -12,7 +12,7 @@ from gossamer_models import campaign as models
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.campaign_file import load_campaign
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from reading_pages import read_page, values
 from typer.testing import CliRunner
 

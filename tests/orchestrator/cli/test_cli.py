@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.scenario.shipped import find_scenario, shipped_scenarios
+from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios
 from typer.testing import CliRunner
 
 COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin", "watch", "report", "view")

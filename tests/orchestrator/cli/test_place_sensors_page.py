@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer.pages.place_sensors import placement_page, zone_table
-from gossamer_models.placement import Placement, Placing, square_structure
+from gossamer_models.membrane import square_structure
+from gossamer_models.placement import Placement, Placing
 from gossamer_models.placement.check import Check
 from gossamer_models.placement.information import FACTOR
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gossamer_models import Stepper
-from gossamer_models.mesh_membrane import (
+from gossamer_models.membrane import (
     Edge,
     Gas,
     Load,
@@ -25,7 +25,7 @@ from gossamer_models.mesh_membrane import (
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.setup_file import load_structure
 from gossamer_orchestrator.errors import ScenarioError
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from typer.testing import CliRunner
 
 meshio = pytest.importorskip("meshio", reason="reading mesh files needs the extra 'mesh'")

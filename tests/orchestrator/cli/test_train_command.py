@@ -7,12 +7,12 @@ import math
 
 import gossamer
 import pytest
-from gossamer_models.campaign import Campaign
+from gossamer_models.campaign import CampaignPlan
 from gossamer_models.detector import PosteriorArtifact
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.train import _campaign_of, _is_scenario
 from gossamer_orchestrator.errors import ScenarioError
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from reading_pages import read_page, values
 from typer.testing import CliRunner
 
@@ -76,13 +76,13 @@ def test_a_scenario_gives_its_membrane_and_windows(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(text.replace('fmu = "membrane"\n', 'fmu = "membrane"\nparameters = { pressure_amplitude = 8e3 }\n'))
     assert _is_scenario(str(file))
-    campaign, _ = _campaign_of(file, Campaign(cases=10))
+    campaign, _ = _campaign_of(file, CampaignPlan(cases=10))
     assert campaign.membrane.parameters["pressure_amplitude"] == 8e3
     assert campaign.steps == 3 * 844 + 2
     other = tmp_path / "other.toml"
     other.write_text(text.replace('fmu = "membrane"\n', 'fmu = "elsewhere/plate"\n'))
     with pytest.raises(ScenarioError, match="Write a campaign file"):
-        _campaign_of(other, Campaign(cases=10))
+        _campaign_of(other, CampaignPlan(cases=10))
 
 
 def test_the_card_of_the_shipped_detector_states_ranges_and_errors():

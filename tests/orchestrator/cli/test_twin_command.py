@@ -40,8 +40,10 @@ def strain(forward):
 
 
 def table(path, values):
-    rows = [f"{STEP * (k + 1)!r}," + ",".join(map(repr, row)) for k, row in enumerate(values.T.tolist())]
-    path.write_text("\n".join(["time [s],strain[1],strain[2],strain[3],strain[4]", *rows]))
+    """Write a record as a meter may: in ms and per cent, with decimal commas."""
+    rows = [";".join(map(repr, [1e3 * STEP * (k + 1), *row])) for k, row in enumerate((100.0 * values).T.tolist())]
+    head = "time [ms];" + ";".join(f"strain[{k}] [%]" for k in range(1, 5))
+    path.write_text("\n".join([head, *rows]).replace(".", ","))
     return path
 
 

@@ -7,7 +7,7 @@ import json
 import pytest
 from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from typer.testing import CliRunner
 
 SCENARIO = """\

@@ -18,7 +18,7 @@ from gossamer_orchestrator.cli.twin_record import find_in_results
 from gossamer_orchestrator.cli.watch import LiveWatch
 from gossamer_orchestrator.results.dataset import make_dataset
 from gossamer_orchestrator.scenario.schema import Recording
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from typer.testing import CliRunner
 
 STEP, ONSET = 3e-4, 0.2104
@@ -34,8 +34,8 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     strain = batch.run(time.size, STEP, inputs={"damage[6]": 0.3 * (time > ONSET)}).results[0]
     strain += np.random.default_rng(1).normal(0.0, 5e-4, strain.shape)
     path = tmp_path_factory.mktemp("watch") / "record.csv"
-    head = ",".join(["time", *(f"strain[{k}]" for k in range(1, 5))])
-    np.savetxt(path, np.column_stack([time, strain.T]), delimiter=",", header=head, comments="")
+    head = ",".join(["time [ms]", *(f"strain[{k}] [%]" for k in range(1, 5))])
+    np.savetxt(path, np.column_stack([1e3 * time, 100.0 * strain.T]), delimiter=",", header=head, comments="")
     return path
 
 

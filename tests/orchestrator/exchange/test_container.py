@@ -21,7 +21,7 @@ from gossamer_orchestrator import (
 )
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import split_indices
-from gossamer_orchestrator.scenario.shipped import find_scenario
+from gossamer_orchestrator.scenario.source import find_scenario
 from simulated import simulate as simulate_here
 from typer.testing import CliRunner
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 from gossamer_orchestrator import OrchestratorError, ScenarioError, open_ssp
-from gossamer_orchestrator.exchange.ssp.files import SSP
+from gossamer_orchestrator.exchange.ssp_files import SSP
 from gossamer_orchestrator.fmi import archive
-from gossamer_orchestrator.scenario.shipped import find_scenario
+from gossamer_orchestrator.scenario.source import find_scenario
 
 
 def raw(path: Path, *names: str, mode: int = 0o644) -> Path:

@@ -7,7 +7,7 @@ import zipfile
 import pytest
 from gossamer_orchestrator import ScenarioError, export_ssp, make_plan, open_ssp, parse_scenario, run_scenario
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from state_spaces import state_spaces
 from typer.testing import CliRunner
 

@@ -15,8 +15,7 @@ from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.fmi.shape import Shape, Surface
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.report.surface import surface_content
-from gossamer_orchestrator.results.shapes import ShapeHistory, create_shapes
-from gossamer_orchestrator.results.surface import SLACK, TAUT, WRINKLED, face_strains
+from gossamer_orchestrator.results.shapes import SLACK, TAUT, WRINKLED, ShapeHistory, create_shapes, face_strains
 from gossamer_orchestrator.results.vtk import export_vtk
 from reading_pages import Reader, numbers
 from sails import sail_file, sail_model

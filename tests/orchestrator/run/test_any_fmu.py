@@ -16,7 +16,7 @@ from gossamer_orchestrator import (
     parse_scenario,
     run_scenario,
 )
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 
 
 def recorded(folder, text):

@@ -6,7 +6,7 @@ import zlib
 
 import numpy as np
 import pytest
-from gossamer_orchestrator.run.channel import Channel
+from gossamer_orchestrator.run.signals import Channel
 from gossamer_orchestrator.scenario.schema import Connection
 from hypothesis import given
 from hypothesis import strategies as st

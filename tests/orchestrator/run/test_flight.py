@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.errors import SimulationError
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 
 FORCE = '{ from = "membrane.force", to = "hub.force", delayed = true }'
 

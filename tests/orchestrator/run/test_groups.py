@@ -17,7 +17,7 @@ from gossamer_orchestrator import (
     parse_scenario,
     run_scenario,
 )
-from gossamer_orchestrator.run.quasi_newton import next_guess
+from gossamer_orchestrator.run.stages import next_guess
 from simulated import simulate
 
 GROUP = '[[groups]]\ncomponents = ["one", "two"]\ntolerance = 1e-12\n'

@@ -20,7 +20,7 @@ from gossamer_orchestrator import (
     run_scenario,
 )
 from gossamer_orchestrator.run.checkpoint import digests, save
-from gossamer_orchestrator.run.validation import validate_scenario
+from gossamer_orchestrator.run.runner import validate_scenario
 
 
 def assert_right_until(data, stop):

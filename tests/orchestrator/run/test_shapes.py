@@ -17,8 +17,8 @@ from gossamer_orchestrator.fmi.instances import start_instance
 from gossamer_orchestrator.fmi.shape import read_shape
 from gossamer_orchestrator.results.shapes import SHAPES, UNFINISHED_SHAPES, load_shapes
 from gossamer_orchestrator.run import checkpoint
-from gossamer_orchestrator.run.messages import Messages
-from gossamer_orchestrator.run.shapes import ShapeRecorder
+from gossamer_orchestrator.run.recorder import ShapeRecorder
+from gossamer_orchestrator.run.runner import Messages
 from sails import sail, sail_model
 
 RUN = """

@@ -164,7 +164,7 @@ def test_a_sweep_runs_on_a_cluster_of_dask(call, tmp_path, monkeypatch):
     """One scheduler and one worker, in threads of this process: every case arrives, and it was run there."""
     distributed = pytest.importorskip("distributed", reason="clusters need the extra 'campaign'")
     monkeypatch.setattr("gossamer_orchestrator.run.sweep.on_cores", None)
-    monkeypatch.setattr("gossamer_models.campaign.cluster.SCHEDULER_PATIENCE", 120.0)  # on a machine that is busy too
+    monkeypatch.setattr("gossamer_models.campaign.run.SCHEDULER_PATIENCE", 120.0)  # on a machine that is busy too
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None, protocol="tcp"
     ) as cluster:
@@ -176,7 +176,7 @@ def test_a_sweep_runs_on_a_cluster_of_dask(call, tmp_path, monkeypatch):
 
 def test_a_scheduler_that_is_not_there_is_named(call, monkeypatch):
     pytest.importorskip("distributed", reason="clusters need the extra 'campaign'")
-    monkeypatch.setattr("gossamer_models.campaign.cluster.SCHEDULER_PATIENCE", 1.0)
+    monkeypatch.setattr("gossamer_models.campaign.run.SCHEDULER_PATIENCE", 1.0)
     done = call("one.u=1", more=["--scheduler", "tcp://127.0.0.1:9"])
     assert (done.exit_code, done.stdout) == (1, "")
     assert "there is no Dask scheduler at tcp://127.0.0.1:9" in done.stderr

@@ -6,7 +6,7 @@ import codecs
 
 import pytest
 from gossamer_orchestrator import ScenarioError, load_scenario, make_plan, parse_scenario, run_scenario
-from gossamer_orchestrator.scenario.shipped import find_scenario
+from gossamer_orchestrator.scenario.source import find_scenario
 
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
 

@@ -12,7 +12,7 @@ from gossamer_models.identify import identify_files, settings_for
 from gossamer_orchestrator import judge, load_results, load_scenario, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.results.shapes import load_shapes
-from gossamer_orchestrator.scenario.shipped import shipped_scenarios
+from gossamer_orchestrator.scenario.source import shipped_scenarios
 from studies.specimen.files import write_datasets
 
 

@@ -13,8 +13,8 @@ from gossamer_files.pictures import COLORS
 from ...errors import ResultsError
 from ...names import suggest
 from ..columns import WATCHED
+from ..dataset import find_all
 from ..judgements import changes, true_damage
-from ..roles import find_all
 
 PICTURE = "sweep.png"
 PANELS = 36  # of more cases every k-th is drawn

@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from gossamer_files.charts import Array, Chart, Steps, Trace, band, bars, curve, heat, points, rule, words
 
+from ..dataset import find_all, parameters_of
 from ..judgements import LARGEST_MISFIT, LARGEST_RISK, LEAST_SIMILARITY, changes, true_damage
-from ..roles import find_all, parameters_of
 from .recorded import MOST_WINDOWS, Recorded, over_time
 
 MOST_MARKERS = 300  # more would be a line, and slow

@@ -16,10 +16,9 @@ from gossamer_files.pictures import COLORS, GREY
 
 from ...errors import ResultsError
 from ...fmi.shape import Integers, Surface
+from ..dataset import find, is_whole, need, origins_of, parameters_of
 from ..places import SENSORS, side
-from ..roles import find, is_whole, need, origins_of, parameters_of
-from ..shapes import ShapeHistory
-from ..surface import SLACK, TAUT, FaceStrains, face_strains
+from ..shapes import SLACK, TAUT, FaceStrains, ShapeHistory, face_strains
 from .damage import Judged
 from .recorded import Recorded, over_time
 

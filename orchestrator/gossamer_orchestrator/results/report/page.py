@@ -11,7 +11,7 @@ from gossamer_files.charts import Chart, section
 from ...errors import ResultsError
 from ...pages import PAGE, Page, folded, table, write_page
 from ...words import counted
-from ..roles import find_all
+from ..dataset import find_all
 from . import facts
 from .damage import Judged, doubt_charts, history_charts, zone_charts
 from .membrane import membrane_charts

@@ -29,9 +29,9 @@ from gossamer_files.charts import Chart, Panels, draw_panels
 from gossamer_files.pictures import picture
 
 from ...errors import OrchestratorError, ResultsError, writing
+from ..dataset import compensators, find, need, sensors
 from ..files import load_results
 from ..judgements import doubts, judge
-from ..roles import compensators, find, need, sensors
 from ..shapes import ShapeHistory
 from .damage import Judged, history_charts, zone_charts
 from .membrane import deflection_chart, deflection_map, plot_shape

@@ -14,10 +14,10 @@ from gossamer_files.charts import Array, Chart, Pixels, Trace, curve
 from numpy.typing import NDArray
 
 from ...errors import ResultsError
+from ..dataset import find_all, is_whole
+from ..files import read_watch
 from ..judgements import Judgement, windows
-from ..roles import find_all, is_whole
 from ..shapes import ShapeHistory, load_shapes
-from ..watch import read_watch
 
 logger = logging.getLogger(__name__)
 

@@ -17,7 +17,7 @@ from gossamer_files.charts import Array, Chart, Pixels, Steps, band, curve, heat
 
 from ...errors import ResultsError
 from ...words import duration
-from ..roles import compensators, find_all, origins_of, sensors
+from ..dataset import compensators, find_all, origins_of, sensors
 from .recorded import Curve, Recorded, curve_of, over_time
 
 LOOP_ROWS = 2000  # of a loop of resistance over strain

@@ -15,10 +15,10 @@ from ...errors import ResultsError
 from ...names import split_endpoint
 from ...pages.page import Kind
 from ...words import counted, percent, uncertain
+from ..dataset import find_all, origins_of, parameters_of
+from ..files import LARGE
 from ..judgements import Judgement, doubts, recorded_detector
-from ..roles import find_all, origins_of, parameters_of
 from ..tables import LEAST_SHOWN
-from ..watch import LARGE
 from .recorded import curve_of
 from .sensors import LEAST_RANGE, Reader, readers_of
 

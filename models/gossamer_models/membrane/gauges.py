@@ -1,0 +1,115 @@
+r"""Strain gauges on a surface.
+
+Symbols: ``point`` and ``direction`` of a gauge in space, ``s``, ``t`` parent coordinates [1], ``T`` reference tangents [m],
+``delta`` parent coordinates of a unit line along the gauge [1/m]. What the line has become is a weighted sum of node
+positions, whose length less one is the strain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from ..arrays import Vector
+from ..errors import DataError
+from .quadrature import derivative_matrix, gauss_points, lobatto_points, value_matrix
+from .surface import Block, SurfaceMesh
+
+SAMPLES = 5  # of a gauge with a length, Gauss-Legendre
+_ACROSS = 1e-2  # part of a direction that lies in the surface, at least
+_BENT = 0.05  # share of a gauge that a curved surface may take from it
+_NEAREST = 12  # elements looked into
+_THERE = 1e-13  # how far a point on an element may seem to be from it, shares of the size
+
+
+@dataclass(frozen=True, eq=False)
+class Gauge:
+    """One gauge: its samples.
+
+    Attributes
+    ----------
+    lines : sparse array, shape (samples, N)
+        Weights of the node positions that give a unit line along the gauge [1].
+    weights : ndarray, shape (samples,)
+        Weights of the mean [1].
+    away : float
+        Largest distance of a sample from the surface [m].
+    """
+
+    lines: scipy.sparse.csr_array
+    weights: Vector
+    away: float
+
+
+def gauge(mesh: SurfaceMesh, point: Vector, direction: Vector, length: float) -> Gauge:
+    """Place a gauge on the reference surface; samples beyond an edge are moved to the nearest place on it."""
+    offsets, weights = gauss_points(SAMPLES) if length > 0.0 else (np.zeros(1), np.ones(1))
+    _, middle, along = _line(mesh, point, direction)
+    rows, away = [], float(np.linalg.norm(middle - point))
+    for offset in offsets:
+        row, place, _ = _line(mesh, middle + offset * length * along, direction)
+        rows.append(row)
+        away = max(away, abs(float((place - middle) @ along) - offset * length) - _BENT * length)
+    return Gauge(scipy.sparse.csr_array(np.array(rows)), weights, away)
+
+
+def _line(mesh: SurfaceMesh, point: Vector, direction: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return the weights of a unit line at the place nearest to a point, that place, and the line."""
+    best: tuple[float, Block, int, Vector, Vector] | None = None
+    for block in mesh.blocks:
+        centres = mesh.nodes[block.elements].mean(axis=1)
+        near = cKDTree(centres).query(point, k=min(_NEAREST, len(centres)))[1]
+        for k in np.atleast_1d(near):
+            X = mesh.nodes[block.elements[k]]
+            st, distance, place = _nearest(block.order, X, point)
+            if best is None or distance < best[0]:
+                best = (distance, block, int(k), st, place)
+            if distance <= _THERE * mesh.size:  # no other element is nearer
+                break
+    assert best is not None  # a mesh has elements
+    _, block, k, st, place = best
+    _N, D = shape_functions(block.order, st)
+    T = D.T @ mesh.nodes[block.elements[k]]  # (2, 3)
+    delta = np.linalg.lstsq(T.T, direction / np.linalg.norm(direction), rcond=None)[0]
+    if (length := np.linalg.norm(delta @ T)) < _ACROSS:
+        msg = f"its direction {direction.tolist()} is across the surface. Name one that lies in it, nearly."
+        raise DataError(msg)
+    delta /= length
+    row = np.zeros(len(mesh.nodes))
+    row[block.elements[k]] = D @ delta
+    return row, place, delta @ T
+
+
+def _nearest(order: int, X: Vector, point: Vector) -> tuple[Vector, float, Vector]:
+    """Find the place of an element nearest to a point by Gauss-Newton, kept inside."""
+    st = np.full(2, 1.0 / 3.0) if order == 0 else np.zeros(2)
+    for _ in range(30):
+        N, D = shape_functions(order, st)
+        change = np.linalg.lstsq((D.T @ X).T, point - N @ X, rcond=None)[0]
+        moved = _inside(order, st + change)
+        done = np.abs(moved - st).max() < 1e-14
+        st = moved
+        if done:
+            break
+    place = shape_functions(order, st)[0] @ X
+    return st, float(np.linalg.norm(place - point)), place
+
+
+def _inside(order: int, st: Vector) -> Vector:
+    if order > 0:
+        return np.clip(st, -0.5, 0.5)
+    st = np.clip(st, 0.0, 1.0)
+    return st / max(1.0, float(st.sum()))
+
+
+def shape_functions(order: int, st: Vector) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Evaluate the shape functions, shape (m,), and their parent derivatives, shape (m, 2), at one place."""
+    if order == 0:
+        return np.array([1.0 - st.sum(), *st]), np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    nodes, _ = lobatto_points(order + 1)
+    (vs, vt), (ds, dt) = ([f(nodes, np.array([u]))[0] for u in st] for f in (value_matrix, derivative_matrix))
+    return np.kron(vt, vs), np.column_stack([np.kron(vt, ds), np.kron(dt, vs)])

@@ -1,0 +1,157 @@
+r"""Elements on the reference surface: their maps, masses, normals, and the stiffest motion of each.
+
+Symbols: ``X`` reference positions [m], ``T`` their derivatives by the parent coordinates, ``e1``, ``e2`` local axes in the
+tangent plane, ``R`` = [e1 e2]^T T the reference map, ``J`` its determinant [m2], ``B`` strain by displacements [1/m],
+``lambda`` largest eigenvalue of stiffness over mass of one element [1/m2].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Vector
+from .element import Element, make_element
+from .law import LAWS, matrix
+
+_MEMORY = 2**22  # numbers of one batch of matrices
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Reference maps of n elements with m nodes.
+
+    Attributes
+    ----------
+    element : Element
+        Parent element.
+    T : ndarray, shape (n, points, 3, 2)
+        Tangents at the quadrature points [m].
+    e1, normal : ndarray, shape (n, points, 3)
+        First local axis and unit normal.
+    J : ndarray, shape (n, points)
+        Determinant of the reference map [m2].
+    J_inverse : ndarray, shape (n, points, 2, 2)
+        Derivative of the parent coordinates by the local ones [1/m].
+    """
+
+    element: Element
+    T: Vector
+    e1: Vector
+    normal: Vector
+    J: Vector
+    J_inverse: Vector
+
+    @property
+    def areas(self) -> Vector:
+        """Reference area of each element [m2]."""
+        return np.asarray(self.J @ self.element.w)
+
+    @property
+    def node_areas(self) -> Vector:
+        """Share of each node in its element's area [m2], shape (n, m)."""
+        return np.asarray((self.J * self.element.w) @ values(self.element))
+
+    @property
+    def node_normals(self) -> Vector:
+        """Area of each node along its normal [m2], shape (n, m, 3)."""
+        weighted = (self.J * self.element.w)[..., None] * self.normal
+        return np.asarray(np.einsum("npi,pm->nmi", weighted, values(self.element)))
+
+    def placed(self) -> Element:
+        """Return the element with its own map in every column: one per element."""
+        maps = matrix([[ca.DM(self.J_inverse[..., a, b].T) for b in range(2)] for a in range(2)])
+        return replace(self.element, J=ca.DM(self.J.T), J_inverse=maps)
+
+
+def geometry(X: Vector, order: int, law: str, axes: Vector) -> Geometry:
+    """Measure elements.
+
+    Parameters
+    ----------
+    X : ndarray, shape (n, m, 3)
+        Reference positions of the nodes [m].
+    order : int
+        0 for triangles.
+    law : str
+        Law of the material.
+    axes : ndarray, shape (n, 3)
+        Direction whose projection on the surface is the first local axis.
+
+    Returns
+    -------
+    Geometry
+        With J of 0 where an element has no area.
+    """
+    element = make_element(order, law=LAWS[law])
+    T = np.einsum("apm,nmi->npia", slopes(element), X)
+    across = np.cross(T[..., 0], T[..., 1])
+    area = np.linalg.norm(across, axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normal = across / area[..., None]
+    e1 = _projected(axes[:, None, :], normal)
+    local = np.stack([e1, np.cross(normal, e1)], axis=-2)  # (n, points, 2, 3)
+    R = np.nan_to_num(local @ T)
+    J = np.linalg.det(R)
+    R[J == 0.0] = np.eye(2)
+    return Geometry(element, T, e1, normal, J, np.linalg.inv(R))
+
+
+def stiffest(geometry: Geometry, poisson_ratio: Vector) -> Vector:
+    r"""Return the largest eigenvalue of stiffness over lumped mass of each element [1/m2], at a wave speed of one.
+
+    Notes
+    -----
+    Plane stress with E/(1 - nu^2) and the density one. The highest frequency of the assembled mesh is below the largest of
+    all elements: Section 7.3.2 of T. J. R. Hughes, The Finite Element Method, Prentice-Hall, 1987.
+    """
+    element, found = geometry.element, []
+    gradients = np.einsum("apm,npab->nbpm", slopes(element), geometry.J_inverse)  # by local axes
+    size = 2 * len(element.nodes)
+    for batch in np.array_split(np.arange(len(geometry.J)), 1 + len(geometry.J) * size**2 // _MEMORY):
+        g, w = gradients[batch], geometry.J[batch] * element.w
+        nu = poisson_ratio[batch][:, None]
+        B = np.zeros((len(batch), 3, g.shape[2], size))
+        B[:, 0, :, : size // 2] = B[:, 2, :, size // 2 :] = g[:, 0]
+        B[:, 1, :, size // 2 :] = B[:, 2, :, : size // 2] = g[:, 1]
+        stress = np.stack([B[:, 0] + nu[..., None] * B[:, 1], B[:, 1] + nu[..., None] * B[:, 0]], axis=1)
+        stress = np.concatenate([stress, ((1.0 - nu[..., None]) / 2.0 * B[:, 2])[:, None]], axis=1)
+        K = np.einsum("ncpi,np,ncpj->nij", stress, w, B, optimize=True)
+        root = np.sqrt(np.tile(geometry.node_areas[batch], 2))
+        found.append(np.linalg.eigvalsh(K / (root[:, :, None] * root[:, None, :]))[:, -1])
+    return np.concatenate(found)
+
+
+def values(element: Element) -> Vector:
+    """Return the shape functions at the points, shape (points, m)."""
+    return _dense(element.N, len(element.nodes))
+
+
+def slopes(element: Element) -> Vector:
+    """Return the parent derivatives of the shape functions, shape (2, points, m)."""
+    return np.stack([_dense(operator, len(element.nodes)) for operator in (element.D_s, element.D_t)])
+
+
+def _dense(operator: tuple[ca.DM, ...], nodes: int) -> Vector:
+    found = ca.DM.eye(nodes)
+    for factor in operator:
+        found = ca.mtimes(factor, found)
+    return np.asarray(ca.densify(found))
+
+
+def _projected(direction: Vector, normal: Vector) -> Vector:
+    """Project directions on tangent planes, unit length; along a normal they give way to another axis."""
+    found = direction - np.sum(direction * normal, axis=-1, keepdims=True) * normal
+    length = np.linalg.norm(found, axis=-1, keepdims=True)
+    lost = length < 1e-6 * np.linalg.norm(direction, axis=-1, keepdims=True)
+    if np.any(lost):
+        other = np.broadcast_to(np.roll(direction, 1, axis=-1), found.shape)
+        instead = other - np.sum(other * normal, axis=-1, keepdims=True) * normal
+        found = np.where(lost, instead, found)
+        length = np.linalg.norm(found, axis=-1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        projected: NDArray[np.float64] = found / length
+    return projected

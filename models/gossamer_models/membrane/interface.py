@@ -1,0 +1,119 @@
+"""The variables of a membrane on a mesh: one table, made from its setup."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..variables import Variable, input_, local, output, parameter
+from .frame import FRAME_INPUTS, FRAME_OUTPUTS, FRAME_PARAMETERS
+from .params import PARAMETERS as SQUARE
+from .setup import Setup
+from .structure import Structure
+
+BUILT_IN = ("mass_damping", "pressure_amplitude", "pressure_frequency", "pressure_phase")
+COMPRESSED = 0.1  # share of the area [1] beyond which a law that carries compression is not valid
+
+
+def mesh_variables(structure: Structure, *, frame: bool = False) -> tuple[Variable, ...]:
+    """Make the table: parameters, inputs, outputs and locals; with the motion of a frame that flies, if asked for."""
+    parameters, inputs, results = _parameters(structure.setup), _inputs(structure.setup), _results(structure)
+    if not frame:
+        return (*parameters, *inputs, *results)
+    inputs = [v for v in inputs if not v.name.startswith("base_acceleration[")]
+    outputs = [v for v in results if v.causality == "output"]
+    places = (*parameters, *FRAME_PARAMETERS, *inputs, *FRAME_INPUTS, *outputs, *FRAME_OUTPUTS)
+    return (*places, *results[len(outputs) :])
+
+
+def _parameters(setup: Setup) -> list[Variable]:
+    starts = {"mass_damping": setup.mass_damping, "pressure_amplitude": 0.0}
+    built_in = [replace(v, start=starts.get(v.name, v.start)) for v in SQUARE if v.name in BUILT_IN]
+    moduli = [
+        parameter(
+            f"youngs_modulus[{i + 1}]",
+            "Pa",
+            f"Young's modulus of region {r.group or i + 1}",
+            r.youngs_modulus,
+            1.0,
+            1e13,
+        )
+        for i, r in enumerate(setup.regions)
+    ]
+    return [*moduli, *built_in]
+
+
+def _inputs(setup: Setup) -> list[Variable]:
+    rows = []
+    kinds = {
+        "pressure": ("Pa", "Follower pressure", 1e4),
+        "dead_pressure": ("Pa", "Pressure along the normal of the reference shape", 1e4),
+        "light": ("Pa", "Pressure of light that is wholly absorbed", 1e-5),
+        "force": ("N", "Force on each node", 1.0),
+    }
+    for load in setup.loads:
+        unit, text, nominal = kinds[load.kind]
+        where = f" on {', '.join(load.groups)}" if load.groups else ""
+        rows.append(input_(load.name, unit, text + where, load.start, -1e6, 1e6, nominal=nominal))
+        if load.kind == "light":
+            for axis, start in zip(
+                "xyz", (np.array(load.direction) / np.linalg.norm(load.direction)).tolist(), strict=True
+            ):
+                text = f"Direction in which the light travels, along {axis}; its length does not matter"
+                rows.append(input_(f"{load.name}_direction[{'xyz'.index(axis) + 1}]", "1", text, start, -1.0, 1.0))
+    for i, axis in enumerate("xyz"):
+        text = f"Acceleration of the rigid frame along {axis}, which displacements are relative to"
+        rows.append(input_(f"base_acceleration[{i + 1}]", "m/s2", text, 0.0, -1e5, 1e5, nominal=10.0))
+    if setup.gas is not None:
+        text = "Amount of gas, times its absolute temperature, over that at the start"
+        rows.append(input_("gas_amount", "1", text, 1.0, 0.0, 1e3))
+    if any(r.thermal_expansion for r in setup.regions):
+        for i, r in enumerate(setup.regions):
+            text = f"Temperature of region {r.group or i + 1} over that of the reference shape"
+            rows.append(input_(f"temperature[{i + 1}]", "K", text, 0.0, -1e3, 1e3, nominal=100.0))
+    for support in setup.supports:
+        if support.motion:
+            text = f"Share of the way that the support {support.group} is moved"
+            rows.append(input_(support.motion, "1", text, 1.0, -1e3, 1e3))
+    for k, zone in enumerate(setup.zones):
+        rows.append(
+            input_(f"damage[{k + 1}]", "1", f"Lost fraction of Young's modulus in {zone.group}", 0.0, 0.0, 0.95)
+        )
+    return rows
+
+
+def _results(structure: Structure) -> list[Variable]:
+    setup = structure.setup
+    rows = []
+    for k, sensor in enumerate(setup.sensors):
+        at = ", ".join(f"{x:g}" for x in sensor.point)
+        along = ", ".join(f"{x:g}" for x in sensor.direction)
+        length = f", mean over {sensor.gauge_length:g} m" if sensor.gauge_length else ""
+        rows.append(output(f"strain[{k + 1}]", "1", f"Nominal strain at ({at}) m along ({along}){length}", nominal=0.1))
+    rows.append(output("displacement", "m", "Largest displacement of a node from the mesh", nominal=0.1))
+    if setup.gas is not None:
+        rows.append(output("gas_pressure", "Pa", "Pressure of the gas over the ambient one", nominal=1e4))
+        rows.append(output("volume", "m3", "Volume that the enclosing faces bound", nominal=1.0))
+    if setup.expose:
+        for i in range(len(structure.mesh.nodes)):
+            for a, axis in enumerate("xyz"):
+                rows.append(
+                    local(f"node[{3 * i + a + 1}]", "m", f"Displacement of node {i + 1} along {axis}", nominal=0.1)
+                )
+    largest = 1.0 if setup.law == "relaxed" else COMPRESSED
+    rows += [
+        local("largest_strain", "1", "Largest principal nominal strain", minimum=-1.0, maximum=0.5, nominal=0.1),
+        local("displacement_ratio", "1", "Largest displacement over the size", minimum=0.0, maximum=1.0, nominal=0.1),
+        local(
+            "compressed_share",
+            "1",
+            "Share of the area under compression by Hooke's law, where a membrane would wrinkle",
+            minimum=0.0,
+            maximum=largest,
+            nominal=0.1,
+            advice='Write law = "relaxed" in its setup, so that it wrinkles.',
+        ),
+        local("max_step", "s", "Largest internal step; longer communication steps are divided"),
+    ]
+    return rows

@@ -1,0 +1,348 @@
+"""What a membrane on a mesh is made of, held by and loaded with: the tables of ``setup.toml``.
+
+Every class is one table; ``docs/setup.md`` describes the keys. Groups are those of the mesh file. Vectors are in the axes
+of the mesh.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from ..mistakes import Mistake, raise_any
+from .mesh import MAX_ORDER
+
+Triple = tuple[float, float, float]
+ZERO: Triple = (0.0, 0.0, 0.0)
+# variables that a membrane has beside loads and motions
+RESERVED = {
+    *("youngs_modulus", "mass_damping", "pressure_amplitude", "pressure_frequency", "pressure_phase"),
+    *("base_acceleration", "gas_amount", "temperature", "damage", "strain", "displacement", "gas_pressure", "volume"),
+    *("node", "largest_strain", "displacement_ratio", "compressed_share", "max_step"),
+}
+
+
+HOOKEAN = 1e-3  # prestress over Young's modulus up to which every law is Hooke's within a few parts in a thousand
+
+
+def _outside(owner: object, **limits: tuple[float, float]) -> Iterator[Mistake]:
+    """Refuse numbers that are not within their limits."""
+    for name, (low, high) in limits.items():
+        value = getattr(owner, name)
+        if not low <= value <= high:
+            yield Mistake((name,), f"{name!r} is {value:g}. Write a number from {low:g} to {high:g}.")
+
+
+def _not_finite(owner: object, *names: str) -> Iterator[Mistake]:
+    for name in names:
+        if not all(math.isfinite(value) for value in getattr(owner, name)):
+            yield Mistake((name,), f"{name!r} must be finite numbers.")
+
+
+def _no_direction(owner: object, name: str) -> Iterator[Mistake]:
+    if not 0.0 < math.hypot(*getattr(owner, name)) < math.inf:
+        yield Mistake((name,), f"{name!r} must be three finite numbers that are not all zero.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Region:
+    """Material and thickness of some faces.
+
+    Attributes
+    ----------
+    group : str
+        Group of faces; empty for all that no other region holds.
+    youngs_modulus, poisson_ratio, density, thickness : float
+        Of the unstretched material [Pa], [1], [kg/m3], [m].
+    prestress : tuple of float
+        Second Piola-Kirchhoff stress [Pa] of the reference shape: along ``direction``, across, shear.
+    direction : tuple of float
+        Projected on the surface, the first axis of ``prestress``.
+    thermal_expansion : float
+        Strain per rise of temperature [1/K]; with it the membrane has an input ``temperature``.
+    """
+
+    youngs_modulus: float
+    poisson_ratio: float
+    density: float
+    thickness: float
+    group: str = ""
+    prestress: Triple = ZERO
+    direction: Triple = (1.0, 0.0, 0.0)
+    thermal_expansion: float = 0.0
+
+    def __post_init__(self) -> None:
+        limits = {
+            "youngs_modulus": (1.0, 1e13),
+            "poisson_ratio": (-0.9, 0.499),
+            "density": (1e-3, 1e5),
+            "thickness": (1e-7, 1.0),
+            "thermal_expansion": (-1.0, 1.0),
+        }
+        raise_any([*_outside(self, **limits), *_not_finite(self, "prestress"), *_no_direction(self, "direction")])
+
+    @property
+    def prestrain(self) -> float:
+        """Largest prestress over Young's modulus [1]."""
+        return max(map(abs, self.prestress)) / self.youngs_modulus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Zone:
+    """Faces that damage makes softer together; zones are numbered in their order.
+
+    Attributes
+    ----------
+    group : str
+        Group of faces.
+    """
+
+    group: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Support:
+    """Nodes that are held.
+
+    Attributes
+    ----------
+    group : str
+        Group of points, edges or faces.
+    fixed : str
+        The directions, some of x, y and z.
+    displacement : tuple of float
+        Where the nodes are moved [m] before they are held; beside it what ``stretch`` moves.
+    stretch : tuple of float
+        Factors [1] of the distance from ``centre`` along x, y and z.
+    centre : tuple of float
+        A point [m].
+    motion : str
+        Name of an input that multiplies the way; it starts at 1. Without a name the way stays.
+    """
+
+    group: str
+    fixed: str = "xyz"
+    displacement: Triple = ZERO
+    stretch: Triple = (1.0, 1.0, 1.0)
+    centre: Triple = ZERO
+    motion: str = ""
+
+    def __post_init__(self) -> None:
+        mistakes = [*_not_finite(self, "displacement", "stretch", "centre")]
+        if not self.fixed or set(self.fixed) - set("xyz") or len(set(self.fixed)) < len(self.fixed):
+            text = f'\'fixed\' is {self.fixed!r}. Write the directions that are held, for instance "xyz" or "z".'
+            mistakes.append(Mistake(("fixed",), text))
+        else:
+            moved = [d != 0.0 or s != 1.0 for d, s in zip(self.displacement, self.stretch, strict=True)]
+            lost = [axis for axis, moves in zip("xyz", moved, strict=True) if moves and axis not in self.fixed]
+            if self.displacement != ZERO and lost and any(self.displacement["xyz".index(axis)] for axis in lost):
+                text = (
+                    f"'displacement' moves along {lost[0]}, which 'fixed' = {self.fixed!r} does not hold. Add it there."
+                )
+                mistakes.append(Mistake(("displacement",), text))
+            if self.motion and not any(moved):
+                text = "'motion' multiplies the way of the nodes, and there is none. Write 'displacement' or 'stretch'."
+                mistakes.append(Mistake(("motion",), text))
+        if self.motion and not self.motion.isidentifier():
+            text = f"'motion' is {self.motion!r}. Use letters, digits and underscores, and no digit at the start."
+            mistakes.append(Mistake(("motion",), text))
+        raise_any(mistakes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edge:
+    """Tension along a free edge.
+
+    Attributes
+    ----------
+    group : str
+        Group of edges.
+    tension : float
+        Dead load per reference length [N/m], in the surface, across the edge and outward.
+    """
+
+    group: str
+    tension: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Load:
+    """A load that an input changes while the membrane moves.
+
+    Attributes
+    ----------
+    name : str
+        Name of the input.
+    kind : {"pressure", "dead_pressure", "light", "force"}
+        Pressure [Pa] along the normal as the surface turns, or along that of the reference shape. Light: pressure [Pa] of
+        light that is wholly absorbed; its direction of travel is the input ``<name>_direction``. Force [N] on every node.
+    groups : tuple of str
+        Groups of faces, or of nodes for forces; empty for all faces.
+    start : float
+        Start value of the input.
+    direction : tuple of float
+        Of a force, or where light travels to at the start.
+    reflectivity : float
+        Share of the light [1] that is mirrored; the rest is absorbed.
+    """
+
+    name: str
+    kind: Literal["pressure", "dead_pressure", "light", "force"] = "pressure"
+    groups: tuple[str, ...] = ()
+    start: float = 0.0
+    direction: Triple = (0.0, 0.0, 1.0)
+    reflectivity: float = 0.0
+
+    def __post_init__(self) -> None:
+        mistakes = [*_outside(self, start=(-1e6, 1e6), reflectivity=(0.0, 1.0)), *_no_direction(self, "direction")]
+        if not self.name.isidentifier():
+            text = f"'name' is {self.name!r}. Use letters, digits and underscores, and no digit at the start."
+            mistakes.append(Mistake(("name",), text))
+        if self.kind == "force" and not self.groups:
+            mistakes.append(Mistake(("groups",), "a force needs 'groups'. Name the groups of nodes that it acts on."))
+        raise_any(mistakes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gas:
+    """Gas that the surface encloses; its pressure follows from its volume.
+
+    Attributes
+    ----------
+    groups : tuple of str
+        Groups of faces that move its volume; empty for all.
+    pressure : float
+        Over the ambient one, in the shape from which the membrane starts [Pa].
+    ambient : float
+        Pressure outside [Pa]; 0 in space.
+    exponent : float
+        1 isothermal, 1.4 adiabatic for air.
+    volume : float or None
+        In the shape from which the membrane starts [m3]; needed where the faces are open, whose border must be held then.
+    """
+
+    pressure: float
+    groups: tuple[str, ...] = ()
+    ambient: float = 0.0
+    exponent: float = 1.0
+    volume: float | None = None
+
+    def __post_init__(self) -> None:
+        limits = {"pressure": (-1e6, 1e6), "ambient": (0.0, 1e7), "exponent": (1.0, 2.0)}
+        mistakes = [*_outside(self, **limits)]
+        if self.volume is not None and not 0.0 < self.volume < math.inf:
+            mistakes.append(Mistake(("volume",), f"'volume' is {self.volume:g} m3. Write a positive volume."))
+        if self.pressure + self.ambient <= 0.0:
+            text = "'pressure' and 'ambient' together must be above 0 Pa, for else there is no gas."
+            mistakes.append(Mistake(("pressure",), text))
+        raise_any(mistakes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """A strain gauge.
+
+    Attributes
+    ----------
+    point : tuple of float
+        Its middle on the reference shape [m].
+    direction : tuple of float
+        Projected on the surface, what it measures along.
+    gauge_length : float
+        It reads the mean strain over this length [m]; 0 at the point.
+    """
+
+    point: Triple
+    direction: Triple
+    gauge_length: float = 0.0
+
+    def __post_init__(self) -> None:
+        mistakes = [*_outside(self, gauge_length=(0.0, 1e3)), *_not_finite(self, "point")]
+        raise_any([*mistakes, *_no_direction(self, "direction")])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """A membrane on a mesh.
+
+    Attributes
+    ----------
+    title : str
+        One line.
+    mesh : str
+        Mesh file, relative to this file.
+    scale : float
+        Length of the mesh file's unit [m].
+    order : int
+        Of the quadrilaterals: 1 for bilinear elements, 2 and more for spectral ones.
+    law : str
+        Law of the material; ``relaxed`` wrinkles where the others carry compression.
+    mass_damping : float
+        Start value of the parameter: damping force per mass and velocity [1/s].
+    inplane_mass : float
+        Factor on the inertia along the surface [1], at least 1: longer steps for a stiff, thin membrane.
+    expose : bool
+        Whether the displacement of every node is a variable.
+    regions, zones, supports, edges, loads, sensors : tuple
+        See there; without ``loads`` there is one follower pressure on all faces, ``pressure``.
+    gas : Gas or None
+        See there.
+
+    Raises
+    ------
+    DescriptionError
+        Values that do not go together.
+    """
+
+    regions: tuple[Region, ...]
+    supports: tuple[Support, ...] = ()
+    title: str = ""
+    mesh: str = ""
+    scale: float = 1.0
+    order: int = 1
+    law: Literal["st_venant_kirchhoff", "hencky", "neo_hookean", "relaxed"] = "st_venant_kirchhoff"
+    mass_damping: float = 0.0
+    inplane_mass: float = 1.0
+    expose: bool = False
+    zones: tuple[Zone, ...] = ()
+    edges: tuple[Edge, ...] = ()
+    loads: tuple[Load, ...] = (Load(name="pressure"),)
+    sensors: tuple[Sensor, ...] = ()
+    gas: Gas | None = None
+
+    def __post_init__(self) -> None:
+        raise_any([*self._mistakes()])
+
+    def _mistakes(self) -> Iterator[Mistake]:
+        limits = {"scale": (1e-9, 1e9), "mass_damping": (0.0, 1e4), "inplane_mass": (1.0, 1e6)}
+        yield from _outside(self, **limits)
+        if not 1 <= self.order <= MAX_ORDER:
+            text = f"'order' is {self.order}. Write 1 for bilinear elements, or 2 to {MAX_ORDER} for spectral ones."
+            yield Mistake(("order",), text)
+        if not self.regions:
+            yield Mistake(("regions",), "there are no regions. Write [[regions]] with the material of all faces.")
+        rest = [i for i, r in enumerate(self.regions) if not r.group]
+        if len(rest) > 1:
+            yield Mistake(("regions", rest[1], "group"), "two regions have no 'group', and only one can take the rest.")
+        if self.law in ("hencky", "neo_hookean"):
+            for i, r in enumerate(self.regions):
+                if r.prestrain > HOOKEAN:
+                    text = (
+                        f"a prestress of {r.prestrain:.2g} of Young's modulus is beyond the range in which {self.law!r} is "
+                        f"Hooke's, {HOOKEAN:g}. Stretch the membrane by its supports instead, or take another law."
+                    )
+                    yield Mistake(("regions", i, "prestress"), text)
+        names = [load.name for load in self.loads] + [support.motion for support in self.supports if support.motion]
+        for name in RESERVED & set(names):
+            text = f"a load or motion has the name {name!r}, which is that of another variable. Choose another."
+            yield Mistake(("loads",), text)
+        lights = [i for i, load in enumerate(self.loads) if load.kind == "light"]
+        if len(lights) > 1:
+            text = "there is light already, and the membrane knows one sun. Name the groups of both in one load."
+            yield Mistake(("loads", lights[1], "kind"), text)
+        for name, count in Counter(names).items():
+            if count > 1:
+                yield Mistake(("loads",), f"{count} loads or motions have the name {name!r}. Give each its own.")

@@ -1,0 +1,285 @@
+r"""A setup on a mesh: everything about the membrane that does not change in time, as arrays.
+
+Symbols: ``N`` nodes, ``n`` elements of a kind, ``G`` combinations of region, zone and loads that occur. Elements of one
+combination share modulus, pressure and eigenstrain, so these are computed once for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Vector
+from ..errors import DataError
+from ..mistakes import DescriptionError, Mistake, raise_any
+from .element import Element
+from .gauges import Gauge, gauge
+from .geometry import Geometry, geometry, stiffest
+from .loads import edge_force, members_of, unit_force
+from .setup import Setup
+from .supports import free_displacements, leaking, loose, ways
+from .surface import Integers, SurfaceMesh
+
+_FLAT = 1e-9  # J of an element below this share of its mean: no area
+_FAR = 1e-3  # how far a sensor may be from the surface, shares of its size
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Elements of one kind.
+
+    Attributes
+    ----------
+    element : Element
+        With a column per element.
+    nodes : ndarray of int, shape (n, m)
+        Nodes of each.
+    combination : ndarray of int, shape (n,)
+        Which of the G combinations each belongs to.
+    stiffest : ndarray, shape (n,)
+        As ``geometry.stiffest``.
+    areas : ndarray, shape (n,)
+        Reference areas [m2].
+    node_normals : ndarray, shape (n, m, 3)
+        Area of each node along its normal [m2].
+    """
+
+    element: Element
+    nodes: Integers
+    combination: Integers
+    stiffest: Vector
+    areas: Vector
+    node_normals: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """A membrane ready to be written as equations.
+
+    Attributes
+    ----------
+    setup : Setup
+        What was asked for.
+    mesh : SurfaceMesh
+        The mesh.
+    elements : tuple of Elements
+        By kind.
+    region, zone : ndarray of int, shape (G,)
+        Of each combination; zone -1 where damage does not act.
+    loaded : ndarray of bool, shape (loads, G)
+        Which combinations each load of the setup acts on; of forces none.
+    enclosing : ndarray of bool, shape (G,)
+        Which combinations enclose the gas.
+    free : ndarray of bool, shape (3 N,)
+        Which displacements are not held, node by node.
+    mass : ndarray, shape (N,)
+        Lumped masses [kg].
+    stiffness : ndarray, shape (N,)
+        Masses [kg] with which no element of the unstretched membrane has an angular frequency above 1/s.
+    normals : ndarray, shape (N, 3)
+        Unit normals of the reference surface.
+    ways : ndarray, shape (supports, 3 N)
+        Where each support moves its nodes [m].
+    edge_force : ndarray, shape (3 N,)
+        Force of the tension along edges [N].
+    unit_forces : dict
+        Nodal forces per unit of an input [1] or [m2] by the name of a dead load, shape (3 N,).
+    gauges : tuple of Gauge
+        By sensor.
+    """
+
+    setup: Setup
+    mesh: SurfaceMesh
+    elements: tuple[Elements, ...]
+    region: Integers
+    zone: Integers
+    loaded: NDArray[np.bool_]
+    enclosing: NDArray[np.bool_]
+    free: NDArray[np.bool_]
+    mass: Vector
+    stiffness: Vector
+    normals: Vector
+    ways: Vector
+    edge_force: Vector
+    unit_forces: dict[str, Vector]
+    gauges: tuple[Gauge, ...]
+
+    @property
+    def areas(self) -> Vector:
+        """Reference areas of all elements [m2], in the order of the faces of the file."""
+        return np.concatenate([block.areas for block in self.elements])
+
+    @property
+    def n_zones(self) -> int:
+        """Number of damage zones."""
+        return len(self.setup.zones)
+
+    @property
+    def n_sensors(self) -> int:
+        """Number of strain gauges."""
+        return len(self.setup.sensors)
+
+    @property
+    def zone_names(self) -> tuple[str, ...]:
+        """Groups of the zones, in their order."""
+        return tuple(zone.group for zone in self.setup.zones)
+
+    @cached_property
+    def zone_places(self) -> Vector:
+        """Middles of the zones on the reference shape [m], shape (zones, 3)."""
+        middles = np.concatenate([self.mesh.nodes[block.nodes].mean(axis=1) for block in self.elements])
+        zone = self.zone[np.concatenate([block.combination for block in self.elements])]
+        return np.array(
+            [np.average(middles[zone == k], axis=0, weights=self.areas[zone == k]) for k in range(self.n_zones)]
+        )
+
+    @property
+    def sensor_places(self) -> Vector:
+        """Middles of the gauges on the reference shape [m], shape (sensors, 3)."""
+        return np.array([sensor.point for sensor in self.setup.sensors]).reshape(-1, 3)
+
+
+def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
+    """Put a setup on a mesh.
+
+    Parameters
+    ----------
+    setup : Setup
+        Material, supports, loads, sensors.
+    mesh : SurfaceMesh
+        Mesh of the setup's order.
+
+    Returns
+    -------
+    Structure
+
+    Raises
+    ------
+    DescriptionError
+        Groups that the mesh lacks, faces without a material or in two, zones that overlap, elements without area or turned
+        inside out, sensors away from the surface, or supports that leave the membrane free to move as a rigid body.
+    """
+    raise_any([*_lacking(setup, mesh)])
+    region = _assigned(mesh, [(r.group, ("regions", i)) for i, r in enumerate(setup.regions)], "material")
+    zone = _assigned(mesh, [(z.group, ("zones", i)) for i, z in enumerate(setup.zones)], "zone")
+    if np.any(region < 0):
+        text = (
+            f"{np.sum(region < 0)} of {mesh.n_faces} faces have no material, the first is face {np.argmin(region) + 1}. "
+            "Add a region without 'group', which takes the rest."
+        )
+        raise DescriptionError(Mistake(("regions",), text))
+    acting = [members_of(mesh, load.groups) & (load.kind in ("pressure", "light")) for load in setup.loads]
+    encloses = members_of(mesh, setup.gas.groups) if setup.gas else np.zeros(mesh.n_faces, dtype=bool)
+    rows = np.column_stack([region, zone, *acting, encloses])
+    kinds, combination = np.unique(rows, axis=0, return_inverse=True)
+    measured = [_measured(setup, mesh, k, region) for k in range(len(mesh.blocks))]
+    mass, stiffness, normals = np.zeros(len(mesh.nodes)), np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
+    areal = np.array([r.density * r.thickness for r in setup.regions])
+    nu = np.array([r.poisson_ratio for r in setup.regions])
+    D = np.array([r.youngs_modulus * r.thickness for r in setup.regions]) / (1.0 - nu**2)
+    highest = [stiffest(found, nu[region[block.faces]]) for block, found in zip(mesh.blocks, measured, strict=True)]
+    for block, found, high in zip(mesh.blocks, measured, highest, strict=True):
+        np.add.at(mass, block.elements, found.node_areas * areal[region[block.faces]][:, None])
+        np.add.at(stiffness, block.elements, found.node_areas * (high * D[region[block.faces]])[:, None])
+        np.add.at(normals, block.elements, found.node_normals)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    free = free_displacements(setup, mesh)
+    raise_any([*loose(mesh, free), *leaking(setup, mesh, free, encloses)])
+    return Structure(
+        setup=setup,
+        mesh=mesh,
+        elements=tuple(
+            Elements(found.placed(), block.elements, combination[block.faces], high, found.areas, found.node_normals)
+            for block, found, high in zip(mesh.blocks, measured, highest, strict=True)
+        ),
+        region=kinds[:, 0],
+        zone=kinds[:, 1],
+        loaded=kinds[:, 2:-1].T.astype(bool),
+        enclosing=kinds[:, -1].astype(bool),
+        free=free,
+        mass=mass,
+        stiffness=stiffness,
+        normals=normals,
+        ways=ways(setup, mesh),
+        edge_force=edge_force(setup, mesh, measured),
+        unit_forces={
+            load.name: unit_force(load, mesh, measured)
+            for load in setup.loads
+            if load.kind in ("force", "dead_pressure")
+        },
+        gauges=tuple(_gauges(setup, mesh)),
+    )
+
+
+def _lacking(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
+    """Find the groups that the mesh lacks."""
+    faces, sides, points = list(mesh.faces), list(mesh.sides), list(mesh.points)
+    wanted: list[tuple[tuple[str | int, ...], str, list[str], str]]
+    wanted = [(("regions", i, "group"), r.group, faces, "faces") for i, r in enumerate(setup.regions) if r.group]
+    wanted += [(("zones", i, "group"), z.group, faces, "faces") for i, z in enumerate(setup.zones)]
+    wanted += [(("supports", i, "group"), s.group, points, "nodes") for i, s in enumerate(setup.supports)]
+    wanted += [(("edges", i, "group"), e.group, sides, "edges") for i, e in enumerate(setup.edges)]
+    for i, load in enumerate(setup.loads):
+        known, what = (points, "nodes") if load.kind == "force" else (faces, "faces")
+        wanted += [(("loads", i, "groups"), group, known, what) for group in load.groups]
+    for group in setup.gas.groups if setup.gas else ():
+        wanted.append((("gas", "groups"), group, faces, "faces"))
+    for place, group, known, what in wanted:
+        if group not in known:
+            advice = "" if known else " It has none at all: name physical groups in gmsh."
+            yield Mistake(place, f"{mesh.name} has no group {group!r} of {what}.{advice}", group, tuple(known))
+
+
+def _assigned(mesh: SurfaceMesh, groups: list[tuple[str, tuple[str | int, ...]]], what: str) -> Integers:
+    """Return which of some groups each face belongs to, -1 for none; an empty name takes the rest."""
+    found, mistakes = np.full(mesh.n_faces, -1), []
+    for i, (group, place) in enumerate(groups):
+        if group:
+            members = mesh.faces[group]
+            if np.any(twice := found[members] >= 0):
+                text = f"face {members[twice][0] + 1} of {group!r} has another {what} already. Let no two overlap."
+                mistakes.append(Mistake((*place, "group"), text))
+            found[members] = i
+    for i, (group, _) in enumerate(groups):
+        if not group:
+            found[found < 0] = i
+    raise_any(mistakes)
+    return found
+
+
+def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> Geometry:
+    block = mesh.blocks[which]
+    axes = np.array([r.direction for r in setup.regions])[region[block.faces]]
+    found = geometry(mesh.nodes[block.elements], block.order, setup.law, axes)
+    bad = np.any(_FLAT * found.J.mean() >= found.J, axis=1) | ~np.all(np.isfinite(found.J), axis=1)
+    # inside out: the normal turns over within the element
+    bad |= np.any(np.einsum("npi,ni->np", found.normal, found.normal.mean(axis=1)) <= 0.0, axis=1)
+    if np.any(bad):
+        first = block.faces[np.argmax(bad)]
+        middle = ", ".join(f"{x:.4g}" for x in mesh.nodes[block.elements[np.argmax(bad)]].mean(axis=0))
+        text = (
+            f"{np.sum(bad)} elements of {mesh.name} have no area or are turned inside out; the first is face {first + 1} "
+            f"near ({middle}) m. Mesh that place again."
+        )
+        raise DescriptionError(Mistake(("mesh",), text))
+    return found
+
+
+def _gauges(setup: Setup, mesh: SurfaceMesh) -> Iterator[Gauge]:
+    mistakes = []
+    for i, sensor in enumerate(setup.sensors):
+        try:
+            found = gauge(mesh, np.array(sensor.point), np.array(sensor.direction), sensor.gauge_length)
+        except DataError as error:
+            mistakes.append(Mistake(("sensors", i, "direction"), f"sensor {i + 1}: {error}"))
+            continue
+        if found.away > _FAR * mesh.size:
+            what = "its gauge reaches beyond an edge" if sensor.gauge_length else "it is away from the surface"
+            text = f"sensor {i + 1} at {list(sensor.point)} m: {what} by {found.away:.3g} m. Move it onto the membrane."
+            mistakes.append(Mistake(("sensors", i, "point"), text))
+        yield found
+    raise_any(mistakes)

@@ -1,1 +1,0 @@
-"""System Structure and Parameterization (SSP 1.0) archives, written and read."""
