@@ -24,7 +24,7 @@ Trace = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Steps:
+class Stages:
     """What changes in a chart from time to time.
 
     Attributes
@@ -61,7 +61,7 @@ class Chart:
         More of its axes in plotly's words, for instance ``{"yaxis": {"type": "log"}}``.
     marks : sequence of dict
         Lines and areas across it, of ``rule`` and ``area``.
-    steps : Steps, optional
+    steps : Stages, optional
         What the slider of a page changes; in a file the last of them is drawn.
     broad, tall : bool
         As wide as the page; higher than others, for instance as high as wide.
@@ -85,7 +85,7 @@ class Chart:
     result: str = ""
     layout: Mapping[str, Any] = field(default_factory=dict)
     marks: Sequence[Trace] = ()
-    steps: Steps | None = None
+    steps: Stages | None = None
     broad: bool = False
     tall: bool = False
     linked: str = ""

@@ -72,7 +72,7 @@ def save_charts(pictures: Mapping[str, Chart | Panels], folder: Path, form: str 
     """
     paths = []
     for name, each in pictures.items():
-        paths.append(folder / f"{re.sub('[^a-z0-9]+', '_', name.lower()).strip('_')}.{form}")
+        paths.append(folder / f"{name}.{form}")
         panels = each if isinstance(each, Panels) else Panels([each])
         with picture(paths[-1], panels.size) as figure:
             draw_panels(panels, figure)

@@ -2,7 +2,7 @@
 
 from .check import Check
 from .placing import NOISE, Placement, Placing, place_sensors
-from .plots import plot_placement, save_picture
+from .plots import save_picture
 from .tables import sensors_text, write_csv
 
 __all__ = [
@@ -11,7 +11,6 @@ __all__ = [
     "Placement",
     "Placing",
     "place_sensors",
-    "plot_placement",
     "save_picture",
     "sensors_text",
     "write_csv",

@@ -9,7 +9,7 @@ import math
 from functools import cached_property
 
 import numpy as np
-from gossamer_files.charts import Array, Chart, Steps, Trace, band, bars, curve, heat, points, rule, words
+from gossamer_files.charts import Array, Chart, Stages, Trace, band, bars, curve, heat, points, rule, words
 
 from ..dataset import find_all, parameters_of
 from ..judgements import LARGEST_MISFIT, LARGEST_RISK, LEAST_SIMILARITY, changes, true_damage
@@ -24,7 +24,7 @@ EXPLAINED = (
 )
 
 
-class Judged:
+class DamageHistory:
     """Damage of a run: judgements and the truth, which hold from their times on.
 
     Attributes
@@ -104,19 +104,19 @@ class Judged:
         return found
 
 
-def zone_charts(judged: Judged, steps: list[tuple[float, int, int]]) -> list[Chart]:
+def zone_charts(judged: DamageHistory, steps: list[tuple[float, int, int]]) -> list[Chart]:
     """Draw the damage of each zone at some times as a map, if they are a square, and as bars."""
     if not judged.is_known:
         return []
     time = np.array([each[0] for each in steps])
     charts = []
     if judged.side:
-        charts.append(_map(judged, Steps(time, [_cells(judged, *each[1:]) for each in steps])))
-    charts.append(_bars(judged, Steps(time, [_zone_bars(judged, *each[1:]) for each in steps])))
+        charts.append(_map(judged, Stages(time, [_cells(judged, *each[1:]) for each in steps])))
+    charts.append(_bars(judged, Stages(time, [_zone_bars(judged, *each[1:]) for each in steps])))
     return charts
 
 
-def _cells(judged: Judged, k: int, known: int) -> list[Trace]:
+def _cells(judged: DamageHistory, k: int, known: int) -> list[Trace]:
     """Return the zones as cells: number, estimate, standard deviation, and the true damage where there is some."""
     side, valid = judged.side, k < 0 or bool(judged.valid[k])
     true = judged.true[known] if known >= 0 else None
@@ -143,7 +143,7 @@ def _not_valid(x: float, y: float) -> Trace:
     return words([x], [y], ["<b>not valid</b>"], "@alarm", font={"size": 15})
 
 
-def _map(judged: Judged, steps: Steps) -> Chart:
+def _map(judged: DamageHistory, steps: Stages) -> Chart:
     ends = [0.5, judged.side + (0.5 if judged.valid.all() else 0.9)]
     bare = {"showgrid": False, "zeroline": False, "showticklabels": False, "ticks": "", "constrain": "domain"}
     axes = {"xaxis": bare | {"range": [0.5, judged.side + 0.5]}, "yaxis": bare | {"range": ends, "scaleanchor": "x"}}
@@ -160,7 +160,7 @@ def _map(judged: Judged, steps: Steps) -> Chart:
     return Chart(title, "x →", "y →", note=note, text=text, layout=layout, steps=steps, tall=True)
 
 
-def _zone_bars(judged: Judged, k: int, known: int) -> list[Trace]:
+def _zone_bars(judged: DamageHistory, k: int, known: int) -> list[Trace]:
     """Return the zones as bars with two standard deviations, and diamonds at the true damage."""
     zones, none, valid = np.arange(1, judged.zones + 1), np.full(judged.zones, np.nan), k < 0 or bool(judged.valid[k])
     traces = []
@@ -174,7 +174,7 @@ def _zone_bars(judged: Judged, k: int, known: int) -> list[Trace]:
     return traces if valid else [*traces, _not_valid(0.85 * judged.zones, 1.08 * judged.top)]
 
 
-def _bars(judged: Judged, steps: Steps) -> Chart:
+def _bars(judged: DamageHistory, steps: Stages) -> Chart:
     sure = " with two standard deviations" * judged.sure
     text = f"Bars: estimated damage of each zone{sure} to each side; diamonds: true damage." if judged.time.size else ""
     zones = {"range": [0.4, judged.zones + 0.6], "tick0": 1} | ({"dtick": 1} if judged.zones <= 40 else {})
@@ -183,7 +183,7 @@ def _bars(judged: Judged, steps: Steps) -> Chart:
     return Chart(title, "zone", "damage [%]", text=text, layout=layout, steps=steps, tall=square, broad=not square)
 
 
-def history_charts(judged: Judged) -> list[Chart]:
+def history_charts(judged: DamageHistory) -> list[Chart]:
     """Draw the damage of the zones over time: those that matter in colour, the others as their largest in grey."""
     if not judged.is_known:
         return []
@@ -222,7 +222,7 @@ def history_charts(judged: Judged) -> list[Chart]:
     return [over_time("Damage over time", "damage [%]", traces, **more)]
 
 
-def _judgements(judged: Judged, shown: list[int]) -> list[Trace]:
+def _judgements(judged: DamageHistory, shown: list[int]) -> list[Trace]:
     """Return the judgements over their windows, with bands, and marks at the ends."""
     rest = [z for z in range(judged.zones) if z not in shown]
     x = np.stack([judged.begin, judged.begin, judged.time, judged.time], axis=1).ravel()
@@ -260,7 +260,7 @@ def _judgements(judged: Judged, shown: list[int]) -> list[Trace]:
     return traces
 
 
-def doubt_charts(judged: Judged) -> list[Chart]:
+def doubt_charts(judged: DamageHistory) -> list[Chart]:
     """Draw how the detector and the twin measure whether they are to be trusted."""
     charts, ended, watch = [], judged.run.ended, judged.run.watch
     likeness = ended[-1].likeness if ended else ""
@@ -305,7 +305,7 @@ def _measured(title: str, time: Array, values: Array, limit: float, y: str, note
     return over_time(title, y, [_line(y.split(" [")[0], time, values)], note=note, marks=limits, layout=layout)
 
 
-def _indices(judged: Judged) -> list[Chart]:
+def _indices(judged: DamageHistory) -> list[Chart]:
     """Draw the packet energies of a detector that gives them."""
     data = judged.run.data
     name = f"{next(iter(find_all(data, 'detector')), '')}.index"

@@ -19,7 +19,7 @@ from ...fmi.shape import Integers, Surface
 from ..dataset import find, is_whole, need, origins_of, parameters_of
 from ..places import SENSORS, side
 from ..shapes import SLACK, TAUT, FaceStrains, ShapeHistory, face_strains
-from .damage import Judged
+from .damage import DamageHistory
 from .recorded import Recorded, over_time
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ STILL = 1e-9  # of its size: a motion that is round-off
 FLAT_ZONES = 4  # along the side of a square of unknown zones
 
 
-def membrane_charts(run: Recorded, judged: Judged) -> tuple[list[Chart], dict[str, Any] | None]:
+def membrane_charts(run: Recorded, judged: DamageHistory) -> tuple[list[Chart], dict[str, Any] | None]:
     """Return the charts of the membrane, and what the page needs to draw it in space."""
     history, flat = run.history, False
     if history is None:
@@ -44,7 +44,7 @@ def membrane_charts(run: Recorded, judged: Judged) -> tuple[list[Chart], dict[st
     return [*charts, *_deflection(run, judged), *_load(run), *_strain(run, found)], content
 
 
-def _in_space(judged: Judged, content: dict[str, Any], *, flat: bool) -> Chart:
+def _in_space(judged: DamageHistory, content: dict[str, Any], *, flat: bool) -> Chart:
     scale = (
         "Drawn to scale."
         if content["factor"] == 1.0
@@ -61,7 +61,7 @@ def _in_space(judged: Judged, content: dict[str, Any], *, flat: bool) -> Chart:
     return Chart("Membrane", note=note, text=text, tall=True, broad=not judged.side, script="addSurface")
 
 
-def square_history(run: Recorded, judged: Judged) -> tuple[ShapeHistory | None, bool]:
+def square_history(run: Recorded, judged: DamageHistory) -> tuple[ShapeHistory | None, bool]:
     """Return the shapes of a square membrane from the deflections of its nodes, flat if they were not recorded."""
     w, zones = run.heights, judged.side
     if w is None and not zones:
@@ -99,7 +99,7 @@ def _strains(run: Recorded, history: ShapeHistory) -> list[FaceStrains]:
 
 
 def surface_content(
-    run: Recorded, judged: Judged, history: ShapeHistory, found: list[FaceStrains], *, flat: bool
+    run: Recorded, judged: DamageHistory, history: ShapeHistory, found: list[FaceStrains], *, flat: bool
 ) -> dict[str, Any]:
     """Return a membrane and its motion.
 
@@ -138,7 +138,7 @@ def surface_content(
     }
 
 
-def _colours(judged: Judged, size: Array, found: list[FaceStrains], zones: int, *, flat: bool) -> list[dict[str, Any]]:
+def _colours(judged: DamageHistory, size: Array, found: list[FaceStrains], zones: int, *, flat: bool) -> list[dict[str, Any]]:
     """Return what the membrane may be coloured by: values of nodes, faces or zones at each instant, with their scale."""
     colours: list[dict[str, Any]] = []
     if not flat:
@@ -166,7 +166,7 @@ def _colours(judged: Judged, size: Array, found: list[FaceStrains], zones: int, 
     return colours
 
 
-def _deflection(run: Recorded, judged: Judged) -> list[Chart]:
+def _deflection(run: Recorded, judged: DamageHistory) -> list[Chart]:
     return [deflection_chart(run, tall=bool(judged.side))] if f"{run.membrane}.deflection" in run.data else []
 
 

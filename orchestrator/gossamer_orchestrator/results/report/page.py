@@ -13,7 +13,7 @@ from ...pages import PAGE, Page, folded, table, write_page
 from ...words import counted
 from ..dataset import find_all
 from . import facts
-from .damage import Judged, doubt_charts, history_charts, zone_charts
+from .damage import DamageHistory, doubt_charts, history_charts, zone_charts
 from .membrane import membrane_charts
 from .recorded import Recorded, curve_of, over_time
 from .sensors import sensor_charts
@@ -54,7 +54,7 @@ def run_page(data: xr.Dataset, folder: Path) -> Page:
         msg = f"the results for {folder} have no row. Run the scenario again."
         raise ResultsError(msg)
     run = Recorded(data, folder)
-    judged = Judged(run)
+    judged = DamageHistory(run)
     verdict = make_verdict(data, run.ended, run.watch)
     membrane, surface = membrane_charts(run, judged)
     charts = [

@@ -33,7 +33,7 @@ from ..dataset import compensators, find, need, sensors
 from ..files import load_results
 from ..judgements import doubts, judge
 from ..shapes import ShapeHistory
-from .damage import Judged, history_charts, zone_charts
+from .damage import DamageHistory, history_charts, zone_charts
 from .membrane import deflection_chart, deflection_map, plot_shape
 from .recorded import Recorded
 from .sensors import loop_charts, readers_of, strain_charts
@@ -186,7 +186,7 @@ def _deflection(run: Recorded) -> Panels:
 
 
 def _damage(run: Recorded) -> Panels:
-    last, judged = judge(run.data), Judged(run)
+    last, judged = judge(run.data), DamageHistory(run)
     k, known = (
         int(np.searchsorted(each, last.time + 1e-12, side="right")) - 1 for each in (judged.time, judged.true_time)
     )
@@ -198,7 +198,7 @@ def _damage(run: Recorded) -> Panels:
 
 def _history(run: Recorded) -> Panels:
     need(run.data, f"{find(run.data, 'detector')}.damage")
-    judged = Judged(run)
+    judged = DamageHistory(run)
     if len(run.ended) < 2 and len(judged.true_time) < 2:
         msg = "a single window under constant damage has no history."
         raise ResultsError(msg)

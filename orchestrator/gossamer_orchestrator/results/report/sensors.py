@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 import xarray as xr
-from gossamer_files.charts import Array, Chart, Pixels, Steps, band, curve, heat, points
+from gossamer_files.charts import Array, Chart, Pixels, Stages, band, curve, heat, points
 
 from ...errors import ResultsError
 from ...words import duration
@@ -293,7 +293,7 @@ def _stretches(run: Recorded) -> Iterator[tuple[str, slice]]:
     return ((title, slice(max(first, last - LOOP_ROWS), last + 1)) for title, first, last in spans)
 
 
-def _now(run: Recorded, read: Curve, shift: int, measured: Curve) -> Steps:
+def _now(run: Recorded, read: Curve, shift: int, measured: Curve) -> Stages:
     """Return the place of the loop at each of the slider's instants; it is not known before a late compensator stated it."""
     rows = run.instants[0]
     known = rows + shift < len(run.time)
@@ -302,7 +302,7 @@ def _now(run: Recorded, read: Curve, shift: int, measured: Curve) -> Steps:
     resistance = measured(run.data.isel(time=rows))
     look = {"symbol": "diamond", "size": 12, "line": {"color": "@panel", "width": 1.5}}
     dots = [[points("now", [e], [r], "@ink", **look)] for e, r in zip(strain, resistance, strict=True)]
-    return Steps(run.time[rows], dots)
+    return Stages(run.time[rows], dots)
 
 
 def _spectrogram(run: Recorded, reader: Reader) -> list[Chart]:
