@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from gossamer_models.automatic import choose
-from gossamer_models.automatic.baselines import cubic
+from gossamer_models.automatic.compare import cubic
 from gossamer_models.fitting import Record, e1, nrmse
 from gossamer_models.replay import predict_resistance, recover_by_fit
 from gossamer_models.sensor.fit import PreisachFit, PreisachSettings, fit_preisach

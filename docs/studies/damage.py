@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from gossamer_models.assessment import Assessment
-from gossamer_models.assessment.after_training import thesis_errors
+from gossamer_models.assessment import AssessmentResults
+from gossamer_models.assessment.figures import thesis_errors
 from gossamer_models.assessment.plots import save_pictures
 from gossamer_models.assessment.results import DetectionRow
 from gossamer_models.detector.thesis_tables import GROUPS, MULTIPLE_TRAINING, SINGLE_TRAINING, TABLES, ThesisTables
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from .damage_targets import metrics
 from .metrics import beside_target, number, table, verdict
 
-Cell = Callable[[Assessment, str, str], str]  # of a judge under a condition
+Cell = Callable[[AssessmentResults, str, str], str]  # of a judge under a condition
 Trainings = dict[str, dict[str, tuple[dict[str, float], dict[str, float]]]]  # errors by training and cases
 
 FOLDER = "damage"
@@ -39,7 +39,7 @@ what a method does not state, or for one that was not assessed. The slips of the
 `detector/thesis_tables.py` says."""
 
 
-def write(assessment: Assessment, trainings: Trainings, docs: Path) -> None:
+def write(assessment: AssessmentResults, trainings: Trainings, docs: Path) -> None:
     """Write the page and its pictures into a folder, from an assessment and what ``thesis_trainings`` gave."""
     pictures = docs / FOLDER
     for old in pictures.glob("*.png"):
@@ -60,7 +60,7 @@ def write(assessment: Assessment, trainings: Trainings, docs: Path) -> None:
     (docs / "damage.md").write_text(text, encoding="utf-8")
 
 
-def _targets(assessment: Assessment) -> list[str]:
+def _targets(assessment: AssessmentResults) -> list[str]:
     """Return the figures that were asked for beside those reached."""
     head = ("what", "unit", "reached", "met")
     body = []
@@ -72,7 +72,7 @@ def _targets(assessment: Assessment) -> list[str]:
     return ["", "## Asked and reached", "", *table(head, body)]
 
 
-def _thesis(assessment: Assessment) -> list[str]:
+def _thesis(assessment: AssessmentResults) -> list[str]:
     head = ("cases", "condition", "thesis", *assessment.judges)
     body = []
     for what, tables, rows in GROUPS:
@@ -107,7 +107,9 @@ def _trainings(trainings: Trainings) -> list[str]:
     return ["", "## Trained as the thesis did", "", text, "", *table(("training", "cases", "thesis", "ours"), body)]
 
 
-def estimates(assessment: Assessment, tables: ThesisTables, judge: str, condition: str) -> NDArray[np.float64] | None:
+def estimates(
+    assessment: AssessmentResults, tables: ThesisTables, judge: str, condition: str
+) -> NDArray[np.float64] | None:
     """Return what a judge says of all cases of two tables, shape (n, 16) [%]; None if it was not asked."""
     wanted = (tables.name, judge, condition)
     found = {row.case: row.damage for row in assessment.tables if (row.table, row.judge, row.condition) == wanted}
@@ -122,7 +124,7 @@ def _pair(truth: NDArray[np.float64], said: NDArray[np.float64] | None) -> str:
     return f"{error.mean():.2f} / {error[truth > 0.0].mean():.2f}"
 
 
-def _conditions(assessment: Assessment) -> list[str]:
+def _conditions(assessment: AssessmentResults) -> list[str]:
     lines = [
         "",
         "## Random cases under other conditions",
@@ -143,12 +145,12 @@ def _conditions(assessment: Assessment) -> list[str]:
     ]
 
 
-def _rows(assessment: Assessment, conditions: Sequence[str], cell: Cell) -> Iterator[Sequence[str]]:
+def _rows(assessment: AssessmentResults, conditions: Sequence[str], cell: Cell) -> Iterator[Sequence[str]]:
     for condition in conditions:
         yield condition, *(cell(assessment, judge, condition) for judge in assessment.judges)
 
 
-def _errors(assessment: Assessment, judge: str, condition: str) -> str:
+def _errors(assessment: AssessmentResults, judge: str, condition: str) -> str:
     row = assessment.row(judge, condition)
     if row is None:
         return "-"
@@ -156,7 +158,7 @@ def _errors(assessment: Assessment, judge: str, condition: str) -> str:
     return f"{f.error_all:.2f} / {f.error_damaged:.2f} ({100.0 * f.valid.value:.0f})"
 
 
-def _false_calls(assessment: Assessment, judge: str, condition: str) -> str:
+def _false_calls(assessment: AssessmentResults, judge: str, condition: str) -> str:
     row = assessment.row(judge, condition)
     if row is None:
         return "-"
@@ -164,7 +166,7 @@ def _false_calls(assessment: Assessment, judge: str, condition: str) -> str:
     return f"{100.0 * calls.value:.1f} (< {100.0 * calls.high:.1f})"
 
 
-def _detection(assessment: Assessment) -> list[str]:
+def _detection(assessment: AssessmentResults) -> list[str]:
     lines = ["", "## Probability of detection", ""]
     lines.append(
         "One damaged zone. A call is a valid answer whose P(damaged), or else its estimate, is above a threshold, which is "
@@ -198,7 +200,7 @@ def _bounds(rows: Sequence[DetectionRow]) -> tuple[str, ...]:
     return f"{whole.score} > {100.0 * whole.threshold:.2g} %", false, together, *(ends or ("-", "-"))
 
 
-def _cases(assessment: Assessment) -> Iterator[str]:
+def _cases(assessment: AssessmentResults) -> Iterator[str]:
     yield f"Zone: damage [%]; estimates below {SHOWN:g} % are left out, and a star marks an answer that is not valid."
     head = ("case", "actual", "thesis", *assessment.judges)
     for tables in TABLES:
@@ -213,7 +215,7 @@ def _cases(assessment: Assessment) -> Iterator[str]:
             yield "\n".join(table(head, body))
 
 
-def _case(assessment: Assessment, name: str, case: int, judge: str, condition: str) -> str:
+def _case(assessment: AssessmentResults, name: str, case: int, judge: str, condition: str) -> str:
     wanted = (name, case, judge, condition)
     for row in assessment.tables:
         if (row.table, row.case, row.judge, row.condition) == wanted:

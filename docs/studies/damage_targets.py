@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from gossamer_models.assessment import Assessment
+from gossamer_models.assessment import AssessmentResults
 from gossamer_models.assessment.figures import Figures
 
 from .metrics import Metric
@@ -73,7 +73,7 @@ DETECTION = {
 Line = tuple[str, str, float, Metric | None]
 
 
-def metrics(assessment: Assessment) -> Iterator[Line]:
+def metrics(assessment: AssessmentResults) -> Iterator[Line]:
     """Yield what, unit, target and metric of everything that is to be reached; None for what was not assessed."""
     for target in TARGETS:
         exact = target.method in (TWIN, FITTED, RESISTANCE)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model
-from gossamer_models.twin.forward import STRAINS
+from gossamer_models.twin.simulation import STRAINS
 from numpy.typing import NDArray
 
 ORDER, FINER = 4, 8

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from gossamer_models.automatic.baselines import features_of, regression
+from gossamer_models.automatic.compare import features_of, regression
 from gossamer_models.fitting import Record
 from numpy.typing import NDArray
 

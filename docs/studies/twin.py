@@ -19,9 +19,8 @@ from gossamer_models.batch import Batch
 from gossamer_models.membrane import MembraneParams, membrane_model
 from gossamer_models.sensor import default_artifact
 from gossamer_models.step_model import StepModel
-from gossamer_models.twin import Record, Twin
-from gossamer_models.twin.forward import STRAINS
-from gossamer_models.twin.sensors import Sensors
+from gossamer_models.twin import ResponseRecord, Twin
+from gossamer_models.twin.simulation import STRAINS, Sensors
 from numpy.typing import NDArray
 
 from .runge_kutta import runge_kutta_membrane
@@ -123,7 +122,7 @@ def judge(row: Row, damage: Array) -> str:
     """Fit all cases of a row; return its line of the table."""
     twin, records = row.twin(), row.make(damage)
     clock = time.process_time()
-    answers = [twin.fit(Record(step=STEP, values=values, kind=row.kind, noise=row.noise)) for values in records]
+    answers = [twin.fit(ResponseRecord(step=STEP, values=values, kind=row.kind, noise=row.noise)) for values in records]
     seconds = (time.process_time() - clock) / len(records)
     found = np.array([a.damage for a in answers])
     deviation = np.array([a.deviation for a in answers])

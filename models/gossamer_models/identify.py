@@ -19,12 +19,11 @@ from .errors import ParameterError
 from .fitting.errors import Errors, nrmse
 from .fitting.reading import Columns, read_records
 from .fitting.records import Record, judged_rows, strain_range, thin, training_stretches
-from .fitting.tables import table_path, write_predictions
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
-from .fractional.doubts import doubts as fractional_doubts
+from .fractional.fit import doubts as fractional_doubts
 from .plots import ModelledRecord, record_files
-from .replay import Recovered, clipped_strain, recover_by_fit
+from .replay import Recovered, clipped_strain, recover_by_fit, table_path, write_predictions
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import doubts as preisach_doubts

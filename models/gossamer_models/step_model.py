@@ -151,6 +151,10 @@ class StepModel:
         """Names of all variables in table order."""
         return tuple(v.name for v in self.variables)
 
+    def elements(self, array: str) -> tuple[str, ...]:
+        """Names of the elements of an array of variables, in order."""
+        return tuple(name for name in self.names if name.startswith(f"{array}["))
+
     @property
     def n_states(self) -> int:
         """Number of states."""

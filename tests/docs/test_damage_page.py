@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from gossamer_models.assessment import Assessment, Verdicts, figures, fit_pod, share
+from gossamer_models.assessment import AssessmentResults, Verdicts, figures, fit_pod, share
 from gossamer_models.assessment.results import ConfusionRow, DetectionRow, Row, TableRow
 from gossamer_models.detector.thesis_tables import GROUPS, TABLES
 from studies.damage import write
@@ -45,7 +45,7 @@ def found():
     truth = TABLES[0].damage
     said = Verdicts(damage=truth + 0.02, deviation=np.full(truth.shape, 0.02), valid=np.arange(17) % 2 == 0)
     shown = figures(truth, said)
-    return Assessment(
+    return AssessmentResults(
         provenance={"mesh": "coarse", "cases": "17", "another mesh": "fine"},
         rows=[
             Row(judge=judge, condition=condition, figures=shown, reliability=[0.5] * 11, largest=[0.0, 0.1])

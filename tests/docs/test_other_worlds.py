@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model
-from gossamer_models.twin.forward import STRAINS
+from gossamer_models.twin.simulation import STRAINS
 from studies.runge_kutta import runge_kutta_membrane
 from studies.specimen.flight import calibrated_sensor, flown_resistance
 

@@ -11,7 +11,7 @@ from conftest import SHARED
 from gossamer_models import ArtifactError, ParameterError
 from gossamer_models.assessment import (
     AlwaysZero,
-    Assessment,
+    AssessmentResults,
     DetectorJudge,
     TwinJudge,
     Verdicts,
@@ -25,11 +25,10 @@ from gossamer_models.assessment import (
     reliability,
     write_assessment,
 )
-from gossamer_models.assessment.conditions import SHARES, SIZES, single_damages
+from gossamer_models.assessment.conditions import SHARES, SIZES, Records, make_records, single_damages, with_fault
 from gossamer_models.assessment.figures import NOMINAL
-from gossamer_models.assessment.kept import ask
+from gossamer_models.assessment.judges import ask
 from gossamer_models.assessment.plots import save_pictures
-from gossamer_models.assessment.records import Records, make_records, with_fault
 from gossamer_models.assessment.results import FILE
 from gossamer_models.batch import Batch
 from gossamer_models.campaign import Mesh, draw_cases
@@ -37,7 +36,7 @@ from gossamer_models.detector import detector_model
 from gossamer_models.detector.thesis_tables import MULTIPLE_TRAINING, SINGLE_TRAINING, TABLE_7_3, TABLES, as_array
 from gossamer_models.membrane import membrane_model
 from gossamer_models.twin import Twin
-from gossamer_models.twin.forward import STRAINS
+from gossamer_models.twin.simulation import STRAINS
 from scipy.stats import norm
 
 COARSE = Mesh(elements_per_side=4, order=1)
@@ -122,7 +121,7 @@ def test_confusion_counts_the_zone_called_first():
 
 
 def test_single_damages_fill_every_zone_evenly_wherever_they_stop():
-    damage = as_array(single_damages(60))
+    damage = as_array(single_damages(60, 16))
     assert ((damage > 0.0).sum(axis=1) == 1).all()
     for stop in (8 * 16, 60 * 16):
         for zone in range(16):
@@ -251,7 +250,7 @@ def test_results_are_read_as_they_were_written(seen, tmp_path):
 def test_what_is_no_assessment_is_refused(tmp_path):
     with pytest.raises(ArtifactError):
         read_assessment(tmp_path)
-    write_assessment(Assessment(provenance={}), tmp_path)
+    write_assessment(AssessmentResults(provenance={}), tmp_path)
     (tmp_path / FILE).write_text((tmp_path / FILE).read_text().replace('"version": 1', '"version": 2'))
     with pytest.raises(ArtifactError, match="version 2"):
         read_assessment(tmp_path)

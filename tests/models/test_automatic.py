@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from gossamer_models import DataError
 from gossamer_models.automatic import HERE, Standing, choose, compensators, defeats, standings
-from gossamer_models.automatic.split import FITTED, cut, shortened
-from gossamer_models.automatic.tracking import OPTIMISM, calibrated, error_model, motion
-from gossamer_models.automatic.trials import Bench, error_on
+from gossamer_models.automatic.compensators import OPTIMISM, calibrated, error_model, motion
+from gossamer_models.automatic.trials import FITTED, Bench, cut, error_on, shortened
 from gossamer_models.compensator.particle import DELAY
 from gossamer_models.identify import settings_for
 from gossamer_models.replay import recover_by_fit

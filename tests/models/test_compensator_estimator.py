@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gossamer_models import ParameterError, Stepper, simulate
 from gossamer_models.compensator import compensator_model, estimator_model
-from gossamer_models.compensator.smooth import smooth
+from gossamer_models.compensator.estimation import smooth
 from gossamer_models.sensor import Scales, default_artifact, sensor_model
 from oracles.preisach import UNIT, artifact, drive, start, term
 from studies.noise import measure, random_legs, uniform_eta

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from gossamer_models import ArtifactError, DataError, Stepper, simulate
 from gossamer_models.assessment import DetectorJudge
-from gossamer_models.assessment.after_training import errors, thesis_errors
+from gossamer_models.assessment.figures import errors, thesis_errors
 from gossamer_models.batch import Batch
 from gossamer_models.detector import (
     DetectorArtifact,

@@ -8,7 +8,7 @@ import pytest
 from gossamer_fmus.catalogue import fmu_folder
 from gossamer_models import ArtifactError, DataError, Stepper, simulate
 from gossamer_models.assessment import PosteriorJudge
-from gossamer_models.assessment.after_training import errors
+from gossamer_models.assessment.figures import errors
 from gossamer_models.batch import Batch
 from gossamer_models.detector import PosteriorArtifact, posterior_model
 from gossamer_models.detector.features import SECTORS, block_means, difference_noise, principal_components

@@ -9,10 +9,8 @@ from gossamer_models.fitting.records import in_equal_steps
 from gossamer_models.fitting.separable import SeparableProblem
 from gossamer_models.fractional import FractionalSettings, FractionalTerm, fit_fractional, predict
 from gossamer_models.fractional.artifact import MODELS
-from gossamer_models.fractional.columns import RecordColumns
-from gossamer_models.fractional.doubts import doubts
-from gossamer_models.fractional.fit import random_starts
-from gossamer_models.fractional.problem import prepare
+from gossamer_models.fractional.fit import doubts, random_starts
+from gossamer_models.fractional.problem import RecordColumns, prepare
 from oracles.fractional import ALL, INTEGRALS, STRAIN, TIME, TURNED, H, record
 from studies.fractional import fit_change, fitted
 from studies.specimen import specimen_record

@@ -20,11 +20,10 @@ from gossamer_models.membrane import (
 from gossamer_models.membrane.gauges import gauge
 from gossamer_models.placement import NOISE, place_sensors, save_picture, sensors_text, write_csv
 from gossamer_models.placement.candidates import ANGLES, candidates, stacked
-from gossamer_models.placement.choice import choose
-from gossamer_models.placement.information import THRESHOLD, deviations, information, smallest_damage
-from gossamer_models.placement.simulation import Simulation
-from gossamer_models.twin.forward import Forward
+from gossamer_models.placement.information import THRESHOLD, choose, deviations, information, smallest_damage
+from gossamer_models.placement.simulation import GaugeSimulation
 from gossamer_models.twin.nuisances import OFFSET
+from gossamer_models.twin.simulation import Forward
 from scipy.stats import norm
 
 ELEMENTS, ORDER, STEP, STOP = 4, 1, 3e-4, 0.15
@@ -118,7 +117,7 @@ def test_histories_are_those_of_the_membrane_of_the_twin(square):
     pytest.importorskip("ziglang", reason="the twin needs the compiler")
     damage = np.zeros((2, 16))
     damage[1, [2, 9]] = 0.2, 0.4
-    simulation = Simulation(square, LOAD, STEP, 100)
+    simulation = GaugeSimulation(square, LOAD, STEP, 100)
     x = np.hstack([damage, np.zeros((2, 2))])
     twin = Forward(ELEMENTS, ORDER, MembraneParams()).strain(damage, {}, None, 100, STEP)
     np.testing.assert_allclose(simulation.histories(x, own_gauges(square)), twin, atol=1e-9)

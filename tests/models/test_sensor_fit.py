@@ -13,7 +13,7 @@ from gossamer_models.replay import predict_resistance
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
 from gossamer_models.sensor.fit.doubts import determination, doubts, parameters, undetermined
-from gossamer_models.sensor.fit.ridge import RIDGES, between, choose_ridge
+from gossamer_models.sensor.fit.solve import RIDGES, between, choose_ridge
 from oracles.preisach import drive, start
 from oracles.records import QUICK, everything, fit_like, record, zigzag
 

@@ -11,9 +11,9 @@ from gossamer_models.identify import settings_for
 from gossamer_models.modes import StretchedKernels
 from gossamer_models.sensor import default_artifact
 from gossamer_models.sensor.fit import fit_preisach
-from gossamer_models.sensor.fit.densities import modal_field, reversible_beyond, wave_numbers
+from gossamer_models.sensor.fit.parameters import modal_field, reversible_beyond, wave_numbers
 from gossamer_models.sensor.fit.regression import relaxed, switched
-from gossamer_models.sensor.relaxation import ModeBank
+from gossamer_models.sensor.law import ModeBank
 from oracles.records import everything
 from scipy.optimize import lsq_linear, minimize
 from studies.specimen import specimen_record

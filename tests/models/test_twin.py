@@ -7,13 +7,12 @@ import pytest
 from gossamer_models import ArtifactError, DataError, ParameterError
 from gossamer_models.membrane import MembraneParams
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin import Record, Twin, make_record, read_table
+from gossamer_models.twin import ResponseRecord, Twin, make_record, read_table
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
-from gossamer_models.twin.forward import Forward
-from gossamer_models.twin.quadratic import bounded_minimum
-from gossamer_models.twin.record import dead_sensors
-from gossamer_models.twin.weights import NoiseWeights, SplineWeights
-from gossamer_models.twin.wiring import ORDERS
+from gossamer_models.twin.least_squares import bounded_minimum
+from gossamer_models.twin.problem import NoiseWeights, SplineWeights
+from gossamer_models.twin.record import ORDERS, dead_sensors
+from gossamer_models.twin.simulation import Forward
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
@@ -54,7 +53,7 @@ TWO = damage(z6=0.3, z11=0.15)
 def test_without_noise_the_damage_is_exact_and_how_far_it_is_was_said(forward, twin):
     said = []
     answer = twin.fit(
-        Record(step=STEP, values=strain(forward, TWO), noise=1e-6), report=lambda *each: said.append(each)
+        ResponseRecord(step=STEP, values=strain(forward, TWO), noise=1e-6), report=lambda *each: said.append(each)
     )
     np.testing.assert_allclose(answer.damage, TWO, atol=1e-6)
     lengths = sorted({seconds for seconds, _ in said})
@@ -67,7 +66,7 @@ def test_without_noise_the_damage_is_exact_and_how_far_it_is_was_said(forward, t
 
 def test_all_zones_at_once_are_exact_without_noise(forward):
     many = np.linspace(0.0, 0.6, 16)[np.random.default_rng(1).permutation(16)]
-    answer = Twin(*MESH, sparse=False).fit(Record(step=STEP, values=strain(forward, many), noise=1e-5))
+    answer = Twin(*MESH, sparse=False).fit(ResponseRecord(step=STEP, values=strain(forward, many), noise=1e-5))
     np.testing.assert_allclose(answer.damage, many, atol=1e-5)
 
 
@@ -78,7 +77,7 @@ def test_errors_under_noise_are_as_large_as_stated(forward, twin):
         true = np.zeros(16)
         zones = random.choice(16, random.integers(2, 5), replace=False)
         true[zones] = random.uniform(0.1, 0.5, zones.size)
-        answer = twin.fit(Record(step=STEP, values=strain(forward, true, 0.02, seed), noise=NOISE))
+        answer = twin.fit(ResponseRecord(step=STEP, values=strain(forward, true, 0.02, seed), noise=NOISE))
         z.extend(((answer.damage - true) / answer.deviation)[zones])
         valid += answer.valid
     assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.4
@@ -86,7 +85,7 @@ def test_errors_under_noise_are_as_large_as_stated(forward, twin):
 
 
 def test_noise_is_estimated_from_the_record_itself(forward, twin):
-    record = Record(step=STEP, values=strain(forward, TWO, 0.02))
+    record = ResponseRecord(step=STEP, values=strain(forward, TWO, 0.02))
     np.testing.assert_allclose(record.noise_deviation(), NOISE, rtol=0.15)
     answer = twin.fit(record)
     assert answer.valid
@@ -96,7 +95,7 @@ def test_noise_is_estimated_from_the_record_itself(forward, twin):
 def test_load_and_damping_are_found_with_the_damage(forward):
     values = strain(forward, TWO, 0.02, pressure_amplitude=1.07e4, pressure_frequency=7.7, mass_damping=30.0)
     twin = Twin(*MESH, nuisances=("offset", "amplitude", "frequency", "damping"))
-    answer = twin.fit(Record(step=STEP, values=values, noise=NOISE))
+    answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE))
     assert answer.valid
     np.testing.assert_allclose(answer.damage, TWO, atol=0.03)
     for name, true in (("amplitude", 1.07), ("frequency", 7.7 / 7.9), ("damping", 1.5), ("offset[1]", 0.01)):
@@ -107,7 +106,7 @@ def test_load_and_damping_are_found_with_the_damage(forward):
 def test_a_gain_and_a_phase_are_found_with_the_damage(forward):
     values = strain(forward, TWO, pressure_phase=0.06)
     values[2] *= 1.015
-    answer = Twin(*MESH, nuisances=("gain", "phase")).fit(Record(step=STEP, values=values, noise=1e-4))
+    answer = Twin(*MESH, nuisances=("gain", "phase")).fit(ResponseRecord(step=STEP, values=values, noise=1e-4))
     np.testing.assert_allclose(answer.damage, TWO, atol=2e-3)
     assert answer.nuisances["gain[3]"][0] == pytest.approx(1.015, abs=2e-3)
     assert answer.nuisances["phase"][0] == pytest.approx(0.06, abs=2e-3)
@@ -116,7 +115,7 @@ def test_a_gain_and_a_phase_are_found_with_the_damage(forward):
 def test_an_unknown_pressure_is_found_with_the_damage(forward):
     """The twin's own load is off; all of the pressure, 10 kPa at 7.9 Hz, is unknown."""
     answer = Twin(*MESH, nuisances=("pressure",), params=MembraneParams(pressure_phase=np.pi / 3)).fit(
-        Record(step=STEP, values=strain(forward, TWO)[:, :300], noise=1e-3)
+        ResponseRecord(step=STEP, values=strain(forward, TWO)[:, :300], noise=1e-3)
     )
     assert answer.valid
     np.testing.assert_allclose(answer.damage, TWO, atol=0.03)
@@ -126,21 +125,21 @@ def test_on_resistance_the_sensor_runs_inside_the_twin(forward, twin):
     resistance = forward.resistance(strain(forward, TWO)[None], STEP)[0]
     noise = 1e-3 * forward.sensors.parameters["full_scale_resistance_change"][:, None]
     noisy = resistance + noise * np.random.default_rng(3).standard_normal(resistance.shape)
-    answer = twin.fit(Record(step=STEP, values=noisy, kind="resistance"))
+    answer = twin.fit(ResponseRecord(step=STEP, values=noisy, kind="resistance"))
     assert answer.valid
     np.testing.assert_allclose(answer.damage, TWO, atol=0.01)
 
 
 def test_a_wrong_load_is_not_valid(forward, twin):
     values = strain(forward, TWO, 0.02, pressure_amplitude=0.9e4)
-    answer = twin.fit(Record(step=STEP, values=values, noise=NOISE))
+    answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE))
     assert not answer.valid
     assert "does not explain the record" in answer.doubts[-1]
 
 
 def test_a_softer_membrane_is_no_damage_of_all_zones(forward):
     """Young's modulus and equal damage everywhere are the same to a record."""
-    record = Record(step=STEP, values=strain(forward, np.zeros(16), youngs_modulus=0.97e7), noise=1e-4)
+    record = ResponseRecord(step=STEP, values=strain(forward, np.zeros(16), youngs_modulus=0.97e7), noise=1e-4)
     for sparse in (False, True):
         answer = Twin(*MESH, sparse=sparse).fit(record)
         assert not answer.valid
@@ -154,7 +153,7 @@ def test_a_softer_membrane_is_no_damage_of_all_zones(forward):
 def test_a_false_minimum_is_left_for_another_start(forward, twin):
     """From a far start the twin ends elsewhere, chi2 tells, and the next start finds the damage."""
     far = np.full(16, 0.9)
-    answer = twin.fit(Record(step=STEP, values=strain(forward, TWO), noise=1e-5), start=far)
+    answer = twin.fit(ResponseRecord(step=STEP, values=strain(forward, TWO), noise=1e-5), start=far)
     assert answer.valid
     np.testing.assert_allclose(answer.damage, TWO, atol=1e-4)
 
@@ -164,7 +163,7 @@ def test_gaps_and_a_dead_sensor_are_left_out(forward, twin):
     values[1] = 0.02
     values[0, 100:150] = np.nan
     values[3, ::17] = np.nan
-    answer = twin.fit(Record(step=STEP, values=values, noise=1e-5))
+    answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=1e-5))
     np.testing.assert_allclose(answer.damage, TWO, atol=1e-4)
     assert answer.valid
     assert answer.left_out == (2,)
@@ -174,7 +173,7 @@ def test_gaps_and_a_dead_sensor_are_left_out(forward, twin):
 def test_a_wrong_sensor_is_recognised_and_left_out(forward, twin):
     values = strain(forward, TWO)
     values[2] *= 1.2
-    answer = twin.fit(Record(step=STEP, values=values, noise=1e-3))
+    answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=1e-3))
     np.testing.assert_allclose(answer.damage, TWO, atol=0.02)
     assert answer.left_out == (3,)
     assert "sensor 3 contradicts the others" in answer.doubts[0]
@@ -183,7 +182,7 @@ def test_a_wrong_sensor_is_recognised_and_left_out(forward, twin):
 def test_swapped_sensors_are_recognised_and_the_answer_is_not_valid(forward, twin):
     """A mirrored damage cannot be told apart, so the answer cannot be used."""
     values = strain(forward, TWO)[[2, 1, 0, 3]]
-    answer = twin.fit(Record(step=STEP, values=values, noise=1e-3))
+    answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=1e-3))
     assert answer.order == (3, 2, 1, 4)
     assert not answer.valid
     assert "1 and 3, or 2 and 4" in answer.doubts[0]
@@ -198,13 +197,13 @@ def test_the_orders_of_sensors_differ_by_more_than_a_mirror():
 
 def test_a_short_record_says_which_zones_it_cannot_tell(forward, twin):
     values = strain(forward, TWO, 0.02)[:, :60]
-    answer = twin.fit(Record(step=STEP, values=values, noise=NOISE))
+    answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE))
     assert len(answer.unresolved) > 4
-    assert twin.fit(Record(step=STEP, values=strain(forward, TWO, 0.02), noise=NOISE)).unresolved == ()
+    assert twin.fit(ResponseRecord(step=STEP, values=strain(forward, TWO, 0.02), noise=NOISE)).unresolved == ()
 
 
 def test_an_answer_is_written_as_json(forward, twin):
-    answer = twin.fit(Record(step=STEP, values=strain(forward, TWO), noise=1e-4))
+    answer = twin.fit(ResponseRecord(step=STEP, values=strain(forward, TWO), noise=1e-4))
     text = json.loads(json.dumps(answer.as_json()))
     np.testing.assert_array_equal(text["damage"], answer.damage)
 
@@ -222,11 +221,11 @@ def test_an_answer_is_written_as_json(forward, twin):
 )
 def test_a_record_without_meaning_is_refused(wrong, message):
     with pytest.raises(DataError, match=message):
-        Record(**{"step": STEP, "values": np.random.default_rng(0).random((4, 100)), **wrong})
+        ResponseRecord(**{"step": STEP, "values": np.random.default_rng(0).random((4, 100)), **wrong})
 
 
 def test_what_the_twin_cannot_fit_is_refused(forward, twin):
-    record = Record(step=STEP, values=strain(forward, TWO), kind="resistance")
+    record = ResponseRecord(step=STEP, values=strain(forward, TWO), kind="resistance")
     with pytest.raises(ParameterError, match="has no sensor"):
         Twin(*MESH).fit(record)
     with pytest.raises(ParameterError, match="sparse=True"):
@@ -234,7 +233,7 @@ def test_what_the_twin_cannot_fit_is_refused(forward, twin):
     with pytest.raises(ParameterError, match="no nuisance 'colour'"):
         Twin(*MESH, nuisances=("colour",))
     with pytest.raises(DataError, match="no sensor has values that move"):
-        twin.fit(Record(step=STEP, values=np.full((4, 100), 0.02)))
+        twin.fit(ResponseRecord(step=STEP, values=np.full((4, 100), 0.02)))
     with pytest.raises(ParameterError, match="one damage for each of 16 zones"):
         twin.fit(record, start=[0.1])
 
@@ -242,7 +241,7 @@ def test_what_the_twin_cannot_fit_is_refused(forward, twin):
 def test_a_sensor_that_does_not_move_is_dead():
     values = np.random.default_rng(0).random((4, 100))
     values[2], values[3] = 1e-3, np.nan
-    assert dead_sensors(Record(step=STEP, values=values)) == [2]
+    assert dead_sensors(ResponseRecord(step=STEP, values=values)) == [2]
 
 
 def test_tables_are_read_by_the_names_of_their_columns(tmp_path):
@@ -325,7 +324,8 @@ def test_what_the_learned_error_does_not_cover_is_neither_compared_nor_simulated
     twin = Twin(*MESH, discrepancy=none)
     values = strain(forward, TWO, 0.02)
     whole, beginning = (
-        twin.fit(Record(step=STEP, values=part, noise=NOISE)) for part in (values, values[:, : round(length / STEP)])
+        twin.fit(ResponseRecord(step=STEP, values=part, noise=NOISE))
+        for part in (values, values[:, : round(length / STEP)])
     )
     assert whole.valid
     assert (whole.damage == beginning.damage).all()
@@ -336,7 +336,7 @@ def test_a_hopeless_record_is_given_up_soon(forward, twin):
     """Noise of a thousandth of that of the record: no damage explains it, and no other start is tried."""
     wrong = strain(forward, TWO, 0.02, pressure_frequency=9.0)
     right = strain(forward, TWO, 0.02)
-    given_up, found = (twin.fit(Record(step=STEP, values=values, noise=NOISE)) for values in (wrong, right))
+    given_up, found = (twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE)) for values in (wrong, right))
     assert not given_up.valid
     assert given_up.simulations < 2 * found.simulations
 

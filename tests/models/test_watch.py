@@ -8,8 +8,8 @@ from gossamer_models import DataError, ParameterError
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import MembraneParams, membrane_model
 from gossamer_models.sensor import default_artifact, sensor_model
-from gossamer_models.twin.onset import OnsetProblem, Seen
-from gossamer_models.twin.running import Running
+from gossamer_models.twin.onset import JudgedWindow, OnsetProblem
+from gossamer_models.twin.simulation import Running
 from gossamer_models.twin.watch import Watch
 
 MESH = (4, 1)  # coarse, so that a window costs little; twin and truth have the same
@@ -81,10 +81,10 @@ def test_windows_before_the_onset_are_not_simulated_again_and_the_readings_are_t
     place, seen = running.begin(healthy, STEP), []
     for k in range(3):
         expected, after = running.advance(place, np.zeros((1, 30, 16)), STEP)
-        seen.append(Seen(30 * STEP * k, place, expected[0], expected[0]))
+        seen.append(JudgedWindow(30 * STEP * k, place, expected[0], expected[0]))
         place = after
     y = np.concatenate([window.y for window in seen], axis=1)
-    whole = OnsetProblem(running, [Seen(0.0, seen[0].place, y, y)], sigma, healthy, STEP)
+    whole = OnsetProblem(running, [JudgedWindow(0.0, seen[0].place, y, y)], sigma, healthy, STEP)
     parts = OnsetProblem(running, seen, sigma, healthy, STEP)
     for onsets in ([40.5, 70.0], [60.0, 61.0], [3.0, 80.0]):
         unknowns = np.column_stack([onsets, np.full((2, 16), 0.2)])

@@ -13,7 +13,7 @@ import numpy as np
 from gossamer_models import ParameterError
 from gossamer_models.sensor import SensorArtifact
 from gossamer_models.sensor.drives import THESIS
-from gossamer_models.sensor.relaxation import ModeBank
+from gossamer_models.sensor.law import ModeBank
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]

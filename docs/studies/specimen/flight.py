@@ -17,7 +17,7 @@ from gossamer_models.membrane import MembraneParams, membrane_model
 from gossamer_models.membrane.params import stretch
 from gossamer_models.sensor import SensorArtifact
 from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
-from gossamer_models.twin.forward import STRAINS
+from gossamer_models.twin.simulation import STRAINS
 
 from .material import SpecimenParams, VirtualSpecimen
 

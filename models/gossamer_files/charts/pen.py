@@ -139,7 +139,7 @@ def draw(chart: Chart, ax: Axes | None = None, *, legend: bool = True) -> Axes:
 
 def _width(ax: Axes) -> float:
     """Return about how broad the axes are [inch]."""
-    return float(ax.figure.get_figwidth() * ax.get_position().width / 0.8)
+    return float(ax.figure.bbox.width / ax.figure.dpi * ax.get_position().width / 0.8)
 
 
 def _legend(ax: Axes) -> None:
@@ -199,6 +199,7 @@ def _mark(mark: Trace, ax: Axes) -> None:
 
 def _map(trace: Trace, x: Array, y: Array, ax: Axes) -> None:
     """Draw a map of colours with its scale: cells about their places, or levels between these."""
+    limits: Any
     z, limits = np.asarray(trace["z"], dtype=float), {"vmin": trace.get("zmin"), "vmax": trace.get("zmax")}
     colors = SCALES.get(trace["colorscale"], str(trace["colorscale"]).lower().replace("rdbu", "RdBu"))
     ax.grid(visible=False)
@@ -226,7 +227,10 @@ def _errors(trace: Trace, axis: str) -> Array | None:
     if not found:
         return None
     above = np.nan_to_num(np.asarray(found["array"], dtype=float))
-    return np.maximum(np.stack([np.nan_to_num(np.asarray(found.get("arrayminus", above), dtype=float)), above]), 0.0)
+    reach: Array = np.maximum(
+        np.stack([np.nan_to_num(np.asarray(found.get("arrayminus", above), dtype=float)), above]), 0.0
+    )
+    return reach
 
 
 def _bars(trace: Trace, x: Array, y: Array, beside: tuple[int, int], ax: Axes) -> None:
@@ -239,8 +243,13 @@ def _bars(trace: Trace, x: Array, y: Array, beside: tuple[int, int], ax: Axes) -
     draw_bars(at, values, width, color=_color(trace["marker"]["color"]), label=_label(trace))
     for axis in "xy":
         if (reach := _errors(trace, axis)) is not None:
-            look = {"fmt": "none", "ecolor": _color(trace[f"error_{axis}"]["color"]), "elinewidth": 1.0, "capsize": 2.0}
-            ax.errorbar(values if lying else at, at if lying else values, **{f"{axis}err": reach}, **look)
+            look: Any = {
+                "fmt": "none",
+                "ecolor": _color(trace[f"error_{axis}"]["color"]),
+                "elinewidth": 1.0,
+                "capsize": 2.0,
+            }
+            ax.errorbar(values if lying else at, at if lying else values, **{f"{axis}err": reach} | look)
 
 
 def _words(trace: Trace, x: Array, y: Array, ax: Axes) -> None:
@@ -280,7 +289,7 @@ def _scatter(trace: Trace, x: Array, y: Array, low: Array, ax: Axes) -> None:
             size = np.max(marker.get("size", 6))
             look |= {"marker": SYMBOLS[symbol], "ms": 0.7 * float(size), "clip_on": False}
             look |= {"mfc": "none"} if symbol.endswith("open") else {}
-        reach = {f"{axis}err": each for axis in "xy" if (each := _errors(trace, axis)) is not None}
+        reach: Any = {f"{axis}err": each for axis in "xy" if (each := _errors(trace, axis)) is not None}
         if reach:
             ax.errorbar(x, y, **reach, **look, elinewidth=1.0, capsize=2.0)
         else:

@@ -13,9 +13,8 @@ from .judges import (
     shipped_judges,
     twin_judges,
 )
-from .pod import Pod, fit_pod
-from .proportions import Share, share, size_by_counts, threshold_for
-from .results import Assessment, read_assessment, write_assessment
+from .pod import Pod, Share, fit_pod, share, size_by_counts, threshold_for
+from .results import AssessmentResults, read_assessment, write_assessment
 from .run import assess
 
 __all__ = [
@@ -31,7 +30,7 @@ __all__ = [
     "Verdicts",
     # all at once
     "assess",
-    "Assessment",
+    "AssessmentResults",
     "Condition",
     "conditions",
     "Detection",

@@ -5,15 +5,29 @@ Every condition is a campaign, so its cases are a function of seed and number.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from ..campaign import CampaignPlan, Chain, Damage, Distribution, MeasurementNoise, Mesh, Vary
+from ..arrays import Matrix
+from ..campaign import (
+    CampaignPlan,
+    Chain,
+    Damage,
+    Distribution,
+    MeasurementNoise,
+    Mesh,
+    Vary,
+    measured_resistance,
+    measured_strain,
+    read_campaign,
+    run_campaign,
+)
 from ..detector.thesis_tables import NOISE, Damages
-from ..membrane.mesh import N_ZONES
 
 THESIS_NOISE = MeasurementNoise(strain=Distribution(uniform=NOISE))
 CHAIN_NOISE = MeasurementNoise(resistance=Distribution(normal=0.001))  # of the change of resistance at full scale
@@ -149,7 +163,9 @@ def detections(cases: int, mesh: Mesh, *, seed: int = 11, long: float = 0.9, sto
         Length of the records of strain with the thesis' noise, and through the whole chain [s].
     """
     base = CampaignPlan(cases=cases, seed=seed, stop=long, membrane=mesh, damage=HEALTHY, noise=THESIS_NOISE)
-    damaged = replace(base, cases=None, damage=Damage(cases=single_damages(max(cases // 5, 1))), seed=seed + 1)
+    damaged = replace(
+        base, cases=None, damage=Damage(cases=single_damages(max(cases // 5, 1), mesh.structure.n_zones)), seed=seed + 1
+    )
     chain, damaged_chain = (_through_chain(replace(campaign, stop=stop)) for campaign in (base, damaged))
     found = []
     for name, store, pair in (
@@ -164,19 +180,111 @@ def detections(cases: int, mesh: Mesh, *, seed: int = 11, long: float = 0.9, sto
     return found
 
 
-def single_damages(sizes: int) -> Damages:
+def single_damages(sizes: int, zones: int) -> Damages:
     """List damages of one zone at a time, zone after zone, every zone ``sizes`` times.
 
     The logarithms of the sizes fill ``SIZES`` in each zone, evenly within the shares, at other places in every zone, and the
     first few already lie far apart (van der Corput), so that a slow judge may stop anywhere.
     """
-    zones = np.arange(N_ZONES)
+    zone = np.arange(zones)
     order = np.argsort([_van_der_corput(k) for k in range(sizes)]).argsort()
-    places = (order[:, None] + (zones * 7 % N_ZONES + 0.5) / N_ZONES) / sizes
+    places = (order[:, None] + (zone * 7 % zones + 0.5) / zones) / sizes
     size = np.exp(np.interp(places, SHARES, np.log(SIZES)))
-    return tuple({int(zone) + 1: float(row[zone])} for row in size for zone in zones)
+    return tuple({k: float(one)} for row in size for k, one in enumerate(row, start=1))
 
 
 def _van_der_corput(k: int) -> float:
     bits = f"{k:b}"[::-1]
     return int(bits, 2) / float(2 ** len(bits))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Records:
+    """Histories of n cases, whose simulation did not fail.
+
+    Attributes
+    ----------
+    damage : ndarray, shape (n, zones)
+        True damage [1].
+    strain : ndarray, shape (n, sensors, T)
+        What a judge of strain gets [1]; through a chain that of the compensator, without its delay.
+    resistance : ndarray, shape (n, 4, T'), or None
+        With noise [ohm]; None without a chain.
+    step : float
+        Sampling step [s].
+    failed : int
+        Cases that were left out.
+    """
+
+    damage: Matrix
+    strain: Matrix
+    resistance: Matrix | None
+    step: float
+    failed: int
+
+    def __len__(self) -> int:
+        """Return n."""
+        return len(self.damage)
+
+
+def make_records(
+    condition: Condition,
+    folder: Path,
+    *,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Records:
+    """Simulate what is missing of a condition and read all of it.
+
+    Parameters
+    ----------
+    condition : Condition
+        What to read.
+    folder : Path
+        Where the stores of campaigns are.
+    workers, progress
+        As in ``run_campaign``.
+
+    Raises
+    ------
+    CampaignStoppedError, DataError, OSError
+        As in ``run_campaign``.
+    """
+    campaign = condition.campaign
+    path = folder / f"{condition.store}_{campaign.count}.zarr"
+    run_campaign(campaign, path, workers=workers, progress=progress)
+    data = read_campaign(path)
+    sound = ~data["failed"].to_numpy()
+    data = data.isel(case=np.flatnonzero(sound))
+    resistance = None
+    if campaign.chain is not None:
+        late = round(float(data["compensated_strain"].attrs["delay"]) / campaign.step)
+        samples = campaign.steps - LATE
+        strain = data["compensated_strain"].to_numpy()[:, :, late : late + samples]
+        resistance = measured_resistance(data).to_numpy()[:, :, :samples]
+    elif condition.noisy:
+        strain = measured_strain(data).to_numpy()
+    else:
+        strain = (data["sensor_gain"] * data["strain"]).to_numpy()
+    return Records(
+        damage=data["damage"].to_numpy(),
+        strain=with_fault(strain, data["case"].to_numpy(), condition.fault),
+        resistance=resistance,
+        step=campaign.step,
+        failed=int((~sound).sum()),
+    )
+
+
+def with_fault(histories: Matrix, numbers: Matrix, fault: Fault) -> Matrix:
+    """Return histories, shape (n, sensors, T), with one dead sensor or two swapped ones, by the numbers of the cases."""
+    found = np.array(histories)
+    sensors = found.shape[1]
+    pairs = list(combinations(range(sensors), 2))
+    for k, number in enumerate(numbers):
+        if fault == "dead":
+            dead = int(number) % sensors
+            found[k, dead] = found[k, dead, 0]
+        elif fault == "swapped":
+            pair = list(pairs[int(number) % len(pairs)])
+            found[k, pair] = found[k, pair[::-1]]
+    return found

@@ -7,18 +7,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import norm
 
 from ..arrays import Matrix, Rows, Vector
+from ..detector import DetectorArtifact, PosteriorArtifact, detector_model
 from ..detector.posterior import WRONG
-from ..membrane.mesh import N_ZONES
-from .judges import Verdicts
-from .proportions import Share, share
+from ..detector.posterior_records import Sensing, Training, cut_windows
+from ..detector.posterior_training import split
+from ..detector.thesis_tables import GROUPS
+from ..detector.thesis_training import SAMPLES, simulate_cases, with_noise
+from .judges import AlwaysZero, DetectorJudge, PosteriorJudge, Verdicts
+from .pod import Share, share
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 CALL = 0.05  # [1] damage that counts as a call
 NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)  # central intervals of the reliability diagram
+NOISES = {"clean": "no noise", "thesis": "the thesis' noise"}
+SEED = 1  # of the noise of the test cases of the thesis
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +77,7 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
 
     Parameters
     ----------
-    damage : ndarray, shape (n, 16)
+    damage : ndarray, shape (n, zones)
         True damage [1].
     verdicts : Verdicts
         Of the same n records.
@@ -102,7 +112,7 @@ def largest_calls(verdicts: Verdicts) -> Vector:
 
 
 def scores(verdicts: Verdicts) -> Matrix:
-    """Return what a call is decided by, shape (n, 16): P(damaged) where it is stated, else the estimate; 0 if not valid.
+    """Return what a call is decided by, shape (n, zones): P(damaged) where it is stated, else the estimate; 0 if not valid.
 
     An estimate is 0 below P = 1/2, where P still tells a small damage from none.
     """
@@ -136,7 +146,7 @@ def confusion(damage: Matrix, verdicts: Verdicts, threshold: float) -> Matrix:
 
     Parameters
     ----------
-    damage : ndarray, shape (n, 16)
+    damage : ndarray, shape (n, zones)
         True damage [1]; records with none or several damaged zones do not count.
     verdicts : Verdicts
         Of the same n records.
@@ -145,17 +155,100 @@ def confusion(damage: Matrix, verdicts: Verdicts, threshold: float) -> Matrix:
 
     Returns
     -------
-    ndarray, shape (16, 17)
+    ndarray, shape (zones, zones + 1)
         Records by damaged zone (row) and zone with the largest score (column); the last column counts those without a
         call.
     """
-    single = (damage > 0.0).sum(axis=1) == 1
+    single, zones = (damage > 0.0).sum(axis=1) == 1, damage.shape[1]
     score = scores(verdicts)
-    found = np.where(score.max(axis=1) > threshold, score.argmax(axis=1), N_ZONES)
-    counts = np.zeros((N_ZONES, N_ZONES + 1))
+    found = np.where(score.max(axis=1) > threshold, score.argmax(axis=1), zones)
+    counts = np.zeros((zones, zones + 1))
     np.add.at(counts, (damage[single].argmax(axis=1), found[single]), 1.0)
     return counts
 
 
 def _mean(values: Matrix | Vector | Rows) -> float:
     return float(np.mean(values)) if np.size(values) else math.nan
+
+
+def held_out_verdicts(
+    artifact: PosteriorArtifact, data: xr.Dataset, training: Training
+) -> dict[str, tuple[Matrix, Verdicts]]:
+    """Judge the last cases of the campaign of a posterior network, which were neither trained nor calibrated on.
+
+    Returns
+    -------
+    dict
+        By kind of record (window, damage and noise; and for the answer "always 0"): true damage, shape (n, zones) [1], and
+        verdicts.
+    """
+    sensing, random = Sensing.of(data), np.random.default_rng(training.seed)
+    damage = data["damage"].to_numpy()
+    damage = damage[damage.max(axis=1) > 0.0]
+    found = {AlwaysZero.name: (damage, Verdicts(damage=0.0 * damage, valid=np.ones(len(damage), dtype=bool)))}
+    for number in range(len(artifact.windows)):
+        cut = cut_windows(data, number, training.samples, number == training.windows - 1, training.seed)
+        test = split(cut, training)[2]
+        damaged = test.damage.max(axis=1) > 0.0
+        for kind, noise in NOISES.items():
+            verdicts = PosteriorJudge(artifact).window(number, sensing.samples(test.records, random, kind))
+            for some, what in ((damaged, "damaged"), (~damaged, "healthy")):
+                if some.any():
+                    found[f"window {number + 1}, {what}, {noise}"] = test.damage[some], verdicts[some]
+    return found
+
+
+def thesis_errors(artifact: DetectorArtifact, *, noisy: bool) -> dict[str, tuple[dict[str, float], dict[str, float]]]:
+    """Assess a detector on the test cases of the thesis, in their first window.
+
+    Parameters
+    ----------
+    artifact : DetectorArtifact
+        Trained detector.
+    noisy : bool
+        Whether the strain has the noise of the thesis.
+
+    Returns
+    -------
+    dict
+        By group of cases: the figures of the detector, and those of what the thesis prints for its own.
+    """
+    judge = DetectorJudge(detector_model(artifact))
+    found = {}
+    for what, tables, rows in GROUPS:
+        strains = simulate_cases(tables.damage[rows], SAMPLES)
+        verdicts = judge(with_noise(strains, SEED) if noisy else strains, artifact.sampling_step)
+        printed: Matrix = (tables.noisy if noisy else tables.clean)[rows] / 100.0
+        thesis = Verdicts(damage=printed, valid=np.ones(len(printed), dtype=bool))
+        found[what] = errors(tables.damage[rows], verdicts), errors(tables.damage[rows], thesis)
+    return found
+
+
+def errors(damage: Matrix, verdicts: Verdicts) -> dict[str, float]:
+    """Return those of the figures of verdicts that there are.
+
+    Parameters
+    ----------
+    damage : ndarray, shape (n, zones)
+        True damage [1].
+    verdicts : Verdicts
+        Of the same n records.
+
+    Returns
+    -------
+    dict
+        ``all zones`` and ``damaged zones``, mean absolute errors [% damage]; ``in 95 % band``, share of the damaged zones of
+        valid records; ``valid``, ``false calls`` and ``wrong``, shares of the records; ``wrong and valid``, share of the
+        wrong ones.
+    """
+    f = figures(damage, verdicts)
+    found = {
+        "all zones": f.error_all,
+        "damaged zones": f.error_damaged,
+        "in 95 % band": f.damaged_within_95,
+        "valid": f.valid.value,
+        "false calls": f.false_calls.value,
+        "wrong": f.wrong.value,
+        "wrong and valid": 1.0 - f.wrong_and_invalid.value,
+    }
+    return {name: value for name, value in found.items() if math.isfinite(value)}

@@ -1,22 +1,26 @@
 """Judges: what turns strain histories into damage, behind one call.
 
-Symbols: ``n`` records, ``T`` samples.
+Symbols: ``n`` records, ``T`` samples. Verdicts of slow judges are kept beside the simulations, so that an interrupted
+assessment goes on where it stopped.
 """
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, fields
 from functools import cache
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from gossamer_files import replacing
 
 from ..arrays import Matrix, Rows
 from ..detector import PosteriorArtifact, detector_model, judge_records, read_detector, shipped_detectors
+from ..detector.thesis_tables import ZONES
 from ..errors import ConvergenceError, DataError
-from ..membrane.mesh import N_ZONES
 from ..simulate import simulate
 from ..step_model import StepModel
 from ..stepper import Stepper
@@ -27,6 +31,7 @@ if TYPE_CHECKING:
 OF_TWIN = ("twin", "membrane", "sensor", "batch")  # rooms that its answers depend on
 Signal = Literal["strain", "resistance"]
 LOAD_AND_SENSORS = ("offset", "gain", "amplitude", "frequency", "damping", "modulus")  # what a twin can fit along
+SLOW = 8  # records that are judged, then kept, at a time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,11 +40,11 @@ class Verdicts:
 
     Attributes
     ----------
-    damage : ndarray, shape (n, 16)
+    damage : ndarray, shape (n, zones)
         Lost fraction of Young's modulus of each zone [1]; 0 for a record that could not be judged.
-    deviation : ndarray, shape (n, 16), or None
+    deviation : ndarray, shape (n, zones), or None
         Standard deviation [1].
-    probability : ndarray, shape (n, 16), or None
+    probability : ndarray, shape (n, zones), or None
         That the zone is damaged [1].
     valid : ndarray of bool, shape (n,)
         Whether the judge answers for it.
@@ -50,13 +55,24 @@ class Verdicts:
     probability: Matrix | None = None
     valid: Rows
 
+    @classmethod
+    def finite(cls, *, damage: Matrix, valid: Matrix, **stated: Matrix) -> Verdicts:
+        """Take an answer that is not finite for none."""
+        sound: Rows = np.asarray(np.isfinite(damage).all(axis=1))
+        return cls(damage=np.where(sound[:, None], damage, 0.0), valid=sound & (np.asarray(valid) > 0.5), **stated)
+
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """What is stated, by name."""
+        return {part.name: array for part in fields(self) if (array := getattr(self, part.name)) is not None}
+
     def __getitem__(self, rows: Rows | slice) -> Verdicts:
         """Return the verdicts of some records."""
-        deviation, probability = (None if a is None else a[rows] for a in (self.deviation, self.probability))
-        return Verdicts(damage=self.damage[rows], deviation=deviation, probability=probability, valid=self.valid[rows])
+        return Verdicts(**{name: array[rows] for name, array in self.arrays.items()})
 
 
-class Judge(Protocol):
+@dataclass(frozen=True, kw_only=True)
+class Judge(ABC):
     """Any way to tell damage from histories.
 
     Attributes
@@ -70,42 +86,42 @@ class Judge(Protocol):
     sizes : int or None
         Sizes of damage in each zone that it has time for, to tell its probability of detection; None for all, 0 for none,
         and then it is not asked for the thesis' tables either.
-    identity : str
-        Changes whenever its answers may change, so that those that were kept are not taken for its own.
     """
 
-    @property
-    def name(self) -> str: ...  # noqa: D102
-    @property
-    def reads(self) -> Signal: ...  # noqa: D102
-    @property
-    def most(self) -> int | None: ...  # noqa: D102
-    @property
-    def sizes(self) -> int | None: ...  # noqa: D102
-    @property
-    def identity(self) -> str: ...  # noqa: D102
-
-    def __call__(self, histories: Matrix, step: float) -> Verdicts:
-        """Judge n records, shape (n, 4, T), strain [1] or resistance [ohm], of a sampling step [s]."""
-
-
-@dataclass(frozen=True)
-class AlwaysZero:
-    """The judge that never finds damage: what every other one must beat."""
-
-    name: str = "always 0"
+    name: str
     reads: Signal = "strain"
     most: int | None = None
     sizes: int | None = None
-    identity: str = "always 0"
+
+    @property
+    @abstractmethod
+    def identity(self) -> str:
+        """Changes whenever its answers may change, so that those that were kept are not taken for its own."""
+
+    @abstractmethod
+    def __call__(self, histories: Matrix, step: float) -> Verdicts:
+        """Judge n records, shape (n, sensors, T), strain [1] or resistance [ohm], of a sampling step [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlwaysZero(Judge):
+    """The judge that never finds damage in any zone: what every other one must beat."""
+
+    name: str = "always 0"
+    zones: int = ZONES
+
+    @property
+    def identity(self) -> str:
+        """Its name."""
+        return self.name
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:  # noqa: ARG002
         """Say 0."""
-        return Verdicts(damage=np.zeros((len(histories), N_ZONES)), valid=np.ones(len(histories), dtype=bool))
+        return Verdicts(damage=np.zeros((len(histories), self.zones)), valid=np.ones(len(histories), dtype=bool))
 
 
 @dataclass(frozen=True)
-class DetectorJudge:
+class DetectorJudge(Judge):
     """A detector as its FMU runs it: sample by sample; its last window counts.
 
     Attributes
@@ -115,10 +131,7 @@ class DetectorJudge:
     """
 
     model: StepModel
-    name: str = "energies"
-    reads: Signal = "strain"
-    most: int | None = None
-    sizes: int | None = None
+    name: str = field(default="energies", kw_only=True)
 
     @property
     def identity(self) -> str:
@@ -128,7 +141,7 @@ class DetectorJudge:
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Run the records one after the other."""
         arrays = [name for name in ("damage", "deviation", "probability") if f"{name}[1]" in self.model.names]
-        names = [*(f"{name}[{zone}]" for name in arrays for zone in range(1, N_ZONES + 1)), "valid"]
+        names = [*chain.from_iterable(map(self.model.elements, arrays)), "valid"]
         found = np.empty((len(histories), len(names)))
         steps = np.full(histories.shape[-1], step)
         for row, history in zip(found, histories, strict=True):
@@ -137,18 +150,15 @@ class DetectorJudge:
             simulate(stepper, steps, {f"strain[{i}]": strain for i, strain in enumerate(history, start=1)}, ())
             row[:] = [stepper.get(name) for name in names]
         parts = dict(zip(arrays, np.split(found[:, :-1], len(arrays), axis=1), strict=True))
-        return _finite(**parts, valid=found[:, -1])
+        return Verdicts.finite(**parts, valid=found[:, -1])
 
 
 @dataclass(frozen=True)
-class PosteriorJudge:
+class PosteriorJudge(Judge):
     """A posterior network, many records at once; of each, the last window with a valid answer counts, as in a run."""
 
     artifact: PosteriorArtifact
-    name: str = "network"
-    reads: Signal = "strain"
-    most: int | None = None
-    sizes: int | None = None
+    name: str = field(default="network", kw_only=True)
 
     @property
     def identity(self) -> str:
@@ -177,24 +187,20 @@ class PosteriorJudge:
         valid = np.array([verdicts.valid for verdicts in said])
         last = np.where(valid.any(axis=0), windows - 1 - valid[::-1].argmax(axis=0), windows - 1)
         chosen = last, np.arange(len(histories))
-        parts = ("damage", "deviation", "probability", "valid")
-        return Verdicts(**{name: np.array([getattr(verdicts, name) for verdicts in said])[chosen] for name in parts})
+        return Verdicts(**{name: np.array([part.arrays[name] for part in said])[chosen] for name in said[0].arrays})
 
     def window(self, number: int, records: Matrix) -> Verdicts:
         """Judge records of one window, from 0, shape (n, 4, samples) [1]."""
         found = judge_records(self.artifact, number, records)
-        return _finite(**{name: found[name] for name in ("damage", "deviation", "probability", "valid")})
+        return Verdicts.finite(**{part.name: found[part.name] for part in fields(Verdicts)})
 
 
 @dataclass(frozen=True)
-class TwinJudge:
+class TwinJudge(Judge):
     """The digital twin, record by record: seconds for each."""
 
     twin: Twin
-    name: str = "twin"
-    reads: Signal = "strain"
-    most: int | None = None
-    sizes: int | None = None
+    name: str = field(default="twin", kw_only=True)
 
     @property
     def identity(self) -> str:
@@ -203,19 +209,19 @@ class TwinJudge:
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Fit every record; one that cannot be fitted is not valid."""
-        from ..twin import Record
+        from ..twin import ResponseRecord
 
-        found = np.zeros((3, len(histories), N_ZONES))
+        found = np.zeros((3, len(histories), self.twin.zones))
         found[1] = 1.0
         valid = np.zeros(len(histories), dtype=bool)
         for k, history in enumerate(histories):
             try:
-                answer = self.twin.fit(Record(step=step, values=history, kind=self.reads))
+                answer = self.twin.fit(ResponseRecord(step=step, values=history, kind=self.reads))
             except (ConvergenceError, DataError):
                 continue
             found[:, k] = answer.damage, answer.deviation, answer.probability
             valid[k] = answer.valid
-        return _finite(damage=found[0], deviation=found[1], probability=found[2], valid=valid)
+        return Verdicts.finite(damage=found[0], deviation=found[1], probability=found[2], valid=valid)
 
 
 @cache
@@ -235,8 +241,8 @@ def read_judge(path: Path) -> Judge:
     """
     trained = read_detector(path)
     if isinstance(trained, PosteriorArtifact):
-        return PosteriorJudge(trained, f"{trained.windows[0].network} {path.stem}")
-    return DetectorJudge(detector_model(trained), f"energies {path.stem}")
+        return PosteriorJudge(trained, name=f"{trained.windows[0].network} {path.stem}")
+    return DetectorJudge(detector_model(trained), name=f"energies {path.stem}")
 
 
 def shipped_judges() -> list[Judge]:
@@ -259,20 +265,37 @@ def twin_judges(most: int, sizes: int) -> tuple[TwinJudge, ...]:
 
     resistance = Twin(sensor=default_artifact())
     return (
-        TwinJudge(Twin(), "twin", most=most, sizes=sizes),
-        TwinJudge(Twin(nuisances=LOAD_AND_SENSORS), "twin, load and sensors fitted", most=most, sizes=0),
-        TwinJudge(resistance, "twin on resistance", "resistance", most=most, sizes=sizes),
+        TwinJudge(Twin(), most=most, sizes=sizes),
+        TwinJudge(Twin(nuisances=LOAD_AND_SENSORS), name="twin, load and sensors fitted", most=most, sizes=0),
+        TwinJudge(resistance, name="twin on resistance", reads="resistance", most=most, sizes=sizes),
     )
 
 
-def _finite(
-    *, damage: Matrix, valid: Matrix, deviation: Matrix | None = None, probability: Matrix | None = None
-) -> Verdicts:
-    """Take an answer that is not finite for none."""
-    sound: Rows = np.asarray(np.isfinite(damage).all(axis=1))
-    return Verdicts(
-        damage=np.where(sound[:, None], damage, 0.0),
-        deviation=deviation,
-        probability=probability,
-        valid=sound & (np.asarray(valid) > 0.5),
-    )
+def ask(judge: Judge, histories: Matrix, step: float, folder: Path) -> Verdicts:
+    """Return the verdicts on n records: at once, or from a slow judge some at a time, those kept from before first.
+
+    Parameters
+    ----------
+    judge : Judge
+        Slow if it has time for some records only.
+    histories : ndarray, shape (n, sensors, T)
+        What it reads.
+    step : float
+        Sampling step [s].
+    folder : Path
+        Where verdicts are kept: a file's name is a digest of the judge's identity, the records and the step.
+    """
+    if judge.most is None:
+        return judge(histories, step)
+    parts = []
+    for begin in range(0, len(histories), SLOW):
+        some = np.ascontiguousarray(histories[begin : begin + SLOW])
+        key = hashlib.sha256(f"{judge.identity} {step!r} {some.shape} {some.dtype}".encode() + some.tobytes())
+        path = folder / f"{key.hexdigest()[:32]}.npz"
+        if not path.exists():
+            found = judge(some, step)
+            with replacing(path) as unfinished:
+                np.savez(unfinished, **found.arrays)
+        with np.load(path, allow_pickle=False) as arrays:
+            parts.append(dict(arrays))
+    return Verdicts(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})

@@ -29,9 +29,10 @@ from gossamer_files.charts import (
 )
 from numpy.typing import ArrayLike
 
-from .figures import CALL, NOMINAL, Share
+from .figures import CALL, NOMINAL
 from .judges import AlwaysZero
-from .results import Assessment, DetectionRow
+from .pod import Share
+from .results import AssessmentResults, DetectionRow
 
 COLORS = ("@0", "@1", "@2", "@3", "@4", "@5")
 ZERO = AlwaysZero.name
@@ -42,7 +43,7 @@ BINS = 40  # of the largest estimates
 FIRST = 16  # conditions or zones that find place in a file of usual size
 
 
-def assessment_charts(found: Assessment) -> list[Chart]:
+def assessment_charts(found: AssessmentResults) -> list[Chart]:
     """Return all charts of an assessment."""
     return [
         *section("Errors", _errors(found)),
@@ -53,7 +54,7 @@ def assessment_charts(found: Assessment) -> list[Chart]:
     ]
 
 
-def save_pictures(found: Assessment, folder: Path) -> list[Path]:
+def save_pictures(found: AssessmentResults, folder: Path) -> list[Path]:
     """Write the charts as PNG, without a display; return the paths."""
     pictures: dict[str, Chart | Panels] = {}
     for chart in assessment_charts(found):
@@ -80,17 +81,19 @@ def reliability_chart(observed: Sequence[Trace], note: str) -> Chart:
     return Chart(title, "stated share [1]", "observed share [1]", traces, note=note, tall=True)
 
 
-def _color(found: Assessment, judge: str) -> str:
+def _color(found: AssessmentResults, judge: str) -> str:
     judges = [each for each in found.judges if each != ZERO]
     return "@grey" if judge == ZERO else COLORS[judges.index(judge) % len(COLORS)]
 
 
-def _symbol(found: Assessment, judge: str) -> str:
+def _symbol(found: AssessmentResults, judge: str) -> str:
     judges = [each for each in found.judges if each != ZERO]
     return "diamond" if judge == ZERO or judges.index(judge) < len(COLORS) else "square"
 
 
-def _by_condition(found: Assessment, title: str, x: str, values: dict[tuple[str, str], Any], note: str = "") -> Chart:
+def _by_condition(
+    found: AssessmentResults, title: str, x: str, values: dict[tuple[str, str], Any], note: str = ""
+) -> Chart:
     """Draw numbers, or shares with their bounds, of every judge and condition; a line of the chart is a condition."""
     conditions = [c for c in dict.fromkeys(row.condition for row in found.rows) if any(c == key[1] for key in values)]
     traces = []
@@ -112,7 +115,7 @@ def _bounded(value: float | Share) -> tuple[float, float, float]:
     return value, math.nan, math.nan
 
 
-def _errors(found: Assessment) -> list[Chart]:
+def _errors(found: AssessmentResults) -> list[Chart]:
     """Draw the mean absolute errors of all judges under all conditions."""
     charts = []
     for name, zones in (("error_damaged", "damaged zones"), ("error_all", "all zones")):
@@ -122,7 +125,7 @@ def _errors(found: Assessment) -> list[Chart]:
     return charts
 
 
-def _calls(found: Assessment) -> list[Chart]:
+def _calls(found: AssessmentResults) -> list[Chart]:
     """Draw the shares of valid records, of false calls and of calls, and the largest estimates of healthy records."""
     call = f"A call is a valid estimate above {100.0 * CALL:g} %."
     charts = []
@@ -136,7 +139,7 @@ def _calls(found: Assessment) -> list[Chart]:
     return [*charts, *_largest(found)]
 
 
-def _largest(found: Assessment) -> list[Chart]:
+def _largest(found: AssessmentResults) -> list[Chart]:
     """Draw how many healthy records have a largest estimate of a size."""
     rows = [row for row in found.rows if any(row.largest)]
     if not rows:
@@ -154,7 +157,7 @@ def _largest(found: Assessment) -> list[Chart]:
     return [Chart(title, "largest estimate [% damage]", "records", traces, note=note, layout=layout, broad=True)]
 
 
-def _detections(found: Assessment) -> list[Chart]:
+def _detections(found: AssessmentResults) -> list[Chart]:
     """Draw the probability of detection of all zones together, and the size that is found by zone."""
     charts = []
     for condition in dict.fromkeys(row.condition for row in found.detections):
@@ -239,7 +242,7 @@ def _zones(rows: Sequence[Any], color: str) -> list[Trace]:
     return [with_interval(trace, size, bound)]
 
 
-def _stated(found: Assessment) -> list[Chart]:
+def _stated(found: AssessmentResults) -> list[Chart]:
     """Draw how often the truth lies in the stated intervals."""
     traces = []
     for row in (row for row in found.rows if row.condition in STATED and row.reliability):
@@ -249,7 +252,7 @@ def _stated(found: Assessment) -> list[Chart]:
     return [reliability_chart(traces, "Damaged zones of valid records.")] if traces else []
 
 
-def _confusions(found: Assessment) -> list[Chart]:
+def _confusions(found: AssessmentResults) -> list[Chart]:
     """Draw which zone is called first where one is damaged."""
     charts = []
     for row in found.confusions:

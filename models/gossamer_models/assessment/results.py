@@ -17,7 +17,7 @@ from gossamer_files import reason, replacing
 from ..artifacts import read_artifact, write_artifact
 from ..errors import DataError
 from .figures import Figures
-from .proportions import Share
+from .pod import Share
 
 SCHEMA, VERSION = "gossamer.assessment", 1
 FILE = "assessment.json"
@@ -115,7 +115,7 @@ class TableRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Assessment:
+class AssessmentResults:
     """Everything that was found.
 
     Attributes
@@ -143,7 +143,7 @@ class Assessment:
         return next((row for row in self.rows if (row.judge, row.condition) == (judge, condition)), None)
 
 
-def write_assessment(assessment: Assessment, folder: Path) -> list[Path]:
+def write_assessment(assessment: AssessmentResults, folder: Path) -> list[Path]:
     """Write the results as JSON and, in percent, as CSV; return the paths."""
     folder.mkdir(parents=True, exist_ok=True)
     content = {part.name: _bare(getattr(assessment, part.name)) for part in fields(assessment)}
@@ -161,7 +161,7 @@ def write_assessment(assessment: Assessment, folder: Path) -> list[Path]:
     return [folder / name for name in (FILE, *tables)]
 
 
-def read_assessment(folder: Path) -> Assessment:
+def read_assessment(folder: Path) -> AssessmentResults:
     """Read what ``write_assessment`` wrote.
 
     Raises
@@ -173,7 +173,7 @@ def read_assessment(folder: Path) -> Assessment:
     """
     card = read_artifact(folder / FILE, SCHEMA, VERSION)
     try:
-        return Assessment(
+        return AssessmentResults(
             provenance=card["provenance"],
             rows=[Row(**{**_numbers(row), "figures": _figures(row["figures"])}) for row in card["rows"]],
             detections=[

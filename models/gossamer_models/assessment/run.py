@@ -15,15 +15,11 @@ from ..arrays import Rows, Vector
 from ..campaign import Mesh
 from ..detector.thesis_tables import TABLES, ThesisTables
 from ..errors import ParameterError
-from ..membrane.mesh import N_ZONES
-from .conditions import SIZES, Condition, conditions, detections, table_conditions
+from .conditions import SIZES, Condition, Records, conditions, detections, make_records, table_conditions
 from .figures import confusion, figures, largest_calls, reliability, scores
-from .judges import Judge, Verdicts
-from .kept import ask
-from .pod import fit_pod
-from .proportions import share, threshold_for
-from .records import Records, make_records
-from .results import Assessment, ConfusionRow, DetectionRow, Row, TableRow
+from .judges import Judge, Verdicts, ask
+from .pod import fit_pod, share, threshold_for
+from .results import AssessmentResults, ConfusionRow, DetectionRow, Row, TableRow
 
 FALSE_CALLS = 0.01  # share of healthy records that a threshold lets be called [1]
 LEAST_SIZES = 12  # of a zone, for a curve of its own
@@ -41,7 +37,7 @@ def assess(
     other: Mesh = OTHER,
     workers: int | None = None,
     report: Report | None = None,
-) -> Assessment:
+) -> AssessmentResults:
     """Assess judges under all conditions.
 
     Parameters
@@ -62,7 +58,7 @@ def assess(
 
     Returns
     -------
-    Assessment
+    AssessmentResults
 
     Raises
     ------
@@ -79,7 +75,7 @@ def assess(
         msg = f"{cases} cases are too few to choose a threshold on one half and count on the other. Take 4 or more."
         raise ParameterError(msg)
     mesh = mesh or Mesh()
-    found = Assessment(
+    found = AssessmentResults(
         provenance={
             "gossamer": version("gossamer"),
             "cases": str(cases),
@@ -154,7 +150,8 @@ def _detection(
     judge: Judge, name: str, healthy: Records, damaged: Records, folder: Path
 ) -> tuple[list[DetectionRow], ConfusionRow]:
     """Choose a threshold on every other healthy record, count on the others, and fit each zone and all together."""
-    most = None if judge.sizes is None else judge.sizes * N_ZONES
+    zones = damaged.damage.shape[1]
+    most = None if judge.sizes is None else judge.sizes * zones
     quiet, _ = _ask(judge, healthy, None if most is None else most // 2, folder)
     largest = scores(quiet).max(axis=1)
     threshold = threshold_for(largest[::2], FALSE_CALLS)
@@ -164,7 +161,7 @@ def _detection(
     a, zone = damage.max(axis=1), damage.argmax(axis=1)
     hit = scores(verdicts)[np.arange(n), zone] > threshold
     rows = []
-    for number in range(N_ZONES + 1):
+    for number in range(zones + 1):
         among: Rows = np.ones(n, dtype=bool) if number == 0 else zone == number - 1
         if number and among.sum() < LEAST_SIZES:
             continue

@@ -21,8 +21,7 @@ from ..fitting.records import Record, strain_range
 from ..sensor.fit import PreisachFit, fit_preisach
 from .compensators import Method, choose_compensator, equipped
 from .sensors import choose_inverse, choose_sensors, sensor_name
-from .split import shortened
-from .trials import Bench, Trial
+from .trials import Bench, Trial, shortened
 
 BUDGET = 60.0  # [s]
 SHARES = (0.4, 0.6, 0.9)  # of the budget that have passed when sensor, direct inverse and compensator are chosen

@@ -16,12 +16,10 @@ from ..errors import DataError
 from ..fitting.records import Record
 from ..sensor.drives import EXTENSIONS
 from ..sensor.fit import PreisachSettings, fit_preisach
-from ..sensor.fit.inverse import inverse_settings, turn
-from ..sensor.fit.preisach import residual_steps
+from ..sensor.fit.preisach import inverse_settings, residual_steps, turn
 from ..sensor.fit.regression import prepare
 from ..sensor.fit.settings import InverseSettings
-from .split import FITTED, cut
-from .trials import Bench, error_on
+from .trials import FITTED, Bench, cut, error_on
 
 FIRST_RIDGE, RIDGES = 3e-3, (3e-2, 1e-3, 3e-4, 5e-5)
 INVERSE_RIDGES, MORE_INVERSE_RIDGES = (1e-1, 1e-3), (3e-1, 1e-2, 1e-4, 1e-5)

@@ -1,4 +1,7 @@
-"""Trials of settings by forward validation: fitted to the earlier part of the training stretch, judged on the later one."""
+"""Trials of settings by forward validation: fitted to the earlier part of the training stretch, judged on the later one.
+
+The stretch is cut in time order; for many trial fits long records are thinned.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,29 @@ import numpy as np
 
 from ..arrays import Rows, Vector
 from ..errors import GossamerError
+from ..fitting.records import Record, thin
+
+FITTED = (0.6, 0.8)  # of the training samples of every record; the rest is predicted
+MOST_TRIED = 4000  # samples of all records of a trial fit
+
+
+def cut(train: Sequence[Rows], share: float = FITTED[0]) -> tuple[tuple[Rows, ...], tuple[Rows, ...]]:
+    """Return the leading share of the training samples of every record, and the later ones."""
+    fitted, held = [], []
+    for rows in train:
+        places = np.flatnonzero(rows)
+        early = np.zeros_like(rows)
+        early[places[: round(share * places.size)]] = True
+        fitted.append(early)
+        held.append(rows & ~early)
+    return tuple(fitted), tuple(held)
+
+
+def shortened(records: Sequence[Record], train: Sequence[Rows]) -> tuple[tuple[Record, ...], tuple[Rows, ...]]:
+    """Return records that have too many samples for many trial fits thinned, and their training samples."""
+    short = thin(records, MOST_TRIED)
+    return short, tuple(np.isin(s.lines, r.lines[rows]) for s, r, rows in zip(short, records, train, strict=True))
+
 
 SEEDED = 5  # settings that every judge sees
 Setting = TypeVar("Setting")

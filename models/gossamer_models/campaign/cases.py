@@ -16,14 +16,11 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
-from ..membrane.mesh import N_ZONES
-from ..membrane.strain import SENSOR_POINTS
 from .description import NOISE, SENSOR_GAIN, CampaignPlan, Distribution, Vary
 
 if TYPE_CHECKING:
     import xarray as xr
 
-SENSORS = len(SENSOR_POINTS)
 _CASES, _STRATA, _NOISE = range(3)  # what random numbers are for
 _BELOW_ONE = np.nextafter(1.0, 0.0)
 _KINDS = {"strain": 0, "resistance": 1}
@@ -37,11 +34,11 @@ class Cases:
     ----------
     numbers : sequence of int, length n
         Their numbers, from 0.
-    damage : ndarray, shape (n, 16)
+    damage : ndarray, shape (n, zones)
         Lost fraction of Young's modulus of each zone [1].
     varied : dict of ndarray, shape (n,)
         Quantities that vary, by name, in the unit of the membrane's table; ``noise`` is a factor [1].
-    sensor_gain : ndarray, shape (n, 4)
+    sensor_gain : ndarray, shape (n, sensors)
         Ratio of a sensor's reading to the right one [1].
     onset : ndarray, shape (n,)
         When damage begins [s]; 0: it is there from the start.
@@ -82,8 +79,9 @@ def draw_cases(campaign: CampaignPlan, numbers: Sequence[int]) -> Cases:
     """
     vary = dict(sorted(campaign.vary.items()))
     gain = vary.pop(SENSOR_GAIN, Vary(range=(1.0, 1.0)))
-    u = unit_points(campaign, numbers, 1 + 2 * N_ZONES + SENSORS + len(vary) + 1)
-    count, order, depth, gains, rest, when = np.split(u, np.cumsum([1, N_ZONES, N_ZONES, SENSORS, len(vary)]), axis=1)
+    zones, sensors = campaign.membrane.structure.n_zones, campaign.membrane.structure.n_sensors
+    u = unit_points(campaign, numbers, 1 + 2 * zones + sensors + len(vary) + 1)
+    count, order, depth, gains, rest, when = np.split(u, np.cumsum([1, zones, zones, sensors, len(vary)]), axis=1)
     first, last = campaign.damage.onset
     return Cases(
         numbers=numbers,
@@ -121,7 +119,7 @@ def _strata(seed: int, cases: int, column: int) -> NDArray[np.int64]:
 
 def _listed(campaign: CampaignPlan, numbers: Sequence[int]) -> Matrix:
     listed = campaign.damage.cases
-    damage = np.zeros((len(numbers), N_ZONES))
+    damage = np.zeros((len(numbers), campaign.membrane.structure.n_zones))
     for row, number in zip(damage, numbers, strict=True):
         for zone, value in listed[number % len(listed)].items():
             row[zone - 1] = value
@@ -129,7 +127,7 @@ def _listed(campaign: CampaignPlan, numbers: Sequence[int]) -> Matrix:
 
 
 def _drawn(campaign: CampaignPlan, count: Matrix, order: Matrix, depth: Matrix) -> Matrix:
-    r"""Turn points of the unit cube into damages, shape (n, 16).
+    r"""Turn points of the unit cube into damages, shape (n, zones).
 
     The first column tells how many zones: below the share h of healthy cases none, the rest divided equally. The zones are
     those with the smallest points of the second block, so that every set of zones is as likely.
@@ -155,7 +153,9 @@ def _spread(vary: Vary, base: float, u: Matrix) -> Matrix:
     return np.asarray(np.clip(low + (high - low) * u, low, high))
 
 
-def unit_noise(law: Distribution | None, kind: str, key: tuple[int, int], numbers: Sequence[int], steps: int) -> Matrix:
+def unit_noise(
+    law: Distribution | None, kind: str, key: tuple[int, int], numbers: Sequence[int], shape: tuple[int, int]
+) -> Matrix:
     """Draw the noise of some cases.
 
     Parameters
@@ -168,16 +168,16 @@ def unit_noise(law: Distribution | None, kind: str, key: tuple[int, int], number
         Seed of the campaign, and number of the draw: 0 is the noise of the campaign, others are fresh.
     numbers : sequence of int, length n
         Cases.
-    steps : int
-        Samples.
+    shape : tuple of int
+        Sensors and samples.
 
     Returns
     -------
-    ndarray, shape (n, 4, steps)
+    ndarray, shape (n, sensors, samples)
         Noise [1]: of strain, or of resistance in units of the full-scale change. A function of kind, key and number.
     """
     seed, draw = key
-    noise = np.zeros((len(numbers), SENSORS, steps))
+    noise = np.zeros((len(numbers), *shape))
     if law is None:
         return noise
     for row, number in zip(noise, numbers, strict=True):
@@ -241,6 +241,7 @@ def _noise(data: xr.Dataset, kind: str, draw: int) -> xr.DataArray:
     campaign = json.loads(data.attrs["campaign"])
     law = campaign["noise"][kind]
     numbers = data["case"].to_numpy().tolist()
-    noise = unit_noise(law and Distribution(**law), kind, (campaign["seed"], draw), numbers, data.sizes["time"])
+    shape = data.sizes["sensor"], data.sizes["time"]
+    noise = unit_noise(law and Distribution(**law), kind, (campaign["seed"], draw), numbers, shape)
     histories = data["strain"].copy(data=noise)
     return histories * data[NOISE] if NOISE in data else histories

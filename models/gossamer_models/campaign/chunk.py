@@ -18,17 +18,14 @@ from ..batch import Batch
 from ..compensator import compensator_model
 from ..compiler import has_compiler
 from ..membrane import membrane_model
-from ..membrane.mesh import N_ZONES
 from ..membrane.params import stretch
 from ..mistakes import DescriptionError, Mistake
 from ..sensor import SensorArtifact, default_artifact, sensor_model
 from ..step_model import StepModel
-from .cases import SENSORS, Cases, draw_cases, unit_noise
+from .cases import Cases, draw_cases, unit_noise
 from .description import NOISE, ONSET, SENSOR_GAIN, CampaignPlan, Chain
 
 FULL_SCALE = "full_scale_resistance_change"
-STRAINS = tuple(f"strain[{i}]" for i in range(1, SENSORS + 1))
-DAMAGES = tuple(f"damage[{z}]" for z in range(1, N_ZONES + 1))
 
 
 @dataclass(frozen=True)
@@ -99,12 +96,12 @@ def run_chain(
         Its sensor and compensator.
     cases : Cases
         Cases of the chunk.
-    strain : ndarray, shape (n, 4, T)
+    strain : ndarray, shape (n, sensors, T)
         Strain of the membrane [1]; not a number where that failed.
 
     Returns
     -------
-    dict of ndarray, shape (n, 4, T)
+    dict of ndarray, shape (n, sensors, T)
         ``resistance`` [ohm] without noise and ``compensated_strain`` [1], with the noise of draw 0.
     ndarray of bool, shape (n,)
         Cases that failed.
@@ -124,7 +121,7 @@ def run_chain(
     }
     resistance, broken = _run(campaign, kernels.sensor, sensors, "strain", usable)
     failed |= broken
-    noise = unit_noise(campaign.noise.resistance, "resistance", (campaign.seed, 0), cases.numbers, campaign.steps)
+    noise = unit_noise(campaign.noise.resistance, "resistance", (campaign.seed, 0), cases.numbers, strain.shape[1:])
     scale = kernels.full_scale_change * np.reshape(cases.varied.get(NOISE, 1.0), (-1, 1, 1))
     noisy = np.where(failed[:, None, None], 0.0, resistance + scale * noise)
     compensators: dict[str, ArrayLike] = {
@@ -145,7 +142,7 @@ def _prestrain(campaign: CampaignPlan, varied: Mapping[str, Vector]) -> Vector |
 def _run(
     campaign: CampaignPlan, kernel: Batch, start: Mapping[str, ArrayLike], name: str, signal: Matrix
 ) -> tuple[Matrix, NDArray[np.bool_]]:
-    """Run a signal, shape (n, 4, T), through sensors or compensators; return their result and the cases that failed."""
+    """Run a signal, shape (n, sensors, T), through sensors or compensators; return the result and which cases failed."""
     run = kernel.run(campaign.steps, campaign.step, start, {name: signal.reshape(-1, signal.shape[-1])})
     failed: NDArray[np.bool_] = np.asarray(run.failed.reshape(signal.shape[:2]).any(axis=1))
     return np.reshape(run.results, signal.shape), failed
@@ -185,7 +182,7 @@ def build_kernels(campaign: CampaignPlan) -> Kernels:
     chain = campaign.chain
     models = () if chain is None else chain_models(chain)
     return Kernels(
-        membrane=Batch(membrane, STRAINS, DAMAGES if campaign.begins else ()),
+        membrane=Batch(membrane, membrane.elements("strain"), membrane.elements("damage") if campaign.begins else ()),
         chain=None if chain is None else chain_kernels(chain, *models),
         digests={model.name: model.digest for model in (membrane, *models)},
     )
@@ -206,9 +203,9 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
     Returns
     -------
     dict of ndarray
-        By name: ``damage``, shape (n, 16), ``sensor_gain``, shape (n, 4), each quantity that varies, shape (n,),
+        By name: ``damage``, shape (n, zones), ``sensor_gain``, shape (n, sensors), each quantity that varies, shape (n,),
         ``failed``, shape (n,), and histories ``strain`` [1], with a chain also ``resistance`` [ohm] and
-        ``compensated_strain`` [1], shape (n, 4, T), float32. Histories of failed cases are not a number.
+        ``compensated_strain`` [1], shape (n, sensors, T), float32. Histories of failed cases are not a number.
     """
     cases = draw_cases(campaign, campaign.numbers(chunk))
     varied = {name: value for name, value in cases.varied.items() if name != NOISE}
@@ -229,7 +226,7 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
 
 
 def _damage_at(time: float, cases: Cases) -> Matrix:
-    """Return the damage [1] that is there at a time [s], shape (n, 16)."""
+    """Return the damage [1] that is there at a time [s], shape (n, zones)."""
     return np.where(cases.onset[:, None] <= time, cases.damage, 0.0)
 
 
@@ -241,4 +238,4 @@ def _damage_histories(campaign: CampaignPlan, cases: Cases) -> dict[str, ArrayLi
     there = (
         ends > cases.onset[:, None] + 1e-6 * campaign.step
     )  # from the first step that begins then or later, or holds it
-    return {name: np.where(there, cases.damage[:, [zone]], 0.0) for zone, name in enumerate(DAMAGES)}
+    return {f"damage[{zone}]": np.where(there, d[:, None], 0.0) for zone, d in enumerate(cases.damage.T, start=1)}

@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from typing import Literal
 
-from ..membrane.mesh import MAX_ORDER, N_ZONES, ZONES_PER_SIDE
+from ..membrane import Structure, square_structure
+from ..membrane.mesh import MAX_ORDER, ZONES_PER_SIDE
 from ..membrane.model import INPUTS
 from ..membrane.params import PARAMETERS
 from ..mistakes import DescriptionError, Mistake, disordered, raise_any
@@ -112,6 +114,14 @@ class Mesh:
             mistakes.append(Mistake(("order",), text))
         raise_any(mistakes)
 
+    @property
+    def structure(self) -> Structure:
+        """The membrane, with its zones and sensors."""
+        return _square(self.elements_per_side, self.order)
+
+
+_square = lru_cache(maxsize=8)(square_structure)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Damage:
@@ -126,7 +136,7 @@ class Damage:
     healthy : float
         Share of cases without damage [1].
     cases : tuple of dict
-        In place of these: damage [1] by zone, 1 to 16, for every case; longer campaigns go through the list again.
+        In place of these: damage [1] by zone, from 1, for every case; longer campaigns go through the list again.
     onset : tuple of float
         Range of the time [s] at which all damage of a case begins, uniform; before 0 it is there from the start.
     """
@@ -138,15 +148,12 @@ class Damage:
     onset: Pair = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        mistakes = [*disordered("zones", self.zones, 0, N_ZONES), *disordered("depth", self.depth, 0.0, DEEPEST)]
-        mistakes += disordered("onset", self.onset, -math.inf, math.inf)
+        mistakes = [
+            *disordered("depth", self.depth, 0.0, DEEPEST),
+            *disordered("onset", self.onset, -math.inf, math.inf),
+        ]
         if not 0.0 <= self.healthy <= 1.0:
             mistakes.append(Mistake(("healthy",), f"'healthy' is {self.healthy:g}. Write a share from 0 to 1."))
-        for i, case in enumerate(self.cases):
-            for zone, value in case.items():
-                if not (1 <= zone <= N_ZONES and 0.0 <= value <= DEEPEST):
-                    text = f"damage {value:g} in zone {zone}: zones are 1 to {N_ZONES}, damages 0 to {DEEPEST:g}."
-                    mistakes.append(Mistake(("cases", i), text))
         drawn = [
             row for row in fields(self) if row.name not in ("cases", "onset") and getattr(self, row.name) != row.default
         ]
@@ -154,6 +161,15 @@ class Damage:
             text = f"'cases' lists the damages, so {drawn[0].name!r} has no meaning. Remove one of them."
             mistakes.append(Mistake((drawn[0].name,), text))
         raise_any(mistakes)
+
+    def outside(self, zones: int) -> Iterator[Mistake]:
+        """Refuse what a membrane with some number of zones does not have."""
+        yield from disordered("zones", self.zones, 0, zones)
+        for i, case in enumerate(self.cases):
+            for zone, value in case.items():
+                if not (1 <= zone <= zones and 0.0 <= value <= DEEPEST):
+                    text = f"damage {value:g} in zone {zone}: zones are 1 to {zones}, damages 0 to {DEEPEST:g}."
+                    yield Mistake(("cases", i), text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -242,6 +258,7 @@ class CampaignPlan:
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
                 yield Mistake((name,), f"{name!r} is {value}. Write a whole number from {low} to {high}.")
+        yield from (Mistake(("damage", *m.place), *m[1:]) for m in self.damage.outside(self.membrane.structure.n_zones))
         yield from self._time_mistakes()
         if self.noise.resistance is not None and self.chain is None:
             text = "there is noise on the resistance and no [chain] of sensors. Add [chain], or remove it."

@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 
 from ..compensator.estimator import HALF_WIDTHS
 from ..errors import DataError
-from ..membrane.mesh import N_ZONES
-from .cases import SENSORS
 from .chunk import Kernels
 from .description import NOISE, ONSET, SENSOR_GAIN, SETTABLE, CampaignPlan
 
@@ -147,10 +145,11 @@ def create_store(path: Path, campaign: CampaignPlan, kernels: Kernels, source: s
             **{name: version(name) for name in ("numpy", "casadi", "zarr")},
         },
     }
+    structure = campaign.membrane.structure
+    sizes = {"case": campaign.count, "sensor": structure.n_sensors, "zone": structure.n_zones, "time": campaign.steps}
     try:
         group = zarr.create_group(unfinished, attributes=attributes)
         for name, (dims, dtype, unit, description) in _variables(campaign).items():
-            sizes = {"case": campaign.count, "sensor": SENSORS, "zone": N_ZONES, "time": campaign.steps}
             array = group.create_array(
                 name,
                 shape=tuple(sizes[d] for d in dims),

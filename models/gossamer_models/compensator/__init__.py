@@ -7,9 +7,8 @@ from typing import Literal
 from ..errors import ParameterError
 from ..sensor.artifact import METHODS, SensorArtifact, default_artifact
 from ..step_model import StepModel
-from .direct import direct_model
 from .estimator import estimator_model
-from .exact import exact_model
+from .inverse import direct_model, exact_model
 from .particle import filter_model
 
 EXACT = "exact"  # the exact inverse of a sensor that has a direct one too

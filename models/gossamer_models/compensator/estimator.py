@@ -6,11 +6,11 @@ relative correction of ``nu``, and so of eta [1]; ``h`` step [s]; ``M`` delay [s
 The exact inverse takes noise for motion: every small reversal wipes memory and loses (1 - eta) of itself. The estimator
 writes nothing to memory that it may have to take back. One step reads smooth, follow, commit, learn:
 
-1. Smooth the last 2 M + 1 resistances (``smooth.py``). What follows concerns the middle one, M samples ago.
-2. Follow the leg, the motion since the last turning point, until the output comes back by more than noise (``leg.py``).
+1. Smooth the last 2 M + 1 resistances (``estimation.py``). What follows concerns the middle one, M samples ago.
+2. Follow the leg, the motion since the last turning point, until the output comes back by more than noise (the leg).
 3. Commit to memory what is certain: while strain runs on, all but several standard deviations; after a turning point, its
    best estimate. The exact inverse gives the strain from there, so the strain does not lag further.
-4. Learn the error that remains (``drift.py``): turning points add to it, an error of eta adds in proportion to what
+4. Learn the error that remains (the drift): turning points add to it, an error of eta adds in proportion to what
    switches down. A known strain and the end of the range reveal it.
 """
 
@@ -23,14 +23,12 @@ import casadi as ca
 
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
+from ..sensor.law import SensorLaw, SensorState
 from ..sensor.model import ADVICE, SCALE_VARIABLES, normalised, resting_state, saturated, with_scales
-from ..sensor.state import SensorLaw, SensorState
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter, select
-from .drift import Drift
-from .exact import TAKE_THE_FILTER, invert
-from .leg import BACK, Leg
-from .smooth import Smoothed, smooth
+from .estimation import BACK, Drift, Leg, Smoothed, smooth
+from .inverse import TAKE_THE_FILTER, invert
 
 HALF_WIDTHS = (3, 8, 24)  # [samples] of the windows; the largest is the delay
 LAST_TURN = 0.5  # share of the variance of the last turning point that the strain shows until its loop closes
@@ -88,7 +86,7 @@ class Buffer:
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class MiddleSample:
     """The sample at the middle of the window.
 
     Attributes
@@ -218,7 +216,7 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
         sigma = p.noise / p.full_scale_resistance_change
         buffer = x.buffer.push(normalised(u.resistance, p), h, u.known, u.known_strain / p.full_scale_strain)
         middle, present = (smooth(buffer.output, sigma, half_widths, place) for place in (M, 2 * M))
-        now = Sample(middle, ca.fmax(buffer.h[0], SHORTEST), buffer.known[0] > 0.5, buffer.strain[0])
+        now = MiddleSample(middle, ca.fmax(buffer.h[0], SHORTEST), buffer.known[0] > 0.5, buffer.strain[0])
         # follow
         held = law.hold(x.sensor, now.h).output()
         leg, turned, certain = x.leg.follow(middle, held, M)
@@ -258,7 +256,7 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     )
 
 
-def _commit(law: SensorLaw, sensor: SensorState, drift: Drift, now: Sample, change: ca.MX) -> Commit:
+def _commit(law: SensorLaw, sensor: SensorState, drift: Drift, now: MiddleSample, change: ca.MX) -> Commit:
     """Move the memory to the strain that explains a change of output [1], or to the known strain."""
     held = law.hold(sensor, now.h)
     reached, outside = _invert(law, sensor, change, drift, now.h)
@@ -280,7 +278,7 @@ def _commit(law: SensorLaw, sensor: SensorState, drift: Drift, now: Sample, chan
     )
 
 
-def _learn(drift: Drift, now: Sample, commit: Commit, least: ca.MX) -> Drift:
+def _learn(drift: Drift, now: MiddleSample, commit: Commit, least: ca.MX) -> Drift:
     """Update the drift with a commit; ``least`` is the variance of ``theta`` [1] that always remains."""
     fault = ca.if_else(commit.refused, (commit.residual / PATIENCE) ** 2, 0.0)
     doubt = ca.if_else(now.known, (FORGOTTEN * commit.error) ** 2, REACH**2)

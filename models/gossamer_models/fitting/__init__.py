@@ -1,9 +1,8 @@
 """Records, errors and least squares: what every fit of a model to measurements needs."""
 
-from .errors import Errors, e1, nrmse, stretch_errors
+from .errors import Errors, Parameter, covariance, e1, nrmse, stretch_errors
 from .reading import Columns, read_record, read_records
 from .records import Record, training_rows
-from .uncertainty import Parameter, covariance
 
 __all__ = [
     "Columns",

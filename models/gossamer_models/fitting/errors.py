@@ -1,4 +1,4 @@
-"""Errors of a model against a measurement."""
+"""How good a fit is: errors against the measurement, how well data determine parameters, what must be said of them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Rows, Vector
+from ..arrays import Matrix, Rows, Vector
 from .records import Record
 
 
@@ -88,4 +88,93 @@ def stretch_errors(
         for record, output, fitted in zip(records, predicted, train, strict=True)
         for stretch, rows in (("train", fitted), ("test", ~fitted))
         if rows.any()
+    )
+
+
+ALIKE = 0.98  # correlation from which the data do not separate two parameters
+LEAST_SINGULAR = 1e-12  # of a Jacobian with columns of unit length: below, the data do not determine a direction
+UNSTRAINED = 0.01  # of full scale
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One fitted number.
+
+    Attributes
+    ----------
+    name : str
+        For instance ``b_mu[2]`` or ``C_1``.
+    value, deviation : float
+        Estimate and its standard deviation.
+    determined : bool
+        Whether the data determine it: rather than regularisation or a bound, or with a deviation below the value, as the fit
+        states.
+    """
+
+    name: str
+    value: float
+    deviation: float
+    determined: bool
+
+
+def covariance(data: Matrix, preferred: Matrix, variance: float) -> tuple[Matrix, Matrix]:
+    r"""Return how well the parameters of a least squares problem are determined.
+
+    Parameters
+    ----------
+    data, preferred : ndarray, shapes (m, n) and (k, n)
+        Jacobians J of the residuals and P of what is preferred to be small.
+    variance : float
+        :math:`\sigma^2` of the residuals.
+
+    Returns
+    -------
+    covariance : ndarray, shape (n, n)
+        :math:`C = \sigma^2 (J^T J + P^T P)^{-1}`; infinite on the diagonal for a parameter that nothing depends on.
+    resolution : ndarray, shape (n, n)
+        :math:`C J^T J / \sigma^2`: the identity if the data alone determine the parameters, zero if the regularisation
+        does.
+
+    Notes
+    -----
+    Linearised, with white residuals of one variance. Residuals of a model that is not exact are correlated, so deviations
+    are too small; they still show which parameters the data do not separate.
+    """
+    J = np.vstack([data, preferred])
+    size = np.linalg.norm(J, axis=0)
+    acting = size > 0.0
+    U, singular, V = np.linalg.svd(J[:, acting] / size[acting], full_matrices=False)
+    half = V.T / np.maximum(singular, LEAST_SINGULAR) / size[acting, None]
+    U = U[: len(data)]  # the rows of the data; squares of small singular values would lose all digits
+    C, resolution = np.diag(np.where(acting, 0.0, np.inf)), np.zeros((size.size, size.size))
+    C[np.ix_(acting, acting)] = variance * half @ half.T
+    resolution[np.ix_(acting, acting)] = half @ (U.T @ U * singular) @ (V * size[acting])
+    return C, resolution
+
+
+def alike(names: tuple[str, ...], covariance: Matrix, advice: str) -> str:
+    """Return a sentence on two parameters that the data do not separate, with advice; an empty text if there are none."""
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    with np.errstate(invalid="ignore"):  # no data at all: infinite deviations
+        correlation = np.nan_to_num(np.triu(np.abs(covariance / np.outer(deviations, deviations)), 1))
+    i, k = np.unravel_index(int(np.argmax(correlation)), correlation.shape)
+    if not correlation[i, k] > ALIKE:
+        return ""
+    return (
+        f"The data do not separate {names[i]} from {names[k]}: their correlation is {correlation[i, k]:.3f}. {advice}"
+    )
+
+
+def rest_doubt(record: Record, rest_resistance: float, full_scale: float, reach: float, advice: str) -> str:
+    """Return a sentence if a record begins unstrained, but not with the resistance at rest; empty otherwise.
+
+    ``reach`` is how far apart the two may be, over the range of the record [1].
+    """
+    first = float(record.resistance[0])
+    off = abs(first - rest_resistance) > reach * float(np.ptp(record.resistance))
+    if record.strain[0] > UNSTRAINED * full_scale or not off:
+        return ""
+    return (
+        f"{record.name} begins unstrained with a resistance of {first:.6g}, but the resistance at rest is "
+        f"{rest_resistance:.6g}. {advice}"
     )

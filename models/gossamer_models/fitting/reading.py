@@ -28,8 +28,7 @@ from numpy.typing import NDArray
 from ..arrays import Rows, Vector
 from ..errors import DataError
 from .options import option
-from .records import Record
-from .summary import LONGEST_GAP, Quantity, RecordSummary, gaps_of
+from .records import LONGEST_GAP, Quantity, Record, RecordSummary, gaps_of
 
 MOST_MISSING = 0.05
 GAP_STRAIN = 0.05

@@ -2,9 +2,8 @@
 
 from .artifact import SCHEMA, FadingTerm, FractionalArtifact, FractionalTerm
 from .fit import FractionalFit, fit_fractional, predict_record
-from .model import fractional_sensor_model, predict
-from .operators import derivative, integral
-from .settings import FractionalSettings
+from .model import derivative, fractional_sensor_model, integral, predict
+from .problem import FractionalSettings
 
 __all__ = [
     "SCHEMA",

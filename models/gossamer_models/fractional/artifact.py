@@ -20,8 +20,7 @@ import numpy as np
 
 from ..artifacts import read_artifact, write_artifact
 from ..errors import ArtifactError, ParameterError
-from ..modes import PowerLawKernels
-from ..modes.power_law import check_order
+from ..modes import PowerLawKernels, check_order
 
 SCHEMA = "gossamer.fractional"
 VERSION = 1

@@ -1,23 +1,171 @@
-r"""The least squares problem of a fractional model on some records, and the meaning of its solution.
+r"""The least squares problem of a fractional model on some records: its settings, its columns, the meaning of its solution.
 
-Symbols: :math:`\theta` orders, rates and exponents, ``c`` coefficients of the columns; ``A``, ``B`` coefficients of a term
-on the strain and on its quadrature.
+Symbols: :math:`\theta` = (orders :math:`a_k`, rates :math:`p_l`, exponents :math:`q_l`); ``s`` strain over full scale [1];
+``Phi`` columns of unit coefficient in the order strain, terms on the strain, terms on its quadrature (models with phases),
+fading integrals (model-1), one (where the resistance at rest is fitted); ``c`` coefficients of the columns; ``A``, ``B``
+those of a term on the strain and on its quadrature.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
+import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from ..errors import DataError
+from ..errors import DataError, ParameterError
+from ..fitting.options import option
 from ..fitting.records import Record, check_rest, in_equal_steps, strain_range
 from ..fitting.separable import Derivative, SeparableProblem
-from .artifact import FadingTerm, FractionalArtifact, FractionalTerm
-from .columns import RecordColumns
-from .settings import FractionalSettings
+from ..modes import PowerLawKernels
+from .artifact import MODELS, FadingTerm, FractionalArtifact, FractionalTerm, ModelName
+from .model import covering, fading_integral, integral_modes, quadrature, slope_modes, started
+
+
+@dataclass(frozen=True, kw_only=True)
+class FractionalSettings:
+    """How to fit.
+
+    Attributes
+    ----------
+    model : {"model-1", "sub-model-1", "sub-model-2"}
+        See ``FractionalArtifact``.
+    terms, fading : int
+        Number of fractional terms, and of fading integrals (model-1 only): N and M - N, 5 and 3 in
+        Table 3.2 of the thesis.
+    starts, seed : int
+        Number of random starts, and the seed of the generator that draws them.
+    orders, rates, exponents : tuple of float
+        Bounds of :math:`a_k` [1], :math:`p_l` [1/s] and :math:`q_l` [1].
+    nonnegative : bool
+        True: no coefficient is negative, which makes an integral model passive; False: as in the thesis.
+    restraint : float
+        Penalty [1] on terms that cancel each other: on how far their sizes, root mean squares, add up to more than the
+        size of the measured change. Terms of nearby orders otherwise grow without end. A term that is split in two
+        costs nothing, so more terms never fit worse; terms without use get a coefficient of zero.
+    most_evaluations : int
+        Largest number of evaluations of the columns per start.
+    shortest, longest : float
+        Range of times [s] of the memory.
+    """
+
+    FAMILY: ClassVar[str] = "fractional"
+
+    model: ModelName
+    terms: int = option(5, "Fractional derivatives or integrals.", least=1)
+    fading: int = option(3, "Fading integrals.", models=("fractional-model-1",), least=0)
+    starts: int = option(12, "Number of starts.", least=1)
+    seed: int = option(0, "Seed of the starts.", least=0)
+
+    orders: tuple[float, float] = (0.001, 0.999)
+    rates: tuple[float, float] = (1e-4, 10.0)
+    exponents: tuple[float, float] = (0.1, 4.0)
+    nonnegative: bool = True
+    restraint: float = 0.1
+    most_evaluations: int = 60
+    shortest: float = 1e-4
+    longest: float = 1e5
+
+    def __post_init__(self) -> None:
+        if self.model not in MODELS:
+            msg = f"there is no fractional model {self.model!r}; it is one of {', '.join(MODELS)}"
+            raise ParameterError(msg)
+        for name, (low, high), least, most in (
+            ("orders", self.orders, 0.0, 1.0),
+            ("rates", self.rates, 0.0, np.inf),
+            ("exponents", self.exponents, 0.0, np.inf),
+        ):
+            if not least < low < high < most:
+                msg = f"bounds of {name} are {low:g} to {high:g}; they must increase within {least:g} to {most:g}"
+                raise ParameterError(msg)
+        if self.terms < 1 or self.fading < 0 or self.starts < 1 or self.restraint < 0.0:
+            msg = "need one or more terms and starts, no negative number of fading integrals, and no negative restraint"
+            raise ParameterError(msg)
+
+    @property
+    def box(self) -> tuple[Vector, Vector]:
+        """Bounds of orders, rates and exponents, shape (N + 2 L,) each."""
+        bounds = [self.orders] * self.terms + [self.rates] * self.n_fading + [self.exponents] * self.n_fading
+        return np.array([low for low, _ in bounds]), np.array([high for _, high in bounds])
+
+    @property
+    def n_fading(self) -> int:
+        """Number of fading integrals of the model."""
+        return self.fading if self.model == "model-1" else 0
+
+    @property
+    def first_fading(self) -> int:
+        """Place of the first fading integral among the columns."""
+        return 1 + self.terms * (1 if self.model == "sub-model-1" else 2)
+
+
+class RecordColumns:
+    """Terms of one model on one record.
+
+    Parameters
+    ----------
+    s : ndarray, shape (m,)
+        Strain over full scale [1].
+    h : float
+        Sampling step [s].
+    rows : ndarray of bool, shape (m,)
+        Samples to return.
+    settings : FractionalSettings
+        Model, numbers of terms and times of the memory.
+    rest_fitted : bool
+        Whether a constant is among the columns.
+    """
+
+    def __init__(self, s: Vector, h: float, rows: Rows, settings: FractionalSettings, *, rest_fitted: bool) -> None:
+        model, kernels = settings.model, PowerLawKernels(settings.shortest, settings.longest)
+        covering(s, h, kernels)
+        self._strain, self._step, self._rows, self._rest_fitted = s, h, rows, rest_fitted
+        self._n_terms, self._n_fading, self._first_fading = settings.terms, settings.n_fading, settings.first_fading
+        parts = (s,) if model == "sub-model-1" else (s, quadrature(s))
+        self._memories = [_memory(part, h, model, kernels.rates)[rows] for part in parts]
+        a = ca.SX.sym("a")
+        g = kernels.weights(1.0 - a if model == "model-1" else a)
+        self._weights = ca.Function("weights", [a], [g, ca.jacobian(g, a)])
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return self._first_fading + self._n_fading + self._rest_fitted
+
+    def evaluate(self, theta: Vector) -> tuple[Matrix, list[Derivative]]:
+        r"""Return the columns, shape (m, n), and their derivatives by each element of :math:`\theta`, shape (N + 2 L,)."""
+        N, L = self._n_terms, self._n_fading
+        Phi = np.zeros((int(self._rows.sum()), self.count))
+        Phi[:, 0] = self._strain[self._rows]
+        by_order: list[Derivative] = []
+        by_rate: list[Derivative] = []
+        by_exponent: list[Derivative] = []
+        for k, a in enumerate(theta[:N]):
+            g, dg = (np.array(each).ravel() for each in self._weights(a))
+            columns = np.arange(1 + k, self._first_fading, N)
+            Phi[:, columns] = np.column_stack([memory @ g for memory in self._memories])
+            by_order.append((columns, np.column_stack([memory @ dg for memory in self._memories])))
+        for k, (p, q) in enumerate(zip(theta[N : N + L], theta[N + L :], strict=True)):
+            column = np.array([self._first_fading + k])
+            value, dp, dq = (part[self._rows, None] for part in fading_integral(self._strain, self._step, p, q))
+            Phi[:, column] = value
+            by_rate.append((column, dp))
+            by_exponent.append((column, dq))
+        if self._rest_fitted:
+            Phi[:, -1] = 1.0
+        return Phi, [*by_order, *by_rate, *by_exponent]
+
+
+def _memory(v: Vector, h: float, model: ModelName, rates: Vector) -> Matrix:
+    """Return the modes of a record and, last, the column that the mass of the kernel multiplies, shape (m, n + 1)."""
+    if model != "model-1":
+        return np.column_stack([integral_modes(v, h, rates), started(v)])
+    memory = np.column_stack([slope_modes(v, h, rates), np.diff(v, prepend=v[:1]) / h])
+    memory[0] = 0.0  # as in ``model.predict``
+    return memory
 
 
 @dataclass(frozen=True)

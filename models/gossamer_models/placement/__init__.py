@@ -1,13 +1,12 @@
 """Where to put the sensors of a membrane: by the Fisher information of the damage of its zones."""
 
-from .check import Check
-from .placing import NOISE, Placement, Placing, place_sensors
+from .check import MonteCarloCheck
+from .placing import NOISE, Placement, Placing, place_sensors, sensors_text, write_csv
 from .plots import save_picture
-from .tables import sensors_text, write_csv
 
 __all__ = [
     "NOISE",
-    "Check",
+    "MonteCarloCheck",
     "Placement",
     "Placing",
     "place_sensors",

@@ -12,17 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from ..twin.descent import descend
-from ..twin.least_squares import Point, check_derivatives, points_at
+from ..twin.least_squares import Point, check_derivatives, descend, points_at
 from .candidates import Gauges
 from .information import FACTOR, THRESHOLD, covariance, weigh
-from .simulation import Report, Simulation, quiet
+from .simulation import GaugeSimulation, Report, quiet
 
 DAMAGE = 0.3  # of every zone [1]: so far from zero that the bounds of a fit do not hold it back
 
 
 @dataclass(frozen=True, kw_only=True)
-class Check:
+class MonteCarloCheck:
     """How deviations that were predicted compare with those of fits.
 
     Attributes
@@ -57,7 +56,7 @@ class Check:
 class _Records:
     """The least-squares problem of the twin for gauges anywhere; one record at a time."""
 
-    def __init__(self, simulation: Simulation, gauges: Gauges, sigma: float, truth: Vector) -> None:
+    def __init__(self, simulation: GaugeSimulation, gauges: Gauges, sigma: float, truth: Vector) -> None:
         self._simulation, self._gauges, self._sigma = simulation, gauges, sigma
         self.low, self.high = simulation.low, simulation.high
         self.prior = np.r_[np.zeros(simulation.zones), np.ones(len(simulation.nuisances))]
@@ -88,13 +87,13 @@ class _Records:
 
 
 def check(
-    simulation: Simulation, gauges: Gauges, sigma: float, records: int, *, seed: int = 1, report: Report = quiet
-) -> Check:
+    simulation: GaugeSimulation, gauges: Gauges, sigma: float, records: int, *, seed: int = 1, report: Report = quiet
+) -> MonteCarloCheck:
     """Fit damages to records of a damaged membrane with noise.
 
     Parameters
     ----------
-    simulation : Simulation
+    simulation : GaugeSimulation
         Membrane and load.
     gauges : Gauges
         The sensors.
@@ -109,7 +108,7 @@ def check(
 
     Returns
     -------
-    Check
+    MonteCarloCheck
 
     Notes
     -----
@@ -131,7 +130,7 @@ def check(
         report("fits", k + 1, records)
     predicted = np.sqrt(np.diag(C))
     whitened = np.linalg.solve(np.linalg.cholesky(C), errors.T)
-    return Check(
+    return MonteCarloCheck(
         records=records,
         predicted=predicted,
         observed=np.sqrt(np.mean(errors**2, axis=0)),

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import scipy.sparse
+from gossamer_files import replacing
 
 from ..arrays import Vector
 from ..errors import ParameterError
 from ..membrane import Sensor, Structure
 from .candidates import Gauges, candidates, stacked
-from .check import Check, check
-from .choice import choose
-from .information import deviations, information, smallest_damage
-from .simulation import Report, Simulation, quiet
+from .check import MonteCarloCheck, check
+from .information import choose, deviations, information, smallest_damage
+from .simulation import GaugeSimulation, Report, quiet
 
 NOISE = 0.02 / math.sqrt(12.0)  # of the thesis: uniform from 0 to 0.02 of strain
 STEP, STOP = 3e-4, 0.3  # [s], as the twin compares them
@@ -33,13 +35,13 @@ class Placement:
         Where they are.
     deviation : ndarray, shape (zones,)
         Standard deviation of each zone's damage [1] with all other zones, load, damping and offsets unknown.
-    check : Check or None
+    check : MonteCarloCheck or None
         Fits to simulated records.
     """
 
     sensors: tuple[Sensor, ...]
     deviation: Vector
-    check: Check | None = None
+    check: MonteCarloCheck | None = None
 
     @property
     def a90(self) -> Vector:
@@ -127,7 +129,7 @@ def place_sensors(
     All is linear about the undamaged membrane. The model is taken to be exact: what a finer mesh would add is left out.
     """
     samples = _samples(noise, step, stop)
-    simulation = Simulation(structure, load, step, samples)
+    simulation = GaugeSimulation(structure, load, step, samples)
     spread = candidates(structure, points, gauge_length)
     own = structure.setup.sensors
     n_own, n_nodes = len(own), len(structure.mesh.nodes)
@@ -182,3 +184,30 @@ def _joined(first: Gauges, second: Gauges) -> Gauges:
     lines = scipy.sparse.csr_array(scipy.sparse.vstack([first.lines, second.lines]))
     means = scipy.sparse.csr_array(scipy.sparse.block_diag([first.means, second.means]))
     return Gauges(first.sensors + second.sensors, lines, means)
+
+
+def write_csv(found: Placing, path: Path) -> None:
+    """Write a row for each zone: its name, and for each placement the deviation and a90 of its damage [1]."""
+    placements = {"own": found.own, "chosen": found.chosen}
+    columns = {name: p for name, p in placements.items() if p is not None}
+    with replacing(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["zone", "group", *(f"{name} {what} [1]" for name in columns for what in ("deviation", "a90"))])
+        for k, zone in enumerate(found.structure.setup.zones):
+            numbers = [f"{v:.6g}" for p in columns.values() for v in (p.deviation[k], p.a90[k])]
+            rows.writerow([k + 1, zone.group, *numbers])
+
+
+def sensors_text(found: Placing) -> str:
+    """Return the chosen sensors as they stand in ``setup.toml``."""
+    tables = []
+    for sensor in found.chosen.sensors:
+        rows = [f"point = {_vector(sensor.point)}", f"direction = {_vector(sensor.direction)}"]
+        if sensor.gauge_length:
+            rows.append(f"gauge_length = {sensor.gauge_length!r}")
+        tables.append("\n".join(["[[sensors]]", *rows]))
+    return "\n\n".join(tables) + "\n"
+
+
+def _vector(values: tuple[float, float, float]) -> str:
+    return f"[{', '.join(repr(float(f'{value:.12g}')) for value in values)}]"

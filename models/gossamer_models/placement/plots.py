@@ -92,7 +92,7 @@ def _maps(found: Placing) -> list[Chart]:
         traces.append(_scale(limits))
         equal = {"xaxis": {"constrain": "domain"}, "yaxis": {"scaleanchor": "x", "constrain": "domain"}}
         title = f"{len(p.sensors)} {name} sensors, worst zone a90 = {damage_text(p.a90.max())}"
-        charts.append(Chart(title, *axes, traces, layout=equal | {"showlegend": False}, tall=True))
+        charts.append(Chart(title, axes[0], axes[1], traces, layout=equal | {"showlegend": False}, tall=True))
     return charts
 
 

@@ -31,7 +31,7 @@ def quiet(what: str, done: int, total: int) -> None:
     """Report nothing."""
 
 
-class Simulation:
+class GaugeSimulation:
     """A membrane on a mesh with damages and nuisances as unknowns.
 
     Parameters

@@ -17,18 +17,15 @@ from gossamer_files.charts import Chart, save_charts
 
 from ..arrays import Rows, Vector
 from ..artifacts import artifact_schema
-from ..automatic.baselines import cubic
-from ..automatic.compare import HERE, Interval, beside, error_interval
+from ..automatic.compare import HERE, Interval, beside, cubic, error_interval
 from ..errors import ArtifactError
 from ..fitting.errors import nrmse
 from ..fitting.reading import Columns, read_records
 from ..fitting.records import Record, judged_rows, training_rows
-from ..fitting.tables import table_path, write_predictions
 from ..plots import BAND, ModelledRecord, record_files
-from ..replay import REACH, Recovered, clipped_strain, recover, sensor_output
+from ..replay import REACH, Recovered, clipped_strain, recover, sensor_output, table_path, write_predictions
 from ..sensor import Scales, SensorArtifact
-from .ranges import hardly_overlapping
-from .scales import RelaxingScales, fit_scales
+from .scales import RelaxingScales, fit_scales, hardly_overlapping
 
 RIGHT = 0.05  # share of the errors that a normal distribution leaves beyond the band
 TOO_SURE = 0.5  # stated over true deviation, below which it is said

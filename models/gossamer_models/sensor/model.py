@@ -14,7 +14,7 @@ import casadi as ca
 from ..step_model import StepModel
 from ..variables import Results, Values, Variable, input_, output, parameter
 from .artifact import SensorArtifact, default_artifact
-from .state import SensorLaw, SensorState
+from .law import SensorLaw, SensorState
 
 LIKELY_NOISE = 1e-3  # [1] start value of an estimator's noise where none was measured
 ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must be of a sensible size."

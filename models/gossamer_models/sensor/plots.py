@@ -19,7 +19,8 @@ FILES = {"Density mu": "mu", "Share eta": "eta", "Everett surface": "everett", "
 
 def sensor_charts(artifact: SensorArtifact) -> list[Chart]:
     """Return the charts of a Preisach sensor."""
-    return section("The identified sensor", [*plane_charts(artifact), *_everett(artifact), *_relaxation(artifact)])
+    planes = [plane_chart(artifact, name) for name in (("mu", "eta") if constant_eta(artifact) is None else ("mu",))]
+    return section("The identified sensor", [*planes, *_everett(artifact), *_relaxation(artifact)])
 
 
 def sensor_files(artifact: SensorArtifact) -> dict[str, Chart]:
@@ -40,25 +41,27 @@ def preisach_plane(artifact: SensorArtifact, name: str) -> Matrix:
     return plane
 
 
-def plane_charts(artifact: SensorArtifact) -> list[Chart]:
-    """Return mu over the Preisach plane, and eta unless it is the same everywhere."""
-    cells = (np.arange(artifact.n_lines) + 0.5) / artifact.n_lines
-    mu, eta = (preisach_plane(artifact, name) for name in ("mu", "eta"))
-    off_line = mu[np.tril_indices(artifact.n_lines, -1)]
-    top, constant = float(off_line.max()) or float(np.nanmax(mu)), constant_eta(artifact)
-    what = "eta, the share of mu that a down-switch removes, is"
-    same = "" if constant is None else f" {what} {constant:.4g} everywhere."
-    note = f"The elastic line, the diagonal, reaches {np.diag(mu).max():.3g} and may exceed the scale.{same}"
-    text = f"Weights of up-switching over the Preisach plane, up to {top:.3g} off the elastic line.{same}"
-    known = "" if constant is None else f"eta = {constant:.3g} all over the plane"
-    charts = [_map("Density mu", heat(cells, cells, mu, "mu [1]", zmin=0.0, zmax=top), note, text, known)]
-    if constant is None:
-        lowest, highest = float(np.nanmin(eta)), float(np.nanmax(eta))
+def plane_chart(artifact: SensorArtifact, name: str) -> Chart:
+    """Return ``mu`` or ``eta`` over the Preisach plane; a constant ``eta`` is named beside ``mu``."""
+    cells, plane = (np.arange(artifact.n_lines) + 0.5) / artifact.n_lines, preisach_plane(artifact, name)
+    lowest, highest, constant = float(np.nanmin(plane)), float(np.nanmax(plane)), constant_eta(artifact)
+    if name == "eta":
         ends = {"zmin": min(lowest, ETA_SCALE[0]), "zmax": max(highest, ETA_SCALE[1])}
-        text = f"eta over the Preisach plane, from {lowest:.3g} to {highest:.3g}."
-        note = "The share of mu that a down-switch removes."
-        charts.append(_map("Share eta", heat(cells, cells, eta, "eta [1]", **ends), note, text))
-    return charts
+        note, text = (
+            "The share of mu that a down-switch removes.",
+            f"eta over the Preisach plane, {lowest:.3g} to {highest:.3g}.",
+        )
+        return _map("Share eta", heat(cells, cells, plane, "eta [1]", **ends), note, text)
+    top = float(plane[np.tril_indices(artifact.n_lines, -1)].max(initial=0.0)) or highest
+    what = "eta, the share of mu that a down-switch removes, is"
+    same, known = (
+        ("", "")
+        if constant is None
+        else (f" {what} {constant:.4g} everywhere.", f"eta = {constant:.3g} all over the plane")
+    )
+    note = f"The elastic line, the diagonal, reaches {np.diag(plane).max():.3g} and may exceed the scale.{same}"
+    text = f"Weights of up-switching over the Preisach plane, up to {top:.3g} off the elastic line.{same}"
+    return _map("Density mu", heat(cells, cells, plane, "mu [1]", zmin=0.0, zmax=top), note, text, known)
 
 
 def constant_eta(artifact: SensorArtifact) -> float | None:

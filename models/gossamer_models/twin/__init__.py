@@ -1,9 +1,8 @@
 """The digital twin: damages with standard deviations, from a record of strain or resistance."""
 
-from .answer import Answer
 from .reading import make_record, read_table
-from .record import Record
-from .twin import Twin
-from .watch import Finding, Watch, Window
+from .record import ResponseRecord
+from .twin import Answer, Twin
+from .watch import DamageOnset, Watch, Window
 
-__all__ = ["Answer", "Finding", "Record", "Twin", "Watch", "Window", "make_record", "read_table"]
+__all__ = ["Answer", "DamageOnset", "ResponseRecord", "Twin", "Watch", "Window", "make_record", "read_table"]

@@ -7,15 +7,67 @@ slope of half of chi2.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 
+MOST_SWAPS = 40
 MOST_DAMAGE = 0.95
 DAMAGE_STEP = 2e-3  # of finite differences
+DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])  # one for each lane
+NEGLIGIBLE = 0.02  # of chi2: no damage moves by more than a seventh of its deviation
+LINEAR = 0.9  # share of what the model promised
+SHORT = 5.0  # of chi2: longer steps change the derivatives
+
+
+def bounded_minimum(A: Matrix, g: Vector, low: Vector, high: Vector) -> Vector:
+    r"""Return the move d between bounds at which :math:`d^T A d - 2 g^T d` is smallest, shape (n,).
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+        Curvature, positive definite.
+    g : ndarray, shape (n,)
+        Slope.
+    low, high : ndarray, shape (n,)
+        Bounds.
+
+    Notes
+    -----
+    The primal-dual active set method of [1]_: which bounds hold follows from the last solution and its multipliers. Where it
+    goes in circles, ``scipy.optimize.lsq_linear`` finishes.
+
+    References
+    ----------
+    .. [1] M. Hintermueller, K. Ito, K. Kunisch, SIAM Journal on Optimization 13(3), 865-888, 2002,
+       doi:10.1137/S1052623401383558.
+    """
+    scale = 1.0 / np.sqrt(np.diag(A))
+    A, g, low, high = A * np.outer(scale, scale), g * scale, low / scale, high / scale
+    d, slope = np.zeros(len(g)), g.copy()
+    for _ in range(MOST_SWAPS):
+        below, above = d + slope < low, d + slope > high
+        held = below | above
+        before, d = d, np.where(below, low, np.where(above, high, 0.0))
+        if not held.all():
+            rest = ~held
+            d[rest] = np.linalg.solve(A[np.ix_(rest, rest)], g[rest] - A[np.ix_(rest, held)] @ d[held])
+        slope = np.where(held, g - A @ d, 0.0)
+        if np.array_equal(before, d):
+            return np.asarray(np.clip(d, low, high) * scale)
+    L = np.linalg.cholesky(A)
+    room = np.maximum(high - low, 1e-12)
+    return np.asarray(lsq_linear(L.T, np.linalg.solve(L, g), (low, low + room), method="bvls").x * scale)
+
+
+def change(A: Matrix, g: Vector, d: Vector) -> float:
+    """Return the change of the quadratic by a move."""
+    return float(d @ A @ d - 2.0 * g @ d)
 
 
 @dataclass(frozen=True)
@@ -83,3 +135,87 @@ def quadratic_about(point: Point, free: Rows, J: Matrix, prior: Vector) -> Quadr
     """Return the quadratic model of chi2 about a point over the free unknowns, from their derivatives."""
     at = point.x[free]
     return Quadratic(A=J.T @ J + np.diag(prior[free]), g=J.T @ point.r - prior[free] * at, at=at)
+
+
+class LeastSquares(Protocol):
+    """What ``descend`` needs of a problem, as ``RecordProblem`` documents it."""
+
+    low: Vector
+    high: Vector
+    prior: Vector  # curvature that the priors add to each unknown
+
+    def points(self, x: Matrix) -> list[Point]:
+        """Simulate rows of unknowns."""
+        ...
+
+    def derivatives(self, point: Point, free: Rows) -> Matrix:
+        """Return the derivatives of the weighed predictions."""
+        ...
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where the search ended.
+
+    Attributes
+    ----------
+    point : Point
+        Unknowns, residuals and chi2 there.
+    J : ndarray, shape (values, number of free unknowns)
+        Derivatives there, or a negligible move before.
+    model : Quadratic
+        Quadratic model there over the free unknowns.
+    """
+
+    point: Point
+    J: Matrix
+    model: Quadratic
+
+
+def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, enough: float = NEGLIGIBLE) -> Minimum:
+    """Search the smallest chi2 between the bounds, from a start.
+
+    Parameters
+    ----------
+    problem : LeastSquares
+        What is fitted.
+    start : ndarray, shape (n,)
+        Unknowns; those that are not free stay.
+    free : ndarray of bool, shape (n,)
+        Unknowns to search.
+    most : int
+        Iterations.
+    enough : float
+        Stop where the quadratic model promises less of chi2 than this.
+
+    Raises
+    ------
+    ConvergenceError
+        A simulation has failed at the start or beside it.
+
+    Notes
+    -----
+    Where a short step has gained what the model promised, its derivatives serve for the next step too.
+    """
+    point = problem.points(np.clip(start, problem.low, problem.high)[None])[0]
+    J = problem.derivatives(point, free)
+    model, fresh = quadratic_about(point, free, J, problem.prior), True
+    for _ in range(most):
+        low, high = problem.low[free] - point.x[free], problem.high[free] - point.x[free]
+        moves = [bounded_minimum(model.A + np.diag(lam * np.diag(model.A)), model.g, low, high) for lam in DAMPINGS]
+        promised = -change(model.A, model.g, moves[0])
+        if promised < enough:
+            break
+        trials = np.repeat(point.x[None], len(moves), axis=0)
+        trials[:, free] = np.clip(trials[:, free] + moves, problem.low[free], problem.high[free])
+        best = min(problem.points(trials), key=lambda trial: trial.chi2)
+        gained = point.chi2 - best.chi2
+        if gained > 0.0:
+            point = best
+        elif fresh:
+            break
+        fresh = promised > SHORT or gained < LINEAR * promised
+        if fresh:
+            J = problem.derivatives(point, free)
+        model = quadratic_about(point, free, J, problem.prior)
+    return Minimum(point=point, J=J, model=model)

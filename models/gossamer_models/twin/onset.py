@@ -17,14 +17,14 @@ from .least_squares import (
     DAMAGE_STEP,
     MOST_DAMAGE,
     Point,
+    bounded_minimum,
     check_derivatives,
     neighbours,
     points_at,
     quadratic_about,
 )
-from .quadratic import bounded_minimum
 from .record import N_SENSORS
-from .running import Place, Running
+from .simulation import Place, Running
 
 ONSETS = 16  # onsets tried
 SHARES = (0.4, 0.7, 1.0)  # of a step of Newton's method
@@ -32,7 +32,7 @@ BEST = 3  # onsets that are refined
 
 
 @dataclass(frozen=True)
-class Seen:
+class JudgedWindow:
     """A window that has been judged.
 
     Attributes
@@ -62,7 +62,7 @@ class OnsetProblem:
     ----------
     running : Running
         Simulation.
-    windows : sequence of Seen
+    windows : sequence of JudgedWindow
         Windows one after the other.
     sigma : ndarray, shape (4,)
         Noise.
@@ -72,7 +72,9 @@ class OnsetProblem:
         Step [s].
     """
 
-    def __init__(self, running: Running, windows: Sequence[Seen], sigma: Vector, before: Vector, h: float) -> None:
+    def __init__(
+        self, running: Running, windows: Sequence[JudgedWindow], sigma: Vector, before: Vector, h: float
+    ) -> None:
         self._running, self._windows, self._sigma, self._before, self._h = running, windows, sigma, before, h
         y = np.concatenate([seen.y for seen in windows], axis=1)
         self._starts = np.cumsum([0, *(seen.y.shape[1] for seen in windows[:-1])])

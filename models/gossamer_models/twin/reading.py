@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
-from .record import N_SENSORS, Record
+from .record import N_SENSORS, ResponseRecord
 
 KINDS = ("resistance", "strain")
 INDEXED = re.compile(r"(strain|resistance) ?\[(\d+)\](.*)")  # strain[1] [%]
@@ -23,7 +23,7 @@ OFF_GRID = 0.05  # of a step: how far a time may lie from the grid
 LONGEST = 1_000_000  # samples
 
 
-def read_table(path: Path, kind: str | None = None, noise: float | None = None) -> Record:
+def read_table(path: Path, kind: str | None = None, noise: float | None = None) -> ResponseRecord:
     """Read a CSV file with a column of time and ``strain[1]`` to ``strain[4]`` or ``resistance[1]`` to ``resistance[4]``.
 
     Parameters
@@ -83,7 +83,7 @@ def _sensor(name: str) -> int:
 
 def make_record(
     time: Vector, values: Matrix, kind: str, noise: float | None, source: str, lines: NDArray[np.int_] | None = None
-) -> Record:
+) -> ResponseRecord:
     """Put samples on a grid that begins when the load sets in, at time 0; that sample itself is left out.
 
     Parameters
@@ -93,7 +93,7 @@ def make_record(
     values : ndarray, shape (4, n)
         Values; not a number where one is missing.
     kind, noise : str, float or None
-        As in ``Record``.
+        As in ``ResponseRecord``.
     source : str
         Where they come from, for messages.
     lines : ndarray of int or None
@@ -126,7 +126,7 @@ def make_record(
         raise DataError(msg)
     grid = np.full((N_SENSORS, int(place[-1]) + 1), np.nan)
     grid[:, place] = values
-    return Record(step=h, values=grid[:, 1:], kind=cast(Literal["strain", "resistance"], kind), noise=noise)
+    return ResponseRecord(step=h, values=grid[:, 1:], kind=cast(Literal["strain", "resistance"], kind), noise=noise)
 
 
 def _place(sample: int, lines: NDArray[np.int_] | None) -> str:

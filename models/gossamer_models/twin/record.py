@@ -6,7 +6,7 @@ Symbols: ``y`` values, one row per sensor; ``n`` samples; ``h`` step [s].
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -20,10 +20,18 @@ N_SENSORS = len(SENSOR_POINTS)
 LEAST_SAMPLES = 60  # per sensor: fewer cannot tell 16 damages
 DIFFERENCES = 6  # order of the differences that show noise
 DEAD = 1e-9  # spread over magnitude of a sensor that does not move
+# Orders of the histories that no mirror turns into each other, and what to say of them; the first is as given.
+ORDERS = {
+    (1, 0, 2, 3): "1 and 2, or 3 and 4",
+    (2, 1, 0, 3): "1 and 3, or 2 and 4",
+    (3, 1, 2, 0): "1 and 4, or 2 and 3",
+    (1, 2, 0, 3): "three of them",
+    (2, 0, 1, 3): "three of them",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Record:
+class ResponseRecord:
     """Histories of the four sensors, from the moment that the load sets in.
 
     Attributes
@@ -88,13 +96,13 @@ class Record:
         """Sensors with values, 0 to 3."""
         return [k for k in range(N_SENSORS) if self.present[k].any()]
 
-    def without(self, sensors: Sequence[int]) -> Record:
+    def without(self, sensors: Sequence[int]) -> ResponseRecord:
         """Return the record without some sensors, 0 to 3."""
         values = self.values.copy()
         values[list(sensors)] = np.nan
         return replace(self, values=values)
 
-    def ordered(self, order: Sequence[int]) -> Record:
+    def ordered(self, order: Sequence[int]) -> ResponseRecord:
         """Return the record with its rows in another order."""
         return replace(self, values=self.values[list(order)])
 
@@ -124,7 +132,7 @@ class Record:
         return found
 
 
-def dead_sensors(record: Record) -> list[int]:
+def dead_sensors(record: ResponseRecord) -> list[int]:
     """List the sensors, 0 to 3, that have values but do not move, or have too few of them."""
     dead = []
     for k in record.sensors:
@@ -132,3 +140,61 @@ def dead_sensors(record: Record) -> list[int]:
         if row.size < LEAST_SAMPLES or np.ptp(row) <= DEAD * max(1e-300, float(np.abs(row).max())):
             dead.append(k)
     return dead
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """Another reading of a record.
+
+    Attributes
+    ----------
+    order : tuple of int
+        Sensors, 0 to 3, whose histories are taken for those of sensors 0 to 3.
+    without : tuple of int
+        Sensors that are left out.
+    doubt : str
+        What to say.
+    """
+
+    order: tuple[int, ...]
+    without: tuple[int, ...]
+    doubt: str
+
+    @property
+    def swaps(self) -> bool:
+        """Whether it swaps sensors."""
+        return self.order != tuple(range(N_SENSORS))
+
+    def applied(self, record: ResponseRecord) -> ResponseRecord:
+        """Return the record read this way."""
+        return record.ordered(self.order).without(self.without)
+
+
+def other_wirings(record: ResponseRecord) -> list[Wiring]:
+    """List what else a record of these sensors may be: swapped sensors, and one wrong sensor."""
+    as_given, present = tuple(range(N_SENSORS)), record.sensors
+    found = []
+    if len(present) == N_SENSORS:
+        for order, who in ORDERS.items():
+            doubt = f"the record fits with sensors swapped: {who}. Damage may be mirrored; check the wiring"
+            found.append(Wiring(order, (), doubt))
+    if len(present) > 2:
+        found += [Wiring(as_given, (k,), f"sensor {k + 1} contradicts the others and is left out") for k in present]
+    return found
+
+
+def best_wiring(record: ResponseRecord, misfit: Callable[[ResponseRecord], float]) -> Wiring | None:
+    """Return the reading with the smallest misfit, or None if none passes.
+
+    Parameters
+    ----------
+    record : ResponseRecord
+        Record that does not fit as it is.
+    misfit : callable
+        Takes a record and returns by how many standard deviations chi2 is above the expected one; above 3 is no fit.
+    """
+    wirings = other_wirings(record)
+    misfits = np.array([misfit(wiring.applied(record)) for wiring in wirings])
+    if misfits.size == 0 or not misfits.min() < 3.0:
+        return None
+    return wirings[int(misfits.argmin())]

@@ -12,16 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
-from ..arrays import Rows, Vector
+from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 from ..membrane.mesh import N_ZONES
-from .descent import NEGLIGIBLE, descend
-from .least_squares import Point, Quadratic, quadratic_about
+from .least_squares import NEGLIGIBLE, Point, Quadratic, bounded_minimum, change, descend, quadratic_about
 from .nuisances import LOAD, MODULUS
-from .problem import Problem
-from .quadratic import change
-from .sparse import THRESHOLD, Box, drop_zones
+from .problem import RecordProblem
 
+THRESHOLD = 9.0
 CONFIDENCE = 0.999  # of the bound on chi2 per sample
 NOISE_DOUBT = math.sqrt(2.0 * 3.4)  # of a variance from n differences of order 6, relative, times sqrt(n)
 ROUGH = 1.0  # of chi2: where a stage may stop that another follows
@@ -30,6 +28,94 @@ MOST_STARTS = 4  # after the first
 HOPELESS = 5.0  # deviations of chi2 above the expected one
 MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
+MANY = 4  # zones: fewer are no imitation of a modulus
+WIDEST = 0.2  # of a change of the modulus
+
+
+@dataclass(frozen=True)
+class Box:
+    """Unknowns of a quadratic model that are damages, and how far each may move.
+
+    Attributes
+    ----------
+    zones : ndarray of bool, shape (n,)
+        Which unknowns are damages.
+    low, high : ndarray, shape (n,)
+        Bounds of the moves.
+    """
+
+    zones: Rows
+    low: Vector
+    high: Vector
+
+
+def smallest(model: Quadratic, box: Box, kept: Rows) -> tuple[float, Vector]:
+    """Return the change of chi2 and the move if only the kept unknowns are not zero."""
+    d = np.where(kept, 0.0, -model.at)
+    g = model.g - model.A @ d
+    d[kept] = bounded_minimum(model.A[np.ix_(kept, kept)], g[kept], box.low[kept], box.high[kept])
+    return change(model.A, model.g, d), d
+
+
+def drop_zones(model: Quadratic, box: Box) -> tuple[Rows, Vector]:
+    """Drop the zone that raises chi2 least, again and again, while it rises by less than the threshold.
+
+    Parameters
+    ----------
+    model : Quadratic
+        Near the smallest chi2 of all zones.
+    box : Box
+        Damages and bounds.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        Unknowns that stay; nuisances always do.
+    ndarray, shape (n,)
+        Move to the smallest chi2 with them.
+    """
+    kept = np.ones(len(model.g), dtype=bool)
+    best, move = smallest(model, box, kept)
+    while True:
+        at_zero = kept & box.zones & (model.at + move <= 0.0)
+        if at_zero.any():
+            kept &= ~at_zero
+            continue
+        costs = {k: smallest(model, box, _without(kept, k)) for k in np.flatnonzero(kept & box.zones)}
+        if not costs:
+            return kept, move
+        k = min(costs, key=lambda zone: costs[zone][0])
+        if costs[k][0] - best >= THRESHOLD:
+            return kept, move
+        best, move = costs[k]
+        kept[k] = False
+
+
+def evidence(model: Quadratic, box: Box, kept: Rows) -> Vector:
+    """Return by how much chi2 rises without each kept zone, or falls with each other one; 0 for nuisances, shape (n,)."""
+    best, _ = smallest(model, box, kept)
+    found = np.zeros(len(kept))
+    for k in np.flatnonzero(box.zones):
+        other, _ = smallest(model, box, _without(kept, k) if kept[k] else _with(kept, k))
+        found[k] = abs(other - best)
+    return found
+
+
+def probability(rise: Vector) -> Vector:
+    """Return how likely a zone is damaged, from the rise of chi2 without it: even at the threshold."""
+    return np.asarray(1.0 / (1.0 + np.exp(np.clip((THRESHOLD - rise) / 2.0, -500.0, 500.0))))
+
+
+def _without(kept: Rows, k: int | np.signedinteger) -> Rows:
+    other = kept.copy()
+    other[k] = False
+    return other
+
+
+def _with(kept: Rows, k: int | np.signedinteger) -> Rows:
+    other = kept.copy()
+    other[k] = True
+    return other
 
 
 @dataclass(frozen=True)
@@ -38,7 +124,7 @@ class Fit:
 
     Attributes
     ----------
-    problem : Problem
+    problem : RecordProblem
         What was fitted.
     point : Point
         Smallest chi2 over the kept unknowns.
@@ -50,7 +136,7 @@ class Fit:
         Smallest chi2 of the first stage; infinite without one.
     """
 
-    problem: Problem
+    problem: RecordProblem
     point: Point
     model: Quadratic
     kept: Rows
@@ -67,7 +153,7 @@ class Fit:
         return bool(self.per_sample <= chi2_bound(self.problem))
 
 
-def chi2_bound(problem: Problem) -> float:
+def chi2_bound(problem: RecordProblem) -> float:
     """Return the bound on chi2 per sample of a right model; wider where the noise was estimated from the record."""
     bound = float(chi2_distribution.ppf(CONFIDENCE, problem.values)) / problem.values
     if problem.record.noise is None:
@@ -75,12 +161,12 @@ def chi2_bound(problem: Problem) -> float:
     return bound
 
 
-def search(stages: Sequence[Problem], given: Vector | None, *, sparse: bool) -> Fit:
+def search(stages: Sequence[RecordProblem], given: Vector | None, *, sparse: bool) -> Fit:
     """Return the first fit that passes its bound, or else the best of all starts.
 
     Parameters
     ----------
-    stages : sequence of Problem
+    stages : sequence of RecordProblem
         Longer and longer beginnings of the record; the last is all of it.
     given : ndarray, shape (16,), or None
         Damages to start from first.
@@ -120,17 +206,17 @@ def search(stages: Sequence[Problem], given: Vector | None, *, sparse: bool) -> 
     return best
 
 
-def misfit(problem: Problem, point: Point) -> float:
+def misfit(problem: RecordProblem, point: Point) -> float:
     """Return by how many deviations chi2 is above the expected one."""
     return (point.chi2 - problem.values) / math.sqrt(2.0 * problem.values)
 
 
-def box(problem: Problem, at: Vector) -> Box:
+def box(problem: RecordProblem, at: Vector) -> Box:
     """Return the bounds of moves from a point, shape (n,)."""
     return Box(zones=np.arange(problem.size) < N_ZONES, low=problem.low - at, high=problem.high - at)
 
 
-def _starts(problem: Problem, given: Vector | None) -> Iterator[Vector]:
+def _starts(problem: RecordProblem, given: Vector | None) -> Iterator[Vector]:
     """Give damages to start from: the given one, none, then the best of one-zone and random damages."""
     if given is not None:
         yield given
@@ -143,11 +229,11 @@ def _starts(problem: Problem, given: Vector | None) -> Iterator[Vector]:
     yield from many[order[:MOST_STARTS]]
 
 
-def _unknowns(problem: Problem, damage: Vector) -> Vector:
+def _unknowns(problem: RecordProblem, damage: Vector) -> Vector:
     return np.concatenate([damage, np.zeros(problem.size - N_ZONES)])
 
 
-def _finish(whole: Problem, x: Vector, early_chi2: float, *, sparse: bool, hopeless: bool) -> Fit:
+def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool, hopeless: bool) -> Fit:
     """Go on with the whole record, drop zones, and think again where they stand after that."""
     most, changes = (FEW_STEPS, 1) if hopeless else (MOST_STEPS, MOST_CHANGES)
     free = np.ones(whole.size, dtype=bool)
@@ -179,7 +265,7 @@ def _finish(whole: Problem, x: Vector, early_chi2: float, *, sparse: bool, hopel
     return best
 
 
-def _common_as_modulus(problem: Problem, x: Vector) -> Vector:
+def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:
     """Return unknowns that make the same membrane, but for clipping, and whose damages lie about zero.
 
     Damage and modulus enter as E (1 - d) alone, so that what half of the zones have in common may be the modulus.
@@ -190,5 +276,33 @@ def _common_as_modulus(problem: Problem, x: Vector) -> Vector:
     return np.clip(found, problem.low, problem.high)
 
 
-def _moved(problem: Problem, x: Vector, move: Vector, kept: Rows) -> Vector:
+def _moved(problem: RecordProblem, x: Vector, move: Vector, kept: Rows) -> Vector:
     return np.where(kept, np.clip(x + move, problem.low, problem.high), 0.0)
+
+
+def modulus_instead(fit: Fit) -> float | None:
+    """Return the relative change of Young's modulus that explains a record with fewer damages, or None.
+
+    Parameters
+    ----------
+    fit : Fit
+        Without the nuisance ``modulus``.
+    """
+    if np.count_nonzero(fit.point.x[:N_ZONES] > 0.0) <= MANY:
+        return None
+    model, limits = fit.model, box(fit.problem, fit.model.at)
+    n = len(model.g)
+    M: Matrix = np.eye(n, n + 1)
+    M[:N_ZONES, n] = -1.0
+    A, at = M.T @ model.A @ M, np.append(model.at, 0.0)
+    A[n, n] += LOAD[MODULUS][1] ** -2
+    wider = Quadratic(A=A, g=M.T @ model.g, at=at)
+    with_modulus = Box(
+        zones=np.append(limits.zones, False), low=np.append(limits.low, -WIDEST), high=np.append(limits.high, WIDEST)
+    )
+    worth, changes = [], []
+    for quadratic, bounds in ((model, limits), (wider, with_modulus)):
+        kept, move = drop_zones(quadratic, bounds)
+        worth.append(change(quadratic.A, quadratic.g, move) + THRESHOLD * np.count_nonzero(kept & bounds.zones))
+        changes.append(float(move[-1]))
+    return changes[1] if worth[1] < worth[0] - THRESHOLD else None

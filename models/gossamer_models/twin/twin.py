@@ -7,29 +7,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
-from typing import Literal
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Matrix, Rows
+from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, ParameterError
 from ..membrane import MembraneParams
 from ..membrane.mesh import N_ZONES
 from ..sensor import SensorArtifact
-from .answer import Answer
-from .descent import descend
 from .discrepancy import Discrepancy, default_discrepancy
-from .forward import Forward
-from .least_squares import MOST_DAMAGE
-from .modulus import modulus_instead
+from .least_squares import MOST_DAMAGE, descend
 from .nuisances import MODULUS, Nuisances
-from .problem import Problem
-from .record import LEAST_SAMPLES, N_SENSORS, Record, dead_sensors
-from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, misfit, search
-from .sparse import evidence, probability
-from .wiring import Wiring, best_wiring
+from .problem import RecordProblem
+from .record import LEAST_SAMPLES, N_SENSORS, ResponseRecord, Wiring, best_wiring, dead_sensors
+from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, modulus_instead, probability, search
+from .simulation import Forward
 
 EARLY = (0.03, 0.1)  # [s] of the first stages: early, chi2 has one valley; over 0.1 s it has several
 PRIOR_DEVIATION = MOST_DAMAGE / math.sqrt(12.0)  # of a damage that may be anything
@@ -42,6 +37,69 @@ LEARNED = {
     "youngs_modulus": 0.05,
 }
 UNRESOLVED = 0.5  # of the prior's deviation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """Damage of the 16 zones with its uncertainty, and whether the twin explains the record.
+
+    Attributes
+    ----------
+    damage, deviation : ndarray, shape (16,)
+        Lost fraction of Young's modulus [1] and its standard deviation; where ``damage`` is zero, the deviation that it
+        would have if it were fitted.
+    probability : ndarray, shape (16,)
+        How likely each zone is damaged [1].
+    covariance : ndarray, shape (16, 16)
+        Covariance of the damages [1]; rows and columns of zones that were dropped are zero outside the diagonal.
+    nuisances : dict of tuple of float
+        Value and standard deviation of each nuisance: a factor for load, damping, modulus and gain; phase [rad]; pressure
+        [Pa]; offset [1], of strain or of the sensor's change at full scale.
+    chi2_per_sample, chi2_bound : float
+        Mean square of the residuals in units of the expected ones, and the bound that a right model passes in 999 of
+        1000 records.
+    valid : bool
+        Whether the answer can be used: chi2 is below its bound and no doubt forbids it.
+    unresolved : tuple of int
+        Zones, 1 to 16, that this record cannot tell.
+    left_out : tuple of int
+        Sensors, 1 to 4, that were left out.
+    order : tuple of int
+        Sensors, 1 to 4, whose histories were taken for those of sensors 1 to 4.
+    doubts : tuple of str
+        Sentences on what is wrong with the record or the answer.
+    samples, simulations : int
+        Values that were fitted, and cases that were simulated.
+    record : ResponseRecord
+        What was fitted: the samples that were compared, of the sensors in ``order`` that were not left out.
+    predicted : ndarray, shape (4, n)
+        What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
+    """
+
+    damage: Vector
+    deviation: Vector
+    probability: Vector
+    covariance: Matrix
+    nuisances: dict[str, tuple[float, float]]
+    chi2_per_sample: float
+    chi2_bound: float
+    valid: bool
+    unresolved: tuple[int, ...] = ()
+    left_out: tuple[int, ...] = ()
+    order: tuple[int, ...] = (1, 2, 3, 4)
+    doubts: tuple[str, ...] = field(default=())
+    samples: int = 0
+    simulations: int = 0
+    record: ResponseRecord
+    predicted: Matrix
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the answer without its histories as JSON values."""
+        return {
+            name: value.tolist() if isinstance(value := getattr(self, name), np.ndarray) else value
+            for name in self.__dataclass_fields__
+            if name not in ("record", "predicted")
+        }
 
 
 class Twin:
@@ -103,9 +161,14 @@ class Twin:
         Nuisances(self.nuisances, self.params)  # refuses unknown names
         self._forward = Forward(elements_per_side, order, self.params, sensor, sensor_parameters)
 
+    @property
+    def zones(self) -> int:
+        """Number of zones."""
+        return N_ZONES
+
     def fit(
         self,
-        record: Record,
+        record: ResponseRecord,
         start: ArrayLike | None = None,
         report: Callable[[float, int], None] = lambda *_: None,
     ) -> Answer:
@@ -113,7 +176,7 @@ class Twin:
 
         Parameters
         ----------
-        record : Record
+        record : ResponseRecord
             Histories from the moment that the load sets in.
         start : array_like, shape (16,), or None
             Damages to start from first, for instance those of a detector.
@@ -150,24 +213,24 @@ class Twin:
                 return self._answer(other, [*doubts, wiring.doubt], wiring)
         return self._answer(fit, doubts, None)
 
-    def _stages(self, record: Record, report: Callable[[float, int], None]) -> list[Problem]:
+    def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
         """Make the problems of longer and longer beginnings of a record."""
         return [self._problem(record, samples, report) for samples in (*_early_samples(record), self._compared(record))]
 
-    def _compared(self, record: Record) -> int:
+    def _compared(self, record: ResponseRecord) -> int:
         """Return how many samples are compared: all, or those that the discrepancy covers."""
         if self.discrepancy is None:
             return record.samples
         return min(record.samples, math.floor(self.discrepancy.length / record.step * (1.0 + 1e-12)))
 
-    def _problem(self, record: Record, samples: int, report: Callable[[float, int], None]) -> Problem:
+    def _problem(self, record: ResponseRecord, samples: int, report: Callable[[float, int], None]) -> RecordProblem:
         """Make the problem of the beginning of a record; its noise is that of all of it."""
         length = record.step * self._compared(record)
         nuisances = Nuisances(self.nuisances, self.params, length, self.params.pressure_amplitude)
         part = replace(record, values=record.values[:, :samples])
-        return Problem(self._forward, part, nuisances, record.noise_deviation(), self.discrepancy, report=report)
+        return RecordProblem(self._forward, part, nuisances, record.noise_deviation(), self.discrepancy, report=report)
 
-    def _early_misfit(self, record: Record, report: Callable[[float, int], None]) -> float:
+    def _early_misfit(self, record: ResponseRecord, report: Callable[[float, int], None]) -> float:
         """Return the misfit of the last early stage, or of the first one that is hopeless."""
         x, found = None, np.inf
         for samples in _early_samples(record) or [self._compared(record)]:
@@ -227,7 +290,7 @@ class Twin:
         )
 
 
-def _early_samples(record: Record) -> list[int]:
+def _early_samples(record: ResponseRecord) -> list[int]:
     """Return the lengths of the early stages."""
     lengths = [math.ceil(time / record.step) for time in EARLY]
     return [n for n in lengths if LEAST_SAMPLES <= n < record.samples]

@@ -19,20 +19,18 @@ from ..errors import ConvergenceError, DataError, ParameterError
 from ..membrane import MembraneParams
 from ..membrane.mesh import N_ZONES
 from ..sensor import SensorArtifact
-from .descent import Minimum, descend
-from .forward import WORKERS
-from .least_squares import DAMAGE_STEP, MOST_DAMAGE, Quadratic
-from .onset import OnsetProblem, Seen, weigh
+from .least_squares import DAMAGE_STEP, MOST_DAMAGE, Minimum, Quadratic, descend
+from .onset import JudgedWindow, OnsetProblem, weigh
 from .record import N_SENSORS
-from .running import Running
-from .sparse import Box, drop_zones
+from .search import Box, drop_zones
+from .simulation import WORKERS, Running
 
 SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
 ROUNDS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class DamageOnset:
     """Damage that began while watched.
 
     Attributes
@@ -66,7 +64,7 @@ class Window:
         Whether new damage is certain.
     misfit : float
         Chi2 per sample of the readings about the twin's prediction.
-    finding : Finding or None
+    finding : DamageOnset or None
         Onset and damages, at the end of the window after an alarm.
     """
 
@@ -74,7 +72,7 @@ class Window:
     statistic: float
     alarm: bool
     misfit: float
-    finding: Finding | None = None
+    finding: DamageOnset | None = None
 
 
 class Watch:
@@ -144,7 +142,7 @@ class Watch:
         self._place, self._time = self._running.begin(self._damage, step), 0.0
         self._threshold = float(chi2_distribution.isf(false_alarms, N_ZONES)) / N_ZONES
         self._scale = 0.0  # nothing seen yet
-        self._before: list[Seen] = []
+        self._before: list[JudgedWindow] = []
         self._alarmed = False
 
     def advance(self, readings: ArrayLike) -> Window:
@@ -188,7 +186,7 @@ class Watch:
         statistic = T / max(self._scale, 1.0)
         alarm = not first and not self._alarmed and statistic > self._threshold
         kept = self._before if self._alarmed else self._before[-1:]
-        self._before = [*kept, Seen(self._time, self._place, y, found[0])]
+        self._before = [*kept, JudgedWindow(self._time, self._place, y, found[0])]
         self._time += n * self._h
         finding = None
         if self._alarmed:
@@ -201,7 +199,7 @@ class Watch:
         misfit = float(r @ r) / values
         return Window(time=self._time, statistic=statistic, alarm=alarm, misfit=misfit, finding=finding)
 
-    def _find(self) -> Finding:
+    def _find(self) -> DamageOnset:
         """Fit onset and damages to the windows since the one before the alarm, and go on from there."""
         problem = OnsetProblem(self._running, self._before, self._sigma, self._damage, self._h)
         whole = np.ones(1 + N_ZONES, dtype=bool)
@@ -223,7 +221,7 @@ class Watch:
         deviation[stays] = np.sqrt(np.diag(np.linalg.pinv(found.model.A, hermitian=True)))
         self._place = problem.simulate(found.point.x[None])[1]
         self._damage = found.point.x[1:].copy()
-        return Finding(
+        return DamageOnset(
             onset=self._before[0].time + self._h * float(found.point.x[0]),
             onset_deviation=self._h * float(deviation[0]),
             damage=self._damage.copy(),

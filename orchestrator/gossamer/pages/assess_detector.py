@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from gossamer_models.assessment import Assessment
+from gossamer_models.assessment import AssessmentResults
 from gossamer_models.assessment.plots import ZERO, assessment_charts
 from gossamer_models.assessment.results import Row
 from gossamer_models.detector.thesis_tables import TABLES
@@ -22,7 +22,7 @@ CONDITIONS = (
 DETECTIONS = "Probability of detection: sizes [% damage]"
 
 
-def assessment_page(found: Assessment) -> Page:
+def assessment_page(found: AssessmentResults) -> Page:
     """Describe an assessment."""
     best, zero = _best(found), found.row(ZERO, MAIN)
     if best is None:
@@ -45,13 +45,13 @@ def assessment_page(found: Assessment) -> Page:
     )
 
 
-def _best(found: Assessment) -> Row | None:
+def _best(found: AssessmentResults) -> Row | None:
     """Return the nearest detector under the main condition, of those with many records if there are any."""
     rows = [row for row in found.rows if row.condition == MAIN and row.judge != ZERO]
     return min(rows, key=lambda row: (row.figures.records < FEW, row.figures.error_damaged), default=None)
 
 
-def _lines(found: Assessment) -> list[str]:
+def _lines(found: AssessmentResults) -> list[str]:
     """Say how each detector does under the main condition."""
     sentences = []
     for row in (row for row in found.rows if row.condition == MAIN):
@@ -64,7 +64,7 @@ def _lines(found: Assessment) -> list[str]:
     return sentences
 
 
-def _lost(found: Assessment) -> list[str]:
+def _lost(found: AssessmentResults) -> list[str]:
     """Name the conditions with damage under which the answer 0 has the smaller error over all zones."""
     sentences = []
     for judge in (judge for judge in found.judges if judge != ZERO):
@@ -78,7 +78,7 @@ def _lost(found: Assessment) -> list[str]:
     return sentences
 
 
-def _smallest(found: Assessment) -> list[str]:
+def _smallest(found: AssessmentResults) -> list[str]:
     """Name the sizes that are found for sure, of all zones together."""
     sentences = []
     for condition in dict.fromkeys(row.condition for row in found.detections):
@@ -91,13 +91,13 @@ def _smallest(found: Assessment) -> list[str]:
     return sentences
 
 
-def _few(found: Assessment) -> list[str]:
+def _few(found: AssessmentResults) -> list[str]:
     few = {row.judge: row.figures.records for row in found.rows if row.figures.records < FEW}
     parts = [f"{judge}, {number}" for judge, number in few.items()]
     return [f"Few records, so rough figures, and none for the verdict: {'; '.join(parts)}."] if parts else []
 
 
-def condition_table(found: Assessment) -> Shown:
+def condition_table(found: AssessmentResults) -> Shown:
     """Return errors and shares, a row for each judge and condition."""
     head = (
         "detector",
@@ -135,7 +135,7 @@ def condition_table(found: Assessment) -> Shown:
     return Shown(head, rows, CONDITIONS)
 
 
-def detection_table(found: Assessment) -> Shown:
+def detection_table(found: AssessmentResults) -> Shown:
     """Return the probability of detection, a row for each judge, condition and zone; zones without a hit are left out."""
     head = (
         "detector",
@@ -166,7 +166,7 @@ def detection_table(found: Assessment) -> Shown:
     return Shown(head, rows, DETECTIONS)
 
 
-def _facts(found: Assessment) -> str:
+def _facts(found: AssessmentResults) -> str:
     parts = [
         folded("Errors and shares by condition", on_page(condition_table(found))),
         folded("Probability of detection by zone", on_page(detection_table(found))),
@@ -176,7 +176,7 @@ def _facts(found: Assessment) -> str:
     return "\n".join(parts)
 
 
-def _thesis(found: Assessment) -> Iterable[str]:
+def _thesis(found: AssessmentResults) -> Iterable[str]:
     """Return the cases of the thesis, true damage and what each judge says."""
     true = {(t.name, case): 100.0 * damage for t in TABLES for case, damage in zip(t.cases, t.damage, strict=True)}
     for name, condition in dict.fromkeys((row.table, row.condition) for row in found.tables):

@@ -7,7 +7,7 @@ from math import isfinite
 from pathlib import Path
 
 from gossamer_models.automatic import HERE, defeats
-from gossamer_models.fitting.uncertainty import Parameter
+from gossamer_models.fitting.errors import Parameter
 from gossamer_models.fractional import FractionalArtifact, FractionalFit
 from gossamer_models.identify import Identified
 from gossamer_models.plots import record_charts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from gossamer_models.placement import Placing
-from gossamer_models.placement.check import Check
+from gossamer_models.placement.check import MonteCarloCheck
 from gossamer_models.placement.plots import damage_text, placement_charts, placements
 from gossamer_models.twin.least_squares import MOST_DAMAGE
 from gossamer_orchestrator.cli.tables import Shown, on_page
@@ -59,7 +59,7 @@ def zone_table(found: Placing) -> Shown:
     return Shown(("zone", "group", *head), rows, caption)
 
 
-def check_sentence(name: str, check: Check) -> str:
+def check_sentence(name: str, check: MonteCarloCheck) -> str:
     """Say whether fits to simulated records err as predicted."""
     verdict = "agrees with" if check.agrees else "does NOT agree with"
     return (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from gossamer_files.charts import Chart, band, curve, heat, points, section
+from gossamer_models.arrays import Vector
 from gossamer_models.twin import Answer
 from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.cli.twin_options import NUISANCE_UNITS
@@ -74,17 +75,19 @@ def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
     ]
 
 
-def _damage(answer: Answer) -> list[Chart]:
-    zones = np.arange(1, len(answer.damage) + 1)
-    estimate = points("damage", zones, 100.0 * answer.damage, "@0", 100.0 * answer.deviation)
+def damage_chart(damage: Vector, deviation: Vector) -> Chart:
+    """Draw the damage [1] of each zone with its standard deviation."""
+    zones = np.arange(1, len(damage) + 1)
+    estimate = points("damage", zones, 100.0 * damage, "@0", 100.0 * deviation)
     axis = {"tick0": 1, "dtick": 1, "tickangle": 0, "tickfont": {"size": 11}, "range": [0.4, len(zones) + 0.6]}
-    layout = {"xaxis": axis, "showlegend": False}
-    share = layout | {"yaxis": {"range": [-0.03, 1.03]}}
+    return Chart("Damage", "zone", "damage [%]", [estimate], layout={"xaxis": axis, "showlegend": False})
+
+
+def _damage(answer: Answer) -> list[Chart]:
+    zones, damage = np.arange(1, len(answer.damage) + 1), damage_chart(answer.damage, answer.deviation)
+    layout = {**damage.layout, "yaxis": {"range": [-0.03, 1.03]}}
     probability = points("P", zones, answer.probability, "@1")
-    charts = [
-        Chart("Damage", "zone", "damage [%]", [estimate], layout=layout),
-        Chart("Probability of damage", "zone", "P(damaged) [1]", [probability], layout=share),
-    ]
+    charts = [damage, Chart("Probability of damage", "zone", "P(damaged) [1]", [probability], layout=layout)]
     kept = np.flatnonzero(answer.damage > 0.0)
     if kept.size > 1:
         deviation = answer.deviation[kept]

@@ -12,7 +12,7 @@ import xarray as xr
 from ..display import as_html, draw_png, first_of, page_of
 
 if TYPE_CHECKING:
-    from gossamer_models.assessment import Assessment as Assessed
+    from gossamer_models.assessment import AssessmentResults
     from gossamer_models.campaign import Summary
     from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
     from gossamer_models.placement import Placing
@@ -177,7 +177,7 @@ class TrainedDetector:
         Errors by kind of record, as ``data`` has them.
     data : xarray.Dataset
         Errors by kind of record, ``cases``: ``all_zones`` and ``damaged_zones`` [%], and shares [1], see
-        ``gossamer_models.assessment.after_training``.
+        ``gossamer_models.assessment.figures``.
     """
 
     path: Path
@@ -214,7 +214,7 @@ class DetectorAssessment:
 
     Attributes
     ----------
-    result : gossamer_models.assessment.Assessment
+    result : gossamer_models.assessment.AssessmentResults
         Everything that was found.
     data : xarray.Dataset
         By ``detector`` and ``condition``: ``error_all``, ``error_damaged`` [%], shares [1] with the bounds ``_low`` and
@@ -226,7 +226,7 @@ class DetectorAssessment:
         Results, pictures and page.
     """
 
-    result: Assessed
+    result: AssessmentResults
     data: xr.Dataset
     detections: xr.Dataset
     files: list[Path]
@@ -319,6 +319,8 @@ class SensorPlacement:
 
 def _draw_zones(damage: NDArray[np.float64], deviation: NDArray[np.float64]) -> bytes:
     """Return a picture of the damages [1] of the zones."""
-    from gossamer_orchestrator.results.plots.damage import plot_zones
+    from gossamer_files.charts import draw
 
-    return draw_png(lambda ax: plot_zones(100.0 * damage, 100.0 * deviation, (1.0, "side"), ax=ax), (4.7, 4.4))
+    from ..pages.twin import damage_chart
+
+    return draw_png(lambda ax: draw(damage_chart(damage, deviation), ax), (4.7, 4.4))

@@ -127,7 +127,7 @@ def judge_given(
 ) -> tuple[tuple[Judged, ...], list[Path]]:
     """Judge a sensor on records with the options of the command; return what was found and the files written."""
     from gossamer_models.fitting import Columns
-    from gossamer_models.fitting.tables import table_path
+    from gossamer_models.replay import table_path
     from gossamer_models.review import judge_files, save_judged
 
     from ..pages import PAGE

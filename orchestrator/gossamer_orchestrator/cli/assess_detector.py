@@ -11,7 +11,7 @@ from .command import Result, show, stderr
 from .common import keep_inputs, model_errors, note_page, save_page
 
 if TYPE_CHECKING:
-    from gossamer_models.assessment import Assessment
+    from gossamer_models.assessment import AssessmentResults
 
 UNITS = {"error_all": "% damage", "error_damaged": "% damage", "a50": "1", "a90": "1", "a90_95": "1"}
 TWIN_RECORDS, TWIN_SIZES = 6, 3  # records of a condition, sizes of damage in each zone that the twin has time for
@@ -62,7 +62,9 @@ def assess_detector(
     return Result({"files": paths, "conditions": found.rows, "detections": found.detections, "units": UNITS})
 
 
-def assess_given(artifact: list[Path] | None, *, twin: bool, cases: int, out: Path) -> tuple[Assessment, list[Path]]:
+def assess_given(
+    artifact: list[Path] | None, *, twin: bool, cases: int, out: Path
+) -> tuple[AssessmentResults, list[Path]]:
     """Assess detectors with the options of the command; return what was found, and its files, the page last."""
     from gossamer.pages.assess_detector import assessment_page
     from gossamer_models.assessment import AlwaysZero, assess, read_judge, shipped_judges, twin_judges, write_assessment

@@ -11,7 +11,7 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from gossamer_models.fitting import Record
-    from gossamer_models.fitting.summary import Quantity
+    from gossamer_models.fitting.records import Quantity
 
 UNITS = {"ohm": " ohm", "1": "", None: " (unit not stated)"}  # after a number, of ``Record.unit``
 

@@ -108,7 +108,7 @@ def train_given(
     Path
         Its file.
     dict of str to dict of str to float
-        Errors by kind of record, see ``gossamer_models.assessment.after_training``.
+        Errors by kind of record, see ``gossamer_models.assessment.figures``.
     list of Path
         Its page, if it was written.
     """
@@ -123,7 +123,7 @@ def train_given(
     keep_inputs([Path(source or NOMINAL)], [out, path])
     network: Network = "neuro-fuzzy" if kind == Kind.NEURO_FUZZY else "perceptron"
     from gossamer.pages.train import training_page
-    from gossamer_models.assessment.after_training import errors, held_out_verdicts
+    from gossamer_models.assessment.figures import errors, held_out_verdicts
     from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
@@ -217,7 +217,7 @@ def _train_thesis(
     name: str, out: Path | None
 ) -> tuple[DetectorArtifact, Path, dict[str, dict[str, float]], list[Path]]:
     from gossamer.pages.train import thesis_page
-    from gossamer_models.assessment.after_training import thesis_errors
+    from gossamer_models.assessment.figures import thesis_errors
     from gossamer_models.detector.thesis_training import TRAININGS, train_detector
 
     from ..run.progress import ProgressBar

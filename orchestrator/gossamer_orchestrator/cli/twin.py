@@ -28,7 +28,7 @@ from .twin_options import (
 )
 
 if TYPE_CHECKING:
-    from gossamer_models.twin import Answer, Record
+    from gossamer_models.twin import Answer, ResponseRecord
     from rich.table import Table
 
 logger = logging.getLogger(__name__)
@@ -158,7 +158,7 @@ def fit_twin(
     return answer, path, pages, compared
 
 
-def _compared(path: Path, given: Record, used: Record, stop: float | None) -> str:
+def _compared(path: Path, given: ResponseRecord, used: ResponseRecord, stop: float | None) -> str:
     """Say which part of a record was compared; nothing if it is all of it."""
     if used.samples >= given.samples:
         return ""

@@ -21,7 +21,7 @@ from ..results.files import load_results
 if TYPE_CHECKING:
     from gossamer_models.membrane import MembraneParams
     from gossamer_models.sensor import SensorArtifact
-    from gossamer_models.twin import Record
+    from gossamer_models.twin import ResponseRecord
 
 KINDS = ("resistance", "strain")
 OFF_GRID = 1e-3  # steps
@@ -33,7 +33,7 @@ class Found:
 
     Attributes
     ----------
-    record : Record
+    record : ResponseRecord
         Histories.
     params : MembraneParams
         Parameters of the membrane.
@@ -41,7 +41,7 @@ class Found:
         Parameters of the sensors, one value for each.
     """
 
-    record: Record
+    record: ResponseRecord
     params: MembraneParams
     sensor_parameters: Mapping[str, list[float]] = field(default_factory=dict)
 
@@ -116,7 +116,7 @@ def _on_grid(data: xr.Dataset) -> xr.Dataset:
     return data.isel(time=np.abs(place - np.round(place)) < OFF_GRID)
 
 
-def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[Record, dict[str, list[float]]]:
+def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[ResponseRecord, dict[str, list[float]]]:
     from gossamer_models.twin import make_record
     from gossamer_models.twin.record import N_SENSORS
 

@@ -29,7 +29,7 @@ from .twin_options import (
 )
 
 if TYPE_CHECKING:
-    from gossamer_models.twin import Finding, Watch, Window
+    from gossamer_models.twin import DamageOnset, Watch, Window
     from rich.table import Table
 
     from ..run.master import Simulation
@@ -204,7 +204,7 @@ class WatchReport:
         Whether the last window raised an alarm.
     alarms : list of float
         Ends of the windows that raised an alarm [s].
-    findings : list of gossamer_models.twin.Finding
+    findings : list of gossamer_models.twin.DamageOnset
         Damages that began.
     times, scores, misfits : list of float
         End of each window [s], the score of new damage in units of its mean [1], and chi2 per sample [1].
@@ -214,7 +214,7 @@ class WatchReport:
         self._console = console
         self.alarmed = False
         self.alarms: list[float] = []
-        self.findings: list[Finding] = []
+        self.findings: list[DamageOnset] = []
         self.misfits: list[float] = []
         self.times: list[float] = []
         self.scores: list[float] = []
@@ -306,7 +306,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def finding_table(finding: Finding) -> Table:
+def finding_table(finding: DamageOnset) -> Table:
     """Return a table of the damaged zones."""
     from rich.table import Table
 

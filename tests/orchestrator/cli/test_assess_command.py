@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gossamer_models.assessment.records import Records
+from gossamer_models.assessment.conditions import Records
 from gossamer_models.campaign import draw_cases
 from gossamer_orchestrator.cli import app
 from typer.testing import CliRunner

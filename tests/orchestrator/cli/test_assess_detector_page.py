@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from browsing import opened
 from gossamer.pages.assess_detector import assessment_page
-from gossamer_models.assessment import Assessment, Verdicts, confusion, figures, fit_pod, reliability, share
+from gossamer_models.assessment import AssessmentResults, Verdicts, confusion, figures, fit_pod, reliability, share
 from gossamer_models.assessment.results import ConfusionRow, DetectionRow, Row, TableRow
 from gossamer_orchestrator.pages import write_page
 from reading_pages import read_page, values
@@ -61,9 +61,9 @@ def detection(judge: str, zone: int) -> DetectionRow:
 
 
 @pytest.fixture
-def found() -> Assessment:
+def found() -> AssessmentResults:
     """A detector that is off by a tenth and, with another load, by twice the damage; one that is too quick to tell."""
-    return Assessment(
+    return AssessmentResults(
         provenance={"gossamer": "0.1.0", "cases": str(RECORDS)},
         rows=[
             row(ZERO, "noise", 0.0),
@@ -96,9 +96,9 @@ def test_the_verdict_is_that_of_the_nearest_detector_with_many_records(found, tm
 
 
 def test_nothing_better_than_the_answer_zero_is_said_first(found, tmp_path):
-    worse = Assessment(provenance={}, rows=[row(ZERO, "noise", 0.0), row(NEAR, "noise", 3.0)])
+    worse = AssessmentResults(provenance={}, rows=[row(ZERO, "noise", 0.0), row(NEAR, "noise", 3.0)])
     assert assessment_page(worse).sentence.startswith("No detector is nearer than the answer 'always 0'")
-    alone = Assessment(provenance={}, rows=[row(ZERO, "noise", 0.0)])
+    alone = AssessmentResults(provenance={}, rows=[row(ZERO, "noise", 0.0)])
     assert assessment_page(alone).sentence == "No detector was assessed, only the answer 'always 0'."
 
 

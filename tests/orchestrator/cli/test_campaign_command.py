@@ -207,7 +207,7 @@ def test_shipped_campaigns_are_right(name):
 
 def test_what_a_file_says_is_what_python_says(tmp_path):
     campaign, _ = load_campaign(written(tmp_path))
-    assert campaign == models.Campaign(
+    assert campaign == models.CampaignPlan(
         title="Right",
         cases=6,
         chunk=4,
@@ -215,13 +215,21 @@ def test_what_a_file_says_is_what_python_says(tmp_path):
         membrane=models.Mesh(elements_per_side=4, order=1, parameters={"mass_damping": 10.0}),
         damage=models.Damage(zones=(1, 2)),
         vary={"pressure_amplitude": models.Vary(factor=(0.9, 1.1))},
-        noise=models.Noise(strain=models.Distribution(uniform=(0.0, 0.02))),
+        noise=models.MeasurementNoise(strain=models.Distribution(uniform=(0.0, 0.02))),
     )
 
 
 def test_every_key_is_documented():
     page = DOCS.read_text()
-    tables = (models.Campaign, models.Mesh, models.Damage, models.Noise, models.Chain, models.Vary, models.Distribution)
+    tables = (
+        models.CampaignPlan,
+        models.Mesh,
+        models.Damage,
+        models.MeasurementNoise,
+        models.Chain,
+        models.Vary,
+        models.Distribution,
+    )
     keys = {field.name for table in tables for field in fields(table)}
     missing = [key for key in keys if f"`{key}`" not in page and f"`[{key}]`" not in page and f"{{ {key} =" not in page]
     assert missing == []

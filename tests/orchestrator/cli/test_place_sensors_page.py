@@ -9,7 +9,7 @@ import pytest
 from gossamer.pages.place_sensors import placement_page, zone_table
 from gossamer_models.membrane import square_structure
 from gossamer_models.placement import Placement, Placing
-from gossamer_models.placement.check import Check
+from gossamer_models.placement.check import MonteCarloCheck
 from gossamer_models.placement.information import FACTOR
 
 
@@ -41,7 +41,7 @@ def test_a_choice_that_is_no_better_is_said_first(found):
 def test_zones_that_are_not_found_and_a_check_that_fails_are_stated(found):
     deviation = np.where(np.arange(16) == 4, 1.0, 0.01)
     parts = np.full(16, 0.01)
-    check = Check(
+    check = MonteCarloCheck(
         records=9, predicted=parts, observed=2.0 * parts, spread=4.0, spread_error=0.1, false_alarms=0.2, found=0.5
     )
     page = placement_page(replace(found, chosen=replace(found.chosen, deviation=deviation, check=check)), 100)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gossamer.pages.train import thesis_page, training_page
 from gossamer_models.assessment import AlwaysZero, Verdicts, share
-from gossamer_models.assessment.after_training import errors
+from gossamer_models.assessment.figures import errors
 from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
 from gossamer_orchestrator.pages import write_page
 from reading_pages import read_page, values

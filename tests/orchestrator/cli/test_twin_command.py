@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 from gossamer_models.membrane import MembraneParams
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin import Answer, Record
-from gossamer_models.twin.forward import Forward
+from gossamer_models.twin import Answer, ResponseRecord
+from gossamer_models.twin.simulation import Forward
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.cli.twin import _compared, zone_table
 from gossamer_orchestrator.results.files import save_results
@@ -106,7 +106,7 @@ def test_the_page_of_a_run_is_not_replaced(call, results, tmp_path, ending):
 
 
 def test_what_was_compared_of_a_longer_record_is_said():
-    given, used = (Record(step=3e-4, values=np.zeros((4, n)), kind="strain", noise=None) for n in (5100, 1000))
+    given, used = (ResponseRecord(step=3e-4, values=np.zeros((4, n)), kind="strain", noise=None) for n in (5100, 1000))
     sentence = _compared(Path("out/my run"), given, used, None)
     assert sentence == (
         "Compared: 0 to 0.3 s of a record of 1.53 s. For damage that begins later use 'gossamer watch \"out/my run\"'."

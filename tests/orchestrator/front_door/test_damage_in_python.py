@@ -9,7 +9,7 @@ from pathlib import Path
 import gossamer
 import numpy as np
 import pytest
-from gossamer_models.assessment.records import Records
+from gossamer_models.assessment.conditions import Records
 from gossamer_models.campaign import draw_cases
 
 CAMPAIGN = 'title = "Small"\ncases = 6\nchunk = 4\nstop = 0.003\n[membrane]\nelements_per_side = 4\norder = 1\n'

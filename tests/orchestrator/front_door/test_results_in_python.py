@@ -200,7 +200,7 @@ def test_a_sensor_is_built_from_what_identify_returns(sensor, tmp_path):
 def test_the_twin_gives_damage_by_zone(tmp_path):
     pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
     from gossamer_models.membrane import MembraneParams
-    from gossamer_models.twin.forward import Forward
+    from gossamer_models.twin.simulation import Forward
 
     true, step = np.zeros(16), 3e-4
     true[5] = 0.3

@@ -7,8 +7,8 @@ from collections import Counter
 import numpy as np
 
 from ...arrays import Matrix, Rows, Vector
+from ...fitting.errors import Parameter, alike, covariance, rest_doubt
 from ...fitting.records import Record
-from ...fitting.uncertainty import Parameter, alike, covariance, rest_doubt
 from .preisach import PreisachFit
 
 DETERMINED = 0.5  # share of a parameter's information that must come from the data

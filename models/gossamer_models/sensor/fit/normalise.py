@@ -15,7 +15,7 @@ from ...arrays import Vector
 from ...errors import ConvergenceError
 from ...modes import exponential_sum
 from ..artifact import MIN_SPRING_WEIGHT, RelaxationTerm, SensorArtifact
-from ..relaxation import ModeBank
+from ..law import ModeBank
 from .regression import Regression, Stretch, relaxed
 from .settings import PreisachSettings
 from .weights import WeightFunction, by_block

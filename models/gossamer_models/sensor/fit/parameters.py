@@ -1,7 +1,10 @@
-r"""Fitted parameters in groups, with their starts, bounds and regularisation.
+r"""Fitted parameters in groups, with their starts, bounds and regularisation, and the densities that are functions of them.
 
-Symbols: wave numbers ``m``, ``n`` and amplitudes ``b`` of the modal densities mu and eta; :math:`\log\tau` and ``c`` of the
-kernels and their amplitudes ``g``, ``k``; ``v`` relaxation from before a record began; ``y0`` resistance at rest.
+Symbols: wave numbers :math:`m_l, n_l` and amplitudes :math:`b_l` [1] of the modal densities ``mu(i, j)`` and ``eta(i, j)``
+[1] on bins (i, j), ``i`` counting :math:`\alpha` and ``j <= i`` counting :math:`\beta`, numbers 1 to N; ``line`` = i - j and
+``k`` = i - 1 of the same cell in the tables; :math:`\log\tau` and ``c`` of the kernels and their amplitudes ``g``, ``k``;
+``v`` relaxation from before a record began; ``y0`` resistance at rest. All densities are linear in part of their parameters;
+they are CasADi expressions or constant matrices.
 """
 
 from __future__ import annotations
@@ -9,14 +12,120 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import sparse
 
-from ...arrays import Vector
+from ...arrays import Matrix, Vector
 from ...modes import StretchedKernels
-from .densities import hat_functions, wave_numbers
 from .regression import Regression, earlier_rates
 from .settings import PreisachSettings
+
+
+def modal_field(amplitudes: ca.MX, m: ca.MX, n: ca.MX, places: Vector) -> ca.MX:
+    r"""Return a sum of modal functions on all cells, Eqs. (4.14) to (4.17) of the thesis.
+
+    Parameters
+    ----------
+    amplitudes, m, n : casadi.MX, shape (M,)
+        :math:`b_l` and the wave numbers :math:`m_l, n_l` [1].
+    places : ndarray, shape (N,)
+        Middles of the bins over the range of the modes [1], see ``bin_places``.
+
+    Returns
+    -------
+    casadi.MX, shape (N (N + 1) / 2,)
+        :math:`\sum_l b_l [\cos(\pi m_l i/N)\cos(\pi n_l j/N) + \cos(\pi n_l i/N)\cos(\pi m_l j/N)]` in the order of
+        ``numpy.triu_indices``.
+
+    Notes
+    -----
+    The diagonal of bin (i, j) is the cell of line i - j at :math:`\alpha` bin i, so bins and cells correspond one to one.
+    Places i/N are taken at the middle of the bins. With the cosines as matrices :math:`C_m, C_n` of shape (N, M) the whole
+    plane is :math:`S + S^T`, :math:`S = C_m\,\mathrm{diag}(b)\,C_n^T`: few operations, hence quickly differentiated ones.
+    """
+    line, k = np.triu_indices(places.size)
+    axis = ca.DM(np.pi * places)
+    cos_m, cos_n = ca.cos(ca.mtimes(axis, m.T)), ca.cos(ca.mtimes(axis, n.T))
+    S = ca.mtimes(ca.mtimes(cos_m, ca.diag(amplitudes)), cos_n.T)
+    return ca.vec(S + S.T)[(k + places.size * (k - line)).tolist()]
+
+
+def bin_places(n_lines: int, seen: float) -> Vector:
+    """Return the middles of the bins over the fitted range of strain [1], shape (N,).
+
+    Beyond that range the result is 1, so densities keep their value at its end: the data determine nothing there.
+    """
+    return np.minimum((np.arange(n_lines) + 0.5) / n_lines / seen, 1.0)
+
+
+def reversible_beyond(n_lines: int, seen: float) -> sparse.csr_array:
+    """Return a matrix that moves the weight of lines wider than the fitted range of strain to the elastic line.
+
+    No record within that range switches such operators down, so their hysteresis is unknown. The first loading follows
+    the density, and hysteresis appears only if the data require it.
+
+    Parameters
+    ----------
+    n_lines : int
+        Lines of the tables.
+    seen : float
+        Largest strain that is fitted, over full scale [1].
+
+    Returns
+    -------
+    scipy.sparse.csr_array, shape (N (N + 1) / 2, N (N + 1) / 2)
+        The identity on narrower lines; wider ones are added to the cell of line 0 at the same alpha.
+    """
+    line, k = np.triu_indices(n_lines)
+    target = np.where(line / n_lines < seen, np.arange(line.size), k)
+    return sparse.csr_array((np.ones(line.size), (target, np.arange(line.size))), shape=(line.size, line.size))
+
+
+def elastic_field(amplitudes: ca.MX, places: Vector) -> ca.MX:
+    r"""Return :math:`\sum_l b_l \cos(\pi l \alpha)`, l = 0, 1, ..., on the bins of the elastic line, shape (N,)."""
+    return ca.mtimes(ca.DM(np.cos(np.pi * np.outer(places, np.arange(amplitudes.numel())))), amplitudes)
+
+
+def wave_numbers(count: int) -> tuple[Vector, Vector]:
+    """Return the lowest pairs m >= n of wave numbers to start from, each of shape (count,)."""
+    pairs = sorted(((m, n) for m in range(count) for n in range(m + 1)), key=lambda pair: (sum(pair), pair[0]))
+    chosen = np.array(pairs[:count], dtype=float)
+    return chosen[:, 0], chosen[:, 1]
+
+
+def hat_functions(n_lines: int, n_knots: int) -> tuple[Matrix, Matrix]:
+    """Return hat functions on all cells of the triangle.
+
+    Parameters
+    ----------
+    n_lines, n_knots : int
+        Lines of the tables, and knots of the hats along either axis.
+
+    Returns
+    -------
+    hats : ndarray, shape (N (N + 1) / 2, n_knots (n_knots + 1) / 2)
+        Values [1] at the cells' middles, zero on the elastic line 0.
+    spring : ndarray, shape (N (N + 1) / 2, n_knots)
+        The same along the elastic line, zero elsewhere.
+    """
+    line, k = np.triu_indices(n_lines)
+
+    def along(x: Vector) -> Matrix:
+        return np.maximum(0.0, 1.0 - np.abs(x[:, None] * (n_knots - 1) - np.arange(n_knots)))
+
+    alpha, beta = along((k + 0.5) / n_lines), along((k - line + 0.5) / n_lines)
+    columns = []
+    for a in range(n_knots):
+        for b in range(a + 1):
+            column = alpha[:, a] * beta[:, b]
+            if b == a and a + 1 < n_knots:  # the half hat above the diagonal belongs to its foot
+                column = column + alpha[:, a] * beta[:, a + 1]
+            columns.append(column)
+    hysteretic = (line > 0)[:, None]
+    return np.array(columns).T * hysteretic, alpha * ~hysteretic
+
 
 LEAST_REST = 0.01  # of the smallest fitted output: a resistance at rest is positive
 LEAST_REST_OF_RANGE = 1e-6  # of the fitted range, for signals that begin with zero
@@ -24,7 +133,7 @@ REST_STIFFNESS = 1e-2  # pull of the resistance at rest towards the first one, r
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class ParameterBlock:
     """One group of parameters.
 
     Attributes
@@ -61,15 +170,15 @@ def block(
     lower: ArrayLike = -np.inf,
     upper: ArrayLike = np.inf,
     **rest: Any,  # noqa: ANN401
-) -> Block:
+) -> ParameterBlock:
     """Make a block; bounds may be the same for all parameters."""
     start, lower, upper = np.broadcast_arrays(start, lower, upper)
-    return Block(name, start, lower, upper, **rest)
+    return ParameterBlock(name, start, lower, upper, **rest)
 
 
 def parameter_blocks(
     settings: PreisachSettings, regression: Regression, rest_resistance: float | None, *, positive_rest: bool = True
-) -> tuple[Block, ...]:
+) -> tuple[ParameterBlock, ...]:
     """Return all parameters in order; the resistance at rest [ohm] is one of them where it is None."""
     blocks = [*_density_blocks(settings), *_kernel_blocks(settings, regression.kernels)]
     if settings.earlier:
@@ -91,7 +200,7 @@ def least_rest(regression: Regression) -> float:
     return max(LEAST_REST * smallest, LEAST_REST_OF_RANGE) if smallest >= 0.0 else -np.inf
 
 
-def _density_blocks(settings: PreisachSettings) -> list[Block]:
+def _density_blocks(settings: PreisachSettings) -> list[ParameterBlock]:
     flat = min(max(1.0, settings.eta[0]), settings.eta[1])
     if settings.density == "modal":
         M = settings.modes
@@ -118,17 +227,17 @@ def _density_blocks(settings: PreisachSettings) -> list[Block]:
     ]
 
 
-def _fixed(group: Block) -> Block:
+def _fixed(group: ParameterBlock) -> ParameterBlock:
     """Return the block with its start values for bounds."""
     return replace(group, lower=group.start, upper=group.start)
 
 
-def _waves(name: str, start: Vector) -> Block:
+def _waves(name: str, start: Vector) -> ParameterBlock:
     """Return wave numbers to fit; the first mode stays constant, so a positive density is always within reach."""
     return block(name, start, 0.0, np.where(np.arange(start.size) > 0, start.size, 0.0), spread=0.3, stiffness=1e-3)
 
 
-def _kernel_blocks(settings: PreisachSettings, kernels: StretchedKernels) -> list[Block]:
+def _kernel_blocks(settings: PreisachSettings, kernels: StretchedKernels) -> list[ParameterBlock]:
     P = settings.relaxations
     if not P:
         return []

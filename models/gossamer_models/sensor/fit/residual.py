@@ -18,8 +18,8 @@ from ...arrays import Matrix, Rows, Vector
 from ...fitting.records import Record
 from ...variables import pack, unpack
 from ..artifact import SensorArtifact
+from ..law import SensorLaw
 from ..residual import Residual
-from ..state import SensorLaw
 
 HIDDEN = 8  # units
 MOST_STEPS, LOOK = 150, 5  # iterations, and how many pass between two looks at the held samples

@@ -16,8 +16,15 @@ import numpy as np
 from scipy import sparse
 
 from ...arrays import Vector
-from .densities import bin_places, elastic_field, hat_functions, modal_field, reversible_beyond
-from .parameters import Block, parameter_blocks
+from .parameters import (
+    ParameterBlock,
+    bin_places,
+    elastic_field,
+    hat_functions,
+    modal_field,
+    parameter_blocks,
+    reversible_beyond,
+)
 from .regression import Regression, Weights
 from .settings import PreisachSettings
 
@@ -33,7 +40,7 @@ class WeightFunction:
         regularisation.
     basis : scipy.sparse.csr_array, shape (columns, K)
         Weights of cells and modes for every coefficient.
-    blocks : tuple of Block
+    blocks : tuple of ParameterBlock
         The parameters in order.
     ends : tuple of int
         Where the parts of ``Weights`` end among the columns.
@@ -41,7 +48,7 @@ class WeightFunction:
 
     evaluate: ca.Function
     basis: sparse.csr_array
-    blocks: tuple[Block, ...]
+    blocks: tuple[ParameterBlock, ...]
     ends: tuple[int, ...]
 
     def __call__(self, x: Vector) -> Weights:
@@ -91,7 +98,7 @@ def weight_function(
     return WeightFunction(evaluate=function, basis=basis, blocks=blocks, ends=tuple(ends.tolist()))
 
 
-def by_block(blocks: tuple[Block, ...], x: ca.MX | ca.DM) -> dict[str, ca.MX | ca.DM]:
+def by_block(blocks: tuple[ParameterBlock, ...], x: ca.MX | ca.DM) -> dict[str, ca.MX | ca.DM]:
     """Split parameters, shape (n,), by the names of their blocks."""
     ends = np.cumsum([0, *(b.size for b in blocks)]).tolist()
     return dict(zip((b.name for b in blocks), ca.vertsplit(x, ends), strict=True))

@@ -138,7 +138,9 @@ def surface_content(
     }
 
 
-def _colours(judged: DamageHistory, size: Array, found: list[FaceStrains], zones: int, *, flat: bool) -> list[dict[str, Any]]:
+def _colours(
+    judged: DamageHistory, size: Array, found: list[FaceStrains], zones: int, *, flat: bool
+) -> list[dict[str, Any]]:
     """Return what the membrane may be coloured by: values of nodes, faces or zones at each instant, with their scale."""
     colours: list[dict[str, Any]] = []
     if not flat:
@@ -156,12 +158,12 @@ def _colours(judged: DamageHistory, size: Array, found: list[FaceStrains], zones
     time = np.array([each[0] for each in steps])
     for name, rows, column in (("estimated damage", judged.estimated, 1), ("true damage", judged.true, 2)):
         if len(rows) and steps:
-            places = [each[column] for each in steps]
-            values = np.array([rows[k] if k >= 0 else np.zeros(zones) for k in places])
+            places = [(known if column == 2 else k) for _, k, known in steps]
+            values = np.array([rows[k] if k >= 0 else np.zeros(zones) for k in places], dtype=float)
             valid = [column == 2 or k < 0 or bool(judged.valid[k]) for k in places]
-            known = {"values": values, "time": time, "valid": valid, "least": judged.least if column == 1 else 1e-7}
+            more = {"values": values, "time": time, "valid": valid, "least": judged.least if column == 1 else 1e-7}
             colours.append(
-                {"name": name, "of": "zone", "ends": [0.0, judged.top], "unit": "%", "scale": "@damage"} | known
+                {"name": name, "of": "zone", "ends": [0.0, judged.top], "unit": "%", "scale": "@damage"} | more
             )
     return colours
 
@@ -256,7 +258,7 @@ def deflection_map(run: Recorded) -> Chart:
     shape = RectBivariateSpline(x, x, nodes)(fine, fine).round(9)  # the edge is zero, not a rounding error below it
     levels = heat(fine, fine, shape.T, "mm") | {"type": "contour"}
     places = np.array(SENSORS) * length / 3.0
-    dots = points("sensors", *places.T, "@ink", size=5)
+    dots = points("sensors", places[:, 0], places[:, 1], "@ink", size=5)
     numbers = words(places[:, 0] + 0.03 * length, places[:, 1] + 0.03 * length, ["1", "2", "3", "4"], "#ffffff")
     title = f"Deflection [mm] at t = {run.time[k]:.4f} s, and the sensors"
     layout = {"yaxis": {"scaleanchor": "x"}, "showlegend": False}

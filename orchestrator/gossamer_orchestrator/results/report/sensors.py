@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -300,7 +301,7 @@ def _now(run: Recorded, read: Curve, shift: int, measured: Curve) -> Stages:
     strain = np.full(len(rows), np.nan)
     strain[known] = 100.0 * read(run.data.isel(time=rows[known] + shift))
     resistance = measured(run.data.isel(time=rows))
-    look = {"symbol": "diamond", "size": 12, "line": {"color": "@panel", "width": 1.5}}
+    look: dict[str, Any] = {"symbol": "diamond", "size": 12, "line": {"color": "@panel", "width": 1.5}}
     dots = [[points("now", [e], [r], "@ink", **look)] for e, r in zip(strain, resistance, strict=True)]
     return Stages(run.time[rows], dots)
 

@@ -1,14 +1,19 @@
-r"""The compensator as the exact inverse of the sensor, step by step, with a fixed number of operations.
+r"""The compensator as an inverse of the sensor, with a fixed number of operations per step: exact, or direct.
 
 Symbols: ``R`` resistance [ohm], ``s`` normalised strain [1], ``y`` normalised output [1], ``target`` change of output that
-the new strain has to make [1]. In ``invert``, for rising strain (falling strain is its mirror image :math:`s \to 1 - s`,
-:math:`\mu \to \nu`): ``front[i]`` of line i [1], not decreasing in i; ``m[i]`` weight below it [1]; ``C[i, l]`` weight of
-line i below strain l/N [1].
+the new strain has to make [1], ``v`` output over the range of a direct inverse [1]. In ``invert``, for rising strain
+(falling strain is its mirror image :math:`s \to 1 - s`, :math:`\mu \to \nu`): ``front[i]`` of line i [1], not decreasing in
+i; ``m[i]`` weight below it [1]; ``C[i, l]`` weight of line i below strain l/N [1].
 
-The static rise :math:`F(s) = \sum_i \max(C_i(s) - m_i, 0)` bends only at the lattice l/N and at the fronts. Its
-values on the lattice tell the interval; there every line that moves has a constant slope; its values at the fronts tell
+Exact inverse: the static rise :math:`F(s) = \sum_i \max(C_i(s) - m_i, 0)` bends only at the lattice l/N and at the fronts.
+Its values on the lattice tell the interval; there every line that moves has a constant slope; its values at the fronts tell
 the piece; there F plus the relaxation term is a quadratic, solved in closed form. Both are searched by bisection, since F
 does not decrease: its values at all N + 1 points of the lattice would cost ten times as much as the sensor's own step.
+
+Direct inverse: a sensor whose output may move against the strain has no inverse sample by sample, since the same rise of
+resistance may be loading or the start of unloading. The history of the resistance distinguishes them, so operators of the
+sensor's own kind, driven by the resistance, were fitted to the strain. They remember as much as a sensor does, and no
+equation is solved. They have eta = 1, so noise does not accumulate and there is no dead band.
 """
 
 from __future__ import annotations
@@ -23,9 +28,8 @@ from ..errors import ParameterError
 from ..modes import phi_1
 from ..sensor.artifact import SensorArtifact
 from ..sensor.hysteresis import Table, widths
-from ..sensor.model import ADVICE, SCALE_VARIABLES, normalised, resistance, resting_state, saturated, with_scales
-from ..sensor.relaxation import excitation
-from ..sensor.state import SensorLaw, SensorState
+from ..sensor.law import SensorLaw, SensorState, excitation
+from ..sensor.model import ADVICE, SCALE_VARIABLES, clip, normalised, resistance, resting_state, saturated, with_scales
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter
 
@@ -258,3 +262,57 @@ def _mirror(nu: Table) -> Table:
     for i in range(n):
         mirrored[i, i:] = nu[i, i:][::-1]
     return mirrored
+
+
+def direct_model(artifact: SensorArtifact) -> StepModel:
+    """Build the compensator that runs the direct inverse of an artifact.
+
+    Parameters
+    ----------
+    artifact : SensorArtifact
+        Sensor with an ``inverse``.
+
+    Returns
+    -------
+    StepModel
+        Input ``resistance`` [ohm]; outputs ``strain`` [1] and ``saturated`` [1]. The variables are those of the exact
+        inverse without ``dead_band``.
+
+    Raises
+    ------
+    ParameterError
+        The artifact has no direct inverse.
+    """
+    inverse = artifact.inverse
+    if inverse is None:
+        msg = "this sensor has no direct inverse. Identify it with --direct-inverse, or take the exact inverse."
+        raise ParameterError(msg)
+    law, forward = SensorLaw(inverse.law), SensorLaw(replace(artifact, inverse=None))
+
+    def in_range(y: ca.MX) -> ca.MX:
+        return (y - inverse.lowest) / (inverse.highest - inverse.lowest)
+
+    def init(_: Values, p: Values) -> tuple[CompensatorState, Results]:
+        rest = resting_state(forward, p)
+        y = forward.output(rest)
+        R = resistance(y, p)
+        state = CompensatorState(law.rest(clip(in_range(y))), LowPass(R, R))
+        return state, {"strain": rest.s * p.full_scale_strain, "saturated": 0.0}
+
+    def step(x: CompensatorState, u: Values, p: Values, h: ca.MX) -> tuple[CompensatorState, Results]:
+        low_pass = x.low_pass.advance(u.resistance, p.filter_time, h)
+        v = in_range(normalised(low_pass.filtered, p))
+        state = law.advance(x.sensor, clip(v), h)
+        s = clip(inverse.offset + inverse.scale * state.output())
+        outside = ca.logic_or(v < 0.0, v > 1.0)
+        return CompensatorState(state, low_pass), {"strain": s * p.full_scale_strain, "saturated": outside}
+
+    return StepModel.written(
+        name="compensator",
+        description="Inverse of the strain sensor: recovers strain from resistance",
+        variables=with_scales((*SCALE_VARIABLES, *COMMON_VARIABLES), artifact),
+        init=init,
+        step=step,
+        advice=ADVICE,
+        provenance=dict(artifact.provenance),
+    )
