@@ -151,7 +151,7 @@ def _legend(ax: Axes) -> None:
 
     room, widths = _width(ax), [0.5 + 0.07 * len(label) for label in labels]  # [inch]
     columns = len(labels) if sum(widths) <= room else max(1, int(room / max(widths)))
-    below = ax.transAxes + ScaledTranslation(0.0, -0.42, ax.figure.dpi_scale_trans)
+    below = ax.transAxes + ScaledTranslation(0.0, -0.48, ax.figure.dpi_scale_trans)
     place: Any = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": below}
     legend = ax.legend(handles, labels, ncols=columns, borderaxespad=0.0, **place)
     for text in legend.get_texts():
@@ -315,7 +315,8 @@ def _colour_scale(marker: Trace, ax: Axes) -> None:
 
 def _scale(axis: Mapping[str, Any], which: str, ax: Axes, *, is_time: bool) -> None:
     """Scale an axis as its layout says, with few and short numbers at its ticks."""
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib import rc_context
+    from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
     found = ax.xaxis if which == "x" else ax.yaxis
     if axis.get("type") == "log":
@@ -327,9 +328,13 @@ def _scale(axis: Mapping[str, Any], which: str, ax: Axes, *, is_time: bool) -> N
             ax.set(**{f"{which}lim": (low - room, high + room)})
         is_long = which == "x" and not is_time and high - low + 2.0 * room < 1e-2 * max(abs(low), abs(high))
         found.set_major_locator(MaxNLocator(2 if is_long else 6 if which == "x" else 5, steps=STEPS))
-        plain = which == "x" and not is_time
-        more: Any = {"useOffset": False} if plain else {"scilimits": (-2, 5), "useOffset": True, "useMathText": True}
-        ax.ticklabel_format(axis="x" if which == "x" else "y", style="plain" if plain else "sci", **more)
+        if which == "x" and not is_time:
+            ax.ticklabel_format(axis="x", style="plain", useOffset=False)
+        else:
+            with rc_context({"axes.formatter.offset_threshold": 2}):  # what all numbers share is written once
+                short = ScalarFormatter(useMathText=True)
+            short.set_powerlimits((-2, 5))
+            found.set_major_formatter(short)
     if "tickvals" in axis:
         getattr(ax, f"set_{which}ticks")(axis["tickvals"], axis.get("ticktext"), minor=False)
         found.set_minor_formatter("")

@@ -120,7 +120,6 @@ def surface_content(
     zones = int(surface.zone.max(initial=-1)) + 1
     labels = [_label(surface, zone) for zone in range(zones)]
     beside = [int(np.argmin(np.linalg.norm(nodes - point, axis=1))) for point in surface.sensor_points]
-    marks = np.array([each.mark for each in found], dtype=float).reshape(len(found), -1)
     return {
         "places": (nodes + factor * away).reshape(len(away), -1),
         "factor": factor,
@@ -128,7 +127,7 @@ def surface_content(
         "triangles": triangles,
         "face": face,
         "zone": surface.zone,
-        "marked": bool((marks > TAUT).any()),
+        "marked": any((each.mark != TAUT).any() for each in found),
         "colours": _colours(judged, size, found, zones, flat=flat),
         "borders": [_border(surface.faces[some]) for some in [*(surface.zone == z for z in range(zones)), slice(None)]],
         "labels": [node for node, _ in labels],

@@ -30,7 +30,7 @@ FLOOR = 1e-12  # of an amplitude, so that it has a logarithm
 
 
 @dataclass(frozen=True)
-class Error:
+class StrainError:
     """How far compensated strain is from the true one of the same time.
 
     Attributes
@@ -112,7 +112,7 @@ class Reader:
         return values
 
     @cached_property
-    def error(self) -> Error | None:
+    def error(self) -> StrainError | None:
         """The error of the compensated strain, its delay taken out; None where one of both was not recorded."""
         if not self.true or not self.late:
             return None
@@ -133,7 +133,7 @@ class Reader:
             low, high = min(low, float(np.fmin.reduce(here))), max(high, float(np.fmax.reduce(here)))
         rms, span = (math.sqrt(squares / count), high - low) if count else (math.nan, math.nan)
         share = beyond / banded if banded else math.nan
-        return Error(rms, span, share, np.concatenate(errors), np.concatenate(reaches) if reaches else None)
+        return StrainError(rms, span, share, np.concatenate(errors), np.concatenate(reaches) if reaches else None)
 
     def _recorded(self, name: str) -> str:
         return name if name in self.data else ""
@@ -227,7 +227,7 @@ def _edge(reader: Reader, sign: float) -> Curve:
     return lambda part: strain(part) + deviation(part)
 
 
-def _error(run: Recorded, error: Error, choice: str) -> Chart:
+def _error(run: Recorded, error: StrainError, choice: str) -> Chart:
     traces = (
         [] if error.reach is None else band("± 2 deviations", run.t, -100.0 * error.reach, 100.0 * error.reach, "@1")
     )
