@@ -40,7 +40,12 @@ STATED = {"clean": "dash", "noise": "solid"}  # conditions of the reliability, a
 DASHES = ("solid", "dash", "dot", "dashdot")
 DETECTED = 0.9  # probability of detection of a90 and a90/95
 BINS = 40  # of the largest estimates
-FIRST = 16  # conditions or zones that find place in a file of usual size
+FILES = {
+    "Mean absolute error over damaged zones": "errors",
+    "Largest estimate of healthy records": "false_calls",
+    "Observed over stated share": "reliability",
+    "Zone called first": "confusion_",
+}
 
 
 def assessment_charts(found: AssessmentResults) -> list[Chart]:
@@ -55,19 +60,19 @@ def assessment_charts(found: AssessmentResults) -> list[Chart]:
 
 
 def save_pictures(found: AssessmentResults, folder: Path) -> list[Path]:
-    """Write the charts as PNG, without a display; return the paths."""
+    """Write the charts that have a name in ``FILES`` as PNG, and detection zone by zone; return the paths."""
     pictures: dict[str, Chart | Panels] = {}
-    for chart in assessment_charts(found):
-        rows = len(chart.layout.get("yaxis", {}).get("categoryarray", ()))
-        pictures[chart.title] = Panels([chart], (8.0, 2.0 + 0.3 * rows) if rows else (7.0, 6.0))
     for judge in found.judges:
         for name in dict.fromkeys(row.condition for row in found.detections):
-            rows_of = [row for row in found.detections if (row.judge, row.condition) == (judge, name) and row.zone]
-            if any(row.hits for row in rows_of):
-                pictures[f"detection {judge} {name}"] = _by_zone(rows_of)
-    return save_charts(
-        {re.sub("[^a-z0-9]+", "_", name.lower()).strip("_"): each for name, each in pictures.items()}, folder
-    )
+            rows = [row for row in found.detections if (row.judge, row.condition) == (judge, name)]
+            if any(row.hits for row in rows):
+                pictures[f"detection {judge} {name}"] = _by_zone([row for row in rows if row.zone] or rows)
+    for chart in assessment_charts(found):
+        if file := next((name for title, name in FILES.items() if chart.title.startswith(title)), ""):
+            names = len(chart.layout.get("yaxis", {}).get("categoryarray", ()))
+            size = (8.0, 2.0 + 0.3 * names) if names else (7.0, 6.5)
+            pictures[file + chart.title.partition(": ")[2]] = Panels([chart], size)
+    return save_charts({re.sub("[^a-z0-9]+", "_", name.lower()): each for name, each in pictures.items()}, folder)
 
 
 def reliability_chart(observed: Sequence[Trace], note: str) -> Chart:

@@ -16,7 +16,7 @@ from gossamer_orchestrator.results.shapes import create_shapes
 
 def test_the_slider_moves_every_picture_and_nothing_is_amiss(page):
     assert page.inner_text("#verdict").startswith("Damaged: zone 2 lost 20.0\xa0±\xa02.0\xa0% of its stiffness")
-    assert page.locator("figure").count() == 11
+    assert page.locator("figure").count() == 12
     contents = page.locator("nav a").all_inner_texts()
     assert contents[0] == "Damage"
     assert page.evaluate(
@@ -178,7 +178,7 @@ def test_what_is_read_lies_over_what_the_sensor_has_and_a_note_says_what_the_ban
     assert "two strain_deviation wide to each side" in page.inner_text("figure:has(strong:text-is('Strain')) small")
     words = "page.figures.find(each => each.title === '{}').div.layout.annotations.map(each => each.text)"
     (left,) = page.evaluate(words.format("Error of the compensated strain"))
-    assert left == "0 % of the points leave the band; 5 % would be right"
+    assert left == "0\xa0% of the points leave the band; 5\xa0% would be right"
 
 
 def test_a_spectrum_has_powers_of_ten_alone_and_few_variables_title_their_panel(browser, tmp_path):

@@ -39,7 +39,11 @@ def membrane_charts(run: Recorded, judged: DamageHistory) -> tuple[list[Chart], 
     charts, content, found = [], None, None
     if history is not None:
         found = _strains(run, history)
-        content = surface_content(run, judged, history, found, flat=flat)
+        content = surface_content(history, run.instants[1]) | {
+            "unit": "m" if run.history is not None else side(run.data)[1],
+            "marked": any((each.mark != TAUT).any() for each in found),
+            "colours": _colours(run, judged, history, found, flat=flat),
+        }
         charts.append(_in_space(judged, content, flat=flat))
     return [*charts, *_deflection(run, judged), *_load(run), *_strain(run, found)], content
 
@@ -98,24 +102,27 @@ def _strains(run: Recorded, history: ShapeHistory) -> list[FaceStrains]:
     return [face_strains(history.surface, history.places[k], history.eigenstrain[k]) for k in run.instants[1]]
 
 
-def surface_content(
-    run: Recorded, judged: DamageHistory, history: ShapeHistory, found: list[FaceStrains], *, flat: bool
-) -> dict[str, Any]:
+def surface_content(history: ShapeHistory, shown: Integers) -> dict[str, Any]:
     """Return a membrane and its motion.
+
+    Parameters
+    ----------
+    history : ShapeHistory
+        Its shapes.
+    shown : numpy.ndarray, shape (F,)
+        Which of them.
 
     Returns
     -------
     dict
         ``places`` (F, 3 N) [m], moved by ``factor`` times their displacement; ``triangles`` (T, 3) and ``face``, the face of
-        each; ``zone`` of each face, -1 for none; ``marked``, whether any wrinkles; ``colours``,
-        what a reader may colour it by; ``borders``, for each zone the nodes of its edge in pairs, the last those of the whole
+        each; ``zone`` of each face, -1 for none; ``borders``, for each zone the nodes of its edge in pairs, the last those of the whole
         membrane; ``labels``, the node of each zone beside its number, and ``label_offsets`` from it; ``sensors``, the node
         beside each, ``offsets`` from it, and what each reads.
     """
     surface, nodes = history.surface, history.surface.nodes
-    away = history.places[run.instants[1]] - nodes
-    size = np.linalg.norm(away, axis=2)
-    factor = _factor(float(size.max()), float(np.ptp(nodes, axis=0).max()))
+    away = history.places[shown] - nodes
+    factor = _factor(float(np.linalg.norm(away, axis=2).max()), float(np.ptp(nodes, axis=0).max()))
     triangles, face = _triangles(surface)
     zones = int(surface.zone.max(initial=-1)) + 1
     labels = [_label(surface, zone) for zone in range(zones)]
@@ -123,12 +130,9 @@ def surface_content(
     return {
         "places": (nodes + factor * away).reshape(len(away), -1),
         "factor": factor,
-        "unit": "m" if run.history is not None else side(run.data)[1],
         "triangles": triangles,
         "face": face,
         "zone": surface.zone,
-        "marked": any((each.mark != TAUT).any() for each in found),
-        "colours": _colours(judged, size, found, zones, flat=flat),
         "borders": [_border(surface.faces[some]) for some in [*(surface.zone == z for z in range(zones)), slice(None)]],
         "labels": [node for node, _ in labels],
         "label_offsets": [offset.tolist() for _, offset in labels],
@@ -138,9 +142,11 @@ def surface_content(
 
 
 def _colours(
-    judged: DamageHistory, size: Array, found: list[FaceStrains], zones: int, *, flat: bool
+    run: Recorded, judged: DamageHistory, history: ShapeHistory, found: list[FaceStrains], *, flat: bool
 ) -> list[dict[str, Any]]:
     """Return what the membrane may be coloured by: values of nodes, faces or zones at each instant, with their scale."""
+    zones = int(history.surface.zone.max(initial=-1)) + 1
+    size = np.linalg.norm(history.places[run.instants[1]] - history.surface.nodes, axis=2)
     colours: list[dict[str, Any]] = []
     if not flat:
         top = 1e3 * float(size.max()) or 1.0
@@ -153,7 +159,7 @@ def _colours(
         colours.append(
             {"name": "wrinkles", "of": "face", "values": marks, "ends": [-0.5, 2.5], "unit": "", "scale": "@marks"}
         )
-    steps = judged.steps() if zones and zones == judged.zones else []
+    steps = judged.steps() if 0 < zones <= judged.zones else []
     time = np.array([each[0] for each in steps])
     for name, rows, column in (("estimated damage", judged.estimated, 1), ("true damage", judged.true, 2)):
         if len(rows) and steps:
