@@ -1,18 +1,22 @@
 # make demo   build the FMUs, run the demo, leave results and pictures in out/
 # make test   every check and test, on a machine with nothing but Python >= 3.11 and make
 # make site   the site, out/site/index.html; opens from disk
+# make install   what every command needs, into .venv
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
+ALL := $(VENV)/all
 TOOLS := $(VENV)/tools
 NOTEBOOKS := $(wildcard docs/notebooks/*.ipynb)
 SOURCES := $(shell find models fmus orchestrator -name '*.py')
 
-.PHONY: demo test test-basilisk site bench goldens docs figures lock clean
+.PHONY: demo install test test-basilisk site bench goldens docs figures lock clean
 
 demo: $(STAMP)
 	$(BIN)/gossamer demo
+
+install: $(ALL)
 
 test: $(TOOLS)
 	$(BIN)/ruff format --check .
@@ -53,28 +57,40 @@ figures: $(TOOLS)
 	$(BIN)/python docs/make_membrane_page.py
 	$(BIN)/python docs/make_damage_page.py
 
-# Everything is pinned by hash; the project itself is installed editable on top.
-$(STAMP): constraints.txt pyproject.toml
-	@echo "Installing what runs into $(VENV), which takes one to three minutes."
+# Everything is pinned by hash; the project itself is installed editable on top. The demo needs the light packages and the
+# compiler. Modules are compiled when they are imported, which takes less than to compile all that is installed.
+PIP := $(BIN)/python -m pip install --quiet --no-compile --no-deps
+$(STAMP): constraints-light.txt constraints.txt pyproject.toml
+	@echo "Installing what the demo needs into $(VENV), which takes half a minute to two minutes."
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r constraints.txt
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	sed -n '/^ziglang==/,/[^\]$$/p' constraints.txt > $(VENV)/compiler.txt
+	$(PIP) --require-hashes -r constraints-light.txt -r $(VENV)/compiler.txt
+	$(PIP) --no-build-isolation --editable .
 	touch $(STAMP)
+
+# What every command needs: campaigns, clusters, meshes, SSP, containers.
+$(ALL): $(STAMP)
+	$(PIP) --require-hashes -r constraints.txt
+	touch $(ALL)
 
 # What tests, site and figures need beside what runs: the same versions, and more.
 $(TOOLS): constraints-dev.txt $(STAMP)
 	@echo "Installing what tests and site need into $(VENV), which takes one to three minutes."
-	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r constraints-dev.txt
+	$(PIP) --require-hashes -r constraints-dev.txt
 	touch $(TOOLS)
 
-# Needs uv (pip install uv); hatchling and editables are pinned too because the build runs without isolation.
-RUN := --extra campaign --extra mesh --extra native
-LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --no-emit-index-url \
-    --no-emit-find-links pyproject.toml -
+# Needs uv (pip install uv); hatchling and editables are pinned too because the build runs without isolation. What is light
+# has no CMake, notebooks and C compiler: FMPy asks for the first two, but no command of Gossamer makes it use them.
+LOCK := printf "hatchling\neditables\n" | uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate \
+    --no-header --no-emit-index-url --no-emit-find-links pyproject.toml -
+RUN := --extra campaign --extra exchange --extra mesh --extra native
 
 lock:
-	printf "hatchling\neditables\n" | $(LOCK) $(RUN) --extra notebook --extra docs --extra dev -o constraints-dev.txt
-	printf "hatchling\neditables\n" | $(LOCK) $(RUN) --constraint constraints-dev.txt -o constraints.txt
+	$(LOCK) $(RUN) --extra notebook --extra docs --extra dev -o constraints-dev.txt
+	$(LOCK) $(RUN) --constraint constraints-dev.txt -o constraints.txt
+	mkdir -p build
+	printf "cmake; python_version < '3'\nnbformat; python_version < '3'\n" > build/left_out.txt
+	$(LOCK) --override build/left_out.txt --constraint constraints-dev.txt -o constraints-light.txt
 
 clean:
 	rm -rf $(VENV) out build dist docs/notebooks/out

@@ -26,6 +26,15 @@ CONDITIONS = ("clean", "noise", "whole chain")
 SHOWN = 1.0  # [%] estimates below are left out of the tables of cases
 HEAD = """# Results of damage detection
 
+Three ways lead from a record to damage. `gossamer twin` fits a simulation to the first 0.3 s of a record, with damage that
+is there from its beginning: it is the most accurate, and takes seconds. `gossamer watch`, or `gossamer run --watch`, is
+the twin beside a running structure, window by window: alarm, onset, then damages. The detector FMU is a trained network
+that runs inside any host; `gossamer campaign` simulates what it learns from, `gossamer train` trains it, and `gossamer
+assess-detector` made the figures below, also where its training does not hold: noise, another load, dead or swapped
+sensors, a finer mesh. All state a standard deviation per zone and say when their answer is not valid. Their pages,
+`report.html`, show what was drawn and simulated, errors beside those of the answer "always 0", and what is found under
+which condition, how surely.
+
 Read this page beside Chapter 7 of the thesis: M. R. Sunny, "Towards Structural Health Monitoring of Gossamer
 Structures Using Conductive Polymer Nanocomposite Sensors", dissertation, Virginia Tech, 2010. `make figures` writes
 it from what `gossamer assess-detector --twin --cases 200` found; do not edit it. The twins take seconds for a record:

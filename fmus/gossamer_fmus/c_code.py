@@ -7,7 +7,7 @@ The sources of an FMU are one translation unit::
     state.h             saved states; the same for every model
     model.h             the table of variables and sizes, written here
     functions.h         init, step and their derivatives, written by CasADi
-    tables.h, loop.h    of a model with tables: how it reads them, and its sums over elements; see ``loop_code``
+    tables.h, loop.h .. of a model with tables: how it reads them, and its sums over elements; see ``loop_code``
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
     for loop in model.tables.loops:
         generator.add(loop.stand_in)
     code = with_loops(generator.dump(), model.tables.loops)
-    return files | loop_sources(model.tables) | {"functions.h": code.encode()}
+    return files | loop_sources(model.name, model.tables) | {"functions.h": code.encode()}
 
 
 def with_guid(files: dict[str, bytes], guid: str) -> dict[str, bytes]:

@@ -1,7 +1,8 @@
 """Write the loops over elements of a model as C; see ``native/loop.h``.
 
-elements.h    each element's function, written by CasADi and made safe for lanes
-loops.h       the table of loops, written here
+loops.h       sizes and constants of all loops
+elements.h    each element's function, written by CasADi and made safe for lanes, and the table of loops; compiled for each
+              set of instructions
 """
 
 from __future__ import annotations
@@ -18,19 +19,30 @@ from gossamer_models.element_loop import LANES, ElementLoop, Tables
 FILE = "tables.bin"
 _FUNCTION = r"static int {name}\(const casadi_real\*\* arg, [^)]*\) \{{"
 _ZEROS = re.compile(r"(static const casadi_real casadi_zeros\[\d+\]) =\s*\{[0., \n]*\};")
+_INTERFACE = re.compile(r"^CASADI_SYMBOL_EXPORT .*?\n\}\n\n?", re.DOTALL | re.MULTILINE)
+_CONSTANT_MACRO = re.compile(r"#define casadi_c\d+ .*\n")
+_CONSTANT = re.compile(r"\bcasadi_(c\d+)")
+_SPREAD = re.compile(r"static const double element_c.*?\n\}\n", re.DOTALL)
 _EXPOSED = r"CASADI_SYMBOL_EXPORT int {name}\([^)]*\)\s*\{{\s*return (casadi_f\d+)\("
 
 
-def loop_sources(tables: Tables) -> dict[str, bytes]:
-    """Return the C sources of the loops by file name."""
+def loop_sources(model: str, tables: Tables) -> dict[str, bytes]:
+    """Return the C sources of the loops by file name; names in them begin with that of the model."""
     here = Path(__file__).parent / "native"
     lanes = Path(gossamer_models.batch.__file__).with_name("lanes.h")
-    files = {"lanes.h": lanes.read_bytes()} | {name: (here / name).read_bytes() for name in ("loop.h", "tables.h")}
+    files = {"lanes.h": lanes.read_bytes()} | {
+        name: (here / name).read_bytes() for name in ("loop.h", "sum.h", "tables.h")
+    }
     generator = ca.CodeGenerator("elements", {"with_header": False, "verbose": False, "indent": 1})
     for loop in tables.loops:
         generator.add(loop.function)
-    files["elements.h"] = safe_for_lanes(generator.dump()).encode()
-    files["loops.h"] = _loops(tables).encode()
+    code = safe_for_lanes(generator.dump())
+    internal = [_internal(code, loop.function.name()) for loop in tables.loops]
+    # constants are there once: what spreads them over the lanes runs on any processor
+    code = _CONSTANT.sub(r"element_\1", _CONSTANT_MACRO.sub("", _INTERFACE.sub("", code)))
+    constants = "".join(_SPREAD.findall(code))
+    files["loops.h"] = f"{_sizes(model, tables)}\n{constants}".encode()
+    files["elements.h"] = f"{_SPREAD.sub('', code)}\n{_table(tables, internal)}".encode()
     return files
 
 
@@ -44,7 +56,7 @@ def table_sizes(tables: Tables) -> dict[str, int | str]:
         "N_POSITIONS": 3 * tables.loops[0].n_nodes,
         "TABLES_FILE": f'"{FILE}"',
         "TABLES_CHECKSUM": zlib.crc32(content),
-        "LANES": LANES,
+        "BLOCK": LANES,
     }
 
 
@@ -59,11 +71,8 @@ def with_loops(code: str, loops: tuple[ElementLoop, ...]) -> str:
         The loops.
     """
     for number, loop in enumerate(loops):
-        exposed = re.search(_EXPOSED.format(name=loop.name), code)
-        if exposed is None:
-            msg = f"CasADi wrote no function {loop.name!r}; its generator must have changed"
-            raise RuntimeError(msg)
-        begin = re.search(_FUNCTION.format(name=exposed[1]), code)
+        name = _internal(code, loop.name)
+        begin = re.search(_FUNCTION.format(name=name), code)
         if begin is None:
             msg = f"CasADi wrote no body of {loop.name!r}; its generator must have changed"
             raise RuntimeError(msg)
@@ -72,10 +81,21 @@ def with_loops(code: str, loops: tuple[ElementLoop, ...]) -> str:
     return _ZEROS.sub(r"\1;", code)  # zero anyway
 
 
-def _loops(tables: Tables) -> str:
-    """Write the table of loops, and the sizes that hold for all of them."""
+def _internal(code: str, name: str) -> str:
+    """Return the name that CasADi gave the function behind one that it exposes."""
+    exposed = re.search(_EXPOSED.format(name=name), code)
+    if exposed is None:
+        msg = f"CasADi wrote no function {name!r}; its generator must have changed"
+        raise RuntimeError(msg)
+    return exposed[1]
+
+
+def _sizes(model: str, tables: Tables) -> str:
+    """Write the sizes that hold for all loops, and the prefixes of names."""
     loops = tables.loops
     sizes = {
+        "BASELINE": f"{model}_baseline_",
+        "AVX2": f"{model}_avx2_",
         "MOST_NODES": max(loop.nodes.shape[1] for loop in loops),
         "MOST_SHARED": max(loop.function.nnz_in(1) for loop in loops),
         "MOST_OWN": max(loop.own.shape[1] for loop in loops),
@@ -85,14 +105,18 @@ def _loops(tables: Tables) -> str:
         "MOST_IW": max(1, *(loop.function.sz_iw() for loop in loops)),
         "MOST_W": max(1, *(loop.function.sz_w() for loop in loops)),
     }
-    lines = [f"#define {name} {value}" for name, value in sizes.items()]
-    lines += ["", "static const Loop LOOPS[] = {"]
+    return "".join(f"#define {name} {value}\n" for name, value in sizes.items())
+
+
+def _table(tables: Tables, internal: list[str]) -> str:
+    """Write the table of loops."""
+    lines = ["static const Loop CASADI_PREFIX(loops)[] = {"]
     numbers, places = tables.numbers.size, 0
-    for loop in loops:
+    for function, loop in zip(internal, tables.loops, strict=True):
         n, m = loop.nodes.shape
         kinds = "".join(kind[0] for kind in loop.reductions)
         lines.append(
-            f" {{{loop.function.name()}, {n}, {m}, {loop.function.nnz_in(1)}, {loop.own.shape[1]}, "
+            f" {{{function}, {n}, {m}, {loop.function.nnz_in(1)}, {loop.own.shape[1]}, "
             f'{str(loop.forces).lower()}, "{kinds}", {numbers}, {places}}},'
         )
         numbers, places = numbers + loop.numbers().size, places + loop.places().size

@@ -57,6 +57,8 @@ OTHER_PROGRAMS = {
 }
 SNIPPETS = {
     "README.md": "tests/test_readme.py",
+    "docs/python.md": "tests/test_readme.py",
+    "docs/scenario.md": "keys as in the scenarios of tests/orchestrator/run/test_interruptions.py",
     "docs/campaigns.md": "below; the second simulates 1000 cases, with the calls of tests/models/test_campaign_run.py",
     "docs/clusters.md": "Slurm, of which the page says that it is not tried",
     "docs/setup.md": TUTORIALS,
@@ -186,11 +188,11 @@ def test_the_campaign_that_a_page_reads_is_read(tmp_path, monkeypatch):
     assert names["reading"].sizes == names["strain"].sizes
 
 
-def test_the_section_on_python_names_every_function():
+def test_the_page_on_python_names_every_function():
     import gossamer
     from gossamer.table import commands as table
 
-    section = text_of("README.md").partition("## In Python")[2].partition("\n## ")[0]
+    section = text_of("docs/python.md")
     functions = {*table(), "load"}
     assert functions <= set(gossamer.__all__)
     assert functions <= set(re.findall(r"`(\w+)`", section))

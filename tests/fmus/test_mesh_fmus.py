@@ -9,7 +9,9 @@ import pytest
 from fmu_host import Instance
 from gossamer_fmus.build import build_fmu
 from gossamer_fmus.c_code import sources
+from gossamer_fmus.compiler import fmi_headers
 from gossamer_models import Stepper
+from gossamer_models.compiler import compile_shared
 from gossamer_models.membrane import (
     Gas,
     Load,
@@ -109,6 +111,28 @@ def test_as_c_it_gives_the_numbers_of_the_virtual_machine(order, kind, cells, se
     assert np.allclose(excited(instance, gas=gas), wanted, rtol=1e-9, atol=1e-13)
     assert np.ptp(wanted[:, 0]) > 1e-4  # it moves
     instance.slave.freeInstance()
+
+
+@pytest.mark.parametrize("order", [1, 3])
+def test_the_baseline_and_avx2_give_the_same_bits(order, tmp_path):
+    """The library chooses by the processor; where that has no AVX2, both are the baseline."""
+    pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
+    import fmpy
+
+    model = mesh_membrane_model(drum(2, order, "quad9" if order == 3 else "triangle"), compiled=True)
+    fmu = build_fmu(model, tmp_path, Path(__file__), native=True)
+    chosen = Path(fmpy.extract(fmu, str(tmp_path / "chosen")))
+    baseline = shutil.copytree(chosen, tmp_path / "baseline")
+    (binary,) = baseline.glob("binaries/*/*")
+    code = {path.name: path.read_bytes() for path in (chosen / "sources").iterdir()}
+    options = ["-DONE_INSTRUCTION_SET", "-I", str(fmi_headers())]
+    binary.write_bytes(compile_shared(code, "fmi2.c", binary.name, options, "the baseline"))
+    rows = []
+    for folder in (chosen, baseline):
+        instance = Instance(fmu, folder)
+        rows.append(excited(instance))
+        instance.slave.freeInstance()
+    assert rows[0].tobytes() == rows[1].tobytes()
 
 
 def test_its_mesh_is_read_once_and_freed_with_the_last_instance(native):

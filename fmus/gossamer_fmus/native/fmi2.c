@@ -293,3 +293,7 @@ NOT_PROVIDED(fmi2SetRealInputDerivatives, "inputs are not interpolated", REFEREN
              const fmi2Real value[])
 NOT_PROVIDED(fmi2GetRealOutputDerivatives, "outputs have no derivatives by time", REFERENCES,
              const fmi2Integer order[], fmi2Real value[])
+
+#if HAS_TABLES
+#include "loop.h"
+#endif

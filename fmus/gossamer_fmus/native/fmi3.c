@@ -337,3 +337,7 @@ NOT_PROVIDED(fmi3GetNominalsOfContinuousStates, fmi3Instance c, fmi3Float64 a[],
 NOT_PROVIDED(fmi3GetNumberOfEventIndicators, fmi3Instance c, size_t *n)
 NOT_PROVIDED(fmi3GetNumberOfContinuousStates, fmi3Instance c, size_t *n)
 NOT_PROVIDED(fmi3ActivateModelPartition, fmi3Instance c, fmi3ValueReference a, fmi3Float64 time)
+
+#if HAS_TABLES
+#include "loop.h"
+#endif

@@ -56,9 +56,8 @@ static uint32_t crc32(const uint8_t *bytes, size_t size) {
 
 #if HAS_TABLES
 #include "tables.h"
-static int run_loop(int which, const double **arg, double **res);
+static int (*run_loop)(int which, const double **arg, double **res); /* chosen in loop.h */
 #include "functions.h"
-#include "loop.h"
 #else
 static const double *const tables = NULL;
 static const char *tables_open(const char *resources) { return (void)resources, NULL; }

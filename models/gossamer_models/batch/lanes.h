@@ -2,107 +2,98 @@
 
    A lane is one case. Arithmetic, comparisons and functions act on each lane as the C operators and functions act on a
    double, so a lane holds the same bits as that case alone. A truth value is 1 or 0, as in CasADi. code.py replaces what
-   the operators of C cannot do with vectors (!, <, &&, ?: and tables that are looked up) by the functions here. */
+   the operators of C cannot do with vectors (!, <, &&, ?: and tables that are looked up) by what stands here: macros, since a
+   function that takes a vector is of one set of instructions, and the loops of FMUs are compiled for two. */
 
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
+#if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF /* no fused multiply-add: the same numbers everywhere */
-#pragma clang diagnostic ignored "-Wunused-function"
 #pragma clang diagnostic ignored "-Wpsabi"
+#endif
 
 #ifndef LANES
 #define LANES 8
 #endif
+#if LANES == 1 /* for compilers that have no vectors as clang has them */
+typedef double lanes;
+#define truth(m) ((double)(m))
+#define LANE(a, l) (*(&(a) + (l)))
+#else
 typedef double lanes __attribute__((ext_vector_type(LANES)));
 typedef int64_t mask __attribute__((ext_vector_type(LANES))); /* each lane -1 or 0 */
+#define truth(m) ((lanes)((m) & (mask)(lanes)(1.0)))
+#define LANE(a, l) ((a)[l])
+#endif
 
-#define INLINE static inline __attribute__((always_inline))
-
-INLINE lanes truth(mask m) { return (lanes)(m & (mask)(lanes)(1.0)); }
-INLINE mask holds(lanes a) { return a != 0.0; }
-INLINE lanes is_less(lanes a, lanes b) { return truth(a < b); }
-INLINE lanes is_at_most(lanes a, lanes b) { return truth(a <= b); }
-INLINE lanes is_equal(lanes a, lanes b) { return truth(a == b); }
-INLINE lanes is_different(lanes a, lanes b) { return truth(a != b); }
-INLINE lanes both(lanes a, lanes b) { return truth(holds(a) & holds(b)); }
-INLINE lanes either(lanes a, lanes b) { return truth(holds(a) | holds(b)); }
-INLINE lanes is_not(lanes a) { return truth(a == 0.0); }
-INLINE lanes where(mask m, lanes yes, lanes no) { return m ? yes : no; }
-INLINE lanes where_holds(lanes a, lanes yes) { return where(holds(a), yes, (lanes)(0.0)); }
-INLINE mask is_finite(lanes a) { return a - a == 0.0; }
+#define holds(a) ((a) != 0.0)
+#define is_less(a, b) truth((a) < (b))
+#define is_at_most(a, b) truth((a) <= (b))
+#define is_equal(a, b) truth((a) == (b))
+#define is_different(a, b) truth((a) != (b))
+#define both(a, b) truth(holds(a) & holds(b))
+#define either(a, b) truth(holds(a) | holds(b))
+#define is_not(a) truth((a) == 0.0)
+#define where(m, yes, no) ((m) ? (lanes)(yes) : (lanes)(no))
+#define where_holds(a, yes) where(holds(a), yes, 0.0)
+#define is_finite(a) ((a) - (a) == 0.0)
 
 /* table[(int) place], not a number outside the table */
-INLINE lanes looked_up(const lanes *table, int size, lanes place) {
-  lanes found;
-  for (int l = 0; l < LANES; l++) {
-    double at = place[l];
-    found[l] = at > -1.0 && at < size ? table[(int)at][l] : NAN;
-  }
-  return found;
-}
+#define looked_up(table, size, place)                                                               \
+  ({                                                                                                \
+    lanes at_ = (place), found_;                                                                    \
+    for (int l_ = 0; l_ < LANES; l_++) {                                                            \
+      double place_ = LANE(at_, l_);                                                                \
+      LANE(found_, l_) = place_ > -1.0 && place_ < (size) ? LANE((table)[(int)place_], l_) : NAN;   \
+    }                                                                                               \
+    found_;                                                                                         \
+  })
+#define lanes_sign(a)                                                                               \
+  ({                                                                                                \
+    lanes sign_ = (a);                                                                              \
+    where(sign_ < 0.0, -1.0, where(sign_ > 0.0, 1.0, sign_));                                       \
+  })
 
-#define EACH_LANE(function)                                              \
-  INLINE lanes lanes_##function(lanes a) {                               \
-    lanes result;                                                        \
-    for (int l = 0; l < LANES; l++) result[l] = function(a[l]);          \
-    return result;                                                       \
-  }
-#define EACH_PAIR(function)                                              \
-  INLINE lanes lanes_##function(lanes a, lanes b) {                      \
-    lanes result;                                                        \
-    for (int l = 0; l < LANES; l++) result[l] = function(a[l], b[l]);    \
-    return result;                                                       \
-  }
-EACH_LANE(exp)
-EACH_LANE(expm1)
-EACH_LANE(log)
-EACH_LANE(log1p)
-EACH_LANE(log10)
-EACH_LANE(sin)
-EACH_LANE(cos)
-EACH_LANE(tan)
-EACH_LANE(asin)
-EACH_LANE(acos)
-EACH_LANE(atan)
-EACH_LANE(sinh)
-EACH_LANE(cosh)
-EACH_LANE(tanh)
-EACH_LANE(asinh)
-EACH_LANE(acosh)
-EACH_LANE(atanh)
-EACH_LANE(erf)
-EACH_PAIR(pow)
-EACH_PAIR(fmod)
-EACH_PAIR(atan2)
-EACH_PAIR(hypot)
-INLINE lanes lanes_sign(lanes a) { return where(a < 0.0, -1.0, where(a > 0.0, 1.0, a)); }
+#if LANES > 1
+#define EACH_LANE(function, a)                                                                      \
+  ({                                                                                                \
+    lanes a_ = (a), result_;                                                                        \
+    for (int l_ = 0; l_ < LANES; l_++) result_[l_] = function(a_[l_]);                              \
+    result_;                                                                                        \
+  })
+#define EACH_PAIR(function, a, b)                                                                   \
+  ({                                                                                                \
+    lanes a_ = (a), b_ = (b), result_;                                                              \
+    for (int l_ = 0; l_ < LANES; l_++) result_[l_] = function(a_[l_], b_[l_]);                      \
+    result_;                                                                                        \
+  })
 
-/* from here on the names of C's functions take lanes */
-#define exp lanes_exp
-#define expm1 lanes_expm1
-#define log lanes_log
-#define log1p lanes_log1p
-#define log10 lanes_log10
-#define sin lanes_sin
-#define cos lanes_cos
-#define tan lanes_tan
-#define asin lanes_asin
-#define acos lanes_acos
-#define atan lanes_atan
-#define sinh lanes_sinh
-#define cosh lanes_cosh
-#define tanh lanes_tanh
-#define asinh lanes_asinh
-#define acosh lanes_acosh
-#define atanh lanes_atanh
-#define erf lanes_erf
-#define pow lanes_pow
-#define fmod lanes_fmod
-#define atan2 lanes_atan2
-#define hypot lanes_hypot
+/* from here on the names of C's functions take lanes; within its own macro a name is the function */
+#define exp(a) EACH_LANE(exp, a)
+#define expm1(a) EACH_LANE(expm1, a)
+#define log(a) EACH_LANE(log, a)
+#define log1p(a) EACH_LANE(log1p, a)
+#define log10(a) EACH_LANE(log10, a)
+#define sin(a) EACH_LANE(sin, a)
+#define cos(a) EACH_LANE(cos, a)
+#define tan(a) EACH_LANE(tan, a)
+#define asin(a) EACH_LANE(asin, a)
+#define acos(a) EACH_LANE(acos, a)
+#define atan(a) EACH_LANE(atan, a)
+#define sinh(a) EACH_LANE(sinh, a)
+#define cosh(a) EACH_LANE(cosh, a)
+#define tanh(a) EACH_LANE(tanh, a)
+#define asinh(a) EACH_LANE(asinh, a)
+#define acosh(a) EACH_LANE(acosh, a)
+#define atanh(a) EACH_LANE(atanh, a)
+#define erf(a) EACH_LANE(erf, a)
+#define pow(a, b) EACH_PAIR(pow, a, b)
+#define fmod(a, b) EACH_PAIR(fmod, a, b)
+#define atan2(a, b) EACH_PAIR(atan2, a, b)
+#define hypot(a, b) EACH_PAIR(hypot, a, b)
 #define fabs __builtin_elementwise_abs
 #define sqrt __builtin_elementwise_sqrt
 #define floor __builtin_elementwise_floor
@@ -110,3 +101,4 @@ INLINE lanes lanes_sign(lanes a) { return where(a < 0.0, -1.0, where(a > 0.0, 1.
 #define copysign __builtin_elementwise_copysign
 #define fmax __builtin_elementwise_max
 #define fmin __builtin_elementwise_min
+#endif

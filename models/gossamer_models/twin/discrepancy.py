@@ -131,7 +131,7 @@ def learn(delta: Matrix, h: float, share: float = 0.99) -> Matrix:
     Q, R = np.linalg.qr(splines)
     _, s, V = np.linalg.svd((delta @ Q).reshape(pairs, -1) / np.sqrt(pairs), full_matrices=False)
     power = np.cumsum(s**2) / np.sum(s**2)
-    k = int(np.searchsorted(power, share)) + 1
+    k = int(np.searchsorted(power[:-1], share)) + 1  # the sum may round to less than all
     largest = (s[:k, None] * V[:k] / np.sqrt(power[k - 1])).reshape(k, N_SENSORS, -1)
     return np.asarray(np.linalg.solve(R, largest.reshape(-1, len(R)).T).T.reshape(largest.shape))
 

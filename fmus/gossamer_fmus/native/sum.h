@@ -1,0 +1,70 @@
+/* A sum over the elements of a mesh for one set of instructions; loop.h includes this once for each.
+
+   elements.h holds each element's function, written by CasADi with lanes as numbers, and the table of loops: lane l is one
+   element, and holds the same bits as that element alone. Elements lie in the tables in blocks of BLOCK, one beside the other;
+   the last block repeats its last element, whose results are left out.
+
+   Symbols: x positions of all nodes, d what elements share (a column per combination), own what one element has alone. */
+
+#include "elements.h"
+
+static int CASADI_PREFIX(run)(int which, const double **arg, double **res) {
+  const Loop *loop = &CASADI_PREFIX(loops)[which];
+  const double *x = arg[0], *d = arg[1], *own = tables + loop->numbers;
+  const int32_t *places = (const int32_t *)(tables + N_NUMBERS) + loop->places;
+  const int m = loop->nodes, n = loop->elements;
+  /* too large for the stack of some hosts' threads; aligned here, as not every system aligns it */
+  static _Thread_local double space[LANES * (6 * MOST_NODES + MOST_SHARED + MOST_OWN + MOST_W + 1)];
+  lanes *const xl = (lanes *)(((uintptr_t)space + sizeof(lanes) - 1) / sizeof(lanes) * sizeof(lanes));
+  lanes *const fl = xl + 3 * MOST_NODES, *const dl = fl + 3 * MOST_NODES, *const gl = dl + MOST_SHARED, *const w = gl + MOST_OWN;
+  lanes rl[MOST_REDUCTIONS];
+  const lanes *argl[MOST_ARG];
+  lanes *resl[MOST_RES];
+  casadi_int iw[MOST_IW];
+  double *f = loop->forces ? res[0] : NULL, **reduced = res + loop->forces;
+  if (f) memset(f, 0, N_POSITIONS * sizeof(double));
+  for (int k = 0; loop->reductions[k]; k++) {
+    if (reduced[k]) *reduced[k] = loop->reductions[k] == 'l' ? -INFINITY : 0.0;
+  }
+  for (int begin = 0; begin < n; begin += LANES) {
+    const int valid = n - begin < LANES ? n - begin : LANES, block = begin / BLOCK * BLOCK, first = begin % BLOCK;
+    const int32_t *at = places + block * (m + 1) + first;
+    const double *alone = own + block * loop->own + first;
+    for (int i = 0; i < m; i++) {
+      for (int l = 0; l < LANES; l++) {
+        const double *node = x + at[i * BLOCK + l];
+        LANE(xl[i], l) = node[0];
+        LANE(xl[m + i], l) = node[1];
+        LANE(xl[2 * m + i], l) = node[2];
+      }
+    }
+    for (int k = 0; k < loop->shared; k++) {
+      for (int l = 0; l < LANES; l++) LANE(dl[k], l) = d[at[m * BLOCK + l] + k];
+    }
+    for (int k = 0; k < loop->own; k++) {
+      for (int l = 0; l < LANES; l++) LANE(gl[k], l) = alone[k * BLOCK + l];
+    }
+    argl[0] = xl, argl[1] = dl, argl[2] = gl;
+    resl[0] = fl;
+    for (int k = 0; loop->reductions[k]; k++) resl[loop->forces + k] = &rl[k];
+    if (loop->element(argl, resl, iw, w, 0)) return 1;
+    if (f) {
+      for (int i = 0; i < m; i++) {
+        for (int l = 0; l < valid; l++) {
+          double *node = f + at[i * BLOCK + l];
+          node[0] += LANE(fl[i], l);
+          node[1] += LANE(fl[m + i], l);
+          node[2] += LANE(fl[2 * m + i], l);
+        }
+      }
+    }
+    for (int k = 0; loop->reductions[k]; k++) {
+      for (int l = 0; l < valid && reduced[k]; l++) {
+        double value = LANE(rl[k], l);
+        if (loop->reductions[k] == 's') *reduced[k] += value;
+        else if (!(value <= *reduced[k]) && *reduced[k] == *reduced[k]) *reduced[k] = value; /* NaN stays */
+      }
+    }
+  }
+  return 0;
+}
