@@ -1,7 +1,7 @@
 """Charts of one record and of what a sensor makes of it: resistance, residual, loop, strain and its error.
 
-A chart that is added to ``record_charts`` is drawn for every record by ``gossamer identify`` and ``gossamer assess``, on their
-pages and, under its name in ``FILES``, as a file.
+A chart that is added to ``record_charts`` is drawn for every record by ``gossamer identify`` and ``gossamer assess``, on
+their pages and, under its name in ``FILES``, as a file.
 """
 
 from __future__ import annotations

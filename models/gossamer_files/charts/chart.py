@@ -225,7 +225,8 @@ def _turns(x: Array, y: Array, length: int) -> NDArray[np.intp]:
 class Pixels:
     """The rows of a long curve as pixels: of each the smallest and the largest value are kept, in their order.
 
-    Up to twice as many rows as pixels are kept as they are. So no peak is lost, and a page of any run has about the same size.
+    Up to twice as many rows as pixels are kept as they are. So no peak is lost, and
+    a page of any run has about the same size.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Charts of placements: the membrane seen along its normal, zones coloured by a90, sensors as lines; a90 by zone; the check."""
+"""Charts of placements: the membrane seen along its normal, zones coloured by a90, its sensors, the check."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Charts of a sensor: densities over the Preisach plane, Everett surfaces, relaxation.
 
-A chart that is added to ``sensor_charts`` stands on the page of ``gossamer identify``; under a name in ``FILES`` it is a file too.
+A chart that is added to ``sensor_charts`` stands on the page of ``gossamer identify``, and is a file if
+``FILES`` names it.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ import numpy as np
 from gossamer_files.charts import Chart, Trace, heat, points, section
 
 from ..arrays import Matrix
-from .artifact import RelaxationTerm, SensorArtifact
+from .artifact import SensorArtifact
+from .drives import RelaxationTerm
 
 ETA_SCALE = (0.9, 1.1)  # [1]
 SAME_ETA = 0.01  # [1] less is one colour on that scale

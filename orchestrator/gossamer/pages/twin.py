@@ -35,8 +35,8 @@ def twin_page(name: str, answer: Answer, compared: str) -> Page:
     more = [f"{doubt[0].upper()}{doubt[1:]}." for doubt in answer.doubts] + [compared] * bool(compared)
     more.append(
         f"Chi2 per sample, the mean square of what the twin leaves unexplained over that of the noise, is "
-        f"{answer.chi2_per_sample:.3f}, {explained} its bound of {answer.chi2_bound:.3f}, which a right model passes in 999 of "
-        "1000 records."
+        f"{answer.chi2_per_sample:.3f}, {explained} its bound of {answer.chi2_bound:.3f}, which a right model passes in "
+        "999 of 1000 records."
     )
     if answer.unresolved:
         more.append(f"The record cannot tell the damage of zones {', '.join(map(str, answer.unresolved))}.")

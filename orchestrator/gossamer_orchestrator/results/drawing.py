@@ -8,10 +8,18 @@ from __future__ import annotations
 import json
 import logging
 import os
+import signal
 import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import asdict
+from io import BytesIO
 from pathlib import Path
+
+from gossamer_files.pictures import picture
+
+from ..errors import OrchestratorError
+from ..processes import start
 
 logger = logging.getLogger(__name__)
 
@@ -23,15 +31,7 @@ class Drawing:
 
     def __init__(self) -> None:
         self._processes = [
-            subprocess.Popen(
-                [sys.executable, "-P", "-m", "gossamer_orchestrator.results.report.pictures"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-                text=True,
-                encoding="utf-8",
-                start_new_session=True,  # Ctrl-C in a terminal is for this process
-            )
+            start(draw_share, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8")
             for _ in SHARES
         ]
 
@@ -74,3 +74,36 @@ class Drawing:
             why = " ".join(dict.fromkeys(problems))
             logger.warning("pictures are missing: %s Draw them again with 'gossamer plot'.", why)
         return paths_of(pages)
+
+
+def draw_share() -> None:
+    """Draw the pictures of the task that stands on the standard input as JSON; say what came of each on the standard output.
+
+    It loads what drawing needs at first. Without a task it ends.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # leaves no unfinished file
+    from .files import load_results
+    from .report.pictures import draw_pictures
+
+    with picture(BytesIO()) as figure:
+        figure.subplots().set_yscale("log")  # loads matplotlib, its fonts and its formulas
+    try:
+        task = json.loads(sys.stdin.read())
+    except ValueError:  # no task, or the begin of one: the command was ended
+        return
+    folder = Path(task["folder"])
+    try:
+        data = load_results(folder).isel(time=slice(None, None, task["every"]))
+        for each in draw_pictures(data, folder, "png", folder, slice(*task["share"])):
+            _say(asdict(each))
+    except OrchestratorError as error:
+        _say({"error": str(error)})
+
+
+def _say(report: dict[str, object]) -> None:
+    """Tell the process that waits for the pictures; where it was ended they are drawn all the same."""
+    try:
+        print(json.dumps(report, default=str), flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where the rest may go, at exit too

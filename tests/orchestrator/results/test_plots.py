@@ -78,7 +78,7 @@ def test_titles_say_when_and_how_well(data, later_window_invalid, run):
 
 
 def test_a_judgement_spans_its_window_also_the_last(data, run):
-    """It is known from the end of its window on, but of the stretch before; after the last window nothing is left to span."""
+    """It is known from the end of its window on; after the last one nothing would be left to span."""
     (chart,) = history_charts(DamageHistory(run(data)))
     (line,) = (trace for trace in chart.traces if trace["name"] == "zone 2")
     known = np.isfinite(line["y"])

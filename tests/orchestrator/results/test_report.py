@@ -91,7 +91,8 @@ def test_the_twin_s_answer_stands_on_top_where_it_explains_the_record_and_the_de
     lost = "zone 7 lost 30.50 ± 0.62 % of its stiffness and zone 2 lost 20.00 ± 0.10 %"
     explained = page(1.0)
     assert explained.inside["verdict"] == (
-        f"Damaged: {lost}, since t = 5.000 ± 0.003 s, by the digital twin, which explains the record (± is one standard deviation)."
+        f"Damaged: {lost}, since t = 5.000 ± 0.003 s, by the digital twin, which explains the record "
+        "(± is one standard deviation)."
     )
     assert (
         "The detector differs by up to 26.5 % in zone 7, for its window began before that onset: zone 2 lost 20.0 ± 2.0 %"

@@ -26,7 +26,8 @@ def test_the_slider_moves_every_picture_and_nothing_is_amiss(page):
     assert page.evaluate(risk) == pytest.approx([0.0, 0.4])  # [%]
     assert page.inner_text("#clock") == "9.0000 s"
     heights = "() => Array.from(page.figures.find(each => each.title === 'Membrane').div.data[0].z)"
-    shown = "() => page.figures.find(each => each.title === 'Damage of the zones [%]').div.data[0].z.flatMap((each) => Array.from(each))"
+    zones = "page.figures.find(each => each.title === 'Damage of the zones [%]')"
+    shown = f"() => {zones}.div.data[0].z.flatMap((each) => Array.from(each))"
     last, judged = page.evaluate(heights), page.evaluate(shown)
     assert judged[1] == pytest.approx(20.0)
     assert max(map(abs, last)) == pytest.approx(abs(np.sin(9.0)), rel=1e-5)
@@ -152,7 +153,8 @@ def test_the_page_fits_a_narrow_window_in_light_with_its_tables(browser, report,
     page = opened(browser, report, troubles, viewport={"width": 400, "height": 900}, color_scheme="light")
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
-    tables = "[...document.querySelectorAll('#what-happened ~ .columns > .wide')].map((each) => each.scrollWidth - each.clientWidth)"
+    wide = "[...document.querySelectorAll('.columns > .wide')]"
+    tables = f"{wide}.map((each) => each.scrollWidth - each.clientWidth)"
     assert page.evaluate(tables) == [0, 0, 0]
     page.screenshot(path=tmp_path / "narrow.png", full_page=True, timeout=PATIENCE)
     assert troubles == []

@@ -1,7 +1,7 @@
 """The page and the pictures of a run: charts of its results, and the two pens that draw them.
 
-To add a picture, describe it as a ``Chart`` in the file of its theme; on the page it stands where that file lists it, as a file
-where ``pictures.py`` does.
+To add a picture, describe it as a ``Chart`` in the file of its theme, in the list of the page; as a file it has a name in
+``pictures.py``.
 """
 
 from .page import run_page, write_report

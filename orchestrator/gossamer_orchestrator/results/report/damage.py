@@ -92,7 +92,7 @@ class DamageHistory:
         return bool(self.time.size) or bool((self.true > 0.0).any())
 
     def steps(self) -> list[tuple[float, int, int]]:
-        """Return those of the slider's instants at which something changes, with the judgement and the truth then, -1 before the first."""
+        """Return those of the slider's instants that change something, with the judgement and the truth then, or -1."""
         found: list[tuple[float, int, int]] = []
         times = self.run.time[self.run.instants[0]]
         judgements, truths = (
@@ -207,7 +207,7 @@ def history_charts(judged: DamageHistory) -> list[Chart]:
     if alarms:
         traces.append(curve("alarm, twin", [np.nan], [np.nan], "@alarm", width=2, dash="dashdot"))
     note = [
-        "A line spans the window that it judges; a dot marks its end, when the judgement is known, a cross one that is not valid."
+        "A line spans the window that it judges; a dot marks its end, a cross that of one that is not valid."
         * (0 < len(judged.time) <= MOST_MARKERS),
         "Bands are two standard deviations wide to each side, but not below 0." * judged.sure,
         "What is not valid has no band and no colour: the grey line is then the largest of all zones." * unsure,
@@ -278,7 +278,7 @@ def doubt_charts(judged: DamageHistory) -> list[Chart]:
         charts.append(_measured(title, judged.time, measures, limit, f"{likeness} [1]", note))
     risk = 100.0 * np.array([window.risk for window in ended])
     if np.isfinite(risk).any():
-        note = "The chance that some zone is wrong by more than 10 % of its stiffness, as the detector states it; valid up to 1 %."
+        note = "The chance that some zone is wrong by more than 10 % of its stiffness; a judgement is valid up to 1 %."
         charts.append(
             _measured("Risk that the detector is wrong", judged.time, risk, 100.0 * LARGEST_RISK, "risk [%]", note)
         )

@@ -57,11 +57,8 @@ def _in_space(judged: DamageHistory, content: dict[str, Any], *, flat: bool) -> 
     marked = ", crosses faces that wrinkle or are slack." if content["marked"] else "."
     note = f"{scale} Drag to turn; squares are zones, dots sensors{marked}"
     if flat:
-        note = "Deflections of the nodes (membrane.w) are not recorded, so it is drawn flat. Squares are zones, dots sensors."
-    text = (
-        "The membrane in three dimensions, with zones, sensors, wrinkles and damaged zones marked; the tables below hold the "
-        "numbers."
-    )
+        note = "Deflections of the nodes (membrane.w) are not recorded, so it is drawn flat."
+    text = "The membrane in three dimensions, with zones, sensors, wrinkles and damage marked; the tables hold the numbers."
     return Chart("Membrane", note=note, text=text, tall=True, broad=not judged.side, script="addSurface")
 
 
@@ -116,9 +113,9 @@ def surface_content(history: ShapeHistory, shown: Integers) -> dict[str, Any]:
     -------
     dict
         ``places`` (F, 3 N) [m], moved by ``factor`` times their displacement; ``triangles`` (T, 3) and ``face``, the face of
-        each; ``zone`` of each face, -1 for none; ``borders``, for each zone the nodes of its edge in pairs, the last those of the whole
-        membrane; ``labels``, the node of each zone beside its number, and ``label_offsets`` from it; ``sensors``, the node
-        beside each, ``offsets`` from it, and what each reads.
+        each; ``zone`` of each face, -1 for none; ``borders``, for each zone the nodes of its edge in pairs, the last of
+        all; ``labels``, the node of each zone beside its number, and ``label_offsets`` from it; ``sensors``, the node beside
+        each, and ``offsets`` from it.
     """
     surface, nodes = history.surface, history.surface.nodes
     away = history.places[shown] - nodes
@@ -192,7 +189,7 @@ def deflection_chart(run: Recorded, *, tall: bool = False) -> Chart:
 
 
 def _load(run: Recorded) -> list[Chart]:
-    """Draw what loads the membrane: the pressure that is built in, and inputs that were recorded, also where they come from."""
+    """Draw what loads the membrane: the built-in pressure, and recorded inputs or where they come from."""
     known, origins, charts = parameters_of(run.data, run.membrane), origins_of(run.data), []
     traces: list[Trace] = []
     for name in (each.removesuffix("_amplitude") for each in known if each.endswith("_amplitude")):

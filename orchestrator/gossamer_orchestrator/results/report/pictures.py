@@ -1,26 +1,13 @@
-"""The pictures of a run as files: charts of its page, and the membrane in space.
-
-::
-
-    python -P -m gossamer_orchestrator.results.report.pictures
-
-is a process that draws a share of them: it loads what drawing needs, reads its task as JSON from the standard input, and
-writes what came of each picture to the standard output, a line of JSON each. Without a task it ends.
-"""
+"""The pictures of a run as files: charts of its page, and the membrane in space."""
 
 from __future__ import annotations
 
-import json
 import logging
-import os
-import signal
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +17,6 @@ from gossamer_files.pictures import picture
 
 from ...errors import OrchestratorError, ResultsError, writing
 from ..dataset import compensators, find, need, sensors
-from ..files import load_results
 from ..judgements import doubts, judge
 from ..shapes import ShapeHistory
 from .damage import DamageHistory, history_charts, zone_charts
@@ -172,7 +158,8 @@ def _needed(run: Recorded, components: dict[int, str], role: str, variable: str)
         run.data, f"{find(run.data, 'membrane')}.strain", *(f"{name}.{variable}" for name in components.values())
     )
     if missing := [number for number in components if number not in strains[strains.dims[1]]]:
-        msg = f"the results lack {strains.name}[{missing[0]}]. Add it to [record] variables in the scenario and run it again."
+        what = f"{strains.name}[{missing[0]}]"
+        msg = f"the results lack {what}. Add it to [record] variables in the scenario and run it again."
         raise ResultsError(msg)
     return components
 
@@ -213,34 +200,3 @@ PICTURES: dict[str, Callable[[Recorded], Panels | ShapeHistory]] = {
     "damage": _damage,
     "damage_history": _history,
 }
-
-
-def main() -> None:
-    """Draw the pictures of the task that stands on the standard input."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # leaves no unfinished file
-    with picture(BytesIO()) as figure:
-        figure.subplots().set_yscale("log")  # loads matplotlib, its fonts and its formulas
-    try:
-        task = json.loads(sys.stdin.read())
-    except ValueError:  # no task, or the begin of one: the command was ended
-        return
-    folder = Path(task["folder"])
-    try:
-        data = load_results(folder).isel(time=slice(None, None, task["every"]))
-        for each in draw_pictures(data, folder, "png", folder, slice(*task["share"])):
-            _say(asdict(each))
-    except OrchestratorError as error:
-        _say({"error": str(error)})
-
-
-def _say(report: dict[str, object]) -> None:
-    """Tell the process that waits for the pictures; where it was ended, nobody does, and the pictures are drawn all the same."""
-    try:
-        print(json.dumps(report, default=str), flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where the rest may go, at exit too
-
-
-if __name__ == "__main__":
-    main()

@@ -209,8 +209,8 @@ def strain_charts(run: Recorded, reader: Reader) -> list[Chart]:
     )
     if reader.deviation:
         note += (
-            " The band is two strain_deviation wide to each side: the error that the compensator expects of noise and drift. "
-            "It does not cover a sensor that behaves otherwise than it was identified, nor spikes of its resistance."
+            " The band is two strain_deviation wide to each side: the error that the compensator expects of noise and "
+            "drift. It does not cover a sensor that behaves otherwise than it was identified, nor spikes of its resistance."
         )
     said = [name for name, there in (("True strain", reader.true), ("Compensated strain", reader.late)) if there]
     result = f"sensor {reader.number}, {error.sentence}" if error and math.isfinite(error.rms) else ""
