@@ -63,13 +63,13 @@ def case_panels(
     values of ``true``, of the dimensions of the variable, when the last window ended.
     """
     stride = -(-values.sizes["case"] // PANELS)
-    drawn = values.isel(case=slice(None, None, stride))
+    drawn = values.isel(case=slice(None, None, stride)).load()
     many, (detector, _, what) = _is_long(values), str(values.name).rpartition(".")
     percent = what in ("damage", "deviation") and values.attrs.get("units", "1") == "1"
     factor, unit = (100.0, "%") if percent else (1.0, values.attrs.get("units", "1"))
     charts = []
     for _, case in drawn.groupby("case"):
-        number, own = case["case"].item(), factor * case.squeeze("case").load()
+        number, own = case["case"].item(), factor * case.squeeze("case")
         known = xr.Dataset() if judged is None else judged.sel(case=number).dropna("time", how="all")
         last = known.get(f"{detector}.valid", xr.DataArray([1.0]))[-1:]
         if many:
