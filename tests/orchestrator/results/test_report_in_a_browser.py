@@ -110,7 +110,6 @@ def test_a_membrane_on_a_mesh_moves_with_the_slider_in_every_colour(browser, dat
     moved = half * [0.99, 0.8, 1.0] + [0.0, 0.0, 0.5]  # shorter along both: slack
     file = create_shapes(tmp_path / "shapes.nc", {"membrane": surface}, 0.0, {"membrane": (half, np.zeros((1, 3)))})
     file.append(np.concatenate([[9.0], moved.ravel(), np.zeros(3)])[None])
-    file.close()
     (tmp_path / "messages.txt").write_text("warning: the membrane <is> strange\n", encoding="utf-8")
     troubles: list[str] = []
     page = opened(browser, write_report(data, tmp_path).as_uri(), troubles, viewport={"width": 1400, "height": 900})

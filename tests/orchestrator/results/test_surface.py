@@ -158,7 +158,6 @@ def test_paraview_files_hold_places_damage_and_strain(known, tmp_path):
     pair = (history.places[0], history.eigenstrain[0])
     file = create_shapes(tmp_path / "shapes.nc", {"membrane": history.surface}, 0.0, {"membrane": (still, pair[1])})
     file.append(np.concatenate([[9.0], *(part.ravel() for part in pair)])[None])
-    file.close()
     save_results(known, tmp_path)
     result = CliRunner().invoke(app, ["export-vtk", str(tmp_path)])
     assert result.stdout == f"{tmp_path / 'vtk/membrane.pvd'}\n"
@@ -201,7 +200,6 @@ def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
     file = create_shapes(tmp_path / "shapes.nc", {"membrane": plain}, 0.0, {"membrane": (places[0], np.zeros((1, 3)))})
     for time, each in ((4.0, places[1]), (9.0, places[2])):
         file.append(np.concatenate([[time], each.ravel(), np.zeros(3)])[None])
-    file.close()
     save_results(data, tmp_path)
     assert CliRunner().invoke(app, ["report", str(tmp_path)]).exit_code == 0
     page = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
