@@ -12,15 +12,21 @@ import hashlib
 import io
 import json
 import re
+import types
 import zipfile
+from collections.abc import Callable
+from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 from gossamer_files import reason, replacing
 
 from .arrays import Vector
 from .errors import ArtifactError
+
+Content = TypeVar("Content")
+PREAMBLE = ("schema", "version", "arrays_sha256")
 
 
 def write_artifact(
@@ -82,6 +88,45 @@ def read_artifact(path: Path, schema: str, *versions: int) -> dict[str, Any]:
         )
         raise ArtifactError(msg)
     return card
+
+
+def read_as(kind: type[Content], what: str, path: Path, schema: str, version: int) -> Content:
+    """Read an artifact whose content is the fields of a dataclass, with its provenance.
+
+    Parameters
+    ----------
+    kind, what : type, str
+        The dataclass, and what it is in words.
+    path, schema, version
+        As of ``write_artifact``.
+
+    Raises
+    ------
+    ArtifactError
+        As ``read_artifact``; or the content is not usable.
+    """
+    card = read_artifact(path, schema, version)
+    try:
+        made: Content = _made(kind, {name: value for name, value in card.items() if name not in PREAMBLE})
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        msg = f"{path} does not hold a usable {what}: {error}. Identify it again or name another file."
+        raise ArtifactError(msg) from error
+    return made
+
+
+def _made(kind: Any, value: Any) -> Any:  # noqa: ANN401
+    """Make a value of a type from JSON: of a dataclass, a tuple, a dictionary, a number or a text, or None."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is types.UnionType:
+        return None if value is None else _made(parts[0], value)
+    if origin is tuple:
+        return tuple(_made(parts[0], each) for each in value)
+    if origin is dict:
+        return {str(key): _made(parts[1], each) for key, each in value.items()}
+    if is_dataclass(kind):
+        hints, make = get_type_hints(kind), cast("Callable[..., Any]", kind)
+        return make(**{name: _made(hints.get(name, str), each) for name, each in value.items()})
+    return value if origin is not None else kind(value)
 
 
 def artifact_schema(path: Path) -> str:

@@ -15,6 +15,7 @@ __all__ = [
     "InputError",
     "ParameterError",
     "StateError",
+    "require",
 ]
 
 
@@ -40,3 +41,9 @@ class ArtifactError(GossamerError, ValueError):
 
 class CompilerError(GossamerError, RuntimeError):
     """The C compiler failed, for instance on a full disk."""
+
+
+def require(condition: object, message: str, error: type[GossamerError] = ParameterError) -> None:
+    """Raise an error unless a condition holds."""
+    if not condition:
+        raise error(message)

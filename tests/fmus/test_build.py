@@ -17,7 +17,7 @@ from gossamer_fmus.description import arrays_of, base_unit
 from gossamer_fmus.page import with_variables
 from gossamer_models import ArtifactError, ParameterError, StepModel, Variable
 from gossamer_models.sensor import Scales, default_artifact
-from gossamer_models.sensor.tracking import DEFAULT_TRACKING
+from gossamer_models.sensor.artifact import DEFAULT_TRACKING
 
 only_python = pytest.mark.parametrize("kind", ["python"], indirect=True)
 

@@ -6,14 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer_models import DataError
-from gossamer_models.automatic import HERE, Standing, choose, compensators, defeats, standings
-from gossamer_models.automatic.compensators import OPTIMISM, calibrated, error_model, motion
+from gossamer_models.automatic import HERE, Standing, choose, defeats, standings
+from gossamer_models.automatic import choose as compensators
+from gossamer_models.automatic.choose import OPTIMISM, calibrated, error_model, motion
 from gossamer_models.automatic.trials import FITTED, Bench, cut, error_on, shortened
 from gossamer_models.compensator.particle import DELAY
 from gossamer_models.identify import settings_for
 from gossamer_models.replay import recover_by_fit
+from gossamer_models.sensor.artifact import DEFAULT_TRACKING
 from gossamer_models.sensor.fit.align import align
-from gossamer_models.sensor.tracking import DEFAULT_TRACKING
 from oracles.records import everything, record, zigzag
 
 

@@ -8,8 +8,8 @@ import pytest
 from gossamer_models import ParameterError, Stepper, simulate
 from gossamer_models.compensator import compensator_model, filter_model
 from gossamer_models.sensor import RelaxationTerm, SensorArtifact, default_artifact, sensor_model
+from gossamer_models.sensor.artifact import ErrorModel, Tracking
 from gossamer_models.sensor.law import SensorLaw
-from gossamer_models.sensor.tracking import ErrorModel, Tracking
 from gossamer_models.variables import pack, unpack
 from oracles.preisach import artifact, drive, start
 

@@ -10,9 +10,9 @@ from gossamer_models.compensator import compensator_model
 from gossamer_models.identify import settings_for
 from gossamer_models.replay import predict_resistance
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
+from gossamer_models.sensor.artifact import MARGIN, Residual
 from gossamer_models.sensor.fit import fit_preisach
 from gossamer_models.sensor.fit.residual import choose_steps, corrections, train
-from gossamer_models.sensor.residual import MARGIN, Residual
 from oracles.preisach import UNIT
 from oracles.records import record, zigzag
 

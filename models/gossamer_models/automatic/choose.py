@@ -10,18 +10,269 @@ training stretch.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Rows
+from ..arrays import Rows, Vector
+from ..errors import DataError
 from ..fitting.records import Record, strain_range
-from ..sensor.fit import PreisachFit, fit_preisach
-from .compensators import Method, choose_compensator, equipped
-from .sensors import choose_inverse, choose_sensors, sensor_name
-from .trials import Bench, Trial, shortened
+from ..replay import Recovered, recover_by_fit
+from ..sensor.artifact import ErrorModel, Tracking
+from ..sensor.fit import PreisachFit, PreisachSettings, fit_preisach
+from .sensors import NOTHING, choose_inverse, choose_sensors, sensor_name
+from .trials import FITTED, Bench, Trial, cut, error_on, shortened
+
+LEAST_ERROR = 3e-3  # [1]: below the spacing of the hypotheses an error would choose among them by chance
+APART = 3  # samples over which a rate is taken
+RESTING = 0.05  # of the root mean square rate
+TURNING = 0.5  # of it: a larger change of rate is a turn
+FEWEST, MOST_TURNS = 0.005, 0.05  # [per sample]
+TOO_SHORT = "the training stretch leaves too few samples to judge a compensator by. Name a longer one (--train)."
+OPTIMISM = 1.4  # by which errors grow from the trials, of which the best wins, to records that lie further ahead
+SHARED = 0.5  # of the squares of the errors that the constant part of the stated deviation explains
+
+
+def error_model(errors: Sequence[Vector], step: float) -> ErrorModel:
+    """Return the error model of successive errors [1] of some stretches, samples ``step`` [s] apart.
+
+    Raises
+    ------
+    DataError
+        There are too few samples.
+
+    Notes
+    -----
+    The difference of neighbours gives the white part, what remains of the mean square the slow part, and the lag at which
+    the autocorrelation has fallen to 1/e its time.
+    """
+    errors = [e for e in errors if e.size > 2 * APART]
+    if not errors:
+        raise DataError(TOO_SHORT)
+    count = sum(e.size for e in errors)
+
+    def correlation(lag: int) -> float:
+        return sum(float(e[lag:] @ e[: e.size - lag]) for e in errors if e.size > lag) / count
+
+    white = sum(float(np.sum(np.diff(e) ** 2)) for e in errors) / (2.0 * count)
+    slow = max(correlation(0) - white, LEAST_ERROR**2)
+    lag, longest = 1, max(e.size for e in errors) // 3
+    while lag < longest and correlation(lag) > slow / np.e:
+        lag += max(1, lag // 10)
+    return ErrorModel(white=max(float(np.sqrt(white)), LEAST_ERROR), slow=float(np.sqrt(slow)), time=lag * step)
+
+
+def motion(times: Sequence[Vector], strains: Sequence[Vector], step: float) -> dict[str, float]:
+    """Return rate, hold, turns and wander of ``Tracking`` from normalised strains [1], shape (m,), at times [s]."""
+    rates = [(s[APART:] - s[:-APART]) / (t[APART:] - t[:-APART]) for t, s in zip(times, strains, strict=True)]
+    changes = [np.abs(v[APART:] - v[:-APART]) / np.sqrt(APART) for v in rates]
+    v, change = np.concatenate(rates), np.concatenate(changes)
+    typical = float(np.sqrt(np.mean(v**2)))
+    moving = np.abs(v) > RESTING * typical
+    turns = float(np.mean(np.concatenate([np.diff((c > TURNING * typical).astype(int)) > 0 for c in changes])))
+    calm = np.where(change > TURNING * typical, 0.0, change)
+    wander = max(float(np.sqrt(np.mean(calm**2))), 0.01 * typical)
+    return {
+        "rate": float(np.median(np.abs(v[moving]))),
+        "hold": min(1.0 - float(moving.mean()), 0.98),
+        "turns": min(max(turns, FEWEST), MOST_TURNS) / step,
+        "wander": wander / float(np.sqrt(step)),
+    }
+
+
+def calibrated(tracking: Tracking, errors: Vector, stated: Vector) -> Tracking:
+    """Return the numbers with a deviation that suits the errors [1] of strain in trials; ``stated`` was it before [1].
+
+    Notes
+    -----
+    It is ``OPTIMISM`` times as large as these errors; the factor was chosen on four of the measured records. Half of the
+    mean square goes to the constant part, half to the scatter of the hypotheses.
+    """
+    squares = max(float(np.mean(errors**2)), 1e-10) * OPTIMISM**2
+    scatter = np.maximum(stated**2 - tracking.floor**2, 1e-12) / tracking.factor**2
+    factor = float(np.sqrt((1.0 - SHARED) * squares / np.mean(scatter)))
+    return replace(tracking, factor=factor, floor=float(np.sqrt(SHARED * squares)))
+
+
+def held_errors(errors: Sequence[Vector], rows: Sequence[Rows]) -> list[Vector]:
+    """Return the errors on some samples of every record."""
+    return [e[held] for e, held in zip(errors, rows, strict=True) if held.any()]
+
+
+TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
+SURE, CALM = 30.0, 1.0
+NEAR = 1.1  # of methods whose errors are at most so many times the least one, that listed first wins: less is left to chance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Method:
+    """A way to compensate a sensor.
+
+    Attributes
+    ----------
+    sensor : PreisachSettings
+        The sensor.
+    name : {"inverse", "estimator", "filter"}
+        Method of ``compensator_model``.
+    direct : bool
+        Whether the direct inverse is used: by itself or, by the filter, as a second measurement.
+    tail, wander : float
+        Of the filter: ``Tracking.tail``, and the factor of the wander that the records show [1].
+    """
+
+    sensor: PreisachSettings
+    name: str
+    direct: bool
+    tail: float = TAIL
+    wander: float = WANDER
+
+    @property
+    def text(self) -> str:
+        """The method in words."""
+        if self.name == "inverse" and self.direct:
+            return "direct inverse"
+        sensor = f"a sensor with {sensor_name(self.sensor)}"
+        if self.name != "filter":
+            return f"{'exact inverse' if self.name == 'inverse' else 'estimator'} of {sensor}"
+        direct = "with" if self.direct else "without"
+        trust = "more" if self.tail > TAIL else "less"
+        return f"filter of {sensor}, {direct} direct inverse, trusting its models {trust}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    """A sensor that was fitted to an earlier part of the training stretch.
+
+    Attributes
+    ----------
+    fit : PreisachFit
+        The sensor, with a direct inverse.
+    late : tuple of ndarray of bool
+        Samples to judge by.
+    base : Tracking
+        Numbers of its filter before a method changes them.
+    """
+
+    fit: PreisachFit
+    late: tuple[Rows, ...]
+    base: Tracking
+
+    def numbers(self, method: Method) -> Tracking:
+        """Return the numbers of the filter with a method."""
+        inverse = self.base.inverse if method.direct else None
+        return replace(self.base, inverse=inverse, tail=method.tail, wander=self.base.wander * method.wander)
+
+    def run(self, method: Method) -> tuple[Recovered, ...]:
+        """Return the strain that a method recovers from every record."""
+        ready = equipped(self.fit, method, self.numbers(method))
+        return tuple(recover_by_fit(ready, record, fill=False) for record in self.fit.records)
+
+
+def choose_compensator(
+    records: tuple[Record, ...],
+    train: tuple[Rows, ...],
+    sensors: Iterable[PreisachSettings],
+    bench: Bench,
+    *,
+    until: float,
+    full_scale: float,
+    rest_resistance: float | None,
+) -> tuple[Method, Tracking]:
+    """Return the compensator whose strain is best, and numbers for the filter with the same sensor.
+
+    Parameters
+    ----------
+    records, train : tuple of Record, tuple of ndarray of bool
+        Training stretches in full, as the filter works sample by sample.
+    sensors : iterable of PreisachSettings
+        Sensors to compensate, the best first, with the settings of their direct inverse.
+    bench, until, full_scale, rest_resistance
+        See ``choose_sensors``.
+
+    Raises
+    ------
+    DataError
+        No compensator could be run.
+    """
+    sensors = tuple(replace(settings, direct_inverse=True) for settings in sensors)
+
+    @cache
+    def tried(share: float, settings: PreisachSettings) -> Tried:
+        early, late = cut(train, share)
+        fit = fit_preisach(records, early, settings, full_scale=full_scale, rest_resistance=rest_resistance)
+        return Tried(fit=fit, late=late, base=_numbers(fit, train, late))
+
+    @cache
+    def run(share: float, method: Method) -> tuple[Recovered, ...]:
+        return tried(share, method.sensor).run(method)
+
+    def judge(method: Method) -> float:
+        """Return the geometric mean over the cuts: whoever is judged is judged by all, also when time is short."""
+        errors = []
+        for share in FITTED:
+            strains = (each.strain for each in run(share, method))
+            errors.append(error_on(strains, (r.strain for r in records), cut(train, share)[1]))
+        return float(np.exp(np.mean(np.log(errors))))
+
+    methods = [Method(sensor=sensor, name="filter", direct=True) for sensor in sensors]
+    direct = Method(sensor=sensors[0], name="inverse", direct=True)
+    methods.append(direct)
+    methods += [Method(sensor=s, name="filter", direct=True, tail=SURE, wander=CALM) for s in sensors]
+    plain = (replace(sensor, residual=0) for sensor in sensors if sensor.invertible)  # a network has no exact inverse
+    methods += [Method(sensor=s, name=name, direct=False) for s in plain for name in ("inverse", "estimator")]
+    # the direct inverse takes a fraction of a second, and is often better than the only filter that there was time for
+    first = [methods[0], direct]
+    order = first + [method for method in methods if method not in first]
+    found = bench.best(
+        "compensator", order, lambda m: m.text, [judge], until=until, share=(0.7, 0.95), surely=len(first)
+    )
+    if not found:
+        raise DataError(NOTHING)
+    close = [method for error, method in found if error <= NEAR * found[0][0]]
+    best = min(close, key=methods.index)
+    # if another method has won, this filter serves whoever builds the FMU filter
+    kept = best if best.name == "filter" else Method(sensor=best.sensor, name="filter", direct=best.direct)
+    numbers = tried(FITTED[-1], best.sensor).numbers(kept)
+    # what every cut predicts counts alike: one cut may end before what makes the errors large
+    ahead = [
+        ((found.strain - record.strain)[rows], np.asarray(found.deviation)[rows])
+        for share in FITTED
+        for record, found, rows in zip(records, run(share, kept), tried(share, best.sensor).late, strict=True)
+    ]
+    errors, stated = (np.concatenate(each) / full_scale for each in zip(*ahead, strict=True))
+    there = np.isfinite(errors)  # the last ones are not delivered before the trial ends
+    if not there.any():
+        raise DataError(TOO_SHORT)
+    return best, calibrated(numbers, errors[there], stated[there])
+
+
+def equipped(fit: PreisachFit, method: Method, tracking: Tracking | None) -> PreisachFit:
+    """Return a fit that has a direct inverse with a compensator; the inverse goes where the method does not use it."""
+    artifact = replace(
+        fit.artifact,
+        inverse=fit.artifact.inverse if method.direct or not fit.artifact.exactly_invertible else None,
+        compensator=method.name,
+        tracking=tracking,
+    )
+    return replace(fit, artifact=artifact)
+
+
+def _numbers(fit: PreisachFit, train: tuple[Rows, ...], late: tuple[Rows, ...]) -> Tracking:
+    """Return the numbers of a filter, not yet calibrated."""
+    records, full_scale = fit.records, fit.full_scale
+    step = float(np.median(np.concatenate([np.diff(r.time) for r in records])))
+    output = [(r.resistance - p) / fit.resistance_change for r, p in zip(records, fit.alone, strict=True)]
+    strain = [(r.strain - recover_by_fit(fit, r, "inverse").strain) / full_scale for r in records]
+    seen = [(r.time[rows], r.strain[rows] / full_scale) for r, rows in zip(records, train, strict=True)]
+    return Tracking(
+        output=error_model(held_errors(output, late), step),
+        inverse=error_model(held_errors(strain, late), step),
+        **motion([t for t, _ in seen], [s for _, s in seen], step),
+    )
+
 
 BUDGET = 60.0  # [s]
 SHARES = (0.4, 0.6, 0.9)  # of the budget that have passed when sensor, direct inverse and compensator are chosen

@@ -25,10 +25,9 @@ from dataclasses import dataclass, fields, replace
 import casadi as ca
 import numpy as np
 
-from ..sensor.artifact import DirectInverse, SensorArtifact, default_artifact
+from ..sensor.artifact import DEFAULT_TRACKING, DirectInverse, ErrorModel, SensorArtifact, Tracking, default_artifact
 from ..sensor.law import SensorLaw, SensorState
 from ..sensor.model import ADVICE, SCALE_VARIABLES, clip, normalised, resting_state, saturated, with_scales
-from ..sensor.tracking import DEFAULT_TRACKING, ErrorModel, Tracking
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter
 

@@ -18,8 +18,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ..artifacts import read_artifact, write_artifact
-from ..errors import ArtifactError, ParameterError
+from ..artifacts import read_as, write_artifact
+from ..errors import require
 from ..modes import PowerLawKernels, check_order
 
 SCHEMA = "gossamer.fractional"
@@ -49,9 +49,10 @@ class FractionalTerm:
 
     def __post_init__(self) -> None:
         check_order(self.order)
-        if not np.isfinite((self.coefficient, self.phase)).all():
-            msg = f"a fractional term has C = {self.coefficient:g} and b = {self.phase:g}. Identify it again."
-            raise ParameterError(msg)
+        require(
+            np.isfinite((self.coefficient, self.phase)).all(),
+            f"a fractional term has C = {self.coefficient:g} and b = {self.phase:g}. Identify it again.",
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,12 +74,11 @@ class FadingTerm:
     exponent: float
 
     def __post_init__(self) -> None:
-        numbers = (self.coefficient, self.rate, self.exponent)
-        if not (np.isfinite(numbers).all() and self.rate > 0.0 and self.exponent > 0.0):
-            msg = "a fading term needs finite numbers, p > 0 and q > 0, not C = {:g}, p = {:g}, q = {:g}".format(
-                *numbers
-            )
-            raise ParameterError(msg)
+        C, p, q = self.coefficient, self.rate, self.exponent
+        require(
+            np.isfinite((C, p, q)).all() and p > 0.0 and q > 0.0,
+            f"a fading term needs finite numbers, p > 0 and q > 0, not C = {C:g}, p = {p:g}, q = {q:g}",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,26 +119,24 @@ class FractionalArtifact:
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.model not in MODELS:
-            msg = f"there is no fractional model {self.model!r}; it is one of {', '.join(MODELS)}"
-            raise ParameterError(msg)
-        if not (self.full_scale_strain > 0.0 and self.resistance_change > 0.0):
-            scales = f"{self.full_scale_strain:g} for strain, {self.resistance_change:g} ohm for resistance"
-            msg = f"the scales must be positive, not {scales}. Identify the model again."
-            raise ParameterError(msg)
-        if not np.isfinite((self.direct, self.full_scale_strain, self.resistance_change, self.rest_resistance)).all():
-            msg = "a fractional model holds a number that is not finite. Identify it again."
-            raise ParameterError(msg)
+        check_model(self.model)
+        strain, change = self.full_scale_strain, self.resistance_change
+        scales = f"{strain:g} for strain, {change:g} ohm for resistance"
+        require(strain > 0.0 and change > 0.0, f"the scales must be positive, not {scales}. Identify the model again.")
+        require(
+            np.isfinite((self.direct, strain, change, self.rest_resistance)).all(),
+            "a fractional model holds a number that is not finite. Identify it again.",
+        )
         low, high = PHASES[self.model]
         for term in self.terms:
-            if not low <= term.phase <= high:
-                msg = (
-                    f"a phase of {self.model} is {term.phase:g}; it must lie in {low:g} to {high:g}. Identify it again."
-                )
-                raise ParameterError(msg)
-        if self.fading and self.model != "model-1":
-            msg = f"{self.model} has no fading integrals; only model-1 has. Leave them out."
-            raise ParameterError(msg)
+            require(
+                low <= term.phase <= high,
+                f"a phase of {self.model} is {term.phase:g}; it must lie in {low:g} to {high:g}. Identify it again.",
+            )
+        require(
+            not self.fading or self.model == "model-1",
+            f"{self.model} has no fading integrals; only model-1 has. Leave them out.",
+        )
         _ = self.kernels  # refuses an empty range of times
 
     @property
@@ -166,12 +164,9 @@ class FractionalArtifact:
         ArtifactError
             The file is missing, truncated, of another schema or version, or its content is not a usable model.
         """
-        card = read_artifact(path, SCHEMA, VERSION)
-        try:
-            content = {key: value for key, value in card.items() if key not in ("schema", "version")}
-            content["terms"] = tuple(FractionalTerm(**item) for item in content["terms"])
-            content["fading"] = tuple(FadingTerm(**item) for item in content["fading"])
-            return cls(**content)
-        except (KeyError, TypeError, ValueError) as error:
-            msg = f"{path} does not hold a usable fractional model: {error}. Identify it again or name another file."
-            raise ArtifactError(msg) from error
+        return read_as(cls, "fractional model", path, SCHEMA, VERSION)
+
+
+def check_model(name: str) -> None:
+    """Refuse the name of a model that does not exist."""
+    require(name in MODELS, f"there is no fractional model {name!r}; it is one of {', '.join(MODELS)}")

@@ -16,12 +16,12 @@ import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from ..errors import DataError, ParameterError
+from ..errors import DataError, require
 from ..fitting.options import option
 from ..fitting.records import Record, check_rest, in_equal_steps, strain_range
 from ..fitting.separable import Derivative, SeparableProblem
 from ..modes import PowerLawKernels
-from .artifact import MODELS, FadingTerm, FractionalArtifact, FractionalTerm, ModelName
+from .artifact import FadingTerm, FractionalArtifact, FractionalTerm, ModelName, check_model
 from .model import covering, fading_integral, integral_modes, quadrature, slope_modes, started
 
 
@@ -70,20 +70,20 @@ class FractionalSettings:
     longest: float = 1e5
 
     def __post_init__(self) -> None:
-        if self.model not in MODELS:
-            msg = f"there is no fractional model {self.model!r}; it is one of {', '.join(MODELS)}"
-            raise ParameterError(msg)
+        check_model(self.model)
         for name, (low, high), least, most in (
             ("orders", self.orders, 0.0, 1.0),
             ("rates", self.rates, 0.0, np.inf),
             ("exponents", self.exponents, 0.0, np.inf),
         ):
-            if not least < low < high < most:
-                msg = f"bounds of {name} are {low:g} to {high:g}; they must increase within {least:g} to {most:g}"
-                raise ParameterError(msg)
-        if self.terms < 1 or self.fading < 0 or self.starts < 1 or self.restraint < 0.0:
-            msg = "need one or more terms and starts, no negative number of fading integrals, and no negative restraint"
-            raise ParameterError(msg)
+            require(
+                least < low < high < most,
+                f"bounds of {name} are {low:g} to {high:g}; they must increase within {least:g} to {most:g}",
+            )
+        require(
+            self.terms > 0 and self.fading >= 0 and self.starts > 0 and self.restraint >= 0.0,
+            "need one or more terms and starts, no negative number of fading integrals, and no negative restraint",
+        )
 
     @property
     def box(self) -> tuple[Vector, Vector]:

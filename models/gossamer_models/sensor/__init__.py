@@ -1,7 +1,7 @@
 """Sensor: strain to resistance with hysteresis, drift and relaxation."""
 
-from .artifact import DirectInverse, RelaxationTerm, Scales, SensorArtifact, default_artifact
-from .drives import EXTENSIONS, Drive
+from .artifact import DirectInverse, Scales, SensorArtifact, default_artifact
+from .drives import EXTENSIONS, Drive, RelaxationTerm
 from .model import sensor_model
 
 __all__ = [

@@ -2,30 +2,40 @@ r"""Identified numbers of one sensor: density tables, relaxation terms and their
 
 Symbols: ``N`` number of lines and of bins along a line, ``mu[i, k]`` weight [1] of up-switching on line
 :math:`\alpha - \beta = i/N` for :math:`k/N < \alpha < (k+1)/N`, ``nu = eta*mu`` weight [1] of down-switching, and per
-relaxation term the :math:`a, b, c, d` of Eq. (4.12) and Section 4.2 of the thesis and the exponentials that
-stand for :math:`e^{-b t^c}`.
-Strain is normalised by its full scale, output by the rise of a virgin sensor to full scale.
+relaxation term (``drives.py``) the :math:`a, b, c, d` of Eq. (4.12) and Section 4.2 of the thesis and the exponentials
+that stand for :math:`e^{-b t^c}`. Strain is normalised by its full scale, output by the rise of a virgin sensor to full
+scale.
+
+A small network may correct the output by what the memory shows: ``X`` features of a sensor's state over their trained range,
+-1 to 1 [1]; hidden units ``a`` [1]; ``r`` correction of the normalised output [1],
+
+.. math:: a = \tanh(W X + c), \qquad r = G\, B \tanh(w \cdot a / B), \qquad
+   G = \max(0,\, 1 - \sum_i \max(|X_i| - 1, 0) / m).
+
+The gate ``G`` is 1 within the range that the network was trained in, and 0 where the features together leave it by more
+than the margin m of half of their range: there the physics stands alone. The bound ``B`` limits the correction.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from functools import cache
 from pathlib import Path
-from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from ..arrays import Vector
-from ..artifacts import read_artifact, write_artifact
-from ..errors import ArtifactError, ParameterError
-from .drives import Drive
-from .residual import Residual
-from .tracking import Tracking
+from ..artifacts import read_as, write_artifact
+from ..errors import require
+from .drives import RelaxationTerm
+from .hysteresis import across
 
+MARGIN = 0.5  # m [1]
+FRONTS = (1, 2, 4, 8, 16)  # lines of 32 whose fronts are features; of N lines their multiples by N/32
 SCHEMA = "gossamer.sensor"
 VERSION = 1
-EXTENDED_VERSION = 2  # with terms that falling strain drives, negative amplitudes, gains, a direct inverse or a filter
+FILTER = "the numbers of a filter"
 MIN_SPRING_WEIGHT = 1e-3  # of mu and nu on line 0: the slope that the inverse divides by is never smaller
 METHODS = ("inverse", "estimator", "filter")  # of compensation
 DEFAULT_PATH = Path(__file__).with_name("nylon_silver.json")
@@ -34,66 +44,123 @@ Table = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RelaxationTerm:
-    r"""One term :math:`A(\zeta) e^{-b t^c}`, :math:`A = a \zeta^d`, of the dynamic operators.
+class ErrorModel:
+    """Error of a model as a random process: white noise plus a part that is slowly forgotten.
 
     Attributes
     ----------
-    amplitude : float
-        :math:`a` [1], not negative.
-    power : int
-        :math:`d` [1], 0 or 1, see ``Drive``.
-    rate : float
-        :math:`b` [s**-c], positive.
-    exponent : float
-        :math:`c` [1], 0 < c <= 1.
-    decay_rates : tuple of float, length n
-        Rates [1/s] of the exponentials whose sum is :math:`e^{-b t^c}`, positive.
-    weights : tuple of float, length n
-        Their weights [1], positive; the sum is close to 1.
-    drive : {"rising", "falling"}
-        The strain that excites the term: rising, as in the thesis, or falling (extension).
-    signed : bool
-        Whether the amplitude may be negative (extension). The output may then move against the strain, which the exact
-        inverse cannot undo; such a sensor needs a direct inverse.
-    gain : bool
-        Whether the term is multiplied by the present strain (extension): loading then changes the gauge factor, not the
-        resistance itself. Such a sensor needs a direct inverse too.
+    white, slow : float
+        Standard deviations [1] of the two parts, positive.
+    time : float
+        Correlation time [s] of the slow part, positive.
     """
 
-    amplitude: float
-    power: int
-    rate: float
-    exponent: float
-    decay_rates: tuple[float, ...]
-    weights: tuple[float, ...]
-    drive: str = "rising"
-    signed: bool = False
-    gain: bool = False
+    white: float
+    slow: float
+    time: float
 
     def __post_init__(self) -> None:
-        numbers = (self.amplitude, self.rate, self.exponent, *self.decay_rates, *self.weights)
-        if not np.isfinite(numbers).all():
-            msg = "a relaxation term holds a number that is not finite. Identify it again."
-            raise ParameterError(msg)
-        _ = self.excitation  # refuses an unknown drive or power
-        if self.amplitude < 0.0 and not self.signed:
-            msg = f"a relaxation amplitude is {self.amplitude:g}; it must not be negative: the inverse needs a rising output"
-            raise ParameterError(msg)
-        if not (self.rate > 0.0 and 0.0 < self.exponent <= 1.0):
-            msg = f"relaxation exp(-b t**c) needs b > 0 and 0 < c <= 1, not b = {self.rate:g}, c = {self.exponent:g}"
-            raise ParameterError(msg)
-        if not self.decay_rates or len(self.decay_rates) != len(self.weights):
-            msg = f"need one weight per decay rate: {len(self.weights)} != {len(self.decay_rates)}, and at least one"
-            raise ParameterError(msg)
-        if min(self.decay_rates) <= 0.0 or min(self.weights) < 0.0:
-            msg = "decay rates must be positive and their weights not negative. Fit the exponentials again."
-            raise ParameterError(msg)
+        _positive(self, FILTER, "white", "slow", "time")
 
-    @property
-    def excitation(self) -> Drive:
-        """What excites the term."""
-        return Drive(self.drive, self.power, self.gain)
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracking:
+    """Numbers of a filter of strain.
+
+    Attributes
+    ----------
+    output : ErrorModel
+        Error of the output that the sensor's model predicts.
+    inverse : ErrorModel or None
+        Error of the strain that the direct inverse gives; None where the filter does not use it.
+    rate : float
+        Speed of strain [1/s] that it exceeds half of the time in which it moves.
+    hold : float
+        Share of the time [1] in which strain rests, below 1.
+    turns : float
+        Sudden changes of its rate per second [1/s].
+    wander : float
+        Change of its rate between them, standard deviation after one second [1/s].
+    tail : float
+        Degrees of freedom [1] of the errors' Student distribution: the smaller, the less a single sample counts.
+    factor, floor : float
+        Stated deviation = square root of (factor times that of the hypotheses) squared plus floor squared [1].
+    """
+
+    output: ErrorModel
+    inverse: ErrorModel | None = None
+    rate: float = 0.1
+    hold: float = 0.1
+    turns: float = 0.1
+    wander: float = 0.03
+    tail: float = 30.0
+    factor: float = 1.0
+    floor: float = 1e-3
+
+    def __post_init__(self) -> None:
+        _positive(self, FILTER, "rate", "turns", "wander", "tail", "factor", "floor")
+        share = "the share of time at rest is 0 or more and below 1"
+        require(0.0 <= self.hold < 1.0, f"hold is {self.hold:g}; {share}. Identify the sensor again.")
+
+
+def _positive(owner: object, what: str, *names: str) -> None:
+    for name in names:
+        value = getattr(owner, name)
+        require(0.0 < value < np.inf, f"{name} is {value:g}; {what} are positive. Identify the sensor again.")
+
+
+DEFAULT_TRACKING = Tracking(output=ErrorModel(white=3e-3, slow=5e-3, time=10.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Residual:
+    """Weights of the network.
+
+    Attributes
+    ----------
+    lowest, highest : tuple of float, length F
+        Range of each feature in training [1].
+    hidden : tuple of tuples of float, shape (H, F)
+        W [1].
+    bias, out : tuple of float, length H
+        c and w [1].
+    bound : float
+        B [1], positive.
+
+    Raises
+    ------
+    ParameterError
+        The shapes do not fit together, or a number is not finite.
+    """
+
+    lowest: tuple[float, ...]
+    highest: tuple[float, ...]
+    hidden: tuple[tuple[float, ...], ...]
+    bias: tuple[float, ...]
+    out: tuple[float, ...]
+    bound: float
+
+    def __post_init__(self) -> None:
+        F, H = len(self.lowest), len(self.hidden)
+        sizes = [len(self.highest), *(len(row) for row in self.hidden)] == [F] * (H + 1) and len(self.bias) == H
+        numbers = np.concatenate([np.ravel(getattr(self, each.name)) for each in fields(self)]) if sizes else [np.nan]
+        require(
+            sizes and len(self.out) == H and np.isfinite(numbers).all() and self.bound > 0.0,
+            f"the residual network of {F} features and {H} units is not complete. Identify the sensor again.",
+        )
+
+    def correction(self, features: ca.MX) -> ca.MX:
+        """Return r [1], scalar or shape (1, P), from features [1], shape (F,) or (F, P)."""
+        low, half = ca.DM(self.lowest), 0.5 * (ca.DM(self.highest) - ca.DM(self.lowest))
+        X = (features - across(low, features)) / across(half, features) - 1.0
+        a = ca.tanh(ca.mtimes(ca.DM(self.hidden), X) + across(ca.DM(self.bias), features))
+        gate = ca.fmax(1.0 - ca.sum1(ca.fmax(ca.fabs(X) - 1.0, 0.0)) / MARGIN, 0.0)
+        return gate * self.bound * ca.tanh(ca.mtimes(ca.DM(self.out).T, a) / self.bound)
+
+
+def lines_of(n_lines: int) -> list[int]:
+    """Return the lines whose fronts are features."""
+    return sorted({max(1, line * n_lines // 32) for line in FRONTS if line * n_lines // 32 < n_lines})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,10 +182,7 @@ class Scales:
     full_scale_strain: float
 
     def __post_init__(self) -> None:
-        for name in self.__slots__:
-            if not (value := getattr(self, name)) > 0.0 or not np.isfinite(value):
-                msg = f"{name} is {value:g}; the scales of a sensor are positive. Identify it again."
-                raise ParameterError(msg)
+        _positive(self, "the scales of a sensor", *self.__slots__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,40 +231,18 @@ class SensorArtifact:
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.compensator not in (None, *METHODS):
-            msg = f"the compensator is {self.compensator!r}; it is one of {', '.join(METHODS)}. Identify the sensor again."
-            raise ParameterError(msg)
-        if self.noise is not None and not (np.isfinite(self.noise) and self.noise >= 0.0):
-            msg = f"the noise is {self.noise:g}; a standard deviation is not negative. Identify the sensor again."
-            raise ParameterError(msg)
-        shape = (len(self.mu), len(self.mu))
+        again = "Identify the sensor again."
+        methods = ", ".join(METHODS)
+        require(
+            self.compensator in (None, *METHODS),
+            f"the compensator is {self.compensator!r}; it is one of {methods}. {again}",
+        )
+        require(
+            self.noise is None or 0.0 <= self.noise < np.inf,
+            f"the noise is {self.noise}; a standard deviation is not negative. {again}",
+        )
         for name, table in (("mu", self.mu), ("nu", self.nu)):
-            try:
-                values = np.array(table, dtype=float)
-            except (TypeError, ValueError):
-                values = np.empty(0)
-            if values.shape != shape or shape[0] < 2:
-                msg = f"{name} has shape {values.shape}; mu and nu are square, of one size, 2 x 2 or larger"
-                raise ParameterError(msg)
-            if not np.isfinite(values).all():
-                msg = f"{name} holds a number that is not finite. Identify the sensor again."
-                raise ParameterError(msg)
-            if (lowest := values.min()) < 0.0:
-                i, k = np.argwhere(values == lowest)[0]
-                msg = (
-                    f"{name}[{i}, {k}] is {lowest:g}; a negative weight makes the output fall on rising strain and "
-                    "cannot be inverted. Identify it with non-negative least squares."
-                )
-                raise ParameterError(msg)
-            if np.tril(values, -1).any():
-                msg = f"{name} is not zero below its diagonal: line i starts at bin k = i. Check the order of indices."
-                raise ParameterError(msg)
-            if (weakest := values[0].min()) < MIN_SPRING_WEIGHT:
-                msg = (
-                    f"{name} on the spring line 0 falls to {weakest:g}, below {MIN_SPRING_WEIGHT:g}: too small a slope "
-                    "to invert. Give the spring line a larger lower bound."
-                )
-                raise ParameterError(msg)
+            _check_table(name, table, (len(self.mu), len(self.mu)))
 
     @property
     def exactly_invertible(self) -> bool:
@@ -218,31 +260,8 @@ class SensorArtifact:
 
     def write(self, path: Path) -> None:
         """Write the artifact as JSON."""
-        extended = self.inverse is not None or any(t.drive != "rising" or t.signed or t.gain for t in self.relaxation)
-        content: dict[str, Any] = {"mu": self.mu, "nu": self.nu, "relaxation": [asdict(t) for t in self.relaxation]}
-        extended = extended or self.residual is not None or self.tracking is not None or self.compensator is not None
-        if not extended:
-            for item in content["relaxation"]:
-                del item["drive"], item["signed"], item["gain"]
-        if self.inverse is not None:
-            law = self.inverse.law
-            content["inverse"] = {
-                "mu": law.mu,
-                "nu": law.nu,
-                "relaxation": [asdict(t) for t in law.relaxation],
-                **{name: getattr(self.inverse, name) for name in ("lowest", "highest", "offset", "scale")},
-            }
-        if self.residual is not None:
-            content["residual"] = asdict(self.residual)
-        if self.tracking is not None:
-            content["tracking"] = asdict(self.tracking)
-        if self.compensator is not None:
-            content["compensator"] = self.compensator
-        if self.scales is not None:
-            content["scales"] = asdict(self.scales)
-        if self.noise is not None:
-            content["noise"] = self.noise
-        write_artifact(path, SCHEMA, EXTENDED_VERSION if extended else VERSION, self.provenance, content)
+        content = {name: value for name, value in asdict(self).items() if value is not None}
+        write_artifact(path, SCHEMA, VERSION, content.pop("provenance"), content)
 
     @classmethod
     def read(cls, path: Path) -> SensorArtifact:
@@ -253,27 +272,7 @@ class SensorArtifact:
         ArtifactError
             The file is missing, truncated, of another schema or version, or its content is not a usable sensor.
         """
-        card = read_artifact(path, SCHEMA, VERSION, EXTENDED_VERSION)
-        try:
-            beside = card.get("inverse")
-            inverse = None
-            if beside is not None:
-                numbers = {name: float(beside[name]) for name in ("lowest", "highest", "offset", "scale")}
-                inverse = DirectInverse(law=cls(**_parts(beside)), **numbers)
-            scales, tracking, noise = (card.get(name) for name in ("scales", "tracking", "noise"))
-            return cls(
-                **_parts(card),
-                inverse=inverse,
-                residual=None if card.get("residual") is None else Residual.of(card["residual"]),
-                tracking=None if tracking is None else Tracking.of(tracking),
-                compensator=card.get("compensator"),
-                scales=None if scales is None else Scales(**{name: float(value) for name, value in scales.items()}),
-                noise=None if noise is None else float(noise),
-                provenance={str(key): str(value) for key, value in card["provenance"].items()},
-            )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            msg = f"{path} does not hold a usable sensor: {error}. Identify it again or name another file."
-            raise ArtifactError(msg) from error
+        return read_as(cls, "sensor", path, SCHEMA, VERSION)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -297,9 +296,10 @@ class DirectInverse:
     scale: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite((self.lowest, self.highest, self.offset, self.scale)).all() and self.lowest < self.highest):
-            msg = f"a direct inverse runs from {self.lowest:g} to {self.highest:g}: need a rising range. Identify it again."
-            raise ParameterError(msg)
+        require(
+            np.isfinite((self.lowest, self.highest, self.offset, self.scale)).all() and self.lowest < self.highest,
+            f"a direct inverse runs from {self.lowest:g} to {self.highest:g}: need a rising range. Identify it again.",
+        )
 
 
 @cache
@@ -308,15 +308,30 @@ def default_artifact() -> SensorArtifact:
     return SensorArtifact.read(DEFAULT_PATH)
 
 
-def _freeze(rows: Any) -> Table:  # noqa: ANN401
-    return tuple(tuple(float(value) for value in row) for row in rows)
-
-
-def _parts(card: dict[str, Any]) -> dict[str, Any]:
-    relaxation = tuple(_term(item) for item in card["relaxation"])
-    return {"mu": _freeze(card["mu"]), "nu": _freeze(card["nu"]), "relaxation": relaxation}
-
-
-def _term(item: dict[str, Any]) -> RelaxationTerm:
-    pairs = {name: tuple(float(value) for value in item[name]) for name in ("decay_rates", "weights")}
-    return RelaxationTerm(**{**item, **pairs})
+def _check_table(name: str, table: Table, shape: tuple[int, int]) -> None:
+    """Refuse a table of another shape, or one that cannot be inverted."""
+    try:
+        values = np.array(table, dtype=float)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    require(
+        values.shape == shape and shape[0] > 1,
+        f"{name} has shape {values.shape}; mu and nu are square, of one size, 2 x 2 or larger",
+    )
+    require(np.isfinite(values).all(), f"{name} holds a number that is not finite. Identify the sensor again.")
+    lowest, weakest = values.min(), values[0].min()
+    i, k = np.argwhere(values == lowest)[0]
+    require(
+        lowest >= 0.0,
+        f"{name}[{i}, {k}] is {lowest:g}; a negative weight makes the output fall on rising strain and cannot be inverted. "
+        "Identify it with non-negative least squares.",
+    )
+    require(
+        not np.tril(values, -1).any(),
+        f"{name} is not zero below its diagonal: line i starts at bin k = i. Check the order of indices.",
+    )
+    require(
+        weakest >= MIN_SPRING_WEIGHT,
+        f"{name} on the spring line 0 falls to {weakest:g}, below {MIN_SPRING_WEIGHT:g}: too small a slope to invert. Give "
+        "the spring line a larger lower bound.",
+    )

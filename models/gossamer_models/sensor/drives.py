@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import Vector
-from ..errors import ParameterError
+from ..errors import require
 
 DIRECTIONS = {"rising": 1.0, "falling": -1.0}
 
@@ -39,12 +39,14 @@ class Drive:
     gain: bool = False
 
     def __post_init__(self) -> None:
-        if self.strain not in DIRECTIONS:
-            msg = f"a relaxation term is driven by {self.strain!r} strain; choose one of {', '.join(DIRECTIONS)}"
-            raise ParameterError(msg)
-        if self.power not in (0, 1):
-            msg = f"a relaxation power is {self.power!r}; 0 and 1 are supported. Identify it with one of them."
-            raise ParameterError(msg)
+        known = ", ".join(DIRECTIONS)
+        require(
+            self.strain in DIRECTIONS, f"a relaxation term is driven by {self.strain!r} strain; choose one of {known}"
+        )
+        require(
+            self.power in (0, 1),
+            f"a relaxation power is {self.power!r}; 0 and 1 are supported. Identify it with one of them.",
+        )
 
     @property
     def symbol(self) -> str:
@@ -59,6 +61,71 @@ class Drive:
     def sizes(self, change: Vector) -> Vector:
         """Return the sizes of the excitation by changes of strain [1]."""
         return np.maximum(self.sign * change, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelaxationTerm:
+    r"""One term :math:`A(\zeta) e^{-b t^c}`, :math:`A = a \zeta^d`, of the dynamic operators.
+
+    Attributes
+    ----------
+    amplitude : float
+        :math:`a` [1], not negative.
+    power : int
+        :math:`d` [1], 0 or 1, see ``Drive``.
+    rate : float
+        :math:`b` [s**-c], positive.
+    exponent : float
+        :math:`c` [1], 0 < c <= 1.
+    decay_rates : tuple of float, length n
+        Rates [1/s] of the exponentials whose sum is :math:`e^{-b t^c}`, positive.
+    weights : tuple of float, length n
+        Their weights [1], positive; the sum is close to 1.
+    drive : {"rising", "falling"}
+        The strain that excites the term: rising, as in the thesis, or falling (extension).
+    signed : bool
+        Whether the amplitude may be negative (extension). The output may then move against the strain, which the exact
+        inverse cannot undo; such a sensor needs a direct inverse.
+    gain : bool
+        Whether the term is multiplied by the present strain (extension): loading then changes the gauge factor, not the
+        resistance itself. Such a sensor needs a direct inverse too.
+    """
+
+    amplitude: float
+    power: int
+    rate: float
+    exponent: float
+    decay_rates: tuple[float, ...]
+    weights: tuple[float, ...]
+    drive: str = "rising"
+    signed: bool = False
+    gain: bool = False
+
+    def __post_init__(self) -> None:
+        numbers = (self.amplitude, self.rate, self.exponent, *self.decay_rates, *self.weights)
+        require(np.isfinite(numbers).all(), "a relaxation term holds a number that is not finite. Identify it again.")
+        _ = self.excitation  # refuses an unknown drive or power
+        require(
+            self.amplitude >= 0.0 or self.signed,
+            f"a relaxation amplitude is {self.amplitude:g}; it must not be negative: the inverse needs a rising output",
+        )
+        require(
+            self.rate > 0.0 and 0.0 < self.exponent <= 1.0,
+            f"relaxation exp(-b t**c) needs b > 0 and 0 < c <= 1, not b = {self.rate:g}, c = {self.exponent:g}",
+        )
+        require(
+            0 < len(self.decay_rates) == len(self.weights),
+            f"need one weight per decay rate: {len(self.weights)} != {len(self.decay_rates)}, and at least one",
+        )
+        require(
+            min(self.decay_rates) > 0.0 and min(self.weights) >= 0.0,
+            "decay rates must be positive and their weights not negative. Fit the exponentials again.",
+        )
+
+    @property
+    def excitation(self) -> Drive:
+        """What excites the term."""
+        return Drive(self.drive, self.power, self.gain)
 
 
 class Extension(NamedTuple):

@@ -24,10 +24,9 @@ import numpy as np
 
 from ..arrays import Vector
 from ..modes import phi_1, phi_2
-from .artifact import RelaxationTerm, SensorArtifact
-from .drives import DIRECTIONS, Drive
+from .artifact import SensorArtifact, lines_of
+from .drives import DIRECTIONS, Drive, RelaxationTerm
 from .hysteresis import across, cumulate, down, move_fronts, resting_fronts
-from .residual import lines_of
 
 SMALLEST = 1e-300
 

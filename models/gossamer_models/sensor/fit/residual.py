@@ -1,7 +1,7 @@
 r"""Training of the residual network on what a fitted sensor leaves over.
 
 Symbols: ``X`` features over their range [1], ``r`` remaining output [1], ``B`` bound; the parameters are those of
-``sensor/residual.py`` in one vector. The network is small and its training stops early: after as many iterations as
+``Residual`` in one vector. The network is small and its training stops early: after as many iterations as
 predict the later parts of the training stretch best.
 """
 
@@ -17,9 +17,8 @@ from scipy.optimize import minimize
 from ...arrays import Matrix, Rows, Vector
 from ...fitting.records import Record
 from ...variables import pack, unpack
-from ..artifact import SensorArtifact
+from ..artifact import Residual, SensorArtifact
 from ..law import SensorLaw
-from ..residual import Residual
 
 HIDDEN = 8  # units
 MOST_STEPS, LOOK = 150, 5  # iterations, and how many pass between two looks at the held samples

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any, ClassVar, Literal
 
-from ...errors import ParameterError
+from ...errors import require
 from ...fitting.options import count_or_auto, number_or_auto, numbers, option
 from ..drives import EXTENSIONS, Drive
 
@@ -155,9 +155,7 @@ class PreisachSettings:
     @classmethod
     def of(cls, model: str, **chosen: Any) -> PreisachSettings:  # noqa: ANN401
         """Return the settings of a model and, if one is chosen, of an extension; ``chosen`` fields override both."""
-        if model not in PRESETS:
-            msg = f"there is no model {model!r}; choose one of {', '.join(PRESETS)}"
-            raise ParameterError(msg)
+        require(model in PRESETS, f"there is no model {model!r}; choose one of {', '.join(PRESETS)}")
         extension = EXTENSIONS.get(chosen.get("extension", "none"), EXTENSIONS["none"])
         return cls(**{**PRESETS[model], **extension.settings, **chosen})
 
@@ -167,45 +165,42 @@ class PreisachSettings:
         return EXTENSIONS[self.extension].drives
 
     def __post_init__(self) -> None:
-        if self.extension not in EXTENSIONS:
-            msg = f"there is no extension {self.extension!r}; choose one of {', '.join(EXTENSIONS)}"
-            raise ParameterError(msg)
+        name, P = self.extension, self.relaxations
+        require(name in EXTENSIONS, f"there is no extension {name!r}; choose one of {', '.join(EXTENSIONS)}")
         if self.ridge not in (None, "auto"):
-            for name in ("density_ridge", "relaxation_ridge"):
-                object.__setattr__(self, name, float(self.ridge))
-        if self.modes < 1 or self.relaxations < 0 or self.starts < 1 or self.n_lines < 4:
-            msg = (
-                f"cannot fit {self.modes} modes, {self.relaxations} relaxations, {self.n_lines} lines from {self.starts} "
-                "starts: take at least 1 mode, 0 relaxations, 4 lines and 1 start"
-            )
-            raise ParameterError(msg)
-        if not all(0.0 <= ridge < inf for ridge in (self.density_ridge, self.relaxation_ridge)):
-            ridges = f"{self.density_ridge:g} for densities and {self.relaxation_ridge:g} for relaxation"
-            msg = f"the ridge is {ridges}: take a finite one of 0 or more"
-            raise ParameterError(msg)
-        if self.seed < 0:
-            msg = f"the seed is {self.seed}: it must not be negative"
-            raise ParameterError(msg)
-        if self.extension != "none" and self.relaxations < 1:
-            msg = f"the extension {self.extension} needs relaxation, but relaxations is 0. Take 1 relaxation or more."
-            raise ParameterError(msg)
-        if not self.fit_kernels and (self.tau is not None or self.exponents is not None):
-            msg = (
-                f"the extension {self.extension} has its own fixed kernels. Leave tau and exponents out, or choose "
-                "another extension."
-            )
-            raise ParameterError(msg)
-        for name in ("tau", "exponents"):
-            values = getattr(self, name)
-            if values is not None and len(values) != self.relaxations:
-                msg = f"need one value of {name} per relaxation: {len(values)} != {self.relaxations}"
-                raise ParameterError(msg)
-        if not all(0.0 < t < inf for t in self.tau or ()) or not all(0.0 < c <= 1.0 for c in self.exponents or ()):
-            msg = f"kernels need times above 0 s and exponents in (0, 1], not {self.tau} and {self.exponents}"
-            raise ParameterError(msg)
-        if not 0.0 < self.least_slope < 1.0:
-            msg = f"the least slope is {self.least_slope:g} of the output's range: take one between 0 and 1"
-            raise ParameterError(msg)
-        if self.density == "hats" and not 2 <= self.knots < self.n_lines:
-            msg = f"cannot lay {self.knots} knots over {self.n_lines} lines: take 2 or more knots, and fewer than lines"
-            raise ParameterError(msg)
+            for each in ("density_ridge", "relaxation_ridge"):
+                object.__setattr__(self, each, float(self.ridge))
+        require(
+            self.modes > 0 and P >= 0 and self.starts > 0 and self.n_lines > 3,
+            f"cannot fit {self.modes} modes, {P} relaxations, {self.n_lines} lines from {self.starts} starts: take at least "
+            "1 mode, 0 relaxations, 4 lines and 1 start",
+        )
+        require(
+            0.0 <= self.density_ridge < inf and 0.0 <= self.relaxation_ridge < inf,
+            f"the ridge is {self.density_ridge:g} for densities and {self.relaxation_ridge:g} for relaxation: take a finite "
+            "one of 0 or more",
+        )
+        require(self.seed >= 0, f"the seed is {self.seed}: it must not be negative")
+        require(
+            name == "none" or P > 0,
+            f"the extension {name} needs relaxation, but relaxations is 0. Take 1 relaxation or more.",
+        )
+        require(
+            self.fit_kernels or (self.tau is None and self.exponents is None),
+            f"the extension {name} has its own fixed kernels. Leave tau and exponents out, or choose another extension.",
+        )
+        for what, values in (("tau", self.tau), ("exponents", self.exponents)):
+            count = P if values is None else len(values)
+            require(count == P, f"need one value of {what} per relaxation: {count} != {P}")
+        require(
+            all(0.0 < t < inf for t in self.tau or ()) and all(0.0 < c <= 1.0 for c in self.exponents or ()),
+            f"kernels need times above 0 s and exponents in (0, 1], not {self.tau} and {self.exponents}",
+        )
+        require(
+            0.0 < self.least_slope < 1.0,
+            f"the least slope is {self.least_slope:g} of the output's range: take one between 0 and 1",
+        )
+        require(
+            self.density != "hats" or 2 <= self.knots < self.n_lines,
+            f"cannot lay {self.knots} knots over {self.n_lines} lines: take 2 or more knots, and fewer than lines",
+        )
