@@ -1,4 +1,4 @@
-"""The newest Python that the README promises and this machine has: build, run and the twin there, where every warning is an error."""
+"""The newest Python that the README promises and this machine has: build, run and twin there; a warning is an error."""
 
 from __future__ import annotations
 
@@ -52,7 +52,9 @@ def test_the_newest_python_builds_runs_and_fits_without_a_warning(newer, tmp_pat
     strict = {**os.environ, "PYTHONWARNINGS": "error"}
 
     def gossamer(*words):
-        return subprocess.run([newer, *words], cwd=tmp_path, env=strict, check=True, text=True, stdout=subprocess.PIPE).stdout
+        return subprocess.run(
+            [newer, *words], cwd=tmp_path, env=strict, check=True, text=True, stdout=subprocess.PIPE
+        ).stdout
 
     gossamer("build")
     gossamer("build", "membrane", "--order", "1")

@@ -30,7 +30,9 @@ def packages(*sources):
     """Names of packages, of the lock files among ``sources`` those that they pin."""
     for source in sources:
         lock = ROOT / source
-        pinned = re.findall(r"^([\w-]+)==", lock.read_text(encoding="utf-8"), re.MULTILINE) if lock.is_file() else [source]
+        pinned = (
+            re.findall(r"^([\w-]+)==", lock.read_text(encoding="utf-8"), re.MULTILINE) if lock.is_file() else [source]
+        )
         yield from dict.fromkeys(pinned)
 
 
@@ -88,7 +90,10 @@ def test_the_demo_runs_in_another_folder_with_what_make_demo_installs(installed,
 
 def test_what_it_writes_is_read_in_python(installed, tmp_path):
     script = "import gossamer; print(*gossamer.build('sensor', out='fmus'), gossamer.verify('fmus/sensor.fmu').passed)"
-    assert run(tmp_path, installed("all") / "python", "-c", script, capture_output=True).stdout.split() == ["sensor", "True"]
+    assert run(tmp_path, installed("all") / "python", "-c", script, capture_output=True).stdout.split() == [
+        "sensor",
+        "True",
+    ]
 
 
 def test_the_light_install_runs_identifies_and_fits_the_twin(installed, tmp_path):
@@ -106,7 +111,9 @@ def test_the_light_install_runs_identifies_and_fits_the_twin(installed, tmp_path
     record = np.column_stack([time, strain, 100.0 + 500.0 * strain + 20.0 * np.sqrt(strain)])
     np.savetxt(tmp_path / "mine.csv", record, delimiter=",", header="time [s],strain [1],resistance [ohm]", comments="")
     model = ("--model", "preisach", "--modes", "2", "--relaxations", "1")
-    run(tmp_path, commands / "gossamer", "identify", "mine.csv", *model, "--out", "mine.json", stdout=subprocess.DEVNULL)
+    run(
+        tmp_path, commands / "gossamer", "identify", "mine.csv", *model, "--out", "mine.json", stdout=subprocess.DEVNULL
+    )
     assert (tmp_path / "mine/report.html").is_file()
 
     twin = [commands / "gossamer", "twin", "out/damaged", "--elements-per-side", "4", "--order", "1", "--json"]
