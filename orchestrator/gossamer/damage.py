@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from .arguments import AnyPath, Elements, File, NamesWithCommas, NotNegative, Values, assigned, command, with_commas
 from .records import beside, file_of, find_record, name_of
-from .results import INVALID, Result, draw_zones, typed, zone_coordinates
+from .results import INVALID, Result, as_png, typed, zone_coordinates
 from .terminal import stderr
 from .writing import json_file, keep_inputs, save_page
 
@@ -101,7 +101,9 @@ class TwinAnswer(Result):
 
     def picture(self) -> bytes:
         """Draw the damage of the zones."""
-        return draw_zones(self.answer.damage, self.answer.deviation)
+        from .pages.twin import damage_chart
+
+        return as_png(damage_chart(self.answer.damage, self.answer.deviation))
 
     def tables(self) -> list[Table]:
         """Return a row per zone."""

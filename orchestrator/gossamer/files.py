@@ -197,7 +197,7 @@ def plot(results: AnyPath, *, out: Folder | None = None, format: Form = "png") -
         gossamer plot out/damaged --format svg
     """
     from gossamer_orchestrator import load_results
-    from gossamer_orchestrator.results.plots import save_pictures
+    from gossamer_orchestrator.results.report import save_pictures
 
     check_form(format)
     data = load_results(Path(results))

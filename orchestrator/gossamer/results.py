@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from gossamer_files.charts import Chart
     from rich.console import Console
     from rich.table import Table
 
@@ -175,14 +174,14 @@ def zone_coordinates(count: int) -> dict[str, Any]:
     return zone_places(math.isqrt(count), 1.0, {"units": "1"}) | {"zone": np.arange(1, count + 1)}
 
 
-def draw_zones(damage: NDArray[np.float64], deviation: NDArray[np.float64]) -> bytes:
-    """Return a picture of the damages [1] of the zones as a PNG file."""
+def as_png(chart: Chart, size: tuple[float, float] = (4.7, 4.4)) -> bytes:
+    """Return a chart, drawn in a size [inch], as a PNG file."""
+    from gossamer_files.charts import draw
     from gossamer_files.pictures import picture
-    from gossamer_orchestrator.results.plots.damage import plot_zones
 
     target = io.BytesIO()
-    with picture(target, (4.7, 4.4)) as figure:
-        plot_zones(100.0 * damage, 100.0 * deviation, (1.0, "side"), ax=figure.subplots())
+    with picture(target, size) as figure:
+        draw(chart, figure.subplots())
     return target.getvalue()
 
 

@@ -113,7 +113,7 @@ class Run(Result):
     def doubts(self) -> list[str]:
         """Return what is doubtful in judgements and sensors."""
         from gossamer_orchestrator.results.judgements import doubts
-        from gossamer_orchestrator.results.report.sensing import sensor_doubts
+        from gossamer_orchestrator.results.report.verdict import sensor_doubts
 
         return [*([] if self._windows is None else doubts(self.data, self._windows)), *sensor_doubts(self.data)]
 

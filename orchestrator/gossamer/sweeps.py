@@ -156,7 +156,7 @@ def sweep(
     """
     import xarray as xr
     from gossamer_orchestrator.results.places import with_places
-    from gossamer_orchestrator.results.plots.cases import save_cases
+    from gossamer_orchestrator.results.report.cases import save_cases
     from gossamer_orchestrator.run.progress import ProgressBar
     from gossamer_orchestrator.run.sweep import (
         TABLE,

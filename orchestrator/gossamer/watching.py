@@ -13,7 +13,7 @@ from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import AnyPath, Elements, File, NotNegative, Values, assigned, command, expected_errors
 from .records import KnownRecord, beside, file_of, find_in_results, find_record
-from .results import INVALID, Result, draw_zones, typed, zone_coordinates
+from .results import INVALID, Result, as_png, typed, zone_coordinates
 from .terminal import TERMINAL, stderr, talk
 from .writing import keep_inputs
 
@@ -259,8 +259,10 @@ class Watching(Result):
 
     def picture(self) -> bytes | None:
         """Draw the damage of the zones since the last onset."""
+        from .pages.twin import damage_chart
+
         last = self.report.findings[-1:]
-        return draw_zones(last[0].damage, last[0].deviation) if last else None
+        return as_png(damage_chart(last[0].damage, last[0].deviation)) if last else None
 
     def tables(self) -> list[Table]:
         """Return what was found at each onset."""
