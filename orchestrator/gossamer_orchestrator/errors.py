@@ -48,6 +48,19 @@ class ResultsError(OrchestratorError, ValueError):
     """A results file that is missing, truncated or of another program, or that lacks what a plot needs."""
 
 
+def check_path(path: Path, kind: type[OrchestratorError] = OrchestratorError) -> None:
+    """Raise an error of a kind for a path that no file can have: it is too long, or holds a NUL."""
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError, PermissionError):  # said where it is read or written
+        return
+    except (OSError, ValueError) as error:
+        text, why = str(path), getattr(error, "strerror", None) or error
+        short = f"{text[:_NAMED]!r}{' ..' * (len(text) > _NAMED)}"
+        msg = f"no file can be called {short}, {len(text)} characters: {why}. Name another."
+        raise kind(msg) from None
+
+
 @contextmanager
 def writing(path: Path, kind: type[OrchestratorError] = OrchestratorError) -> Iterator[None]:
     """Raise an error of a kind if a file or folder cannot be written inside the ``with`` block."""
@@ -58,6 +71,7 @@ def writing(path: Path, kind: type[OrchestratorError] = OrchestratorError) -> It
         raise kind(msg) from error
 
 
+_NAMED = 60  # characters of a path
 _MEMBERS = {
     "modelDescription.xml": "It is an FMU: look at it with 'gossamer info' or 'gossamer verify'.",
     "SystemStructure.ssd": "It is an SSP: run it with 'gossamer run'.",

@@ -14,7 +14,7 @@ import fmpy
 from gossamer_models.compiler import compile_shared
 
 EXIT, SEGFAULT, ABORT, OVERFLOW, HANG, NAN, INFINITE, FORK, HANG_WHEN_FREED, CRASH_WHEN_FREED, WAIT = range(1, 12)
-DAEMON, COPY = 12, 13
+DAEMON, COPY, WRITE = 12, 13, 14
 SLEEPER = "sleeper"  # an instance of this name never returns from its instantiation
 
 SOURCE = r"""
@@ -28,6 +28,7 @@ SOURCE = r"""
 #endif
 #define EXPORT __attribute__((visibility("default")))
 enum { U, FAULT, AT, PAUSE, INPUTS, FIRST = 10 };
+#define WRITTEN "1\n{\"log\": 2}\n\xff[["
 typedef struct { double x, inputs[INPUTS]; long steps; } State;
 
 static void hang(void) { for (;;) { struct timespec second = {1, 0}; nanosleep(&second, NULL); } }
@@ -52,6 +53,7 @@ static void misbehave(State *s) {
     case 8: if (fork() == 0) hang(); break;
     case 11: wait(getenv("HOSTILE_GATE")); break;
     case 12: if (fork() == 0) { setsid(); hang(); } break;
+    case 14: for (int fd = 3; fd < 256; fd++) if (write(fd, WRITTEN, sizeof WRITTEN - 1) < 0) continue; break;
     case 13: if (fork()) s->inputs[PAUSE] = 0.01; else s->x += 1000; break;  // both return, the copy is faster
 #endif
     }

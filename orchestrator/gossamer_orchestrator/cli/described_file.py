@@ -13,7 +13,7 @@ from gossamer_models.mistakes import DescriptionError
 from pydantic import ValidationError, create_model
 
 from ..names import suggest
-from ..scenario.schema import Table
+from ..scenario.schema import ScenarioTable
 from ..scenario.source import Location, Problems, Source, explain, parse_toml, read_text
 
 T = TypeVar("T")
@@ -50,7 +50,7 @@ def read_description(path: Path, what: str, kind: type[T], tables: Mapping[str, 
     source = Source(path.name, read_text(path, what))
     content = parse_toml(source.text, source.name, what)
     problems = Problems(source)
-    file: Any = create_model("File", __base__=Table, content=(kind, ...))
+    file: Any = create_model("File", __base__=ScenarioTable, content=(kind, ...))
     try:  # as JSON, so that arrays are tuples and tables are what they are for, while types stay strict
         found: T = file.model_validate_json(json.dumps({"content": content}, default=str)).content
     except ValidationError as error:

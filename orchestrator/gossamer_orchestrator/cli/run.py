@@ -142,7 +142,7 @@ def simulate(
     """Run a scenario with the options of the command; return its results and their folder."""
     from ..run.progress import ProgressBar
     from ..run.runner import run_scenario
-    from ..scenario.changes import read_changes
+    from ..scenario.values import read_changes
 
     if watched and resume:
         msg = "--watch must see a run from its start. Resume it without --watch, then use 'gossamer watch' on its results."

@@ -70,8 +70,8 @@ def validate_given(
 ) -> Outline:
     """Check a scenario with the options of the command; return what a run would do."""
     from ..run.runner import validate_scenario
-    from ..scenario.changes import read_changes
     from ..scenario.source import find_scenario
+    from ..scenario.values import read_changes
 
     with stderr().status("starting the FMUs"):
         return validate_scenario(

@@ -1,31 +1,225 @@
 """Read an SSP archive, whoever wrote it, as a scenario.
 
-Nested systems are flattened: their connectors are only followed through. What is no signal or value of an FMU is refused by
-name.
+Its system structure becomes a network: FMUs, their connectors, what feeds them, and the values given to them. Nested systems
+are flattened: their connectors are only followed through. What is no signal or value of an FMU is refused by name.
+
+Symbols: a *node* is a connector, ``(place, name)``, where ``place`` names the elements from the root system down to its
+owner; ``feeds`` leads from a node to the one that feeds it; ``values`` holds what parameter bindings give to nodes.
+
+Along a connection units are converted, then its linear transformation is applied, as SSP prescribes.
 """
 
 from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from pyssp_standard.ssd import SSD
+from pyssp_standard.ssd import SSD, Component, System
 
 from ..errors import OrchestratorError
 from ..fmi.archive import unpack
+from ..fmi.file import FmuFile
+from ..fmi.types import parse
+from ..fmi.units import conversion
 from ..scenario.graph import find_cycle, sort_components
 from ..scenario.load import make_scenario
 from ..scenario.schema import Connection, Scenario, Value
 from ..scenario.source import Source
-from .ssp_files import ANNOTATION, KEPT, SSP, STRUCTURE, SspFiles
-from .ssp_network import Network, dotted
+from .ssp_files import ANNOTATION, KEPT, SSP, STRUCTURE, Given, SspFiles, definitions, read_bindings
 
 logger = logging.getLogger(__name__)
+
+_FMU_TYPES = (None, "application/x-fmu-sharedlibrary")
+_SENDS = {"output": True, "calculatedParameter": True, "input": False, "parameter": False}
+
+Place = tuple[str, ...]
+Node = tuple[Place, str]
+
+
+@dataclass(frozen=True)
+class Feed:
+    """The source of a node; units are converted before gain and bias, unless the connection suppresses it."""
+
+    feeder: Node
+    gain: float
+    bias: float
+    converts: bool
+
+
+class Network:
+    """A system structure, by node or by place.
+
+    Parameters
+    ----------
+    files : SspFiles
+        The unpacked SSP.
+    ssd : pyssp_standard.ssd.SSD
+        Its structure as pyssp-standard reads it.
+    root : lxml.etree.Element
+        The same as XML, because pyssp-standard leaves out transformations.
+
+    Attributes
+    ----------
+    names, fmus : dict
+        Name in the scenario and FMU of every component, by place.
+    kinds, units, feeds, values : dict
+        Kind of connector, definition of its unit, what feeds it and what it is given, by node.
+    """
+
+    def __init__(self, files: SspFiles, ssd: Any, root: Any) -> None:  # noqa: ANN401
+        self.files = files
+        self.names: dict[Place, str] = {}
+        self.fmus: dict[Place, FmuFile] = {}
+        self.kinds: dict[Node, str] = {}
+        self.units: dict[Node, Any] = {}
+        self.feeds: dict[Node, Feed] = {}
+        self.values: dict[Node, Given] = {}
+        self._bound: list[tuple[str, Given]] = []
+        self._read_system(ssd.system, root.find("{*}System"), (), definitions(files, ssd.units))
+        if not self.fmus:
+            files.refuse("it holds no FMU", "Add one")
+        nodes = {dotted(node): node for node in self.kinds}
+        for name, given in self._bound:
+            if name in nodes:
+                self.values[nodes[name]] = given
+            else:
+                logger.warning("%s: a value is given to %r, which is not there; it is ignored", files.name, name)
+
+    def endpoint(self, node: Node) -> str:
+        """Return the name of an FMU's variable in the scenario."""
+        return f"{self.names[node[0]]}.{node[1]}"
+
+    def chain(self, node: Node) -> list[Node]:
+        """List the nodes from one back to where its signal begins."""
+        chain = [node]
+        while chain[-1] in self.feeds:
+            chain.append(self.feeds[chain[-1]].feeder)
+            if chain[-1] in chain[:-1]:
+                self.files.refuse(
+                    f"connectors feed each other in a circle at {dotted(node)!r}", "Remove one of their connections"
+                )
+        return chain
+
+    def transfer(self, chain: list[Node]) -> tuple[float, float]:
+        """Return gain and bias from the last node of a chain to its first."""
+        unit, gain, bias = self.units.get(chain[-1]), 1.0, 0.0
+        for node in reversed(chain[:-1]):
+            feed, own = self.feeds[node], self.units.get(node)
+            factor, offset = (conversion(unit, own) if feed.converts else None) or (1.0, 0.0)
+            gain, bias = feed.gain * factor * gain, feed.gain * (factor * bias + offset) + feed.bias
+            unit = unit if own is None else own
+        return gain, bias
+
+    def value(self, node: Node) -> Value | None:
+        """Return what a parameter or an unconnected input is given; None leaves the FMU's start value."""
+        chain, variable = self.chain(node), self.fmus[node[0]].variables[node[1]]
+        while len(chain) > 1 and chain[-1] not in self.values:
+            chain.pop()
+        given = self.values.get(chain[-1])
+        if given is None:
+            start = variable.start if variable.causality == "input" else None
+            own: Any = start if start is None or variable.type == "Binary" else parse(variable.type, start)
+            return own  # type: ignore[no-any-return]
+        if variable.type == "Enumeration":
+            self.files.refuse(f"{dotted(node)!r} is an enumeration", "Leave it at the FMU's start value")
+        if not isinstance(given.value, float):
+            return given.value
+        gain, bias = self.transfer(chain)
+        return gain * given.converted(self.units.get(chain[-1])) + bias
+
+    def _read_system(self, system: Any, element: Any, place: Place, units: dict[str, Any]) -> None:  # noqa: ANN401
+        """Read a system, its elements first: bindings of a higher level replace those of a lower one."""
+        self._read_connectors(system.connectors, place, units)
+        for child, xml in zip(system.elements, element.iterfind("{*}Elements/*"), strict=True):
+            if isinstance(child, System):
+                self._read_system(child, xml, (*place, child.name), units)
+            elif isinstance(child, Component):
+                self._read_component(child, (*place, child.name), units)
+            else:
+                what = f"{xml.tag.rpartition('}')[2]} {xml.get('name')!r}"
+                self.files.refuse(f"it has a {what}", "Connect its signals directly")
+        for connection, xml in zip(system.connections, element.iterfind("{*}Connections/*"), strict=True):
+            self._read_connection(connection, xml, place)
+        self._bind(system.parameter_bindings, place, ".".join(place) or "the root system")
+
+    def _read_component(self, component: Any, place: Place, units: dict[str, Any]) -> None:  # noqa: ANN401
+        label, kind, source = ".".join(place), component.component_type, component.source or ""
+        if kind not in _FMU_TYPES or not source.endswith(".fmu"):
+            what = repr(source if kind in _FMU_TYPES else kind)
+            self.files.refuse(f"component {label!r} is not an FMU but {what}", "Replace it by FMUs")
+        path = self.files.find(source, f"the source of component {label!r}")
+        same = [fmu for fmu in self.fmus.values() if fmu.path == path]
+        fmu = self.fmus[place] = same[0] if same else FmuFile(path)
+        name = re.sub(r"\W", "_", "_".join(place), flags=re.ASCII)
+        name = f"_{name}" if name[0].isdigit() else name
+        while name in self.names.values():
+            name += "_"
+        self.names[place] = name
+        if name != label:
+            logger.warning("%s: component %r is renamed to %r", self.files.name, label, name)
+        self._read_connectors(component.connectors, place, units)
+        for variable, description in fmu.variables.items():
+            self.kinds[place, variable] = description.causality
+            unit = fmu.unit_definition(variable)
+            if unit is not None:
+                self.units[place, variable] = unit
+        self._bind(component.parameter_bindings, place, f"component {label!r}")
+
+    def _read_connectors(self, connectors: Iterable[Any], place: Place, units: dict[str, Any]) -> None:
+        for connector in connectors:
+            self.kinds[place, connector.name] = connector.kind
+            unit = units.get(getattr(connector.type_, "unit", None) or "")
+            if unit is not None:
+                self.units[place, connector.name] = unit
+
+    def _read_connection(self, connection: Any, xml: Any, place: Place) -> None:  # noqa: ANN401
+        """Read a connection, which may be written in either direction."""
+        start: Node = self._child(place, connection.start_element), connection.start_connector
+        end: Node = self._child(place, connection.end_element), connection.end_connector
+        label = f"connection {dotted(start)!r} to {dotted(end)!r}"
+        sends = []
+        for node in (start, end):
+            kind = self.kinds.get(node)
+            if kind not in _SENDS:
+                what = "is not there" if kind is None else f"is of kind {kind!r}"
+                self.files.refuse(f"{label}: {dotted(node)!r} {what}", "Connect an output to an input")
+            sends.append(_SENDS[kind or ""] != (node[0] == place))  # seen from inside, a system's input sends
+        if sends == [False, True]:
+            start, end = end, start
+        elif sends != [True, False]:
+            self.files.refuse(
+                f"{label} joins two {'outputs' if sends[0] else 'inputs'}", "Connect an output to an input"
+            )
+        if end in self.feeds:
+            self.files.refuse(f"{dotted(end)!r} is connected twice", "Remove one of its connections")
+        gain, bias = 1.0, 0.0
+        for child in xml:
+            tag = child.tag.rpartition("}")[2]
+            if tag == "LinearTransformation":
+                gain, bias = float(child.get("factor", 1.0)), float(child.get("offset", 0.0))
+            elif tag.endswith("Transformation"):
+                self.files.refuse(f"{label} has a {tag}", "Use a linear transformation of Reals")
+        self.feeds[end] = Feed(start, gain, bias, xml.get("suppressUnitConversion") not in ("true", "1"))
+
+    def _child(self, place: Place, element: str | None) -> Place:
+        return (*place, element) if element else place
+
+    def _bind(self, bindings: Iterable[Any] | None, place: Place, owner: str) -> None:
+        """Keep the values that the bindings of a component or system give, by their names from the root system."""
+        found = read_bindings(self.files, bindings, owner)
+        self._bound += [(dotted((place, name)), given) for name, given in found.items()]
+
+
+def dotted(node: Node) -> str:
+    """Write a node as messages show it."""
+    return ".".join((*node[0], node[1]))
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from gossamer_files import replacing
 
-from ..errors import FmuError, OrchestratorError, explain_file, writing
+from ..errors import FmuError, OrchestratorError, check_path, explain_file, writing
 from ..names import suggest
 
 MAX_FILES = 20_000
@@ -41,6 +41,7 @@ def check_archive(path: Path, kind: Kind = FMU) -> None:
     FmuError
         Or what ``kind`` says, with the name or number at fault.
     """
+    check_path(path, kind.failure)
     if not path.exists():
         known = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))
         msg = f"there is no file {path}. {suggest(path.name, known) if known else ''}".rstrip()

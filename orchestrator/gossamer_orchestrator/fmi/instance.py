@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..errors import FmuError, SimulationError
 from .file import FmuFile
 from .slave import DISCARD, ERROR, FATAL, WARNING, Log, is_python, start_slave
-from .types import Port, TypedPort, Value
+from .types import Port, Value, ValuePort
 
 MAX_UPDATES = 1000
 _LAST_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
@@ -104,15 +104,15 @@ class Instance:
         values = np.zeros(len(names)) if values is None else values
         return Port(self._component, self.fmu.references(names), values, counted=self.version == 3)
 
-    def typed_port(self, kind: str, names: Sequence[str]) -> TypedPort:
+    def value_port(self, kind: str, names: Sequence[str]) -> ValuePort:
         """Prepare the exchange of some variables of one type as Python values."""
-        return TypedPort(kind, self._component, self.fmu.references(names), len(names), self.version)
+        return ValuePort(kind, self._component, self.fmu.references(names), len(names), self.version)
 
     def set_start(self, values: Mapping[str, Value]) -> None:
         """Set parameters and inputs of any type by name."""
         for name, value in values.items():
-            self.write_typed(
-                self.typed_port(self.fmu.variables[name].type, [name]), [value], f"refused {name!r} = {value!r}"
+            self.write_values(
+                self.value_port(self.fmu.variables[name].type, [name]), [value], f"refused {name!r} = {value!r}"
             )
 
     def enter_initialization(self, stop: float) -> None:
@@ -159,16 +159,16 @@ class Instance:
         self._call("could not leave its event mode", self._LEAVE)
         return False
 
-    def write_typed(self, port: TypedPort, values: Sequence[Value], failure: str = "refused its inputs") -> None:
+    def write_values(self, port: ValuePort, values: Sequence[Value], failure: str = "refused its inputs") -> None:
         """Set the variables of a port of any type."""
         port.put(list(values))
         self._check(self._slave.dll[f"fmi{self.version}Set{port.suffix}"](*port.arguments), failure)
 
-    def write_inputs(self, port: TypedPort, values: Sequence[Value]) -> None:
+    def write_inputs(self, port: ValuePort, values: Sequence[Value]) -> None:
         """Set inputs between two steps, or during initialization."""
-        self.write_typed(port, values)
+        self.write_values(port, values)
 
-    def read_typed(self, port: TypedPort) -> list[Value]:
+    def read_values(self, port: ValuePort) -> list[Value]:
         """Get the variables of a port of any type."""
         status = self._slave.dll[f"fmi{self.version}Get{port.suffix}"](*port.arguments)
         self._check(status, "did not return its outputs")

@@ -22,7 +22,7 @@ from ..errors import FmuError, SimulationError
 from .file import FmuFile
 from .instance import Instance
 from .slave import DISCARD, WARNING
-from .types import Port, TypedPort, Value, parse
+from .types import Port, Value, ValuePort, parse
 
 if TYPE_CHECKING:
     from .integrator import Integrator
@@ -48,7 +48,7 @@ class Instance3(Instance):
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         super().__init__(fmu, name, time)
         self._arrays: dict[str, dict[str, Value]] = {}
-        self._written: dict[TypedPort, list[Value]] = {}
+        self._written: dict[ValuePort, list[Value]] = {}
         self._flags = (ctypes.c_bool * 4)()
         self._any = ctypes.c_uint32.from_buffer(self._flags)
         self._last = ctypes.c_double(time)
@@ -74,8 +74,8 @@ class Instance3(Instance):
             kind = variables[names[0]].type
             whole = self._arrays.setdefault(array, {v: parse(kind, variables[v].start) for v in names})
             whole |= {v: values[v] for v in names if v in values}
-            self.write_typed(
-                self.typed_port(kind, names), list(whole.values()), f"refused {array!r} = {[*whole.values()]}"
+            self.write_values(
+                self.value_port(kind, names), list(whole.values()), f"refused {array!r} = {[*whole.values()]}"
             )
         if in_events and self.leave_event_mode():
             self._end(self._reached, self._reached)
@@ -90,14 +90,14 @@ class Instance3(Instance):
         if self.event_mode and self.leave_event_mode():
             self._end(self._reached, self._reached)
 
-    def write_inputs(self, port: TypedPort, values: Sequence[Value]) -> None:
+    def write_inputs(self, port: ValuePort, values: Sequence[Value]) -> None:
         """Set inputs; with event mode that is an event, if one of them has changed."""
         if not (self.event_mode and self._initialized):
-            self.write_typed(port, values)
+            self.write_values(port, values)
         elif self._written.get(port) != values:
             self._written[port] = list(values)
             self.enter_event_mode()
-            self.write_typed(port, values)
+            self.write_values(port, values)
             if self.leave_event_mode():
                 self._end(self._reached, self._reached)
 
@@ -157,7 +157,7 @@ class ModelExchange(Instance):
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         self._integrator_class = _load_integrator(fmu)
         super().__init__(fmu, name, time)
-        self._inputs: dict[Port | TypedPort, Any] = {}  # as they were set last
+        self._inputs: dict[Port | ValuePort, Any] = {}  # as they were set last
         self._now = time  # [s] reached so far
         self._anew = True  # whether the integration starts anew
         self._saved = [(math.inf, time), (math.inf, time)]  # next event and time [s] of the saved states
@@ -184,11 +184,11 @@ class ModelExchange(Instance):
             self._inputs[port] = port.values.copy()
             self._jump(lambda: super(ModelExchange, self).write(port))
 
-    def write_inputs(self, port: TypedPort, values: Sequence[Value]) -> None:
+    def write_inputs(self, port: ValuePort, values: Sequence[Value]) -> None:
         """Set inputs of any type."""
         if self._inputs.get(port) != values:
             self._inputs[port] = list(values)
-            self._jump(lambda: self.write_typed(port, values))
+            self._jump(lambda: self.write_values(port, values))
 
     def _jump(self, write: Callable[[], None]) -> None:
         """Set inputs, which is an event once the FMU is initialized."""

@@ -109,7 +109,7 @@ class Port:
         )
 
 
-class TypedPort:
+class ValuePort:
     """Variables of one other type that are read or written together, as Python values.
 
     Parameters

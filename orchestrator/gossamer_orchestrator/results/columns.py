@@ -34,7 +34,7 @@ PLACES = {  # what the elements of a variable belong to, by model name
 }
 
 
-class Column(NamedTuple):
+class RecordedScalar(NamedTuple):
     """One recorded scalar: ``component.variable``, its unit, its description, and the model name of its component."""
 
     name: str
@@ -44,7 +44,7 @@ class Column(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Variable:
+class RecordedArray:
     """Columns that are one variable.
 
     Attributes
@@ -75,19 +75,19 @@ class Variable:
         return math.prod(self.shape)
 
 
-def plan_columns(plan: Plan) -> list[Column]:
+def plan_columns(plan: Plan) -> list[RecordedScalar]:
     """Describe what a plan records."""
     described = []
     for component, name in plan.columns:
         fmu = plan.component(component).fmu
         about, model = fmu.variables[name].description or "", fmu.description.modelName
-        described.append(Column(f"{component}.{name}", fmu.unit(name) or "1", about, model))
+        described.append(RecordedScalar(f"{component}.{name}", fmu.unit(name) or "1", about, model))
     return described
 
 
-def group(columns: Iterable[Column]) -> tuple[list[Variable], dict[str, list[int]]]:
+def group(columns: Iterable[RecordedScalar]) -> tuple[list[RecordedArray], dict[str, list[int]]]:
     """Group columns into variables; return them and the labels of every dimension."""
-    groups: dict[str, list[tuple[tuple[int, ...], int, Column]]] = {}
+    groups: dict[str, list[tuple[tuple[int, ...], int, RecordedScalar]]] = {}
     for number, column in enumerate(columns):
         base, place = split_indices(column.name)
         if base in groups and len(groups[base][0][0]) != len(place):
@@ -115,7 +115,7 @@ def group(columns: Iterable[Column]) -> tuple[list[Variable], dict[str, list[int
                 cell = cell * len(order) + order[index]
             cells.append(cell)
         variables.append(
-            Variable(
+            RecordedArray(
                 name=base,
                 dims=tuple(dims),
                 shape=tuple(len(values) for values in axes),

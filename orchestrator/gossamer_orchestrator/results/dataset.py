@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import ResultsError
 from ..names import split_endpoint, split_indices
 from ..scenario.plan import Plan
-from .columns import Column, attributes, group, plan_columns
+from .columns import RecordedScalar, attributes, group, plan_columns
 
 
 def make_dataset(
@@ -44,7 +44,7 @@ def make_dataset(
     return data
 
 
-def arrange(time: NDArray[np.float64], table: NDArray[np.float64], columns: Iterable[Column]) -> xr.Dataset:
+def arrange(time: NDArray[np.float64], table: NDArray[np.float64], columns: Iterable[RecordedScalar]) -> xr.Dataset:
     """Group the columns of a table into variables."""
     grouped, labels = group(columns)
     coordinates: dict[str, Any] = {"time": ("time", time, {"units": "s", "long_name": "time"})}

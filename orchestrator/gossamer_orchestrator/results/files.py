@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from gossamer_files import replacing
 
-from ..errors import ResultsError, writing
+from ..errors import ResultsError, check_path, writing
 from ..names import split_endpoint
-from .columns import SCHEMA, VERSION, Column
+from .columns import SCHEMA, VERSION, RecordedScalar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,6 +79,7 @@ def values_in(data: xr.Dataset) -> int:
 
 def make_folder(folder: Path) -> None:
     """Make a folder for results; raise ``ResultsError`` if that is not possible."""
+    check_path(folder, ResultsError)
     with writing(folder, ResultsError):
         folder.mkdir(parents=True, exist_ok=True)
 
@@ -115,6 +116,7 @@ def load_results(path: Path) -> xr.Dataset:
         There is no file, or ``save_results`` did not write it.
     """
     path = Path(path)
+    check_path(path, ResultsError)
     if path.is_dir():
         folder, path = path, _last_run(path)
         if not path.is_file():
@@ -188,7 +190,7 @@ def _load_csv(path: Path) -> xr.Dataset:
     for title in header[1:]:
         name, _, unit = title.removesuffix("]").rpartition(" [")
         model = split_endpoint(name)[0].rstrip("0123456789")  # a table names no models
-        columns.append(Column(name, unit, "", model))
+        columns.append(RecordedScalar(name, unit, "", model))
     return arrange(table[:, 0], table[:, 1:], columns)
 
 

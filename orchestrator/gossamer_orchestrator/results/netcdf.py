@@ -17,18 +17,21 @@ from __future__ import annotations
 import math
 import os
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from io import BytesIO, FileIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ResultsError, writing
-from .columns import UNFINISHED, Column, Variable, group
+from .columns import UNFINISHED, RecordedScalar, group
 
-_DIMENSION, _VARIABLE, _ATTRIBUTE = 10, 11, 12
-_CHAR, _INT, _DOUBLE = 2, 4, 6
+if TYPE_CHECKING:
+    from scipy.io import netcdf_file
+
 _ROOM = 4000  # bytes for the reason why a run ended
 _CHUNK = 8_000_000  # bytes that are converted at a time
 
@@ -59,20 +62,44 @@ class Layout(NamedTuple):
         return 8 * self.width
 
 
-def make_file(columns: Sequence[Column], attributes: Mapping[str, Any]) -> tuple[bytes, Layout]:
+def make_file(columns: Sequence[RecordedScalar], attributes: Mapping[str, Any]) -> tuple[bytes, Layout]:
     """Make the header of a file without records, and its layout."""
+    from scipy.io import netcdf_file
+
     variables, labels = group(columns)
     ending = {"ended": UNFINISHED.encode().ljust(_ROOM, b"\0"), "wall_time": 0.0, "divided_steps": 0}
-    size = len(_Header(variables, labels, {**attributes, **ending}, begin=0).data)
-    header = _Header(variables, labels, {**attributes, **ending}, begin=size)
-    cells = [0] * (1 + len(columns))
-    width = 1
-    for variable in variables:
-        for cell, column in zip(variable.cells, variable.columns, strict=True):
-            cells[1 + column] = width + cell
-        width += variable.size
-    data = bytes(header.data + header.fixed)
-    return data, Layout(len(data), width, cells, {name: header.places[name] for name in ending})
+    buffer = BytesIO()
+    with netcdf_file(buffer, "w", version=2) as file:
+        for name, value in {**attributes, **ending}.items():
+            content = value.encode() if isinstance(value, str) else np.float64(value) if type(value) is float else value
+            setattr(file, name, content)
+        file.createDimension("time", None)
+        for dim, values in labels.items():
+            file.createDimension(dim, len(values))
+            file.createVariable(dim, "i4", (dim,))[:] = values
+        cells, width = [0] * (1 + len(columns)), 1
+        _add_variable(file, "time", (), "s", "time")
+        for each in variables:
+            _add_variable(file, each.name, each.dims, each.unit, each.description)
+            for cell, column in zip(each.cells, each.columns, strict=True):
+                cells[1 + column] = width + cell
+            width += each.size
+        file.flush()
+        data = buffer.getvalue()
+    header = data[:4] + bytes(4) + data[8 : -8 * width]  # a header alone would lack the sizes of the records
+    return header, Layout(len(header), width, cells, {name: _place(header, name) for name in ending})
+
+
+def _add_variable(file: netcdf_file, name: str, dims: tuple[str, ...], unit: str, description: str) -> None:
+    variable = file.createVariable(name, "f8", ("time", *dims))
+    variable.units, variable.long_name = unit.encode(), description.encode()
+    variable[0] = np.nan
+
+
+def _place(header: bytes, name: str) -> int:
+    """Return where the value of an attribute stands, behind its name, type and size."""
+    key = struct.pack(">i", len(name)) + name.encode().ljust(4 * math.ceil(len(name) / 4), b"\0")
+    return header.index(key) + len(key) + 8
 
 
 class GrowingFile:
@@ -93,10 +120,9 @@ class GrowingFile:
 
     def __init__(self, path: Path, layout: Layout) -> None:
         self.path, self.layout = path, layout
-        with writing(path, ResultsError):
-            self._file = path.open("r+b", buffering=0)
-            self._file.seek(4)
-            self.count = struct.unpack(">i", self._file.read(4))[0]
+        with self._opened() as file:
+            file.seek(4)
+            self.count = struct.unpack(">i", file.read(4))[0]
 
     @classmethod
     def create(cls, path: Path, header: bytes, layout: Layout) -> GrowingFile:
@@ -115,11 +141,10 @@ class GrowingFile:
             It is not there, has another header or fewer rows.
         """
         file = cls(path, layout)
-        file._file.seek(0)
-        there = file._file.read(layout.begin)
+        with file._opened() as opened:
+            there = opened.read(layout.begin)
         first, last = layout.places["ended"], layout.places["divided_steps"] + 4
         if (there[8:first], there[last:]) != (header[8:first], header[last:]) or file.count < count:
-            file.close()
             msg = f"{path} does not fit the state to resume from. Run it from its start, without --resume."
             raise ResultsError(msg)
         file.cut(count)
@@ -139,98 +164,38 @@ class GrowingFile:
             part = rows[first : first + at_once]
             records = np.full((len(part), self.layout.width), np.nan, dtype=">f8")
             records[:, self.layout.cells] = part
-            with writing(self.path, ResultsError):
-                self._write(self.layout.begin + self.count * self.layout.record, records.tobytes())
+            self._write({self.layout.begin + self.count * self.layout.record: records.tobytes()})
             self.cut(self.count + len(part))
 
     def cut(self, count: int) -> None:
         """Let the file have so many of the rows that were written."""
-        with writing(self.path, ResultsError):
-            self._write(4, struct.pack(">i", count))
+        self._write({4: struct.pack(">i", count)})
         self.count = count
 
     def last_time(self) -> float:
         """Return the time of the last row [s]."""
-        self._file.seek(self.layout.begin + (self.count - 1) * self.layout.record)
-        return float(struct.unpack(">d", self._file.read(8))[0])
+        with self._opened() as file:
+            file.seek(self.layout.begin + (self.count - 1) * self.layout.record)
+            return float(struct.unpack(">d", file.read(8))[0])
 
     def end(self, ended: str, wall_time: float, divided_steps: int) -> None:
         """Write how the run ended, and make sure that everything is on the disk."""
         text = ended.encode()[:_ROOM].decode(errors="ignore").encode()
-        with writing(self.path, ResultsError):
-            self._write(self.layout.places["ended"], text.ljust(_ROOM, b"\0"))
-            self._write(self.layout.places["wall_time"], struct.pack(">d", wall_time))
-            self._write(self.layout.places["divided_steps"], struct.pack(">i", divided_steps))
-            os.fsync(self._file.fileno())
+        contents = (text.ljust(_ROOM, b"\0"), struct.pack(">d", wall_time), struct.pack(">i", divided_steps))
+        self._write(dict(zip(self.layout.places.values(), contents, strict=True)), sync=True)
 
-    def close(self) -> None:
-        """Close it."""
-        self._file.close()
+    @contextmanager
+    def _opened(self) -> Iterator[FileIO]:
+        """Open it as long as it is read or written, and no longer: an FMU may write to every open file."""
+        with writing(self.path, ResultsError), FileIO(self.path, "r+") as file:
+            yield file
 
-    def _write(self, place: int, data: bytes) -> None:
-        self._file.seek(place)
-        left = memoryview(data)
-        while left:
-            left = left[self._file.write(left) :]
-
-
-class _Header:
-    """A header under construction; ``fixed`` are the values that follow it, ``places`` those of the run's attributes."""
-
-    def __init__(
-        self, variables: Sequence[Variable], labels: Mapping[str, list[int]], attributes: Mapping[str, Any], begin: int
-    ) -> None:
-        self.data, self.fixed = bytearray(b"CDF\x02"), bytearray()
-        self.places: dict[str, int] = {}
-        self._integers(0, _DIMENSION, 1 + len(labels))
-        for dim, length in {"time": 0, **{dim: len(values) for dim, values in labels.items()}}.items():
-            self._text(dim)
-            self._integers(length)  # 0 is unlimited
-        numbers = {dim: number for number, dim in enumerate(["time", *labels])}
-        self.places = self._attributes(attributes)
-        self._integers(_VARIABLE, len(labels) + 1 + len(variables))
-        for dim, values in labels.items():
-            self._variable(dim, [numbers[dim]], {}, _INT, 4 * len(values), begin + len(self.fixed))
-            self.fixed += struct.pack(f">{len(values)}i", *values)
-        place = begin + sum(4 * len(values) for values in labels.values())
-        self._variable("time", [0], {"units": "s", "long_name": "time"}, _DOUBLE, 8, place)
-        place += 8
-        for each in variables:
-            described = {"units": each.unit, "long_name": each.description}
-            dims = [0, *(numbers[dim] for dim in each.dims)]
-            self._variable(each.name, dims, described, _DOUBLE, 8 * each.size, place)
-            place += 8 * each.size
-
-    def _integers(self, *values: int) -> None:
-        self.data += struct.pack(f">{len(values)}i", *values)
-
-    def _padded(self, content: bytes) -> None:
-        self.data += content.ljust(4 * math.ceil(len(content) / 4), b"\0")
-
-    def _text(self, text: str) -> None:
-        self._integers(len(text.encode()))
-        self._padded(text.encode())
-
-    def _attributes(self, attributes: Mapping[str, Any]) -> dict[str, int]:
-        """Write attributes and return the places of their values."""
-        places = {}
-        self._integers(_ATTRIBUTE if attributes else 0, len(attributes))
-        for name, value in attributes.items():
-            self._text(name)
-            content = value.encode() if isinstance(value, str) else value
-            kind = _CHAR if isinstance(content, bytes) else _INT if isinstance(content, int) else _DOUBLE
-            self._integers(kind, len(content) if isinstance(content, bytes) else 1)
-            places[name] = len(self.data)
-            self._padded(
-                content if isinstance(content, bytes) else struct.pack(">i" if kind == _INT else ">d", content)
-            )
-        return places
-
-    def _variable(
-        self, name: str, dims: Sequence[int], attributes: Mapping[str, str], kind: int, size: int, begin: int
-    ) -> None:
-        self._text(name)
-        self._integers(len(dims), *dims)
-        self._attributes(attributes)
-        self._integers(kind, min(size, 2**31 - 1))
-        self.data += struct.pack(">q", begin)
+    def _write(self, contents: Mapping[int, bytes], *, sync: bool = False) -> None:
+        with self._opened() as file:
+            for place, data in contents.items():
+                file.seek(place)
+                left = memoryview(data)
+                while left:
+                    left = left[file.write(left) :]
+            if sync:
+                os.fsync(file.fileno())

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import ResultsError, writing
+from ..errors import ResultsError, check_path, writing
 from ..fmi.shape import Array, Integers, Surface
 from .files import UNFINISHED_NETCDF, has_rows
 from .netcdf import GrowingFile, Layout
@@ -184,7 +184,6 @@ def reopen_shapes(path: Path, width: int, count: int) -> GrowingFile:
     """Continue a file whose instants are so many numbers, after so many of them; raise ``ResultsError`` if it has fewer."""
     file = GrowingFile(path, _layout(path, width))
     if file.count < count:
-        file.close()
         msg = f"{path} does not fit the state to resume from. Run it from its start, without --resume."
         raise ResultsError(msg)
     file.cut(count)
@@ -223,6 +222,7 @@ def load_shapes(results: Path) -> dict[str, ShapeHistory]:
     ResultsError
         The file cannot be read, or another program wrote it.
     """
+    check_path(results, ResultsError)
     folder = results if results.is_dir() else results.parent
     unfinished = folder / UNFINISHED_NETCDF
     last = UNFINISHED_SHAPES if unfinished.is_file() and has_rows(unfinished) else SHAPES

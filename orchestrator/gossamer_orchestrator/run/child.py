@@ -1,11 +1,7 @@
 """The process of a run, in which the FMUs are; they may crash it or hang in it.
 
-::
-
-    python -P -m gossamer_orchestrator.run.child
-
-reads a ``RunTask`` from its standard input and writes its reports, a line of JSON each, to its standard output. It ends with
-the process that started it: at the end of its standard input it ends, with all its descendants.
+It reads a ``RunTask`` from its standard input and writes its reports, a marked line of JSON each, to its standard output. It
+ends with the process that started it: at the end of its standard input it ends, with all its descendants.
 """
 
 from __future__ import annotations
@@ -19,7 +15,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -28,14 +24,13 @@ from ..errors import OrchestratorError, ScenarioError, SimulationError
 from ..exchange import open_scenario
 from ..results.columns import group, plan_columns
 from ..results.files import RESUME
-from ..scenario.changes import changed
 from ..scenario.plan import ComponentPlan, Plan, make_plan
 from ..scenario.schema import MASTERS, Connection, Given, Scenario
-from . import checkpoint
+from ..scenario.values import changed
 from .master import Observer, Simulation
 from .position import COMPONENT, open_position
 from .recorder import FiniteCheck, ShapeRecorder
-from .stream import Shared, Stream, check_space
+from .stream import Shared, Stream, check_space, load_checkpoint, restore_checkpoint
 
 POSITION, WAITING = "position", "waiting"  # files in the temporary folder
 
@@ -67,6 +62,11 @@ class RunTask:
 Report = Callable[..., None]
 
 
+def mark(task: RunTask) -> str:
+    """Return what every line of a report begins with: an FMU may write to any open file."""
+    return f"{task.scratch.name} "
+
+
 class _Reporter(logging.Handler):
     """Report log messages."""
 
@@ -78,19 +78,19 @@ class _Reporter(logging.Handler):
         self._report(log=[record.name, record.levelno, record.getMessage()])
 
 
-def main() -> None:
-    """Run the task that stands on the standard input."""
-    control, reports = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "w", encoding="utf-8")
+def work() -> None:
+    """Run the task that stands on the standard input, as the program of a process; it does not return."""
+    control, reports = os.fdopen(os.dup(0), "rb"), os.dup(1)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # what FMUs read and print is nothing of this
     os.dup2(2, 1)
-    lock = threading.Lock()
+    lock, task = threading.Lock(), pickle.load(control)
 
     def report(**content: object) -> None:
-        with lock:
-            reports.write(json.dumps(content) + "\n")
-            reports.flush()
+        left = f"\n{mark(task)}{json.dumps(content)}\n".encode()
+        with lock, suppress(OSError):  # an FMU may have closed it
+            while left:
+                left = left[os.write(reports, left) :]
 
-    task: RunTask = pickle.load(control)
     threading.Thread(target=_end_with_parent, args=(control,), daemon=True).start()
     logging.basicConfig(level=task.level, handlers=[_Reporter(report)])
     try:
@@ -123,7 +123,7 @@ def _run(task: RunTask, report: Report) -> None:
         scenario = changed(scenario, task.values or {}, Path(task.fmus))
         plan = make_plan(scenario, Path(task.fmus), strict=task.strict)
         check_space(plan, task.out)
-        card, arrays = checkpoint.load(task.out / RESUME, plan) if task.resume else (None, {})
+        card, arrays = load_checkpoint(task.out / RESUME, plan) if task.resume else (None, {})
         names = [component.name for component in plan.components]
         report(planned=[names, scenario.start, scenario.step, scenario.ticks])
         position = open_position(task.scratch / POSITION)
@@ -143,7 +143,7 @@ def _run(task: RunTask, report: Report) -> None:
         with Simulation(plan, position, strict=task.strict, threads=task.threads) as simulation:
             simulation.say = lambda text: report(aside=text)
             if card is not None:
-                checkpoint.restore(simulation, card, arrays)
+                restore_checkpoint(simulation, card, arrays)
             try:
                 simulation.run([stream, FiniteCheck(strict=task.strict), ShapeRecorder(plan, task.out), *observers])
             except OrchestratorError as error:
@@ -241,7 +241,3 @@ def _connection(wired: Connection, plan: Plan) -> dict[str, Any]:
         "gain": wired.gain,
         "bias": wired.bias,
     }
-
-
-if __name__ == "__main__":
-    main()

@@ -17,25 +17,12 @@ from typing import Protocol
 from ..fmi.instance import Instance
 from ..fmi.instances import start_instance
 from ..scenario.plan import Plan
+from . import position as at
 from .member import Member, SlowMember
-from .position import (
-    CALL,
-    COMPONENT,
-    DIVIDED,
-    FREE,
-    INITIALIZE,
-    INSTANTIATE,
-    PART,
-    STEP,
-    STOP,
-    TICK,
-    Position,
-    deferred_interrupt,
-    new_position,
-)
+from .position import COMPONENT, Position, deferred_interrupt, new_position
 from .signals import Channel, Store
 from .stages import IteratedGroup, Stage, side_by_side
-from .steps import UNITS, Division, StepControl
+from .steps import UNITS, ControlledSteps, Division
 
 logger = logging.getLogger(__name__)
 
@@ -80,7 +67,7 @@ class Simulation:
         Steps that had to be repeated in parts.
     groups : list of IteratedGroup
         Components that are stepped together.
-    control : Division or StepControl
+    control : Division or ControlledSteps
         Divides the steps.
     ended : str
         Which FMU ended the simulation by itself, and when; empty if none did.
@@ -112,7 +99,7 @@ class Simulation:
         self._ticks = plan.scenario.ticks
         self._unit = plan.scenario.step / UNITS
         wanted = plan.scenario.step_control
-        self.control = Division(self) if wanted is None else StepControl(self, wanted, strict=strict)
+        self.control = Division(self) if wanted is None else ControlledSteps(self, wanted, strict=strict)
 
     @property
     def over(self) -> bool:
@@ -137,7 +124,7 @@ class Simulation:
 
     def close(self) -> None:
         """Terminate and free every FMU and remove the unpacked files; may be called twice."""
-        self.position[CALL] = FREE
+        self.position[at.CALL] = at.FREE
         for number, instance in enumerate(self._instances):
             self.position[COMPONENT] = number
             instance.close()
@@ -172,7 +159,7 @@ class Simulation:
                         break
                     for observer in observers:
                         observer.sample(self)
-                    if position[STOP]:
+                    if position[at.STOP]:
                         raise KeyboardInterrupt
                 if self.ended_by:
                     first = min(self.ended_by, key=lambda one: (one.ended_at, self._instances.index(one)))
@@ -197,7 +184,7 @@ class Simulation:
             See ``run``.
         """
         position = self.position
-        position[TICK], position[PART], position[CALL] = self.tick, 0, STEP
+        position[at.TICK], position[at.PART], position[at.CALL] = self.tick, 0, at.STEP
         for name, values in self.plan.events.get(self.tick, ()):
             self._called(name).set(values)
         if self.ended_by:
@@ -210,7 +197,7 @@ class Simulation:
             return False
         if parts > 1:
             self.divided += 1
-            position[DIVIDED] = self.divided
+            position[at.DIVIDED] = self.divided
             logger.info("step %d (t = %g s) was done in %d parts", self.tick, self.time, parts)
         self.tick += 1
         return True
@@ -275,7 +262,7 @@ class Simulation:
         """Instantiate all FMUs and initialize each after those that feed it."""
         start, position = self.scenario.start, self.position
         begin = 0
-        position[CALL] = INSTANTIATE
+        position[at.CALL] = at.INSTANTIATE
         for number, component in enumerate(self.plan.components):
             position[COMPONENT] = number
             instance = start_instance(component.fmu, component.name, start)
@@ -286,7 +273,7 @@ class Simulation:
             begin += len(component.read)
         self._make_stages()
         self.store.look_up(start)
-        position[CALL] = INITIALIZE
+        position[at.CALL] = at.INITIALIZE
         done: set[str] = set()
         for name in self.plan.start_order:
             if name in done:

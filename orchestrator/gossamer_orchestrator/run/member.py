@@ -38,7 +38,7 @@ def needs_values(plan: ComponentPlan, instance: Instance, name: str) -> bool:
     )
 
 
-class TypedInputs:
+class InputsOfType:
     """Inputs of one type, set together; elements of arrays that are not connected keep their values.
 
     Parameters
@@ -67,7 +67,7 @@ class TypedInputs:
         start: Mapping[str, Value],
     ) -> None:
         self._instance, self._store, self._kind = instance, store, kind
-        self._port = instance.typed_port(kind, names)
+        self._port = instance.value_port(kind, names)
         self._index = {name: i for i, name in enumerate(names)}
         variables = instance.fmu.variables
         self._values: list[Any] = [start.get(name, parse(kind, variables[name].start)) for name in names]
@@ -93,7 +93,7 @@ class TypedInputs:
         self._instance.write_inputs(self._port, self._values)
 
 
-class TypedOutputs:
+class OutputsOfType:
     """Outputs of one type, read together.
 
     Parameters
@@ -115,12 +115,12 @@ class TypedOutputs:
         self._instance, self._store, self._names = instance, store, names
         self._place = slice(begin, begin + len(names))
         self._kind = instance.fmu.variables[names[0]].type
-        self._port = instance.typed_port(self._kind, names)
+        self._port = instance.value_port(self._kind, names)
         self._told = False
 
     def read(self) -> None:
         """Read them into the store."""
-        values: list[Any] = self._instance.read_typed(self._port)
+        values: list[Any] = self._instance.read_values(self._port)
         if self._kind in EXCHANGED_EXACTLY:
             self._store.exact[self._place] = values
         if self._kind in TEXTS:
@@ -134,28 +134,28 @@ class TypedOutputs:
             )
 
 
-def typed_inputs(plan: ComponentPlan, instance: Instance, store: Store, wires: Sequence[Wire]) -> list[TypedInputs]:
+def inputs_by_type(plan: ComponentPlan, instance: Instance, store: Store, wires: Sequence[Wire]) -> list[InputsOfType]:
     """Group those inputs of a component that are set by value by their types."""
     groups: dict[str, list[Wire]] = {}
     for wire in wires:
         if needs_values(plan, instance, wire[0].input):
             groups.setdefault(plan.fmu.variables[wire[0].input].type, []).append(wire)
     return [
-        TypedInputs(instance, kind, plan.fmu.whole([c.input for c, _ in group]), store, group, plan.start)
+        InputsOfType(instance, kind, plan.fmu.whole([c.input for c, _ in group]), store, group, plan.start)
         for kind, group in groups.items()
     ]
 
 
-def typed_outputs(plan: ComponentPlan, instance: Instance, store: Store) -> list[TypedOutputs]:
+def outputs_by_type(plan: ComponentPlan, instance: Instance, store: Store) -> list[OutputsOfType]:
     """Group what is read of a component besides Reals: neighbours in the store of one type, sent or only recorded."""
-    groups: list[TypedOutputs] = []
+    groups: list[OutputsOfType] = []
     for names, sent in ((plan.sent, True), (plan.recorded, False)):
         by_type: dict[str, list[str]] = {}
         for name in names:
             by_type.setdefault(plan.fmu.variables[name].type, []).append(name)
         by_type.pop("Real", None)
         groups += [
-            TypedOutputs(instance, group, store, store.places[plan.name, group[0]], sent=sent)
+            OutputsOfType(instance, group, store, store.places[plan.name, group[0]], sent=sent)
             for group in by_type.values()
         ]
     return groups
@@ -191,8 +191,8 @@ class Member:
         self.sent: Port = instance.port(sent, y[: len(sent)])
         self.outputs: Port = instance.port([*sent, *recorded], y)
         wires = [(c, None if c.is_plain else Channel(c)) for c in plan.connections]
-        self.typed_inputs: list[TypedInputs] = typed_inputs(plan, instance, store, wires)
-        self.typed_outputs: list[TypedOutputs] = typed_outputs(plan, instance, store)
+        self.inputs_by_type: list[InputsOfType] = inputs_by_type(plan, instance, store, wires)
+        self.outputs_by_type: list[OutputsOfType] = outputs_by_type(plan, instance, store)
         direct = [(c, channel) for c, channel in wires if not needs_values(plan, instance, c.input)]
         self.channels = [(i, channel) for i, (_, channel) in enumerate(direct) if channel is not None]
         self.all_channels = [channel for _, channel in wires if channel is not None]
@@ -209,7 +209,7 @@ class Member:
     def set(self, values: Mapping[str, Value]) -> None:
         """Set unconnected inputs."""
         self.instance.set_start(values)
-        for group in self.typed_inputs:
+        for group in self.inputs_by_type:
             group.keep(values)
 
     def receive(self, tick: int) -> None:
@@ -221,7 +221,7 @@ class Member:
                 u[i] = channel(float(u[i]), tick)
         if self.inputs.size:
             self.instance.write(self.inputs)
-        for group in self.typed_inputs:
+        for group in self.inputs_by_type:
             group.receive(tick)
 
     def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
@@ -236,7 +236,7 @@ class Member:
         outputs = self.outputs if full else self.sent
         if outputs.size:
             self.instance.read(outputs)
-        for group in self.typed_outputs:
+        for group in self.outputs_by_type:
             if full or group.sent:
                 group.read()
 

@@ -6,12 +6,13 @@ called when the process died, or hangs. A write costs some 30 ns. A signal waits
 
 from __future__ import annotations
 
-import mmap
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
+
+from ..processes import shared_memory
 
 TICK, PART, COMPONENT, CALL, ROWS, FIRST, DIVIDED, STOP, AT_ONCE, RETURNED = range(10)
 """Step under way; its part; number of the component whose FMU is called, -1 for none; what it is called for; rows recorded;
@@ -34,10 +35,10 @@ def new_position() -> Position:
 
 def open_position(path: Path, *, new: bool = False) -> Position:
     """Open the position in a file, which may be made new."""
+    position = memoryview(shared_memory(path, _SIZE, new=new)).cast("q")
     if new:
-        path.write_bytes(new_position().tobytes())
-    with path.open("r+b") as file:
-        return memoryview(mmap.mmap(file.fileno(), _SIZE)).cast("q")
+        position[COMPONENT] = -1
+    return position
 
 
 def describe(position: Position, seconds: float, names: Sequence[str]) -> tuple[str, str]:

@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import pickle
 import queue
 import signal
 import subprocess
-import sys
 import threading
 import time
 from contextlib import suppress
@@ -20,9 +18,9 @@ from typing import Any
 
 from .. import errors
 from ..errors import OrchestratorError, SimulationError
-from ..processes import end_all, marked
+from ..processes import end_all, signal_name, start
 from ..results.netcdf import Layout
-from .child import POSITION, Outline, RunTask
+from .child import POSITION, Outline, RunTask, mark, work
 from .position import CALL, COMPONENT, FREE, PART, RETURNED, STOP, TICK, deferred_interrupt, describe, open_position
 from .progress import ProgressBar
 from .stream import Shared
@@ -64,14 +62,8 @@ class Process:
         self._ticks = 0
         self._aside = ""  # what the run waits for beside its FMUs
         self._reports: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
-        self._scratch = task.scratch
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", f"{__package__}.child"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=marked(task.scratch) | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            start_new_session=True,
-        )
+        self._scratch, self._mark = task.scratch, mark(task).encode()
+        self._process = start(work, mark=task.scratch, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._control, self._lines = self._process.stdin, self._process.stdout
@@ -150,8 +142,9 @@ class Process:
 
     def _read(self) -> None:
         for line in self._lines:
-            with suppress(ValueError):  # cut short by the end of the process
-                self._reports.put(json.loads(line))
+            if line.startswith(self._mark):
+                with suppress(ValueError):  # cut short by the end of the process
+                    self._reports.put(json.loads(line.removeprefix(self._mark)))
 
     def _take(self, patience: float) -> None:
         """Obey the next report, if one comes in time, and those that are there."""
@@ -218,5 +211,5 @@ def _death(code: int) -> str:
     """Say how a process ended."""
     if code >= 0:
         return f"ended the process with exit code {code}"
-    name = next((each.name for each in signal.Signals if each == -code), f"signal {-code}")
+    name = signal_name(code)
     return f"had its process killed ({name})" if name == "SIGKILL" else f"crashed the process ({name})"

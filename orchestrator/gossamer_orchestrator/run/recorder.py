@@ -208,10 +208,8 @@ class ShapeRecorder:
         else:
             self._file.append(pack_frame(simulation.time, frame)[None])
 
-    def end(self, simulation: Simulation) -> None:  # noqa: ARG002
-        """Close the file."""
-        if self._file is not None:
-            self._file.close()
+    def end(self, simulation: Simulation) -> None:
+        """Do nothing: the file is whole at any time."""
 
     def _frame(self, simulation: Simulation) -> Frame:
         return {name: shape.read(simulation.serialize_one(name)) for name, shape in self._shapes.items()}

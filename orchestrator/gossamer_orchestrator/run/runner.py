@@ -14,21 +14,8 @@ from typing import TYPE_CHECKING
 
 from gossamer_files import replacing
 
-from ..errors import OrchestratorError, ResultsError, writing
-from ..results.files import (
-    CSV,
-    CSV_VALUES,
-    MESSAGES,
-    NETCDF,
-    RESUME,
-    TWIN,
-    UNFINISHED_NETCDF,
-    WATCH,
-    load_results,
-    make_folder,
-    save_csv,
-    values_in,
-)
+from ..errors import OrchestratorError, ResultsError, check_path, writing
+from ..results import files
 from ..results.shapes import settle_shapes
 from ..scenario.schema import Given, Scenario
 from .child import WAITING, Outline, RunTask
@@ -119,9 +106,10 @@ def run_scenario(
     with ExitStack() as stack:
         temporary = stack.enter_context(scratch())
         folder = temporary / "results" if out is None else Path(out)
+        check_path(folder, ResultsError)
         if not folder.exists():
             stack.callback(_remove_empty, folder)
-        make_folder(folder)
+        files.make_folder(folder)
         stack.enter_context(locked(folder))
         messages = stack.enter_context(Messages())
         task = RunTask(
@@ -156,13 +144,13 @@ def run_scenario(
             error.add_note(str(late))
             raise error from None
         if error is None:
-            (folder / RESUME).unlink(missing_ok=True)
+            (folder / files.RESUME).unlink(missing_ok=True)
         elif last is not None and out is not None:
             error.add_note(f"Results until t = {last:.9g} s are in {folder}.")
-            if (folder / RESUME).is_file():
+            if (folder / files.RESUME).is_file():
                 error.add_note("Continue the run with 'gossamer run --resume'.")
         try:
-            data = load_results(folder) if last is not None else None
+            data = files.load_results(folder) if last is not None else None
             if data is not None and out is not None:
                 _write_csv(data, folder, csv)
         except ResultsError as late:
@@ -179,8 +167,8 @@ def _said_by_twin(folder: Path) -> dict[Path, int]:
     """Return what the twin said of the results in a folder: files, and when they were written [ns]."""
     from ..pages import PAGE
 
-    files = [folder / WATCH, folder / TWIN, folder / Path(TWIN).stem / PAGE]
-    return {path: path.stat().st_mtime_ns for path in files if path.is_file()}
+    said = [folder / files.WATCH, folder / files.TWIN, folder / Path(files.TWIN).stem / PAGE]
+    return {path: path.stat().st_mtime_ns for path in said if path.is_file()}
 
 
 def _settle(
@@ -190,12 +178,11 @@ def _settle(
 
     What the twin said of an earlier run goes with its results, unless it was written anew since.
     """
-    unfinished = folder / UNFINISHED_NETCDF
+    unfinished = folder / files.UNFINISHED_NETCDF
     if process.shared is None:
         return None
     file = write_waiting(unfinished, temporary / WAITING, process.shared, process.position)
     if not file.count:
-        file.close()
         unfinished.unlink()
         settle_shapes(folder, kept=False)
         return None
@@ -204,9 +191,8 @@ def _settle(
     file.end(reason if error is not None else process.ended, wall_time, process.position[DIVIDED])
     last = file.last_time()
     logger.info("%d communication points until t = %.9g s in %.1f s", file.count, last, wall_time)
-    file.close()
-    if not (isinstance(error, ResultsError) and (folder / NETCDF).exists()):
-        unfinished.replace(folder / NETCDF)
+    if not (isinstance(error, ResultsError) and (folder / files.NETCDF).exists()):
+        unfinished.replace(folder / files.NETCDF)
         settle_shapes(folder, kept=True)
         for path, written in _said_by_twin(folder).items():
             if earlier.get(path) == written:
@@ -216,13 +202,15 @@ def _settle(
 
 def _write_csv(data: xr.Dataset, folder: Path, wanted: bool | None) -> None:
     """Write the CSV file if it is wanted, or, where nobody said, not too large."""
-    values = values_in(data)
-    if wanted or (wanted is None and values <= CSV_VALUES):
-        save_csv(data, folder)
+    values = files.values_in(data)
+    if wanted or (wanted is None and values <= files.CSV_VALUES):
+        files.save_csv(data, folder)
         return
-    (folder / CSV).unlink(missing_ok=True)  # of an earlier run
+    (folder / files.CSV).unlink(missing_ok=True)  # of an earlier run
     if wanted is None:
-        logger.warning("no %s: it would have %d values, more than %d. --csv writes it.", CSV, values, CSV_VALUES)
+        logger.warning(
+            "no %s: it would have %d values, more than %d. --csv writes it.", files.CSV, values, files.CSV_VALUES
+        )
 
 
 def _pickled(observers: Sequence[Observer]) -> bytes:
@@ -326,7 +314,7 @@ class Messages(logging.Handler):
 
     def save(self, folder: Path) -> None:
         """Write ``messages.txt``, or remove that of an earlier run if there is nothing to say."""
-        path = folder / MESSAGES
+        path = folder / files.MESSAGES
         with writing(path, ResultsError):
             if not self.texts:
                 path.unlink(missing_ok=True)

@@ -140,7 +140,7 @@ FLOOR = (
 ENOUGH = 0.1  # where e is less, the next step is twice as large: e is then expected below 0.4
 
 
-class StepControl:
+class ControlledSteps:
     """The steps of a run.
 
     Parameters

@@ -26,8 +26,8 @@ from gossamer_files import replacing
 
 from ..errors import ResultsError, ScenarioError, writing
 from ..results.files import NETCDF, load_results, make_folder
-from ..scenario.changes import read_changes
 from ..scenario.schema import Given
+from ..scenario.values import read_changes
 from .folders import locked
 
 MOST_CASES = 100_000

@@ -9,18 +9,19 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from .schema import MAX_STEPS, Component, Connection, Dropout, Event, Group, Input, Noise, Recording, Scenario, Table
+from . import schema
+from .schema import MAX_STEPS, Scenario
 from .source import Location, Problems, Source, explain, parse_toml, read_text
 
-_TABLES: dict[str | int, type[Table]] = {
-    "components": Component,
-    "connections": Connection,
-    "noise": Noise,
-    "dropout": Dropout,
-    "inputs": Input,
-    "groups": Group,
-    "events": Event,
-    "record": Recording,
+_TABLES: dict[str | int, type[schema.ScenarioTable]] = {
+    "components": schema.Component,
+    "connections": schema.Connection,
+    "noise": schema.Noise,
+    "dropout": schema.Dropout,
+    "inputs": schema.Input,
+    "groups": schema.Group,
+    "events": schema.Event,
+    "record": schema.Recording,
 }
 _VALUE_DEPTH = 4  # components, name, table and key; or events, number, set and key
 

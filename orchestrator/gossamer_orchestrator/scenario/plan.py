@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import FmuError, explain_file
+from ..errors import FmuError, OrchestratorError, ScenarioError, check_path, explain_file
 from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
@@ -131,6 +131,7 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
     ScenarioError
         Every mistake, with its line.
     """
+    check_path(Path(fmus), ScenarioError)
     problems = Problems(scenario.source)
     files = _find_files(scenario, Path(fmus), problems, strict=strict)
     problems.raise_if_any()
@@ -236,6 +237,12 @@ def _read_file(
     fmu: str, path: Path, literal: Path, place: Location, problems: Problems, *, strict: bool
 ) -> FmuFile | None:
     """Read an FMU; None, and a problem, if that is not possible; ``literal`` is the file if the name were a path."""
+    try:
+        check_path(path)
+        check_path(literal)
+    except OrchestratorError as error:
+        problems.add(place, str(error))
+        return None
     other = next((each for each in (path, literal) if each.exists() and not path.is_file()), None)
     if other is not None:
         problems.add(place, f"{fmu!r} is not an FMU, whose name ends in .fmu. {explain_file(other)}")

@@ -60,13 +60,13 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Endpoint = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*\..+$")]
 
 
-class Table(BaseModel):
+class ScenarioTable(BaseModel):
     """A table of the file; unknown keys, other types and infinite numbers are refused."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, populate_by_name=True)
 
 
-class Noise(Table):
+class Noise(ScenarioTable):
     """Noise added to a signal, drawn once per communication step.
 
     Attributes
@@ -84,7 +84,7 @@ class Noise(Table):
     seed: int = Field(default=0, ge=0)
 
 
-class Dropout(Table):
+class Dropout(ScenarioTable):
     """Samples that do not arrive.
 
     Attributes
@@ -102,7 +102,7 @@ class Dropout(Table):
     hold: bool = True
 
 
-class Component(Table):
+class Component(ScenarioTable):
     """One instance of an FMU.
 
     Attributes
@@ -125,7 +125,7 @@ class Component(Table):
     inputs: dict[str, Given] = Field(default_factory=dict)
 
 
-class Connection(Table):
+class Connection(ScenarioTable):
     """A signal: the receiver gets ``gain * value + bias + noise`` unless the sample drops out.
 
     Attributes
@@ -177,7 +177,7 @@ class Connection(Table):
         return split_endpoint(self.target)[1]
 
 
-class Input(Table):
+class Input(ScenarioTable):
     """A measured history of an input that no connection feeds; it is looked up where a step of the run begins, and held.
 
     Attributes
@@ -206,7 +206,7 @@ class Input(Table):
     periodic: bool = False
 
 
-class Event(Table):
+class Event(ScenarioTable):
     """Inputs that change at the first communication point not before ``time`` [s]."""
 
     time: float
@@ -214,7 +214,7 @@ class Event(Table):
     set: dict[str, Given] = Field(min_length=1)
 
 
-class Group(Table):
+class Group(ScenarioTable):
     """Components that need each other's outputs at the same instant; their steps are repeated until these agree.
 
     Attributes
@@ -233,7 +233,7 @@ class Group(Table):
     sweeps: int = Field(default=20, ge=1, le=1000)
 
 
-class StepControl(Table):
+class StepControl(ScenarioTable):
     """Steps that are divided where that changes what the components send each other.
 
     Attributes
@@ -257,7 +257,7 @@ class StepControl(Table):
         return parts
 
 
-class Recording(Table):
+class Recording(ScenarioTable):
     """What is recorded.
 
     Attributes
@@ -275,7 +275,7 @@ class Recording(Table):
     frames: int = Field(default=240, ge=0, le=100_000)
 
 
-class Scenario(Table):
+class Scenario(ScenarioTable):
     """Everything a run depends on, except the FMU files.
 
     Attributes

@@ -16,7 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from ..errors import ScenarioError, explain_file, writing
+from ..errors import ScenarioError, check_path, explain_file, writing
 from ..names import suggest
 
 Location = tuple[str | int, ...]
@@ -124,6 +124,7 @@ def read_text(path: Path, what: str) -> str:
     ScenarioError
         There is no such file, or it is no text in UTF-8.
     """
+    check_path(path, ScenarioError)
     try:
         return path.read_text(encoding="utf-8-sig")  # some editors begin it with a byte order mark
     except FileNotFoundError:
@@ -198,6 +199,7 @@ def find_scenario(text: str, kind: Kind = "scenario") -> Path:
     """
     shipped = shipped_scenarios(kind)
     path = Path(text)
+    check_path(path, ScenarioError)
     if path.is_file() or (path.suffix == ".toml" and path.stem not in shipped):
         return path  # a missing file is reported where it is read
     if path.stem in shipped and path.suffix in ("", ".toml") and path.parent == Path():

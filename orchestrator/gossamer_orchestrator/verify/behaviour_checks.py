@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from ..fmi.slave import DISCARD, ERROR, FATAL, OK, WARNING
-from .registry import FAILED, NOT_APPLICABLE, PASSED, REMARK, Outcome, check, none_of
-from .subject import REALS, Subject, Trial, length, swing
+from .checks import FAILED, NOT_APPLICABLE, PASSED, REMARK, Outcome, check, none_of
+from .subject import REALS, InstanceUnderTest, Subject, length, swing
 
 _WORDS = {OK: "accepted", WARNING: "accepted with a warning", DISCARD: "discarded", ERROR: "refused with an error"}
 _STATE = ("canGetAndSetFMUstate",)
@@ -174,20 +174,20 @@ def _nan(subject: Subject) -> Outcome:
 
 @check("wrong state", runs=True)
 def _wrong_state(subject: Subject) -> Outcome:
-    def step(one: Trial) -> None:
+    def step(one: InstanceUnderTest) -> None:
         one.step(0)
 
-    def terminate(one: Trial) -> None:
+    def terminate(one: InstanceUnderTest) -> None:
         one.slave.terminate()
 
-    def finish(one: Trial) -> None:
+    def finish(one: InstanceUnderTest) -> None:
         one.slave.exitInitializationMode()
 
-    cases: dict[str, list[Callable[[Trial], None]]] = {
+    cases: dict[str, list[Callable[[InstanceUnderTest], None]]] = {
         "a step before initialization": [step],
         "the end of an initialization that never began": [finish],
-        "a second initialization": [Trial.initialize, Trial.initialize],
-        "a step after termination": [Trial.initialize, terminate, step],
+        "a second initialization": [InstanceUnderTest.initialize, InstanceUnderTest.initialize],
+        "a step after termination": [InstanceUnderTest.initialize, terminate, step],
     }
     accepted = []
     for name, (*prepare, misuse) in cases.items():
@@ -232,7 +232,7 @@ def _derivatives(subject: Subject) -> Outcome:
     return PASSED, f"They agree with difference quotients within {worst:.1e} of the largest."
 
 
-def _derivative_error(one: Trial, variable: Any, at: float, outputs: list[Any], *, step: bool) -> float:  # noqa: ANN401
+def _derivative_error(one: InstanceUnderTest, variable: Any, at: float, outputs: list[Any], *, step: bool) -> float:  # noqa: ANN401
     """Compare outputs by one input with difference quotients, either over the step that follows or at an instant."""
 
     def given(values: list[float], result: Callable[[], list[float]]) -> list[float]:

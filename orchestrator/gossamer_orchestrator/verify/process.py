@@ -1,28 +1,39 @@
 """Verify an FMU in processes that it may crash or hang.
 
-The archive is checked here and unpacked; everything that reads or runs its content happens in a process of its own
-(``worker``). When that process dies or hangs, the check that it was making has failed, and another process
-continues with the next check.
+The archive is checked here and unpacked; everything that reads or runs its content happens in a process of its own. When
+that process dies or hangs, the check that it was making has failed, and another process continues with the next check.
+
+The time limit holds for the FMU, not for the checks, so what is timed is a call. A counter in shared memory is odd during
+one. The process that watches it needs nothing from the other, so it also ends a C function that hangs while it holds
+Python's lock, or a process that has stopped itself.
 """
 
 from __future__ import annotations
 
+import ctypes
 import json
+import mmap
+import os
 import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Collection
-from contextlib import closing, suppress
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 from ..errors import FmuError
 from ..fmi.archive import unpack
-from ..processes import end_all, marked
-from .calls import PATIENCE, Watch
-from .checks import CHECKS
-from .registry import FAILED, NOT_APPLICABLE, PASSED, REMARK, Finding
+from ..fmi.slave import Log
+from ..processes import end_all, shared_memory, signal_name, start
+from . import behaviour_checks  # noqa: F401 (registers its checks)
+from .checks import CHECKS, FAILED, NOT_APPLICABLE, PASSED, REMARK, Finding
+from .subject import Calls, Subject
 
+PATIENCE = 600.0  # [s] between calls: XML of any size has been checked by then
+_END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 LIMIT = 30.0  # [s]
 _POLL = 0.05  # [s]
 
@@ -72,12 +83,11 @@ def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LI
 
 def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> tuple[list[Finding], int]:
     """Run checks in one process; return its findings, the last one that it died or hung if it did, and what it left."""
-    report = scratch / "report"
+    report, calls = scratch / "report", scratch / "calls"
     report.write_bytes(b"")
-    command = [sys.executable, "-m", f"{__package__}.worker", str(path), str(scratch), *names]
-    with closing(Watch(scratch / "calls", limit)) as watch:
-        code, left = _watch_process(command, scratch, watch)
-        called = watch.in_call()
+    with shared_memory(calls, 8, new=True) as counter:
+        code, left = _watch(path, scratch, limit, names, counter)
+        called = counter[0] % 2 == 1
     lines = report.read_text("utf-8").split("\n")[:-1]  # without a line cut short by the end of the process
     findings = [Finding(name, *json.loads(line)) for name, line in zip(names, lines, strict=False)]
     death, verdict = None, FAILED
@@ -87,8 +97,7 @@ def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> t
         death = f"The check itself took more than {PATIENCE:g} s; no function of the FMU was running."
         verdict = FAILED if CHECKS[names[len(findings)]].gate else REMARK
     elif code < 0:
-        name = next((each.name for each in signal.Signals if each == -code), f"signal {-code}")  # some have no name
-        death = f"The FMU crashed its process: {name}."
+        death = f"The FMU crashed its process: {signal_name(code)}."
     elif code or not findings:
         death = f"The FMU ended its process with exit code {code:#x}."
     if death is not None and len(findings) < len(names):
@@ -96,22 +105,37 @@ def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> t
     return findings, left
 
 
-def _watch_process(command: list[str], scratch: Path, watch: Watch) -> tuple[int | None, int]:
-    """Run a worker; return its exit code, None if it made no progress, and how many processes it left behind."""
-    with subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        cwd=scratch,
-        env=marked(scratch),
-        start_new_session=True,
-    ) as child:
-        code: int | None = None
+def _watch(path: Path, scratch: Path, limit: float, names: list[str], counter: mmap.mmap) -> tuple[int | None, int]:
+    """Make checks in a process; return its exit code, None if it made no progress, and how many processes it left behind."""
+    files = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    with start(make_checks, str(path), str(scratch), *names, mark=scratch, cwd=scratch, **files) as child:
+        code, last, since = None, counter[:], time.monotonic()
         try:
-            while code is None and not watch.is_late():
+            while code is None and time.monotonic() - since <= (limit if last[0] % 2 else PATIENCE):
                 with suppress(subprocess.TimeoutExpired):
                     code = child.wait(_POLL)
+                if counter[:] != last:
+                    last, since = counter[:], time.monotonic()
         finally:
             left = end_all(child, scratch)
     return code, left
+
+
+def make_checks(path: str, scratch: str, *names: str) -> None:
+    """Make checks as the program of a process that the FMU may crash; stop after a gate that failed.
+
+    A line of JSON per check, verdict and sentence, goes to ``report`` in the folder ``scratch``; ``fmu`` there holds the
+    unpacked FMU.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+    log, calls = Log(), Calls(Path(scratch, "calls"))
+    subject = cache(lambda: Subject(Path(path), Path(scratch, "fmu"), log, calls))
+    for name in names:
+        verdict, why = CHECKS[name](subject, log)
+        with Path(scratch, "report").open("a", encoding="utf-8") as report:  # nothing is open while the FMU is called
+            report.write(json.dumps([verdict, why]) + "\n")
+        log.messages.clear()
+        if (verdict == FAILED and CHECKS[name].gate) or subject().fatal:
+            break
+    os._exit(0)  # an FMU's library may crash at the end of a process, which is none of the checks

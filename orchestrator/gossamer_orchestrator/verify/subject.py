@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Iterable, Iterator, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 from xml.etree import ElementTree
 
 import fmpy
@@ -18,10 +19,36 @@ from fmpy.fmi1 import FMICallException
 
 from ..fmi.file import interface, library_path
 from ..fmi.slave import DISCARD, FATAL, OK, Log, is_python, start_slave
-from .calls import Calls
+from ..processes import shared_memory
 
+P = ParamSpec("P")
+R = TypeVar("R")
 REALS = ("Real", "Float64", "Float32")
 STEPS = 100
+
+
+class Calls:
+    """Count the calls of an FMU in shared memory: the count is odd during one.
+
+    Parameters
+    ----------
+    path : Path
+        File that another process maps too, to see whether a call is late.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._counter = memoryview(shared_memory(path, 8)).cast("Q")
+        self._process = os.getpid()
+
+    def make(self, function: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> R:
+        """Return the result of a call of the FMU; a copy of this process that it has made ends after the call."""
+        self._counter[0] += 1
+        try:
+            return function(*arguments, **options)
+        finally:
+            if os.getpid() != self._process:
+                os._exit(0)
+            self._counter[0] += 1
 
 
 class Subject:
@@ -88,9 +115,9 @@ class Subject:
         return library_path(self.folder, self.description)
 
     @contextmanager
-    def instance(self, *, initialize: bool = True, token: str | None = None) -> Iterator[Trial]:
+    def instance(self, *, initialize: bool = True, token: str | None = None) -> Iterator[InstanceUnderTest]:
         """Start an instance, and free it unless it must not be called any more."""
-        one = Trial(self, token)
+        one = InstanceUnderTest(self, token)
         try:
             if initialize:
                 one.initialize()
@@ -103,7 +130,7 @@ class Subject:
                 one.slave.freeInstance()
 
 
-class Trial:
+class InstanceUnderTest:
     """An instance of the FMU under test; a status worse than a warning is an ``FMICallException``.
 
     Attributes

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from gossamer_fmus import build_fmu
 from gossamer_orchestrator import ProgressBar, ResultsError, ScenarioError, load_results, parse_scenario, run_scenario
-from gossamer_orchestrator.results.columns import Column
+from gossamer_orchestrator.results.columns import RecordedScalar
 from gossamer_orchestrator.results.dataset import arrange
 from gossamer_orchestrator.results.files import save_results
 from rich.console import Console
@@ -75,7 +75,7 @@ def test_elements_become_dimensions_with_their_indices_as_labels():
     labels += [("m.s[2]", "1", "Strain at sensor 2, x = 1"), ("m.s[4]", "1", "Strain at sensor 4, x = 1")]
     labels += [("d.s[1]", "1", ""), ("m.y", "Pa", "scalar")]
     table = np.arange(20.0).reshape(2, 10)
-    data = arrange(np.array([0.0, 1.0]), table, [Column(*label) for label in labels])
+    data = arrange(np.array([0.0, 1.0]), table, [RecordedScalar(*label) for label in labels])
     assert data["m.w"].dims == ("time", "w_i", "w_j")
     assert data["m.w"].sel(w_i=2, w_j=1).values.tolist() == [3.0, 13.0]
     assert data["m.s"].sel(s_index=4).values.tolist() == [7.0, 17.0]
@@ -91,7 +91,7 @@ def test_what_membranes_and_detectors_give_by_zone_and_sensor_says_so():
     labels += [(f"d.deviation[{k}]", "1", "", "detector") for k in (1, 2)]
     labels += [(f"e.damage[{k}]", "1", "", "detector") for k in (1, 2, 3)]
     labels += [(f"other.damage[{k}]", "1", "", "stranger") for k in (1, 2)]
-    data = arrange(np.zeros(1), np.ones((1, 12)), [Column(*label) for label in labels])
+    data = arrange(np.zeros(1), np.ones((1, 12)), [RecordedScalar(*label) for label in labels])
     assert data["m.damage"].dims == data["d.deviation"].dims == ("time", "zone")
     assert data["m.strain"].dims == ("time", "sensor")
     assert data["e.damage"].dims == ("time", "damage_index")
@@ -101,7 +101,9 @@ def test_what_membranes_and_detectors_give_by_zone_and_sensor_says_so():
 
 
 def test_a_mixture_of_a_scalar_and_elements_of_one_name_is_kept_apart():
-    data = arrange(np.zeros(1), np.ones((1, 3)), [Column(name, "1", "") for name in ("a.x", "a.x[1]", "a.x[2]")])
+    data = arrange(
+        np.zeros(1), np.ones((1, 3)), [RecordedScalar(name, "1", "") for name in ("a.x", "a.x[1]", "a.x[2]")]
+    )
     assert set(data.data_vars) == {"a.x", "a.x[1]", "a.x[2]"}
 
 

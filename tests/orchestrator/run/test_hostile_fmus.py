@@ -19,8 +19,8 @@ from gossamer_orchestrator import (
     make_plan,
     run_scenario,
 )
-from gossamer_orchestrator.run.checkpoint import digests, save
 from gossamer_orchestrator.run.runner import validate_scenario
+from gossamer_orchestrator.run.stream import digests, save_checkpoint
 
 
 def assert_right_until(data, stop):
@@ -103,6 +103,14 @@ def test_what_an_fmu_starts_ends_with_the_run_and_touches_no_results(hostile, be
     assert [process for process in psutil.process_iter() if environment(process) == str(tmp_path)] == []
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="its FMU writes as Linux does")
+def test_an_fmu_that_writes_to_every_open_file_changes_neither_reports_nor_results(hostile, beside, tmp_path, caplog):
+    data = run_scenario(beside(f"fault = {faults.WRITE}, at = 21"), hostile, tmp_path)
+    assert_right_until(data, 0.1)
+    assert data.attrs["ended"] == "complete"
+    assert caplog.text == ""
+
+
 def environment(process):
     try:
         return process.environ().get("OF_THIS_TEST")
@@ -140,7 +148,7 @@ def test_a_state_that_no_fmu_can_serialize_or_that_is_of_another_run_is_refused(
         run_scenario(beside(), hostile, tmp_path / "b", resume=True)
     plan = make_plan(beside(), hostile)
     with Simulation(plan) as simulation:
-        save(tmp_path / "unfinished.npz", simulation, 0, digests(plan))
+        save_checkpoint(tmp_path / "unfinished.npz", simulation, 0, digests(plan))
     with pytest.raises(ScenarioError, match=r"^the scenario differs from the unfinished run in "):
         run_scenario(beside("at = 1"), hostile, tmp_path, resume=True)
 
@@ -153,7 +161,7 @@ def test_a_run_is_not_resumed_with_another_file_of_inputs_and_one_that_replaces_
     out.mkdir()
     plan = make_plan(scenario, hostile)
     with Simulation(plan) as simulation:
-        save(out / "unfinished.npz", simulation, 0, digests(plan))
+        save_checkpoint(out / "unfinished.npz", simulation, 0, digests(plan))
     (tmp_path / "u.csv").write_text("t,u\n0,1\n1,3\n")
     with pytest.raises(ScenarioError, match=r"^file 'u.csv' differs from the unfinished run in "):
         run_scenario(scenario, hostile, out, resume=True)

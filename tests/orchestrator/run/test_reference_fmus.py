@@ -135,7 +135,7 @@ class Last:
         instance = next(member.instance for member in simulation.members if member.name == "b")
         variables = instance.fmu.variables
         self.outputs = {
-            v.removesuffix("_output"): instance.read_typed(instance.typed_port(variables[v].type, [v]))[0]
+            v.removesuffix("_output"): instance.read_values(instance.value_port(variables[v].type, [v]))[0]
             for v in instance.fmu.names("output")
         }
 

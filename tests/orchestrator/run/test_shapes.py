@@ -16,7 +16,7 @@ from gossamer_orchestrator import FmuFile, Simulation, make_plan, parse_scenario
 from gossamer_orchestrator.fmi.instances import start_instance
 from gossamer_orchestrator.fmi.shape import read_shape
 from gossamer_orchestrator.results.shapes import SHAPES, UNFINISHED_SHAPES, load_shapes
-from gossamer_orchestrator.run import checkpoint
+from gossamer_orchestrator.run import stream
 from gossamer_orchestrator.run.recorder import ShapeRecorder
 from gossamer_orchestrator.run.runner import Messages
 from sails import sail, sail_model
@@ -93,7 +93,7 @@ class StopAt:
 
     def sample(self, simulation):
         if simulation.tick == self.tick:
-            checkpoint.save(self.path, simulation, 0, checkpoint.digests(simulation.plan))
+            stream.save_checkpoint(self.path, simulation, 0, stream.digests(simulation.plan))
             raise KeyboardInterrupt
 
     def end(self, simulation):
@@ -112,9 +112,9 @@ def test_a_resumed_run_has_the_same_shapes_to_the_byte(sails, tmp_path, tick):
     with Simulation(plan) as simulation, pytest.raises(KeyboardInterrupt):
         simulation.run([StopAt(tick, path), ShapeRecorder(plan, tmp_path / "parts")])
     plan = make_plan(scenario(), sails)
-    card, arrays = checkpoint.load(path, plan)
+    card, arrays = stream.load_checkpoint(path, plan)
     with Simulation(plan) as simulation:
-        checkpoint.restore(simulation, card, arrays)
+        stream.restore_checkpoint(simulation, card, arrays)
         simulation.run([ShapeRecorder(plan, tmp_path / "parts")])
     whole, parts = ((tmp_path / name / UNFINISHED_SHAPES).read_bytes() for name in ("whole", "parts"))
     assert whole == parts

@@ -18,7 +18,7 @@ from gossamer_orchestrator import (
     parse_scenario,
     run_scenario,
 )
-from gossamer_orchestrator.run import checkpoint
+from gossamer_orchestrator.run import stream
 from simulated import simulate
 
 # --- a rate per component ---
@@ -156,11 +156,11 @@ def test_a_run_under_step_control_resumes_to_the_same_bits(reference_fmus, tmp_p
     with Simulation(plan) as whole:
         for _ in range(20):
             whole.step()
-        checkpoint.save(tmp_path / "half.npz", whole, 0, checkpoint.digests(plan))
+        stream.save_checkpoint(tmp_path / "half.npz", whole, 0, stream.digests(plan))
         whole.run()
         wanted = whole.values.tolist()
     with Simulation(make_plan(parse_scenario(text), reference_fmus)) as resumed:
-        checkpoint.restore(resumed, *checkpoint.load(tmp_path / "half.npz", resumed.plan))
+        stream.restore_checkpoint(resumed, *stream.load_checkpoint(tmp_path / "half.npz", resumed.plan))
         resumed.run()
         assert resumed.values.tolist() == wanted
 

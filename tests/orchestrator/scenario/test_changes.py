@@ -6,7 +6,7 @@ import pytest
 from gossamer_orchestrator import ScenarioError, load_results, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import suggest
-from gossamer_orchestrator.scenario.changes import changed, read_changes
+from gossamer_orchestrator.scenario.values import changed, read_changes
 from typer.testing import CliRunner
 
 TEXT = """

@@ -5,7 +5,15 @@ from __future__ import annotations
 import codecs
 
 import pytest
-from gossamer_orchestrator import ScenarioError, load_scenario, make_plan, parse_scenario, run_scenario
+from gossamer_orchestrator import (
+    OrchestratorError,
+    ScenarioError,
+    load_results,
+    load_scenario,
+    make_plan,
+    parse_scenario,
+    run_scenario,
+)
 from gossamer_orchestrator.scenario.source import find_scenario
 
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
@@ -28,6 +36,19 @@ def test_utf_16_is_named(tmp_path, coding):
 def test_python_knows_the_shipped_names_that_the_command_knows(tmp_path):
     with pytest.raises(ScenarioError, match=r"damaged.toml: there is no folder .*nowhere with FMUs"):
         run_scenario("damaged", tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("place", ["scenario", "fmu", "fmus", "out", "results", "set"])
+def test_a_path_that_no_file_can_have_is_refused_in_a_sentence(tmp_path, fmus, place):
+    long, path = "a" * 4400, tmp_path / "g.toml"
+    path.write_text(GAIN.replace('"gain"', f'"{long}"') if place in ("fmu", "set") else GAIN)
+    scenario, folder, out = (
+        long if place == each else usual for each, usual in (("scenario", path), ("fmus", fmus), ("out", None))
+    )
+    changes = {"g.gain": 1.0} if place == "set" else {}
+    message = r"no file can be called '.{60}' \.\., \d{4} characters: .+\. Name another\."
+    with pytest.raises(OrchestratorError, match=message):
+        load_results(tmp_path / long) if place == "results" else run_scenario(scenario, folder, out, values=changes)
 
 
 def test_a_missing_ssp_is_not_taken_for_the_shipped_scenario_of_its_name():

@@ -12,7 +12,7 @@ from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.scenario import schema
 from typer.testing import CliRunner
 
-TABLES = [each for each in vars(schema).values() if isinstance(each, type) and issubclass(each, schema.Table)]
+TABLES = [each for each in vars(schema).values() if isinstance(each, type) and issubclass(each, schema.ScenarioTable)]
 
 
 @pytest.fixture

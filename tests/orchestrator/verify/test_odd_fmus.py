@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 import time
 import zipfile
 from pathlib import Path
@@ -145,15 +147,15 @@ def test_a_child_that_returns_from_a_step_changes_no_verdict(odd):
     assert [findings[name].verdict for name in ("steps", "reset", "two instances")] == [PASSED] * 3
 
 
-def test_verify_leaves_no_process_when_it_is_interrupted(odd, tmp_path, monkeypatch):
+def test_verify_leaves_no_process_when_it_is_interrupted(odd, tmp_path):
     pids = tmp_path / "pids"
 
-    def interrupt(_watch):
-        if pids.exists():
-            raise KeyboardInterrupt
-        return False
+    def interrupt():
+        while not pids.exists():
+            time.sleep(0.02)
+        signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr("gossamer_orchestrator.verify.calls.Watch.is_late", interrupt)
+    threading.Thread(target=interrupt, daemon=True).start()
     with pytest.raises(KeyboardInterrupt):
         odd("steps", step="if (time == 0) { note(getpid()); for (;;) pause(); }")
     (worker,) = (int(line) for line in pids.read_text().split())

@@ -15,7 +15,7 @@ from gossamer_fmus import build_all, build_fmu
 from gossamer_models.sensor import sensor_model
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.verify import FAILED, NOT_APPLICABLE, PASSED, REMARK, verify
-from gossamer_orchestrator.verify.registry import Finding
+from gossamer_orchestrator.verify.checks import Finding
 from pythonfmu.builder import FmuBuilder
 from typer.testing import CliRunner
 
