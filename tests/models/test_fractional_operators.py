@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
-from gossamer_models.fractional import derivative, integral
 from gossamer_models.modes import PowerLawKernels
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.fractional import derivative_sum, integral_sum, turned
 from scipy.integrate import quad
 from scipy.special import gamma
+from studies.operators import derivative, integral
 
 orders = st.floats(0.02, 0.98)
 records = st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=40).map(np.array)

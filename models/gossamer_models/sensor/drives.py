@@ -18,6 +18,23 @@ from ..arrays import Vector
 from ..errors import require
 
 DIRECTIONS = {"rising": 1.0, "falling": -1.0}
+# of a sensor whose output may move against the strain: no exact inverse, so one fit of each kind of operator
+DIRECT = {
+    "invertible": False,
+    "eta": (1.0, 1.0),
+    "fit_kernels": False,
+    "density_ridge": 3e-3,
+    "relaxation_ridge": 3e-3,
+    "starts": 1,
+}
+OF_EITHER_SIGN = {
+    **DIRECT,
+    "signed": True,
+    "knots": 6,
+    "smoothness": 5e-5,
+    "density_ridge": 5e-5,
+    "relaxation_ridge": 5e-5,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,23 +167,6 @@ THESIS = (Drive(), Drive(power=1))
 FALLING = (Drive("falling"), Drive("falling", power=1))
 GAIN = Drive(gain=True)
 
-# of a sensor whose output may move against the strain: no exact inverse, so one fit of each kind of operator
-DIRECT = {
-    "invertible": False,
-    "eta": (1.0, 1.0),
-    "fit_kernels": False,
-    "density_ridge": 3e-3,
-    "relaxation_ridge": 3e-3,
-    "starts": 1,
-}
-OF_EITHER_SIGN = {
-    **DIRECT,
-    "signed": True,
-    "knots": 6,
-    "smoothness": 5e-5,
-    "density_ridge": 5e-5,
-    "relaxation_ridge": 5e-5,
-}
 
 EXTENSIONS = {
     "none": Extension(THESIS, "the thesis' relaxation"),
