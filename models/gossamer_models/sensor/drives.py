@@ -1,8 +1,8 @@
-r"""Excitation of the relaxation of a sensor, and the named sets of excitations that a fit may choose.
+r"""Terms of the relaxation of a sensor, what excites them, and the named sets of excitations that a fit may choose.
 
 Symbols: ``s`` normalised strain [1]; a mode is driven at the rate :math:`a s^d |\dot s|`, d = 0 or 1, while strain rises,
-as in Eq. (4.13) and Section 4.2 of the thesis, or while it falls. A gain is a mode that is multiplied by the present
-strain.
+as in Eq. (4.13) and Section 4.2 of the thesis, or while it falls, and decays as :math:`e^{-b t^c}`, Eq. (4.12). A gain is a
+mode that is multiplied by the present strain.
 """
 
 from __future__ import annotations
