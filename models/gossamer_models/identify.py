@@ -11,24 +11,26 @@ from typing import Any, Literal
 
 import numpy as np
 from gossamer_files import digest
+from gossamer_files.charts import Chart, save_charts
 
 from .arrays import Vector
 from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
 from .errors import ParameterError
 from .fitting.errors import Errors, nrmse
-from .fitting.plots import Picture, record_pictures, save_figures
 from .fitting.reading import Columns, read_records
 from .fitting.records import Record, judged_rows, strain_range, thin, training_stretches
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.fit import doubts as fractional_doubts
+from .plots import ModelledRecord, record_files
 from .replay import Recovered, clipped_strain, recover_by_fit, table_path, write_predictions
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.doubts import start_errors, undetermined
 from .sensor.fit.settings import MODELS as PREISACH
-from .sensor.plots import sensor_pictures
+from .sensor.plots import FILES as SENSOR_FILES
+from .sensor.plots import sensor_files
 
 log = logging.getLogger(__name__)
 AUTO: Literal["auto"] = "auto"  # chooses the model by predicting the later parts of the training stretch
@@ -84,6 +86,13 @@ class Identified:
     def recovered_of(self, k: int) -> dict[str, Recovered]:
         """Return what is recovered from record k, by name; nothing for a model without a compensator."""
         return {"recovered": self.recovered[k]} if self.recovered else {}
+
+    def modelled(self, k: int) -> ModelledRecord:
+        """Return what the charts of record k show."""
+        record, predicted = self.in_its_file(k)
+        compensator = getattr(self.fit.artifact, "compensator", None) or "inverse"
+        recovered = {compensator: self.recovered[k]} if self.recovered else {}
+        return ModelledRecord(record=record, predicted=predicted, recovered=recovered, first=self.fit.train[k])
 
 
 def options(settings: type) -> list[Field[Any]]:
@@ -297,15 +306,14 @@ def _stated(fit: PreisachFit) -> dict[str, str]:
 def save_pictures(result: Identified, folder: Path, form: str = "png") -> list[Path]:
     """Write all pictures that an identified model has, as png, svg or pdf; return their paths."""
     fit = result.fit
-    pictures: dict[str, Picture] = {}
+    pictures: dict[str, Chart] = {}
     for k in range(len(fit.records)):
-        strains = {name: found.strain for name, found in result.recovered_of(k).items()}
-        pictures |= record_pictures(*result.in_its_file(k), strains, fit.train[k])
+        pictures |= record_files(result.modelled(k))
     if isinstance(fit, PreisachFit):
-        pictures |= sensor_pictures(fit.artifact)
-        if "eta" not in pictures:
-            (folder / f"eta.{form}").unlink(missing_ok=True)  # of an earlier fit
-    return save_figures(pictures, folder, form)
+        pictures |= sensor_files(fit.artifact)
+        for name in SENSOR_FILES.values() - pictures.keys():
+            (folder / f"{name}.{form}").unlink(missing_ok=True)  # of an earlier fit
+    return save_charts(pictures, folder, form)
 
 
 def save_predictions(result: Identified, folder: Path) -> list[Path]:
