@@ -23,7 +23,7 @@ test: $(TOOLS)
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
-	$(BIN)/pytest --numprocesses auto --dist loadfile
+	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 site: $(TOOLS) $(NOTEBOOKS:docs/notebooks/%=docs/notebooks/out/%)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict  # with --quiet it would count no warning
@@ -42,7 +42,7 @@ test-basilisk:
 	build/basilisk/bin/pytest tests/hosts/test_basilisk.py
 
 bench: $(TOOLS)
-	$(BIN)/pytest tests/bench --override-ini addopts="-ra --import-mode=importlib -s"
+	$(BIN)/pytest tests/bench --measure --override-ini addopts="-ra --import-mode=importlib -s"
 
 docs: demo
 	cp out/damage_begins/damage_history.png docs/demo.png
@@ -50,7 +50,6 @@ docs: demo
 
 goldens: $(TOOLS)
 	$(BIN)/pytest tests/fmus --rewrite-goldens
-	$(BIN)/python docs/make_front_door.py
 
 figures: $(TOOLS)
 	$(BIN)/python docs/make_identification_page.py

@@ -16,6 +16,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
@@ -23,7 +24,7 @@ from ..fitting.records import Record, strain_range
 from ..replay import Recovered, recover_by_fit
 from ..sensor.artifact import ErrorModel, Tracking
 from ..sensor.fit import PreisachFit, PreisachSettings, fit_preisach
-from .sensors import NOTHING, choose_inverse, choose_sensors, sensor_name
+from .sensors import choose_inverse, choose_sensors, nothing_fitted, sensor_name
 from .trials import FITTED, Bench, Trial, cut, error_on, shortened
 
 LEAST_ERROR = 3e-3  # [1]: below the spacing of the hypotheses an error would choose among them by chance
@@ -31,9 +32,20 @@ APART = 3  # samples over which a rate is taken
 RESTING = 0.05  # of the root mean square rate
 TURNING = 0.5  # of it: a larger change of rate is a turn
 FEWEST, MOST_TURNS = 0.005, 0.05  # [per sample]
-TOO_SHORT = "the training stretch leaves too few samples to judge a compensator by. Name a longer one (--train)."
 OPTIMISM = 1.4  # by which errors grow from the trials, of which the best wins, to records that lie further ahead
 SHARED = 0.5  # of the squares of the errors that the constant part of the stated deviation explains
+TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
+SURE, CALM = 30.0, 1.0
+NEAR = 1.1  # of methods whose errors are at most so many times the least one, that listed first wins: less is left to chance
+BUDGET = 60.0  # [s]
+SHARES = (0.4, 0.6, 0.9)  # of the budget that have passed when sensor, direct inverse and compensator are chosen
+Progress = Callable[[float, str], None]
+
+
+def too_short() -> DataError:
+    """Return the refusal of a training stretch."""
+    text = "the training stretch leaves too few samples to judge a compensator by."
+    return DataError(f"{text} Name a longer one ({option('train')}).")
 
 
 def error_model(errors: Sequence[Vector], step: float) -> ErrorModel:
@@ -51,7 +63,7 @@ def error_model(errors: Sequence[Vector], step: float) -> ErrorModel:
     """
     errors = [e for e in errors if e.size > 2 * APART]
     if not errors:
-        raise DataError(TOO_SHORT)
+        raise too_short()
     count = sum(e.size for e in errors)
 
     def correlation(lag: int) -> float:
@@ -100,11 +112,6 @@ def calibrated(tracking: Tracking, errors: Vector, stated: Vector) -> Tracking:
 def held_errors(errors: Sequence[Vector], rows: Sequence[Rows]) -> list[Vector]:
     """Return the errors on some samples of every record."""
     return [e[held] for e, held in zip(errors, rows, strict=True) if held.any()]
-
-
-TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
-SURE, CALM = 30.0, 1.0
-NEAR = 1.1  # of methods whose errors are at most so many times the least one, that listed first wins: less is left to chance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -230,7 +237,7 @@ def choose_compensator(
         "compensator", order, lambda m: m.text, [judge], until=until, share=(0.7, 0.95), surely=len(first)
     )
     if not found:
-        raise DataError(NOTHING)
+        raise nothing_fitted()
     close = [method for error, method in found if error <= NEAR * found[0][0]]
     best = min(close, key=methods.index)
     # if another method has won, this filter serves whoever builds the FMU filter
@@ -245,7 +252,7 @@ def choose_compensator(
     errors, stated = (np.concatenate(each) / full_scale for each in zip(*ahead, strict=True))
     there = np.isfinite(errors)  # the last ones are not delivered before the trial ends
     if not there.any():
-        raise DataError(TOO_SHORT)
+        raise too_short()
     return best, calibrated(numbers, errors[there], stated[there])
 
 
@@ -272,12 +279,6 @@ def _numbers(fit: PreisachFit, train: tuple[Rows, ...], late: tuple[Rows, ...]) 
         inverse=error_model(held_errors(strain, late), step),
         **motion([t for t, _ in seen], [s for _, s in seen], step),
     )
-
-
-BUDGET = 60.0  # [s]
-SHARES = (0.4, 0.6, 0.9)  # of the budget that have passed when sensor, direct inverse and compensator are chosen
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, kw_only=True)

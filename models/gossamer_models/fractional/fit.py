@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
+from gossamer_files.options import option
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
@@ -32,6 +33,10 @@ from ..fitting.records import Record, in_equal_steps
 from .artifact import FractionalArtifact
 from .model import predict
 from .problem import FractionalProblem, FractionalSettings, prepare
+
+RESTED = 0.01  # of the range of resistance that counts as another resistance at rest, which was fitted
+AT_BOUND = 1e-6  # of the width of the box
+UNEVEN = 0.01  # of the median step: larger differences of steps are reported
 
 
 def parameters(problem: FractionalProblem, theta: Vector) -> tuple[tuple[Parameter, ...], Matrix]:
@@ -222,16 +227,11 @@ def _sorted(theta: Vector, settings: FractionalSettings) -> Vector:
     return np.concatenate([np.sort(a), np.sort(p), q[np.argsort(p)]])
 
 
-RESTED = 0.01  # of the range of resistance that counts as another resistance at rest, which was fitted
-AT_BOUND = 1e-6  # of the width of the box
-UNEVEN = 0.01  # of the median step: larger differences of steps are reported
-
-
 def doubts(fit: FractionalFit) -> tuple[str, ...]:
     """Return the assumptions and what the data do not determine, one sentence each."""
     sentences = [_uneven(record) for record in fit.records]
     if any(each.name == "R_0" for each in fit.parameters):
-        advice = "If the sensor was at rest, give the resistance at rest (--rest-resistance)."
+        advice = f"If the sensor was at rest, give the resistance at rest ({option('rest_resistance')})."
         rest, full_scale = fit.rest_resistance, fit.artifact.full_scale_strain
         sentences += [rest_doubt(record, rest, full_scale, RESTED, advice) for record in fit.records]
     loose = [each.name for each in fit.parameters if not each.determined]

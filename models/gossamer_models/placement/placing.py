@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse
 from gossamer_files import replacing
+from gossamer_files.options import option
 
 from ..arrays import Vector
 from ..errors import ParameterError
 from ..membrane import Sensor, Structure
-from .candidates import Gauges, candidates, stacked
+from .candidates import candidates
 from .check import MonteCarloCheck, check
 from .information import choose, deviations, information, smallest_damage
 from .simulation import GaugeSimulation, Report, quiet
@@ -130,16 +130,14 @@ def place_sensors(
     """
     samples = _samples(noise, step, stop)
     simulation = GaugeSimulation(structure, load, step, samples)
-    spread = candidates(structure, points, gauge_length)
-    own = structure.setup.sensors
-    n_own, n_nodes = len(own), len(structure.mesh.nodes)
-    every = _joined(stacked(own, list(structure.gauges), n_nodes), spread)
+    every = candidates(structure, points, gauge_length, own=True)
     healthy = np.zeros(len(simulation.low))
     strain, J = simulation.derivatives(healthy, every, report)
     if np.ptp(strain, axis=1).max() <= STILL:
         msg = (
             "no strain changes while it is recorded, so it tells nothing. Let the built-in pressure act, for instance "
-            "--set pressure_amplitude=100 --set pressure_frequency=5, on a setup with a load of kind 'pressure'."
+            f"{option('set', 'pressure_amplitude=100')} {option('set', 'pressure_frequency=5')}, on a setup with a "
+            "load of kind 'pressure'."
         )
         raise ParameterError(msg)
     I = information(J, noise)
@@ -158,7 +156,7 @@ def place_sensors(
     kept = choose(I, simulation.zones, count)
     return Placing(
         structure=structure,
-        own=placement(list(range(n_own)), "own") if n_own else None,
+        own=placement(list(range(structure.n_sensors)), "own") if structure.n_sensors else None,
         chosen=placement(kept, "chosen"),
         candidates=len(every.sensors),
         noise=noise,
@@ -169,21 +167,13 @@ def place_sensors(
 def _samples(noise: float, step: float, stop: float) -> int:
     for name, value in (("noise", noise), ("step", step), ("stop", stop)):
         if not 0.0 < value < math.inf:
-            msg = f"--{name} is {value:g}. Write a positive number."
+            msg = f"{option(name)} is {value:g}. Write a positive number."
             raise ParameterError(msg)
     samples = math.floor(stop / step * (1.0 + 1e-12))
     if not 2 <= samples <= 1_000_000:
         msg = f"a record of {stop:g} s at steps of {step:g} s has {samples} samples. Choose 2 to 1000000 of them."
         raise ParameterError(msg)
     return samples
-
-
-def _joined(first: Gauges, second: Gauges) -> Gauges:
-    if not first.sensors:
-        return second
-    lines = scipy.sparse.csr_array(scipy.sparse.vstack([first.lines, second.lines]))
-    means = scipy.sparse.csr_array(scipy.sparse.block_diag([first.means, second.means]))
-    return Gauges(first.sensors + second.sensors, lines, means)
 
 
 def write_csv(found: Placing, path: Path) -> None:

@@ -13,22 +13,23 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_files import digest
+from gossamer_files.charts import Chart, save_charts
+from gossamer_files.options import option
 
 from ..arrays import Rows, Vector
 from ..artifacts import artifact_schema
 from ..automatic.compare import HERE, Interval, beside, cubic, error_interval
 from ..errors import ArtifactError
 from ..fitting.errors import nrmse
-from ..fitting.plots import Picture, record_pictures, save_figures
 from ..fitting.reading import Columns, read_records
 from ..fitting.records import Record, judged_rows, training_rows
+from ..plots import BAND, ModelledRecord, record_files
 from ..replay import REACH, Recovered, clipped_strain, recover, sensor_output, table_path, write_predictions
 from ..sensor import Scales, SensorArtifact
 from .scales import RelaxingScales, fit_scales, hardly_overlapping
 
 RIGHT = 0.05  # share of the errors that a normal distribution leaves beyond the band
 TOO_SURE = 0.5  # stated over true deviation, below which it is said
-BAND = 2.0  # standard deviations to each side
 LEAST_JUDGED = 0.25  # share of a record that must lie before its first strain beyond the full scale
 
 
@@ -73,6 +74,20 @@ class Judged:
     def fitted(self) -> Rows:
         """Samples that something of the sensor was fitted to: none with its own scales."""
         return self.first if self.scales is not None else np.zeros_like(self.first)
+
+    @property
+    def modelled(self) -> ModelledRecord:
+        """What the charts show."""
+        stretch = "stretch to which the scales are fitted" if self.scales else "first stretch"
+        fitted, own = "scales fitted" if self.scales else "", self.recovered
+        return ModelledRecord(
+            record=self.record,
+            predicted=self.predicted,
+            recovered=own,
+            first=self.first,
+            stretch=stretch,
+            fitted=fitted,
+        )
 
     def stretches(self) -> dict[str, Rows]:
         """Return the first stretch and the rest, where there is one, by name."""
@@ -157,7 +172,8 @@ class Judged:
             said.append(f"{name} is a record that the sensor was fitted to: its errors say little of others.")
         said += [*self.elsewhere, *self.clipped, *self.too_sure(), *defeats]
         if defeats and self.scales is None:
-            said.append(f"{name}: its sensor may be mounted or drifted otherwise; find its own scales (--fit-scales).")
+            advice = f"find its own scales ({option('fit_scales', True)})"
+            said.append(f"{name}: its sensor may be mounted or drifted otherwise; {advice}.")
         return tuple(said)
 
 
@@ -265,7 +281,7 @@ def read_sensor(path: Path) -> SensorArtifact:
         msg = f"there is no sensor {path}. Make it with 'gossamer identify', or name another file."
         raise ArtifactError(msg)
     if artifact_schema(path) == "gossamer.fractional":
-        msg = f"{path} holds a fractional model, which recovers no strain. Judge a sensor of --model preisach."
+        msg = f"{path} holds a fractional model, which recovers no strain. Judge a sensor of {option('model', 'preisach')}."
         raise ArtifactError(msg)
     return SensorArtifact.read(path)
 
@@ -286,17 +302,16 @@ def scales_of(artifact: SensorArtifact, path: Path) -> tuple[float, float, float
 def save_judged(judged: Sequence[Judged], folder: Path, *, pictures: bool = True, form: str = "png") -> list[Path]:
     """Write predictions as CSV, and pictures of resistance, recovered strain and residuals; return the paths."""
     paths = []
-    drawn: dict[str, Picture] = {}
+    drawn: dict[str, Chart] = {}
     for each in judged:
-        strains = {name: found.strain for name, found in each.recovered.items()}
         paths.append(
             write_predictions(
                 table_path(folder, each.record.name), each.record, each.predicted, _cells(each), each.fitted
             )
         )
         if pictures:
-            drawn |= record_pictures(each.record, each.predicted, strains, each.fitted)
-    return [*paths, *save_figures(drawn, folder, form)]
+            drawn |= record_files(each.modelled)
+    return [*paths, *save_charts(drawn, folder, form)]
 
 
 def _cells(each: Judged) -> Mapping[str, Vector]:

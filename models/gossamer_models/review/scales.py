@@ -7,7 +7,7 @@ since the first sample [s], :math:`\tau` times of decays [s];
 
 The sensor itself stays as it is. The strain of a record before its first sample is unknown: it leaves the resistance and
 the gauge factor relaxing, hence the decays. All unknowns are linear, and one ridge on the decays is chosen by predicting the
-later parts of the stretch from the earlier ones, as in ``sensor/fit/solve.py``.
+later parts of the stretch from the earlier ones, by ``forward_cuts``.
 """
 
 from __future__ import annotations
@@ -15,14 +15,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError
-from ..fitting.records import Record
+from ..fitting.records import Record, forward_cuts
 
 LEAST_OVERLAP = 0.25  # of one of two ranges
 
 Range = tuple[float, float]
+LEAST_SAMPLES = 20
+SHORTEST_DECAY = 0.01  # of the stretch
+OFFSET_DECAYS, GAIN_DECAYS = 4, 2
+SHORTEST_GAIN_DECAY = 0.125  # of the stretch: a gain shows only over cycles
+RIDGES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 30.0)  # over the range of the stretch [1]
 
 
 def hardly_overlapping(
@@ -51,7 +57,7 @@ def hardly_overlapping(
     if _size(here) < LEAST_OVERLAP * full_scale:
         sentences.append(
             f"strain is {100 * here[0]:.4g} to {100 * here[1]:.4g} %, a small part of the 0 to {100 * full_scale:.4g} % "
-            "that the sensor was identified on. Check the unit (--strain-unit), or name a record of like strain"
+            f"that the sensor was identified on. Check the unit ({option('strain_unit')}), or name a record of like strain"
         )
     here = float(record.resistance.min()), float(record.resistance.max())
     known = min(offset, offset + gain), max(offset, offset + gain)
@@ -60,7 +66,7 @@ def hardly_overlapping(
         sentences.append(
             f"resistance is {here[0]:.5g} to {here[1]:.5g}{unit}, but the sensor was identified on {known[0]:.5g} to "
             f"{known[1]:.5g}{unit} between rest and full scale: the ranges hardly overlap. Check column and unit "
-            "(--resistance, --resistance-unit), or give --fit-scales"
+            f"({option('resistance')}, {option('resistance_unit')}), or give {option('fit_scales', True)}"
         )
     return tuple(f"{record.name}: {sentence}." for sentence in sentences)
 
@@ -71,14 +77,6 @@ def _size(ends: Range) -> float:
 
 def _shared(one: Range, other: Range) -> float:
     return max(min(one[1], other[1]) - max(one[0], other[0]), 0.0)
-
-
-LEAST_SAMPLES = 20
-SHORTEST_DECAY = 0.01  # of the stretch
-OFFSET_DECAYS, GAIN_DECAYS = 4, 2
-SHORTEST_GAIN_DECAY = 0.125  # of the stretch: a gain shows only over cycles
-RIDGES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 30.0)  # over the range of the stretch [1]
-PARTS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +124,8 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> RelaxingScales:
     """
     where = f"{record.name}, lines {record.lines[rows][0]} to {record.lines[rows][-1]}" if rows.any() else record.name
     if rows.sum() < LEAST_SAMPLES or not np.ptp(output[rows]) > 0.0:
-        msg = f"{where}: no scales can be fitted to {int(rows.sum())} samples. Name a stretch with loading (--stretch)."
+        advice = f"Name a stretch with loading ({option('stretch')})."
+        msg = f"{where}: no scales can be fitted to {int(rows.sum())} samples. {advice}"
         raise DataError(msg)
     t, span = record.time - record.time[0], float(np.ptp(record.time[rows]))
     before = np.exp(-t[:, None] / (span * np.geomspace(SHORTEST_DECAY, 1.0, OFFSET_DECAYS)))
@@ -140,7 +139,7 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> RelaxingScales:
     if not gain.min() > 0.0:
         msg = (
             f"{where}: the fitted gain falls to {gain.min():.3g}: this record does not follow the sensor. Check its "
-            "columns and units, or name a longer stretch (--stretch)."
+            f"columns and units, or name a longer stretch ({option('stretch')})."
         )
         raise DataError(msg)
     return RelaxingScales(
@@ -154,11 +153,10 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> RelaxingScales:
 
 def _forward_error(A: Matrix, b: Vector, rows: Rows, ridge: float) -> float:
     """Return the mean square error [1] of each later part of the stretch, predicted from all parts before it."""
-    parts = np.array_split(np.flatnonzero(rows), PARTS)
-    squares = []
-    for k in range(PARTS // 2, PARTS):
-        fitted = np.concatenate(parts[:k])
-        squares.append(np.mean((A[parts[k]] @ _solve(A[fitted], b[fitted], ridge) - b[parts[k]]) ** 2))
+    squares = [
+        np.mean((A[held] @ _solve(A[fitted], b[fitted], ridge) - b[held]) ** 2)
+        for (fitted,), (held,) in forward_cuts((rows,))
+    ]
     return float(np.mean(squares))
 
 

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
+from gossamer.descriptions import load_campaign
 from gossamer.pages.campaign import campaign_page
 from gossamer_models import campaign as models
 from gossamer_orchestrator import ScenarioError
-from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.campaign_file import load_campaign
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 from reading_pages import read_page, values
-from typer.testing import CliRunner
 
 DOCS = Path(__file__).parents[3] / "docs" / "campaigns.md"
 RIGHT = """
@@ -42,7 +41,7 @@ CHAIN = "[chain]\ncompensator_parameters = { dead_bnd = 1.0 }\n"
 
 @pytest.fixture
 def call():
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])
+    return lambda *arguments: invoke([str(a) for a in arguments])
 
 
 def written(folder: Path, *changes: tuple[str, str], more: str = "") -> Path:
@@ -110,7 +109,7 @@ def test_cases_that_failed_are_listed_with_what_was_drawn(call, tmp_path):
     assert page.sentence == "1 of 6 cases failed; their histories are not a number."
     assert page.more[0] == "This run simulated 6 of them in 2.0 s, 3 cases a second."
     assert f"<td>{float(data['pressure_amplitude'][4]):.6g}</td>" in page.facts
-    strains = page.content["charts"][-1]["traces"]
+    strains = page.charts[-1].traces
     assert all(np.isfinite(each["y"]).all() for each in strains)
     assert [each["name"] for each in strains[3:]] == ["case 0", "case 2", "case 5"]
 
