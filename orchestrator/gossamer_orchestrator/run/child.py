@@ -45,13 +45,13 @@ class RunTask:
 
     scenario: Scenario | Path | str
     fmus: Path | str
-    step: float | None
-    stop: float | None
-    values: Mapping[str, Given] | None
-    master: str | None
-    strict: bool
     scratch: Path
     level: int
+    step: float | None = None
+    stop: float | None = None
+    values: Mapping[str, Given] | None = None
+    master: str | None = None
+    strict: bool = False
     out: Path = Path()  # where a run writes its folder by default
     threads: int = 1
     resume: bool = False
