@@ -8,7 +8,7 @@ Both kinds hold::
 A native FMU also holds its C code and the compiled binaries::
 
     binaries/<platform>/<name>.<so|dll|dylib>
-    sources/                                 see ``c_code``
+    sources/, resources/tables.bin           see ``c_code``
 
 A Python FMU holds one generic slave and the serialized step model instead; see ``python_fmu``. An FMU of a model with files
 of its own, for programs that draw it, holds them too::
@@ -34,11 +34,10 @@ from typing import Unpack
 from gossamer_files import replacing
 from gossamer_models import GossamerError, ParameterError, StepModel
 
-from .c_code import sources, with_guid
+from .c_code import TABLES_FILE, sources, with_guid
 from .catalogue import NAMES, ModelOptions, make_model
 from .compiler import choose_platforms, compile_library
 from .description import FmiVersion, build_description, model_description
-from .loop_code import FILE
 from .page import documents
 from .python_fmu import python_members
 
@@ -158,8 +157,8 @@ def _build(
     for name, model in models.items():
         code = sources(model, "", fmi) if native else {}
         members = documents(model, readme) | ({} if native else python_members(model)) | _resources(model, native)
-        if model.tables is not None:
-            members[f"resources/{FILE}"] = model.tables.content()
+        if TABLES_FILE in code:
+            members[f"resources/{TABLES_FILE}"] = code.pop(TABLES_FILE)
         described = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}
         guid = _identifier(members | code | described)
         codes[name] = with_guid(code, guid) if native else {}

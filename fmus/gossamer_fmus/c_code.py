@@ -7,23 +7,31 @@ The sources of an FMU are one translation unit::
     state.h             saved states; the same for every model
     model.h             the table of variables and sizes, written here
     functions.h         init, step and their derivatives, written by CasADi
-    tables.h, loop.h .. of a model with tables: how it reads them, and its sums over elements; see ``loop_code``
+    loop.h ..           of a model with tables: its sums over elements; see ``loop_code``
+    tables.h            how it reads the numbers that are too many for its text, ``resources/tables.bin`` of the FMU
 """
 
 from __future__ import annotations
 
 import json
+import re
+import zlib
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 from gossamer_models import StepModel
 
 from .description import FmiVersion, arrays_of
 from .loop_code import loop_sources, table_sizes, with_loops
 
+TABLES_FILE = "tables.bin"
+_LONG, _MANY = 1_000, 100_000  # numbers of a list, and of all such lists, that text and every library need not repeat
+_LIST = re.compile(r"static const casadi_real (casadi_c\d+)\[\d+\] =\s*\{([^}]*)\};")
+
 
 def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
-    """Return the C sources by file name; ``fmi2.c`` or ``fmi3.c`` is the one to compile.
+    """Return the C sources by file name, and ``tables.bin`` if they read one; ``fmi2.c`` or ``fmi3.c`` is to be compiled.
 
     Parameters
     ----------
@@ -39,16 +47,35 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
     functions = [model.init, model.step]
     if model.tables is None:
         functions += [derivative(model), initial_derivative(model)]
-    files["model.h"] = _model_header(model, guid, functions).encode()
     generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 1})
-    for function in functions:
+    for function in [*functions, *(loop.stand_in for loop in (model.tables.loops if model.tables else ()))]:
         generator.add(function)
     if model.tables is None:
-        return files | {"functions.h": generator.dump().encode()}
-    for loop in model.tables.loops:
-        generator.add(loop.stand_in)
-    code = with_loops(generator.dump(), model.tables.loops)
-    return files | loop_sources(model.name, model.tables) | {"functions.h": code.encode()}
+        code, tables = _long_lists_read(generator.dump())
+        sizes: dict[str, int | str] = {"N_NUMBERS": len(tables) // 8, "N_PLACES": 0}
+    else:
+        code, tables = with_loops(generator.dump(), model.tables.loops), model.tables.content()
+        files |= loop_sources(model.name, model.tables)
+        sizes = table_sizes(model.tables)
+    if tables:
+        sizes |= {"TABLES_FILE": f'"{TABLES_FILE}"', "TABLES_CHECKSUM": zlib.crc32(tables)}
+        files |= {"tables.h": (here / "tables.h").read_bytes(), TABLES_FILE: tables}
+    files["functions.h"] = code.encode()
+    return files | {"model.h": _model_header(model, guid, functions, sizes).encode()}
+
+
+def _long_lists_read(code: str) -> tuple[str, bytes]:
+    """Let code take long lists of constants, as of networks, from a file if together they are many."""
+    lists = {m[1]: np.array(m[2].split(","), dtype="<f8") for m in _LIST.finditer(code) if m[2].count(",") >= _LONG}
+    if sum(map(len, lists.values())) < _MANY:
+        return code, b""
+    begin = dict(zip(lists, np.cumsum([0, *map(len, lists.values())]).tolist(), strict=False))
+
+    def read(found: re.Match[str]) -> str:
+        name = found[1]
+        return f"#undef {name}\n#define {name} (tables + {begin[name]})" if name in begin else found[0]
+
+    return _LIST.sub(read, code), np.concatenate([*lists.values()]).tobytes()
 
 
 def with_guid(files: dict[str, bytes], guid: str) -> dict[str, bytes]:
@@ -75,11 +102,11 @@ def initial_derivative(model: StepModel) -> ca.Function:
     return ca.Function("initial_derivative", [*arguments, du], [ca.densify(ca.jtimes(y, arguments[0], du))])
 
 
-def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> str:
+def _model_header(model: StepModel, guid: str, functions: list[ca.Function], tables: dict[str, int | str]) -> str:
     """Write the table of variables and all sizes as C."""
     parameters, inputs, results = model.slices()
     digest = ", ".join(f"0x{byte:02x}" for byte in bytes.fromhex(model.digest)[:16])
-    sizes: dict[str, int | str] = {
+    sizes = {
         "N_VARIABLES": len(model.variables),
         "N_PARAMETERS": parameters.stop,
         "N_INPUTS": inputs.stop - inputs.start,
@@ -91,10 +118,9 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function]) -> 
         "SIZE_IW": max(1, *(f.sz_iw() for f in functions)),
         "SIZE_W": max(1, *(f.sz_w() for f in functions)),
         "STEP_LIMIT": -1 if model.step_limit is None else model.names.index(model.step_limit),
-        "HAS_TABLES": int(model.tables is not None),
-    }
-    if model.tables is not None:
-        sizes |= table_sizes(model.tables)
+        "HAS_LOOPS": int(model.tables is not None),
+        "HAS_TABLES": int("TABLES_FILE" in tables),
+    } | tables
     lines = [
         f"/* Model {model.name}: {model.description.replace('*/', '* /')}. */",
         f"#define MODEL_NAME {_c_text(model.name)}",

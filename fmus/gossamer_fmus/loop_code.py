@@ -8,7 +8,6 @@ elements.h    each element's function, written by CasADi and made safe for lanes
 from __future__ import annotations
 
 import re
-import zlib
 from pathlib import Path
 
 import casadi as ca
@@ -16,7 +15,6 @@ import gossamer_models.batch
 from gossamer_models.batch.code import safe_for_lanes
 from gossamer_models.element_loop import LANES, ElementLoop, Tables
 
-FILE = "tables.bin"
 _FUNCTION = r"static int {name}\(const casadi_real\*\* arg, [^)]*\) \{{"
 _ZEROS = re.compile(r"(static const casadi_real casadi_zeros\[\d+\]) =\s*\{[0., \n]*\};")
 _INTERFACE = re.compile(r"^CASADI_SYMBOL_EXPORT .*?\n\}\n\n?", re.DOTALL | re.MULTILINE)
@@ -30,9 +28,7 @@ def loop_sources(model: str, tables: Tables) -> dict[str, bytes]:
     """Return the C sources of the loops by file name; names in them begin with that of the model."""
     here = Path(__file__).parent / "native"
     lanes = Path(gossamer_models.batch.__file__).with_name("lanes.h")
-    files = {"lanes.h": lanes.read_bytes()} | {
-        name: (here / name).read_bytes() for name in ("loop.h", "sum.h", "tables.h")
-    }
+    files = {"lanes.h": lanes.read_bytes()} | {name: (here / name).read_bytes() for name in ("loop.h", "sum.h")}
     generator = ca.CodeGenerator("elements", {"with_header": False, "verbose": False, "indent": 1})
     for loop in tables.loops:
         generator.add(loop.function)
@@ -47,15 +43,11 @@ def loop_sources(model: str, tables: Tables) -> dict[str, bytes]:
 
 
 def table_sizes(tables: Tables) -> dict[str, int | str]:
-    """Return the macros of ``tables.h`` and ``loop.h``."""
-    content = tables.content()
-    places = sum(loop.places().size for loop in tables.loops)
+    """Return the macros of ``tables.h`` and ``loop.h`` for the numbers of a model with loops."""
     return {
-        "N_NUMBERS": (len(content) - 4 * places) // 8,
-        "N_PLACES": places,
+        "N_NUMBERS": tables.numbers.size + sum(loop.numbers().size for loop in tables.loops),
+        "N_PLACES": sum(loop.places().size for loop in tables.loops),
         "N_POSITIONS": 3 * tables.loops[0].n_nodes,
-        "TABLES_FILE": f'"{FILE}"',
-        "TABLES_CHECKSUM": zlib.crc32(content),
         "BLOCK": LANES,
     }
 

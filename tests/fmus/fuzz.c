@@ -1,7 +1,7 @@
 /* Drive two instances of an FMU with the same random calls, but keep from the second what the first refuses: a refused
    call must leave no trace. Compiled together with the sources of the FMU:
 
-       cc -DFMI=2 -I sources -I headers fuzz.c -lm -pthread && ./a.out CALLS SEED THREADS
+       cc -DFMI=2 '-DRESOURCES="resources"' -I sources -I headers fuzz.c -lm -pthread && ./a.out CALLS SEED THREADS
 
    Prints, for each thread, a checksum of all it saw and how many steps were done and how many calls refused. */
 

@@ -11,7 +11,7 @@ static void ignore(void *e, fmi2String name, fmi2Status status, fmi2String categ
 
 static Instance *instantiate(const char *name, const char *guid) {
   static const fmi2CallbackFunctions callbacks = {.logger = ignore};
-  return fmi2Instantiate(name, fmi2CoSimulation, guid, NULL, &callbacks, 0, 1);
+  return fmi2Instantiate(name, fmi2CoSimulation, guid, RESOURCES, &callbacks, 0, 1);
 }
 
 static size_t size_of(unsigned reference) { return (void)reference, 1; }

@@ -10,7 +10,7 @@ static void ignore(void *e, fmi3Status status, fmi3String category, fmi3String t
 }
 
 static Instance *instantiate(const char *name, const char *token) {
-  return fmi3InstantiateCoSimulation(name, token, NULL, 0, 1, 0, 0, NULL, 0, NULL, ignore, NULL);
+  return fmi3InstantiateCoSimulation(name, token, RESOURCES, 0, 1, 0, 0, NULL, 0, NULL, ignore, NULL);
 }
 
 static size_t size_of(unsigned reference) {

@@ -44,12 +44,14 @@ def compiler(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def sources(built, tmp_path_factory):
-    """Folder of the C sources inside an FMU, by version of FMI and name."""
+    """Folder of the C sources inside an FMU, beside that of its resources, by version of FMI and name."""
 
     def get(fmi, name):
         folder = tmp_path_factory.mktemp(f"{name}{fmi}")
         with zipfile.ZipFile(built("native" if fmi == 2 else "native FMI 3")[name]) as archive:
-            archive.extractall(folder, [member for member in archive.namelist() if member.startswith("sources/")])
+            archive.extractall(
+                folder, [name for name in archive.namelist() if name.startswith(("sources/", "resources/"))]
+            )
         return folder / "sources"
 
     return get
@@ -58,7 +60,8 @@ def sources(built, tmp_path_factory):
 def fuzzer(compiler, flags, fmi, sources):
     """Compile the random calls together with an FMU."""
     program = sources / "fuzz"
-    command = [compiler(flags), *STANDARD, f"-DFMI={fmi}", *flags, "-isystem", sources, FUZZ, "-o", program]
+    options = [f"-DFMI={fmi}", f'-DRESOURCES="{sources.parent / "resources"}"', *flags]
+    command = [compiler(flags), *STANDARD, *options, "-isystem", sources, FUZZ, "-o", program]
     done = run(*command, "-lm", "-pthread")
     assert done.returncode == 0, done.stderr
     return program

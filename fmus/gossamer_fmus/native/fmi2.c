@@ -294,6 +294,6 @@ NOT_PROVIDED(fmi2SetRealInputDerivatives, "inputs are not interpolated", REFEREN
 NOT_PROVIDED(fmi2GetRealOutputDerivatives, "outputs have no derivatives by time", REFERENCES,
              const fmi2Integer order[], fmi2Real value[])
 
-#if HAS_TABLES
+#if HAS_LOOPS
 #include "loop.h"
 #endif

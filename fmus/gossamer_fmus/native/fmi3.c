@@ -338,6 +338,6 @@ NOT_PROVIDED(fmi3GetNumberOfEventIndicators, fmi3Instance c, size_t *n)
 NOT_PROVIDED(fmi3GetNumberOfContinuousStates, fmi3Instance c, size_t *n)
 NOT_PROVIDED(fmi3ActivateModelPartition, fmi3Instance c, fmi3ValueReference a, fmi3Float64 time)
 
-#if HAS_TABLES
+#if HAS_LOOPS
 #include "loop.h"
 #endif

@@ -56,14 +56,15 @@ static uint32_t crc32(const uint8_t *bytes, size_t size) {
 
 #if HAS_TABLES
 #include "tables.h"
-static int (*run_loop)(int which, const double **arg, double **res); /* chosen in loop.h */
-#include "functions.h"
 #else
 static const double *const tables = NULL;
 static const char *tables_open(const char *resources) { return (void)resources, NULL; }
 static void tables_close(void) {}
-#include "functions.h"
 #endif
+#if HAS_LOOPS
+static int (*run_loop)(int which, const double **arg, double **res); /* chosen in loop.h */
+#endif
+#include "functions.h"
 
 #define MAX_INTERNAL_STEPS 100000.0
 #define FIRST_INPUT N_PARAMETERS
@@ -191,7 +192,7 @@ static bool stepper_initialize(Stepper *s) {
   if (!in_range(s, 0, FIRST_RESULT)) return false;
   s->arg[0] = values + FIRST_INPUT;
   s->arg[1] = values;
-  if (HAS_TABLES) s->arg[2] = tables;
+  if (HAS_LOOPS) s->arg[2] = tables;
   s->res[0] = s->next;
   s->res[1] = s->next + N_STATES;
   if (init(s->arg, s->res, s->iw, s->w, 0)) s->next[0] = NAN;
@@ -237,7 +238,7 @@ static bool integrate(Stepper *s, double h, double limit, bool with_derivative) 
     s->arg[1] = values + FIRST_INPUT;
     s->arg[2] = values;
     s->arg[3] = &part;
-#if HAS_TABLES
+#if HAS_LOOPS
     s->arg[4] = tables;
 #else
     if (with_derivative) {
@@ -304,7 +305,7 @@ static bool stepper_seed(Stepper *s, size_t index, double rate) {
    beginning with the inputs as they stand; before the first step, change of the initial results. Leaves the state
    alone. */
 static bool stepper_derivative(Stepper *s) {
-#if HAS_TABLES
+#if HAS_LOOPS
   return refuse(s, "model '%s' has no derivatives, as its description says", MODEL_NAME);
 #else
   if (s->state.mode == INSTANTIATED) return wrong_call(s, "taking a derivative");

@@ -1,7 +1,8 @@
 /* Arrays that a model reads from the FMU's resources, shared by all instances of a process; before functions.h.
 
-   The file holds N_NUMBERS doubles and N_PLACES 32-bit integers, little-endian as every platform here is: what the last
-   input of init and step holds, what each element has alone, and where its nodes are; see gossamer_models/element_loop.py.
+   The file holds N_NUMBERS doubles and N_PLACES 32-bit integers, little-endian as every platform here is: long lists of
+   constants in functions.h; or what the last input of init and step holds, what each element has alone, and where its nodes
+   are, see gossamer_models/element_loop.py.
    The first instance reads it, the last one frees it. */
 
 #include <stdatomic.h>
@@ -53,7 +54,7 @@ static const char *tables_read(const char *resources) {
   size_t read;
   FILE *file;
   if (!resources || !tables_path(resources, path, sizeof path)) {
-    return "model '" MODEL_NAME "' reads its mesh from the FMU's resources, and the host does not say where they are";
+    return "model '" MODEL_NAME "' reads numbers from the FMU's resources, and the host does not say where they are";
   }
   if (!(file = tables_file(path))) {
     return "model '" MODEL_NAME "' cannot open " TABLES_FILE " in the FMU's resources. Unpack the whole FMU, and pass the "
@@ -61,7 +62,7 @@ static const char *tables_read(const char *resources) {
   }
   if (!(tables = malloc(TABLES_SIZE + 1))) {
     fclose(file);
-    return "there is no memory for the mesh of model '" MODEL_NAME "'";
+    return "there is no memory for the tables of model '" MODEL_NAME "'";
   }
   read = fread(tables, 1, TABLES_SIZE + 1, file);
   fclose(file);
