@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ResultsError, writing
-from .columns import UNFINISHED, RecordedScalar, group
+from .dataset import UNFINISHED, RecordedScalar, group
 
 if TYPE_CHECKING:
     from scipy.io import netcdf_file

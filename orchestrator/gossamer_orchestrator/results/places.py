@@ -16,8 +16,7 @@ import numpy as np
 import xarray as xr
 
 from ..fmi.shape import Array, Surface
-from .columns import PLACES
-from .dataset import find_all, is_whole
+from .dataset import PLACES, find_all, is_whole
 from .files import load_results
 from .plots.axes import side
 from .report.membrane import SENSORS

@@ -22,7 +22,7 @@ from typing import Any, BinaryIO
 
 from ..errors import OrchestratorError, ScenarioError, SimulationError
 from ..exchange import open_scenario
-from ..results.columns import group, plan_columns
+from ..results.dataset import group, plan_columns
 from ..results.files import RESUME
 from ..scenario.plan import ComponentPlan, Plan, make_plan
 from ..scenario.schema import MASTERS, Connection, Given, Scenario

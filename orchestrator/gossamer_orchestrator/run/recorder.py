@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import ResultsError, SimulationError, writing
 from ..fmi.shape import Shape, read_shape
 from ..names import split_indices
-from ..results.columns import DETECTOR, WATCHED
+from ..results.dataset import DETECTOR, WATCHED
 from ..results.netcdf import GrowingFile
 from ..results.shapes import SHAPES, UNFINISHED_SHAPES, Frame, create_shapes, pack_frame, reopen_shapes
 from ..scenario.plan import Plan

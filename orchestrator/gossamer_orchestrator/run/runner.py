@@ -88,7 +88,7 @@ def run_scenario(
     Returns
     -------
     xarray.Dataset
-        As described in ``results.columns``; its attribute ``ended`` is ``complete``, or says which FMU ended it.
+        As described in ``results.dataset``; its attribute ``ended`` is ``complete``, or says which FMU ended it.
 
     Raises
     ------

@@ -1,9 +1,14 @@
-"""Check the connections of a scenario: their ends exist, have the right causality, and agree in their units."""
+"""The connections of a scenario: their ends and units, the loops that they close, and the order in which components step.
+
+Groups that are iterated, and the steps of components, are checked here too.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterable, Mapping
+from graphlib import CycleError, TopologicalSorter
+from typing import TypeVar
 
 from ..fmi.file import FmuFile
 from ..fmi.types import FLOATS
@@ -153,3 +158,220 @@ def _convert(i: int, connection: Connection, files: Mapping[str, FmuFile], probl
     gain, bias = converted
     logger.info("%s to %s: units are converted: %s", connection.origin, connection.target, difference)
     return connection.model_copy(update={"gain": gain, "bias": bias or None})
+
+
+Node = TypeVar("Node", bound=Hashable)
+
+
+def find_cycle(edges: Mapping[Node, Iterable[Node]]) -> list[Node]:
+    """Find a cycle of a directed graph.
+
+    Parameters
+    ----------
+    edges : mapping of node to its successors
+        Nodes that only appear as successors need no entry.
+
+    Returns
+    -------
+    list of node
+        The nodes along a cycle, the first one repeated at the end; empty if there is none.
+    """
+    try:
+        TopologicalSorter(edges).prepare()
+    except CycleError as error:
+        cycle: list[Node] = error.args[1]
+        return cycle[::-1]  # the sorter takes successors for predecessors
+    return []
+
+
+def sort_components(names: Iterable[str], edges: Mapping[str, Iterable[str]]) -> list[str]:
+    """Order components so that each stands after those that feed it; ties keep the order of ``names``.
+
+    Within a cycle the first component of ``names`` goes first.
+    """
+    waiting = list(names)
+    order: list[str] = []
+    while waiting:
+        fed = {target for name in waiting for target in edges.get(name, ()) if target != name}
+        ready = next((name for name in waiting if name not in fed), None) or _first_of_a_cycle(waiting, edges)
+        order.append(ready)
+        waiting.remove(ready)
+    return order
+
+
+def _first_of_a_cycle(names: list[str], edges: Mapping[str, Iterable[str]]) -> str:
+    """Return the first component that only those of its own cycle feed."""
+    before = {name: _upstream(name, names, edges) for name in names}
+    return next(name for name in names if all(name in before[other] for other in before[name]))
+
+
+def _upstream(name: str, names: Iterable[str], edges: Mapping[str, Iterable[str]]) -> set[str]:
+    """Find all that feed a component through others of ``names``."""
+    found: set[str] = set()
+    new = {name}
+    while new:
+        new = {other for other in names if not new.isdisjoint(edges.get(other, ()))} - found
+        found |= new
+    return found
+
+
+def sort_grouped(names: Iterable[str], edges: Mapping[str, Iterable[str]], groups: Iterable[list[str]]) -> list[str]:
+    """Order components like ``sort_components``, with those of each group side by side."""
+    inside = {group[0]: group for group in groups}
+    home = {name: first for first, group in inside.items() for name in group}
+    outer: dict[str, list[str]] = {}
+    for name, targets in edges.items():
+        outer.setdefault(home.get(name, name), []).extend(home.get(target, target) for target in targets)
+    order = sort_components(dict.fromkeys(home.get(name, name) for name in names), outer)
+    return [member for name in order for member in sort_components(inside.get(name, [name]), edges)]
+
+
+def order_components(
+    scenario: Scenario,
+    files: Mapping[str, FmuFile],
+    connections: Iterable[Connection],
+    fed: Mapping[str, int],
+    problems: Problems,
+) -> tuple[list[str], list[str]]:
+    """Return the orders of initialization and of stepping, and report orders that are not possible.
+
+    Under Gauss-Seidel a connection from a later to an earlier component delays by one step. That is said where the
+    scenario does not state the order, or where it breaks an algebraic loop. Under Jacobi every connection delays. Within a
+    group nothing delays.
+    """
+    groups = [group.components for group in scenario.groups if set(group.components) <= set(files)]
+    pairs = {(connection.sender, connection.receiver) for connection in connections if not connection.delayed}
+    feeds = {name: [other for other in files if (name, other) in pairs] for name in files}
+    start_order = sort_grouped(files, feeds, groups)
+    if scenario.order is not None:
+        _check_stated_order(scenario.order, scenario, feeds, problems)
+    order = scenario.order or start_order
+    place = {name: i for i, name in enumerate(order)}
+    _check_delays(connections, fed, place, groups, scenario, problems)
+    connections = [c for c in connections if not c.delayed]
+    late = [c for c in connections if place.get(c.sender, -1) >= place.get(c.receiver, len(order))]
+    delayed = [c for c in late if not any({c.sender, c.receiver} <= set(group) for group in groups)]
+    iterated = {c.target for c in late} - {c.target for c in delayed}
+    loop = _find_loop(files, [c for c in connections if c.target not in iterated])
+    if scenario.master == "gauss-seidel" and (loop or scenario.order is None):
+        why = f"algebraic loop {' -> '.join('.'.join(node) for node in loop)}" if loop else "components feed each other"
+        for connection in delayed:
+            logger.warning(
+                "%s: %s: the connection %s -> %s delays by one step. State another 'order', a smaller 'step', or a group",
+                scenario.source.where(("connections", fed[connection.target])),
+                why,
+                connection.origin,
+                connection.target,
+            )
+    return start_order, order
+
+
+def _check_delays(
+    connections: Iterable[Connection],
+    fed: Mapping[str, int],
+    place: Mapping[str, int],
+    groups: Iterable[list[str]],
+    scenario: Scenario,
+    problems: Problems,
+) -> None:
+    """Report connections that are meant to delay and do not."""
+    for c in connections:
+        if not c.delayed or scenario.master == "jacobi":
+            continue
+        if any({c.sender, c.receiver} <= set(group) for group in groups):
+            why = "both ends are in a group, where nothing delays"
+        elif place.get(c.sender, len(place)) < place.get(c.receiver, -1):
+            why = f"{c.sender!r} steps before {c.receiver!r}"
+        else:
+            continue
+        text = f"the connection {c.origin} -> {c.target} does not delay: {why}. Remove 'delayed', or change the order."
+        problems.add(("connections", fed[c.target], "delayed"), text)
+
+
+def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) -> list[tuple[str, str]]:
+    """Find a circle of signals in which every value depends on itself at the same instant."""
+    signals: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for c in connections:
+        signals.setdefault((c.sender, c.output), []).append((c.receiver, c.input))
+    for name, fmu in files.items():
+        for output, inputs in fmu.feedthrough().items():
+            for source in inputs:
+                signals.setdefault((name, source), []).append((name, output))
+    return find_cycle(signals)
+
+
+def _check_stated_order(
+    order: list[str], scenario: Scenario, feeds: Mapping[str, list[str]], problems: Problems
+) -> None:
+    if scenario.master == "jacobi":
+        problems.add(("order",), "'order' has no meaning for master = \"jacobi\". Remove it.")
+    for name in order:
+        if name not in feeds:
+            problems.add(("order",), f"'order' names a component {name!r} that is not there. {suggest(name, feeds)}")
+    if sorted(order) != sorted(feeds):
+        missing = [name for name in feeds if name not in order]
+        what = f"; missing: {', '.join(missing)}" if missing else ""
+        problems.add(("order",), f"'order' must name every component once{what}.")
+        return
+    for group in scenario.groups:
+        places = [order.index(name) for name in group.components]
+        if max(places) - min(places) >= len(places):
+            text = f"the components of the group {', '.join(group.components)} must stand side by side in 'order'."
+            problems.add(("order",), text)
+
+
+def check_groups(
+    scenario: Scenario, files: Mapping[str, FmuFile], connections: Iterable[Connection], problems: Problems
+) -> None:
+    """Report groups that cannot be iterated.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The groups, and the master.
+    files : mapping of str to FmuFile
+        FMUs by component.
+    connections : iterable of Connection
+        Those that are right.
+    problems : Problems
+        Receives the mistakes.
+    """
+    if scenario.groups and scenario.master == "jacobi":
+        text = 'a group is stepped one component after another, which master = "jacobi" is not. Remove one of the two.'
+        problems.add(("groups",), text)
+    homes: dict[str, int] = {}
+    for i, group in enumerate(scenario.groups):
+        place = ("groups", i, "components")
+        for name in group.components:
+            if name not in files:
+                problems.add(place, f"there is no component {name!r}. {suggest(name, files)}")
+                continue
+            if name in homes:
+                where = "twice in this group" if homes[name] == i else "in another group, too"
+                problems.add(place, f"component {name!r} stands {where}. Name it once.")
+                continue
+            homes[name] = i
+            if not files[name].interface.canGetAndSetFMUstate:
+                text = f"FMU {files[name].name!r} of component {name!r} cannot restore its state (canGetAndSetFMUstate)"
+                problems.add(place, f"{text}, so its step cannot be repeated. Remove it from the group.")
+        names = set(group.components)
+        if names <= set(files) and not any({c.sender, c.receiver} <= names for c in connections):
+            problems.add(place, "the group's components are not connected to each other. Remove the group.")
+
+
+def check_steps(scenario: Scenario, files: Mapping[str, FmuFile], problems: Problems) -> None:
+    """Report steps of components that do not fit the run, and FMUs that the step control cannot take back."""
+    grouped = {name for group in scenario.groups for name in group.components}
+    for name, component in scenario.components.items():
+        place = ("components", name, "every")
+        if scenario.ticks % component.every:
+            text = f"the run has {scenario.ticks} steps, which {component.every} does not divide"
+            problems.add(place, f"{text}. Choose another 'every', 'step' or 'stop'.")
+        if component.every > 1 and name in grouped:
+            problems.add(
+                place, f"component {name!r} is in a group, whose components step together. Remove one of the two."
+            )
+    unable = sorted({file.name for file in files.values() if not file.can_repeat})
+    if scenario.step_control is not None and unable:
+        text = f"{', '.join(unable)} cannot restore its state or vary its step, so its steps cannot be controlled"
+        problems.add(("step_control",), f"{text}. Remove the table, or use a smaller 'step'.")

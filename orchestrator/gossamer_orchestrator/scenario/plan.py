@@ -15,8 +15,7 @@ from ..errors import FmuError, OrchestratorError, ScenarioError, check_path, exp
 from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
-from .connections import check_connections
-from .graph import check_groups, check_steps, order_components
+from .connections import check_connections, check_groups, check_steps, order_components
 from .histories import FILE, History, read_histories
 from .schema import Component, Connection, Scenario, Value
 from .source import Location, Problems

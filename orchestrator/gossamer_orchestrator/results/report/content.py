@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from ...errors import ResultsError
 from ...pages.thin import Pixels
-from ..columns import LIKENESS
-from ..dataset import find_all, is_whole
+from ..dataset import LIKENESS, find_all, is_whole
 from ..files import read_watch
 from ..judgements import Judgement, changes, true_damage, windows
 from ..plots.axes import side
