@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
@@ -20,9 +21,16 @@ from .source import Problems
 logger = logging.getLogger(__name__)
 
 
-def check_connections(
-    scenario: Scenario, files: Mapping[str, FmuFile], problems: Problems
-) -> tuple[list[Connection], dict[str, int]]:
+@dataclass(frozen=True)
+class Draft:
+    """A scenario with the FMUs of its components, by name, that is checked: mistakes go to ``problems``."""
+
+    scenario: Scenario
+    files: Mapping[str, FmuFile]
+    problems: Problems
+
+
+def check_connections(draft: Draft) -> tuple[list[Connection], dict[str, int]]:
     """Check the connections.
 
     Returns
@@ -34,22 +42,17 @@ def check_connections(
     """
     right: list[Connection] = []
     fed: dict[str, int] = {}
-    for i, whole in enumerate(scenario.connections):
-        right += [
-            _convert(i, connection, files, problems)
-            for connection in _elements(i, whole, fed, files, problems)
-            if _check_ends(i, connection, fed, scenario, files, problems)
-        ]
+    for i, whole in enumerate(draft.scenario.connections):
+        each = _elements(draft, i, whole, fed)
+        right += [_convert(draft, i, connection) for connection in each if _check_ends(draft, i, connection, fed)]
     return right, fed
 
 
-def _elements(
-    i: int, whole: Connection, fed: dict[str, int], files: Mapping[str, FmuFile], problems: Problems
-) -> list[Connection]:
+def _elements(draft: Draft, i: int, whole: Connection, fed: dict[str, int]) -> list[Connection]:
     """Return a connection of scalars as it is, and one of arrays as one per element."""
     shapes, lists = [], []
     for component, name in ((whole.sender, whole.output), (whole.receiver, whole.input)):
-        fmu = files.get(component)
+        fmu = draft.files.get(component)
         found = fmu.elements(name) if fmu is not None and name not in fmu.variables else []
         lists.append(found)
         shapes.append(split_indices(found[-1])[1] if found else ())
@@ -62,7 +65,7 @@ def _elements(
             f"{whole.origin!r} is {sizes[0]} and {whole.target!r} is {sizes[1]}. "
             f"Connect arrays of one size, or one element, such as {element!r}."
         )
-        problems.add(("connections", i, "to"), text)
+        draft.problems.add(("connections", i, "to"), text)
         for name in lists[1] or [whole.input]:
             fed.setdefault(f"{whole.receiver}.{name}", i)
         return []
@@ -72,15 +75,9 @@ def _elements(
     ]
 
 
-def _check_ends(
-    i: int,
-    connection: Connection,
-    fed: dict[str, int],
-    scenario: Scenario,
-    files: Mapping[str, FmuFile],
-    problems: Problems,
-) -> bool:
+def _check_ends(draft: Draft, i: int, connection: Connection, fed: dict[str, int]) -> bool:
     """Tell whether both ends are there and fit each other, and note what they feed."""
+    files, problems = draft.files, draft.problems
     explained = {
         "from": _explain_endpoint(connection.origin, "output", files),
         "to": _explain_endpoint(connection.target, "input", files),
@@ -96,7 +93,7 @@ def _check_ends(
     if explained["to"]:
         return False
     if connection.target in fed:
-        line = scenario.source.where(("connections", fed[connection.target], "to"))
+        line = problems.source.where(("connections", fed[connection.target], "to"))
         text = f"input {connection.target!r} is connected twice, first at {line}. Remove one of the connections."
         problems.add(("connections", i, "to"), text)
         return False
@@ -141,9 +138,9 @@ def _explain_endpoint(endpoint: str, causality: str, files: Mapping[str, FmuFile
     return None
 
 
-def _convert(i: int, connection: Connection, files: Mapping[str, FmuFile], problems: Problems) -> Connection:
+def _convert(draft: Draft, i: int, connection: Connection) -> Connection:
     """Return a connection that converts units, if both ends have one and the scenario does not convert them itself."""
-    sender, receiver = files[connection.sender], files[connection.receiver]
+    sender, receiver = draft.files[connection.sender], draft.files[connection.receiver]
     a, b = sender.unit_definition(connection.output), receiver.unit_definition(connection.input)
     difference = mismatch(sender.unit(connection.output), a, receiver.unit(connection.input), b)
     if difference is None:
@@ -151,7 +148,7 @@ def _convert(i: int, connection: Connection, files: Mapping[str, FmuFile], probl
     converted = conversion(a, b)
     if converted is None:
         text = f"units of {connection.origin!r} and {connection.target!r}: {difference}. Connect variables of one unit."
-        problems.add(("connections", i, "to"), text)
+        draft.problems.add(("connections", i, "to"), text)
         return connection
     if connection.gain is not None or connection.bias is not None:
         return connection
@@ -227,11 +224,7 @@ def sort_grouped(names: Iterable[str], edges: Mapping[str, Iterable[str]], group
 
 
 def order_components(
-    scenario: Scenario,
-    files: Mapping[str, FmuFile],
-    connections: Iterable[Connection],
-    fed: Mapping[str, int],
-    problems: Problems,
+    draft: Draft, connections: Iterable[Connection], fed: Mapping[str, int]
 ) -> tuple[list[str], list[str]]:
     """Return the orders of initialization and of stepping, and report orders that are not possible.
 
@@ -239,20 +232,31 @@ def order_components(
     scenario does not state the order, or where it breaks an algebraic loop. Under Jacobi every connection delays. Within a
     group nothing delays.
     """
+    scenario, files, problems = draft.scenario, draft.files, draft.problems
     groups = [group.components for group in scenario.groups if set(group.components) <= set(files)]
     pairs = {(connection.sender, connection.receiver) for connection in connections if not connection.delayed}
     feeds = {name: [other for other in files if (name, other) in pairs] for name in files}
     start_order = sort_grouped(files, feeds, groups)
     if scenario.order is not None:
-        _check_stated_order(scenario.order, scenario, feeds, problems)
+        _check_stated_order(draft, scenario.order, feeds)
     order = scenario.order or start_order
     place = {name: i for i, name in enumerate(order)}
-    _check_delays(connections, fed, place, groups, scenario, problems)
+    iterated = {c.target for c in connections if any({c.sender, c.receiver} <= set(group) for group in groups)}
+    for c in connections if scenario.master == "gauss-seidel" else ():
+        early = place.get(c.sender, len(place)) < place.get(c.receiver, -1)
+        if c.delayed and (early or c.target in iterated):
+            inside, before = (
+                "both ends are in a group, where nothing delays",
+                f"{c.sender!r} steps before {c.receiver!r}",
+            )
+            text = (
+                f"the connection {c.origin} -> {c.target} does not delay: {inside if c.target in iterated else before}."
+            )
+            problems.add(("connections", fed[c.target], "delayed"), f"{text} Remove 'delayed', or change the order.")
     connections = [c for c in connections if not c.delayed]
-    late = [c for c in connections if place.get(c.sender, -1) >= place.get(c.receiver, len(order))]
-    delayed = [c for c in late if not any({c.sender, c.receiver} <= set(group) for group in groups)]
-    iterated = {c.target for c in late} - {c.target for c in delayed}
-    loop = _find_loop(files, [c for c in connections if c.target not in iterated])
+    late = {c.target: c for c in connections if place.get(c.sender, -1) >= place.get(c.receiver, len(order))}
+    delayed = [c for target, c in late.items() if target not in iterated]
+    loop = _find_loop(files, [c for c in connections if c.target not in late.keys() & iterated])
     if scenario.master == "gauss-seidel" and (loop or scenario.order is None):
         why = f"algebraic loop {' -> '.join('.'.join(node) for node in loop)}" if loop else "components feed each other"
         for connection in delayed:
@@ -264,28 +268,6 @@ def order_components(
                 connection.target,
             )
     return start_order, order
-
-
-def _check_delays(
-    connections: Iterable[Connection],
-    fed: Mapping[str, int],
-    place: Mapping[str, int],
-    groups: Iterable[list[str]],
-    scenario: Scenario,
-    problems: Problems,
-) -> None:
-    """Report connections that are meant to delay and do not."""
-    for c in connections:
-        if not c.delayed or scenario.master == "jacobi":
-            continue
-        if any({c.sender, c.receiver} <= set(group) for group in groups):
-            why = "both ends are in a group, where nothing delays"
-        elif place.get(c.sender, len(place)) < place.get(c.receiver, -1):
-            why = f"{c.sender!r} steps before {c.receiver!r}"
-        else:
-            continue
-        text = f"the connection {c.origin} -> {c.target} does not delay: {why}. Remove 'delayed', or change the order."
-        problems.add(("connections", fed[c.target], "delayed"), text)
 
 
 def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) -> list[tuple[str, str]]:
@@ -300,9 +282,8 @@ def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) 
     return find_cycle(signals)
 
 
-def _check_stated_order(
-    order: list[str], scenario: Scenario, feeds: Mapping[str, list[str]], problems: Problems
-) -> None:
+def _check_stated_order(draft: Draft, order: list[str], feeds: Mapping[str, list[str]]) -> None:
+    scenario, problems = draft.scenario, draft.problems
     if scenario.master == "jacobi":
         problems.add(("order",), "'order' has no meaning for master = \"jacobi\". Remove it.")
     for name in order:
@@ -320,22 +301,9 @@ def _check_stated_order(
             problems.add(("order",), text)
 
 
-def check_groups(
-    scenario: Scenario, files: Mapping[str, FmuFile], connections: Iterable[Connection], problems: Problems
-) -> None:
-    """Report groups that cannot be iterated.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        The groups, and the master.
-    files : mapping of str to FmuFile
-        FMUs by component.
-    connections : iterable of Connection
-        Those that are right.
-    problems : Problems
-        Receives the mistakes.
-    """
+def check_groups(draft: Draft, connections: Iterable[Connection]) -> None:
+    """Report groups that cannot be iterated; the connections are those that are right."""
+    scenario, files, problems = draft.scenario, draft.files, draft.problems
     if scenario.groups and scenario.master == "jacobi":
         text = 'a group is stepped one component after another, which master = "jacobi" is not. Remove one of the two.'
         problems.add(("groups",), text)
@@ -359,8 +327,9 @@ def check_groups(
             problems.add(place, "the group's components are not connected to each other. Remove the group.")
 
 
-def check_steps(scenario: Scenario, files: Mapping[str, FmuFile], problems: Problems) -> None:
+def check_steps(draft: Draft) -> None:
     """Report steps of components that do not fit the run, and FMUs that the step control cannot take back."""
+    scenario, files, problems = draft.scenario, draft.files, draft.problems
     grouped = {name for group in scenario.groups for name in group.components}
     for name, component in scenario.components.items():
         place = ("components", name, "every")
