@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model
-from gossamer_models.twin.simulation import STRAINS
 from numpy.typing import NDArray
 
 ORDER, FINER = 4, 8
@@ -46,8 +45,8 @@ def _simulate(chunk: int) -> dict[str, NDArray[np.float32]]:
         "youngs_modulus": 1e7 * (1.0 + 0.02 * load[:, 4]),
     }
     coarse, fine = (
-        Batch(membrane_model(4, order, compiled=True), STRAINS).run(STEPS, STEP, start).results
-        for order in (ORDER, FINER)
+        Batch(model, model.elements("strain")).run(STEPS, STEP, start).results
+        for model in (membrane_model(4, order, compiled=True) for order in (ORDER, FINER))
     )
     found = {"damage": damage, "load": load, "strain": coarse, "difference": fine - coarse}
     return {name: values.astype(np.float32) for name, values in found.items()}

@@ -17,10 +17,11 @@ from typing import Literal
 import numpy as np
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import MembraneParams, membrane_model
+from gossamer_models.membrane.params import stretch
 from gossamer_models.sensor import default_artifact
 from gossamer_models.step_model import StepModel
 from gossamer_models.twin import ResponseRecord, Twin
-from gossamer_models.twin.simulation import STRAINS, Sensors
+from gossamer_models.twin.simulation import SensorBank
 from numpy.typing import NDArray
 
 from .runge_kutta import runge_kutta_membrane
@@ -66,7 +67,7 @@ def strain(damage: Array, model: StepModel, noise: float = NOISE, load: bool = F
         start["mass_damping"] = 20.0 * 2.0 ** u[2]
         start["youngs_modulus"] = 1e7 * (1.0 + 0.02 * u[3])
         gain = 1.0 + 0.02 * random.uniform(-1.0, 1.0, gain.shape)
-    found = Batch(model, STRAINS).run(thirds * STEPS, STEP / thirds, start, every=thirds).results
+    found = Batch(model, model.elements("strain")).run(thirds * STEPS, STEP / thirds, start, every=thirds).results
     return np.asarray(gain * found + noise * random.random(found.shape))
 
 
@@ -77,8 +78,9 @@ def membrane(mesh: tuple[int, int], law: str = "st_venant_kirchhoff") -> StepMod
 
 def resistance(damage: Array, mesh: tuple[int, int]) -> Array:
     """Simulate resistance with noise, shape (n, 4, steps)."""
-    sensors = Sensors(default_artifact(), MembraneParams())
-    found = sensors.read(strain(damage, membrane(mesh), 0.0), STEP)[0]
+    histories = strain(damage, membrane(mesh), 0.0)
+    sensors = SensorBank(default_artifact(), histories.shape[1], stretch(MembraneParams()) - 1.0)
+    found = sensors.read(histories, STEP)[0]
     scale = RESISTANCE_NOISE * sensors.parameters["full_scale_resistance_change"][:, None]
     return np.asarray(found + scale * np.random.default_rng(1).standard_normal(found.shape))
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model
-from gossamer_models.twin.simulation import STRAINS
 from studies.runge_kutta import runge_kutta_membrane
 from studies.specimen.flight import calibrated_sensor, flown_resistance
 
@@ -15,7 +14,7 @@ START = {"damage": np.where(np.arange(16) == 5, 0.4, 0.0)[None]}
 
 
 def histories(model, parts):
-    return Batch(model, STRAINS).run(parts * STEPS, STEP / parts, START, every=parts).results[0]
+    return Batch(model, model.elements("strain")).run(parts * STEPS, STEP / parts, START, every=parts).results[0]
 
 
 def test_runge_kutta_is_of_fourth_order_and_agrees_with_verlet_in_the_limit():

@@ -36,7 +36,6 @@ from gossamer_models.detector import detector_model
 from gossamer_models.detector.thesis_tables import MULTIPLE_TRAINING, SINGLE_TRAINING, TABLE_7_3, TABLES, as_array
 from gossamer_models.membrane import membrane_model
 from gossamer_models.twin import Twin
-from gossamer_models.twin.simulation import STRAINS
 from scipy.stats import norm
 
 COARSE = Mesh(elements_per_side=4, order=1)
@@ -183,7 +182,8 @@ def test_the_judge_of_a_detector_says_what_the_detector_says():
 def test_of_a_network_the_last_window_with_a_valid_answer_counts():
     judge = read_judge(Path("nominal"))
     trained = judge.artifact
-    batch = Batch(membrane_model(compiled=True), STRAINS)
+    model = membrane_model(compiled=True)
+    batch = Batch(model, model.elements("strain"))
     first = round(trained.start_time / trained.sampling_step)
     end = first + 2 * trained.samples
     history = batch.run(end, trained.sampling_step, {"damage": 0.3 * np.eye(16)[5:6]}).results

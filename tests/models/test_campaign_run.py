@@ -31,11 +31,12 @@ from gossamer_models.campaign import (
 )
 from gossamer_models.campaign.chunk import build_kernels, run_chunk
 from gossamer_models.campaign.run import ChunkTask, write_chunk
+from gossamer_models.campaign.store import SCHEMA, VERSION
 from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane import membrane_model
 from gossamer_models.sensor import sensor_model
 
-pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
+zarr = pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
 
 SINGLE = 2.0**-23  # rounding of stored histories, relative
 TINY = CampaignPlan(
@@ -232,11 +233,14 @@ def test_numbers_of_another_version_of_gossamer_are_not_continued(whole, tmp_pat
 
 def test_what_is_no_store_is_refused(tmp_path):
     (tmp_path / "file").write_text("text")
-    for path in (tmp_path, tmp_path / "file"):
+    old = zarr.create_group(tmp_path / "zarr_2", zarr_format=2, attributes={"schema": SCHEMA, "version": VERSION})
+    old.create_array("finished", shape=(4,), dtype="bool")
+    for path in (tmp_path, tmp_path / "file", tmp_path / "zarr_2"):
         with pytest.raises(DataError, match="is not the store of a campaign"):
             run_campaign(TINY, path)
-    with pytest.raises(DataError, match="is not the store of a campaign"):
-        read_campaign(tmp_path / "nowhere")
+    for name in ("nowhere", "zarr_2"):
+        with pytest.raises(DataError, match="is not the store of a campaign"):
+            read_campaign(tmp_path / name)
 
 
 def test_a_folder_that_cannot_be_made_is_said(tmp_path):

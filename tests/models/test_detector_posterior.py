@@ -333,7 +333,7 @@ def test_training_knows_what_spoilt_sensors_make_of_a_record():
     x -= x.mean(axis=2, keepdims=True)
     parts = principal_components(x, 30)
     cases = Windows(np.repeat(x, 2, axis=2), random_damage(300, 15), np.ones(300, bool), np.zeros(300, int))
-    fit = NetworkFit.of(parts, x, cases, Sensing(), Training(block=2))
+    fit = NetworkFit(parts, x, cases, Sensing(), Training(block=2))
     gains, sensors = spoilt_sensors(np.ones((1200, 4)), random)
     clean, outside = fit.read(gains, sensors)
     images, _ = reflect(x, cases.damage)

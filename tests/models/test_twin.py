@@ -1,11 +1,12 @@
 """The digital twin: exact where it can be, calibrated under noise, and silent about nothing that is wrong."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from gossamer_models import ArtifactError, DataError, ParameterError
-from gossamer_models.membrane import MembraneParams
+from gossamer_models.membrane import MembraneParams, membrane_model
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import ResponseRecord, Twin, make_record, read_table
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
@@ -26,7 +27,7 @@ NOISE = 0.02 / np.sqrt(12.0)  # of the thesis' U(0, 0.02)
 
 @pytest.fixture(scope="module")
 def forward():
-    return Forward(*MESH, MembraneParams(), default_artifact())
+    return Forward(membrane_model(*MESH, compiled=True), MembraneParams(), default_artifact())
 
 
 @pytest.fixture(scope="module")
@@ -211,7 +212,7 @@ def test_an_answer_is_written_as_json(forward, twin):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"values": np.zeros((3, 100))}, "one row for each of 4 sensors"),
+        ({"values": np.zeros(100)}, "one row for each sensor"),
         ({"values": np.zeros((4, 10))}, "needs 60 or more"),
         ({"values": np.full((4, 100), np.inf)}, "infinite"),
         ({"step": 0.0}, "positive time"),
@@ -232,6 +233,8 @@ def test_what_the_twin_cannot_fit_is_refused(forward, twin):
         Twin(*MESH, nuisances=("modulus",), sparse=False)
     with pytest.raises(ParameterError, match="no nuisance 'colour'"):
         Twin(*MESH, nuisances=("colour",))
+    with pytest.raises(DataError, match="one row for each of 4 sensors"):
+        twin.fit(replace(record, values=record.values[:3]))
     with pytest.raises(DataError, match="no sensor has values that move"):
         twin.fit(ResponseRecord(step=STEP, values=np.full((4, 100), 0.02)))
     with pytest.raises(ParameterError, match="one damage for each of 16 zones"):

@@ -9,7 +9,7 @@ from gossamer_models.batch import Batch
 from gossamer_models.membrane import MembraneParams, membrane_model
 from gossamer_models.sensor import default_artifact, sensor_model
 from gossamer_models.twin.onset import JudgedWindow, OnsetProblem
-from gossamer_models.twin.simulation import Running
+from gossamer_models.twin.simulation import Forward
 from gossamer_models.twin.watch import Watch
 
 MESH = (4, 1)  # coarse, so that a window costs little; twin and truth have the same
@@ -77,15 +77,19 @@ def test_readings_may_be_resistances():
 
 
 def test_windows_before_the_onset_are_not_simulated_again_and_the_readings_are_the_same():
-    running, sigma, healthy = Running(*MESH, MembraneParams(), None, None), np.full(4, NOISE), np.zeros(16)
-    place, seen = running.begin(healthy, STEP), []
+    forward, sigma, healthy = (
+        Forward(membrane_model(*MESH, compiled=True), MembraneParams()),
+        np.full(4, NOISE),
+        np.zeros(16),
+    )
+    place, seen = forward.begin(healthy, STEP), []
     for k in range(3):
-        expected, after = running.advance(place, np.zeros((1, 30, 16)), STEP)
+        expected, after = forward.advance(place, np.zeros((1, 30, 16)), STEP)
         seen.append(JudgedWindow(30 * STEP * k, place, expected[0], expected[0]))
         place = after
     y = np.concatenate([window.y for window in seen], axis=1)
-    whole = OnsetProblem(running, [JudgedWindow(0.0, seen[0].place, y, y)], sigma, healthy, STEP)
-    parts = OnsetProblem(running, seen, sigma, healthy, STEP)
+    whole = OnsetProblem(forward, [JudgedWindow(0.0, seen[0].place, y, y)], sigma, healthy, STEP)
+    parts = OnsetProblem(forward, seen, sigma, healthy, STEP)
     for onsets in ([40.5, 70.0], [60.0, 61.0], [3.0, 80.0]):
         unknowns = np.column_stack([onsets, np.full((2, 16), 0.2)])
         np.testing.assert_array_equal(parts.simulate(unknowns)[0], whole.simulate(unknowns)[0])

@@ -17,7 +17,6 @@ from gossamer_models.membrane import MembraneParams, membrane_model
 from gossamer_models.membrane.params import stretch
 from gossamer_models.sensor import SensorArtifact
 from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
-from gossamer_models.twin.simulation import STRAINS
 
 from .material import SpecimenParams, VirtualSpecimen
 
@@ -47,7 +46,7 @@ def calibrated_sensor() -> tuple[SensorArtifact, float]:
         Its error on the next 0.3 s [% of range].
     """
     load = {"pressure_amplitude": 1.1 * MembraneParams().pressure_amplitude}
-    strain = Batch(membrane_model(compiled=True), STRAINS[:1]).run(STEPS, STEP, load).results[0, 0]
+    strain = Batch(membrane_model(compiled=True), ("strain[1]",)).run(STEPS, STEP, load).results[0, 0]
     (time, whole), resistance = _mounted(strain, STEP), _resistance(strain, STEP)
     resistance = resistance + NOISE * np.ptp(resistance) * np.random.default_rng(5).standard_normal(resistance.size)
     lines = np.arange(time.size, dtype=int) + 2

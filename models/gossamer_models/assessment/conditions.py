@@ -13,26 +13,16 @@ from typing import Literal
 
 import numpy as np
 
+from .. import campaign as campaigns
 from ..arrays import Matrix
-from ..campaign import (
-    CampaignPlan,
-    Chain,
-    Damage,
-    Distribution,
-    MeasurementNoise,
-    Mesh,
-    Vary,
-    measured_resistance,
-    measured_strain,
-    read_campaign,
-    run_campaign,
-)
 from ..detector.thesis_tables import NOISE, Damages
 
-THESIS_NOISE = MeasurementNoise(strain=Distribution(uniform=NOISE))
-CHAIN_NOISE = MeasurementNoise(resistance=Distribution(normal=0.001))  # of the change of resistance at full scale
-RANDOM = Damage(zones=(1, 4), depth=(0.05, 0.5))
-HEALTHY = Damage(zones=(0, 0))
+THESIS_NOISE = campaigns.MeasurementNoise(strain=campaigns.Distribution(uniform=NOISE))
+CHAIN_NOISE = campaigns.MeasurementNoise(
+    resistance=campaigns.Distribution(normal=0.001)
+)  # of the change of resistance at full scale
+RANDOM = campaigns.Damage(zones=(1, 4), depth=(0.05, 0.5))
+HEALTHY = campaigns.Damage(zones=(0, 0))
 LATE = 30  # samples by which records through the chain are longer: more than the estimator's delay
 SIZES = (0.005, 0.01, 0.1, 0.5)  # [1] of single damages, to tell the probability of detection
 SHARES = (0.0, 0.15, 0.8, 1.0)  # of the sizes below each: most where the detectors' limits are to be
@@ -47,7 +37,7 @@ MISMATCHES: dict[str, tuple[str, float, float]] = {
 Fault = Literal["none", "dead", "swapped"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Condition:
     """One set of records.
 
@@ -70,13 +60,15 @@ class Condition:
 
     name: str
     store: str
-    campaign: CampaignPlan
+    campaign: campaigns.CampaignPlan
     noisy: bool = True
     fault: Fault = "none"
     quick: bool = False
 
 
-def conditions(cases: int, mesh: Mesh, other: Mesh, *, seed: int = 10, stop: float = 0.3) -> list[Condition]:
+def conditions(
+    cases: int, mesh: campaigns.Mesh, other: campaigns.Mesh, *, seed: int = 10, stop: float = 0.3
+) -> list[Condition]:
     """List the conditions of an assessment, apart from those of the probability of detection.
 
     Parameters
@@ -90,53 +82,49 @@ def conditions(cases: int, mesh: Mesh, other: Mesh, *, seed: int = 10, stop: flo
     stop : float
         Length of the records [s].
     """
-    random = CampaignPlan(cases=cases, seed=seed, stop=stop, membrane=mesh, damage=RANDOM, noise=THESIS_NOISE)
+    random = campaigns.CampaignPlan(cases=cases, seed=seed, stop=stop, membrane=mesh, damage=RANDOM, noise=THESIS_NOISE)
     healthy = replace(random, damage=HEALTHY)
-    everything = {what: Vary(factor=(low, high)) for what, low, high in MISMATCHES.values()}
+    everything = {what: campaigns.Vary(factor=(low, high)) for what, low, high in MISMATCHES.values()}
     return [
-        Condition(name="clean", store="random", campaign=random, noisy=False),
-        Condition(name="noise", store="random", campaign=random),
+        Condition("clean", "random", random, noisy=False),
+        Condition("noise", "random", random),
         *_mismatches(random),
-        Condition(name="everything varied", store="everything", campaign=replace(random, vary=everything)),
-        Condition(name="dead sensor", store="random", campaign=random, fault="dead", quick=True),
-        Condition(name="swapped sensors", store="random", campaign=random, fault="swapped", quick=True),
-        Condition(name="whole chain", store="chain", campaign=_through_chain(random)),
-        Condition(name="another mesh", store="mesh", campaign=replace(random, membrane=other)),
-        Condition(
-            name="another law", store="law", campaign=replace(random, membrane=replace(mesh, law="hencky")), quick=True
-        ),
-        Condition(name="healthy, clean", store="healthy", campaign=healthy, noisy=False, quick=True),
-        Condition(name="healthy, noise", store="healthy", campaign=healthy),
-        Condition(
-            name="healthy, everything varied",
-            store="healthy_everything",
-            campaign=replace(healthy, vary=everything),
-        ),
-        Condition(name="healthy, whole chain", store="healthy_chain", campaign=_through_chain(healthy)),
+        Condition("everything varied", "everything", replace(random, vary=everything)),
+        Condition("dead sensor", "random", random, fault="dead", quick=True),
+        Condition("swapped sensors", "random", random, fault="swapped", quick=True),
+        Condition("whole chain", "chain", _through_chain(random)),
+        Condition("another mesh", "mesh", replace(random, membrane=other)),
+        Condition("another law", "law", replace(random, membrane=replace(mesh, law="hencky")), quick=True),
+        Condition("healthy, clean", "healthy", healthy, noisy=False, quick=True),
+        Condition("healthy, noise", "healthy", healthy),
+        Condition("healthy, everything varied", "healthy_everything", replace(healthy, vary=everything)),
+        Condition("healthy, whole chain", "healthy_chain", _through_chain(healthy)),
     ]
 
 
-def table_conditions(damages: Damages, mesh: Mesh, *, seed: int = 13, stop: float = 0.3) -> list[Condition]:
+def table_conditions(damages: Damages, mesh: campaigns.Mesh, *, seed: int = 13, stop: float = 0.3) -> list[Condition]:
     """List the conditions that the cases of the thesis' tables are put to, called clean, noise and whole chain."""
-    cases = CampaignPlan(seed=seed, stop=stop, membrane=mesh, damage=Damage(cases=damages), noise=THESIS_NOISE)
+    cases = campaigns.CampaignPlan(
+        seed=seed, stop=stop, membrane=mesh, damage=campaigns.Damage(cases=damages), noise=THESIS_NOISE
+    )
     return [
-        Condition(name="clean", store=f"tables_{seed}", campaign=cases, noisy=False),
-        Condition(name="noise", store=f"tables_{seed}", campaign=cases),
-        Condition(name="whole chain", store=f"tables_{seed}_chain", campaign=_through_chain(cases)),
+        Condition("clean", f"tables_{seed}", cases, noisy=False),
+        Condition("noise", f"tables_{seed}", cases),
+        Condition("whole chain", f"tables_{seed}_chain", _through_chain(cases)),
     ]
 
 
-def _mismatches(random: CampaignPlan) -> Iterator[Condition]:
+def _mismatches(random: campaigns.CampaignPlan) -> Iterator[Condition]:
     for name, (what, *factors) in MISMATCHES.items():
         for factor in factors:
-            campaign = replace(random, vary={what: Vary(factor=(factor, factor))})
-            yield Condition(name=f"{name} x {factor:g}", store=f"{name}_{factor:g}", campaign=campaign, quick=True)
+            campaign = replace(random, vary={what: campaigns.Vary(factor=(factor, factor))})
+            yield Condition(f"{name} x {factor:g}", f"{name}_{factor:g}", campaign, quick=True)
 
 
-def _through_chain(campaign: CampaignPlan) -> CampaignPlan:
+def _through_chain(campaign: campaigns.CampaignPlan) -> campaigns.CampaignPlan:
     """Return a campaign through sensor and estimator, longer by more than the estimator's delay."""
     stop = campaign.stop + LATE * campaign.step
-    return replace(campaign, noise=CHAIN_NOISE, chain=Chain(compensator="estimator"), stop=stop)
+    return replace(campaign, noise=CHAIN_NOISE, chain=campaigns.Chain(compensator="estimator"), stop=stop)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +136,9 @@ class Detection:
     damaged: Condition
 
 
-def detections(cases: int, mesh: Mesh, *, seed: int = 11, long: float = 0.9, stop: float = 0.3) -> list[Detection]:
+def detections(
+    cases: int, mesh: campaigns.Mesh, *, seed: int = 11, long: float = 0.9, stop: float = 0.3
+) -> list[Detection]:
     """List the conditions of the probability of detection.
 
     Parameters
@@ -162,9 +152,12 @@ def detections(cases: int, mesh: Mesh, *, seed: int = 11, long: float = 0.9, sto
     long, stop : float
         Length of the records of strain with the thesis' noise, and through the whole chain [s].
     """
-    base = CampaignPlan(cases=cases, seed=seed, stop=long, membrane=mesh, damage=HEALTHY, noise=THESIS_NOISE)
+    base = campaigns.CampaignPlan(cases=cases, seed=seed, stop=long, membrane=mesh, damage=HEALTHY, noise=THESIS_NOISE)
     damaged = replace(
-        base, cases=None, damage=Damage(cases=single_damages(max(cases // 5, 1), mesh.structure.n_zones)), seed=seed + 1
+        base,
+        cases=None,
+        damage=campaigns.Damage(cases=single_damages(max(cases // 5, 1), mesh.structure.n_zones)),
+        seed=seed + 1,
     )
     chain, damaged_chain = (_through_chain(replace(campaign, stop=stop)) for campaign in (base, damaged))
     found = []
@@ -173,7 +166,7 @@ def detections(cases: int, mesh: Mesh, *, seed: int = 11, long: float = 0.9, sto
         (f"whole chain, {stop:g} s", "chain", (chain, damaged_chain)),
     ):
         healthy, sizes = (
-            Condition(name=f"{kind}, {name}", store=f"detection_{store}_{kind}", campaign=campaign)
+            Condition(f"{kind}, {name}", f"detection_{store}_{kind}", campaign)
             for kind, campaign in zip(("healthy", "sizes"), pair, strict=True)
         )
         found.append(Detection(name=name, healthy=healthy, damaged=sizes))
@@ -252,8 +245,8 @@ def make_records(
     """
     campaign = condition.campaign
     path = folder / f"{condition.store}_{campaign.count}.zarr"
-    run_campaign(campaign, path, workers=workers, progress=progress)
-    data = read_campaign(path)
+    campaigns.run_campaign(campaign, path, workers=workers, progress=progress)
+    data = campaigns.read_campaign(path)
     sound = ~data["failed"].to_numpy()
     data = data.isel(case=np.flatnonzero(sound))
     resistance = None
@@ -261,9 +254,9 @@ def make_records(
         late = round(float(data["compensated_strain"].attrs["delay"]) / campaign.step)
         samples = campaign.steps - LATE
         strain = data["compensated_strain"].to_numpy()[:, :, late : late + samples]
-        resistance = measured_resistance(data).to_numpy()[:, :, :samples]
+        resistance = campaigns.measured_resistance(data).to_numpy()[:, :, :samples]
     elif condition.noisy:
-        strain = measured_strain(data).to_numpy()
+        strain = campaigns.measured_strain(data).to_numpy()
     else:
         strain = (data["sensor_gain"] * data["strain"]).to_numpy()
     return Records(

@@ -21,7 +21,6 @@ from ..membrane import membrane_model
 from ..membrane.params import stretch
 from ..mistakes import DescriptionError, Mistake
 from ..sensor import SensorArtifact, default_artifact, sensor_model
-from ..step_model import StepModel
 from .cases import Cases, draw_cases, unit_noise
 from .description import NOISE, ONSET, SENSOR_GAIN, CampaignPlan, Chain
 
@@ -48,8 +47,8 @@ class ChainKernels:
     full_scale_change: float
 
 
-def chain_models(chain: Chain) -> tuple[StepModel, StepModel]:
-    """Build the models of sensor and compensator.
+def chain_kernels(chain: Chain) -> tuple[ChainKernels, dict[str, str]]:
+    """Build and compile sensor and compensator; return the digest of each, too.
 
     Raises
     ------
@@ -69,18 +68,14 @@ def chain_models(chain: Chain) -> tuple[StepModel, StepModel]:
                 mistakes.append(Mistake(("chain", table, name), text, name, known))
     if mistakes:
         raise DescriptionError(*mistakes)
-    return sensor, compensator
-
-
-def chain_kernels(chain: Chain, sensor: StepModel, compensator: StepModel) -> ChainKernels:
-    """Compile sensor and compensator."""
     starts = {v.name: v.start for v in sensor.variables if v.start is not None}
-    return ChainKernels(
+    kernels = ChainKernels(
         sensor=Batch(sensor, ("resistance",), ("strain",)),
         compensator=Batch(compensator, ("strain",), ("resistance",)),
         settings=chain,
         full_scale_change=float({**starts, **chain.sensor_parameters}[FULL_SCALE]),
     )
+    return kernels, {model.name: model.digest for model in (sensor, compensator)}
 
 
 def run_chain(
@@ -124,11 +119,8 @@ def run_chain(
     noise = unit_noise(campaign.noise.resistance, "resistance", (campaign.seed, 0), cases.numbers, strain.shape[1:])
     scale = kernels.full_scale_change * np.reshape(cases.varied.get(NOISE, 1.0), (-1, 1, 1))
     noisy = np.where(failed[:, None, None], 0.0, resistance + scale * noise)
-    compensators: dict[str, ArrayLike] = {
-        "rest_strain": _prestrain(campaign, {}),
-        **kernels.settings.compensator_parameters,
-    }
-    compensated, broken = _run(campaign, kernels.compensator, compensators, "resistance", noisy)
+    start = {"rest_strain": _prestrain(campaign, {}), **kernels.settings.compensator_parameters}
+    compensated, broken = _run(campaign, kernels.compensator, start, "resistance", noisy)
     return {"resistance": resistance, "compensated_strain": compensated}, failed | broken
 
 
@@ -179,12 +171,11 @@ def build_kernels(campaign: CampaignPlan) -> Kernels:
     """
     mesh = campaign.membrane
     membrane = membrane_model(mesh.elements_per_side, mesh.order, mesh.law, compiled=has_compiler())
-    chain = campaign.chain
-    models = () if chain is None else chain_models(chain)
+    chain, digests = (None, {}) if campaign.chain is None else chain_kernels(campaign.chain)
     return Kernels(
         membrane=Batch(membrane, membrane.elements("strain"), membrane.elements("damage") if campaign.begins else ()),
-        chain=None if chain is None else chain_kernels(chain, *models),
-        digests={model.name: model.digest for model in (membrane, *models)},
+        chain=chain,
+        digests={membrane.name: membrane.digest, **digests},
     )
 
 

@@ -94,9 +94,10 @@ def _open(path: Path, mode: Any) -> zarr.Group:  # noqa: ANN401
     import zarr
 
     try:
-        group = zarr.open_group(path, mode=mode)
-        schema, number = group.attrs["schema"], group.attrs["version"]
-    except (FileNotFoundError, FileExistsError, KeyError, ValueError) as error:
+        group = zarr.open_group(path, mode=mode, zarr_format=3)
+        schema, number, *_ = (group.attrs[name] for name in ("schema", "version", "identity", "campaign", "sha256"))
+        group["finished"]
+    except (FileNotFoundError, FileExistsError, KeyError, TypeError, ValueError) as error:
         msg = f"{path} is not the store of a campaign. Name its folder, or another one for a new campaign."
         raise DataError(msg) from error
     if (schema, number) != (SCHEMA, VERSION):

@@ -136,14 +136,22 @@ def spoilt_sensors(gains: Vector, random: np.random.Generator) -> tuple[Vector, 
     return gains, sensors
 
 
-@dataclass(frozen=True)
 class NetworkFit:
     """What both networks of a window learn from; every case and its mirror images.
 
-    Attributes
+    Parameters
     ----------
     parts : Components
         Principal components.
+    x : ndarray, shape (n, 4, M)
+        Clean block means; they are projected, and polynomials of damage are fitted to them.
+    train : Windows
+        The cases.
+    sensing, training
+        Gain, and settings.
+
+    Attributes
+    ----------
     c : ndarray of float32, shape (n, 4, K)
         What each sensor adds to the components of a clean record, their mean not removed.
     mean : ndarray of float32, shape (K,)
@@ -156,54 +164,31 @@ class NetworkFit:
         How cases can be moved to other damages.
     noise : tuple of ndarray, shapes (m, K) and (m,)
         Components and outside of coloured noise.
-    sensing, training, random
-        Gain, settings, and source of everything random.
+    random : numpy.random.Generator
+        Source of everything random.
     """
 
-    parts: Components
-    c: Rows32
-    mean: Rows32
-    energy: Vector
-    overlap: Vector
-    damage: Rows32
-    moves: list[Moves]
-    noise: tuple[Rows32, Rows32]
-    sensing: Sensing
-    training: Training
-    random: np.random.Generator
-
-    @classmethod
-    def of(cls, parts: Components, x: Rows32, train: Windows, sensing: Sensing, training: Training) -> NetworkFit:
-        """Project clean block means, shape (n, 4, M), and fit the polynomials."""
-        random = np.random.default_rng((training.seed, 1))
+    def __init__(self, parts: Components, x: Rows32, train: Windows, sensing: Sensing, training: Training) -> None:
+        self.parts, self.sensing, self.training = parts, sensing, training
+        self.random = random = np.random.default_rng((training.seed, 1))
         c = (x @ parts.axes.astype("f4")) * _shares(parts)
         order = [_SENSORS[::y, ::x].ravel() for y, x in posterior.MIRRORS]
         energy, overlap = np.einsum("nsm,nsm->ns", x, x, dtype=float), x.astype(float) @ parts.mean
         signs = posterior.image_signs(parts.sectors)[:-1].T
         images = [c[:, sensors] * sign for sensors, sign in zip(order, signs, strict=True)]
-        damage = reflect(x[:, :, :1], train.damage)[1].astype(np.float32)
-        c = np.concatenate(images).astype(np.float32)
+        self.damage = damage = reflect(x[:, :, :1], train.damage)[1].astype(np.float32)
+        self.c = c = np.concatenate(images).astype(np.float32)
         settled = np.tile(train.settled, len(posterior.MIRRORS)) & (damage.max(axis=1) > 0.0)
-        moves = [
+        self.moves = [
             Moves.of(damage, c, np.flatnonzero(settled & (np.tile(train.shift, len(posterior.MIRRORS)) == shift)))
             for shift in np.unique(train.shift)
         ]
         unit = coloured_noise((COLOURED_DRAWS, SENSORS, train.records.shape[-1]), random)
         found = posterior.analyse(parts, block_means(unit, training.block) + parts.mean)
-        noise = found.c.astype("f4"), (found.s2[:, 0] * SENSORS * posterior.degrees_of_freedom(parts)).astype("f4")
-        return cls(
-            parts=parts,
-            c=c,
-            mean=((parts.mean @ parts.axes) * _shares(parts).sum(axis=0)).astype("f4"),
-            energy=np.concatenate([energy[:, sensors] for sensors in order]),
-            overlap=np.concatenate([overlap[:, sensors] for sensors in order]),
-            damage=damage,
-            moves=moves,
-            noise=noise,
-            sensing=sensing,
-            training=training,
-            random=random,
-        )
+        self.noise = found.c.astype("f4"), (found.s2[:, 0] * SENSORS * posterior.degrees_of_freedom(parts)).astype("f4")
+        self.mean = ((parts.mean @ parts.axes) * _shares(parts).sum(axis=0)).astype("f4")
+        self.energy = np.concatenate([energy[:, sensors] for sensors in order])
+        self.overlap = np.concatenate([overlap[:, sensors] for sensors in order])
 
     def epoch(self, virtual: bool, spoilt: float) -> tuple[Rows32, Rows32, Rows32, Rows32]:
         """Draw gain, noise and spoilt sensors of every case.

@@ -125,15 +125,12 @@ def _train_window(
     x = records.features_of(train.records, t.block)
     parts = principal_components(sensing.gained(x, random), t.components)
     parts = replace(parts, axes=parts.axes.astype(np.float16).astype(float))  # as the file holds them
-    fit = NetworkFit.of(parts, x, train, sensing, t)
+    fit = NetworkFit(parts, x, train, sensing, t)
     scales = np.sqrt(parts.variances + SMALL**2)
     net, losses = fit.network(report)
     decoder, latent = fit.decoder(net, scales, report)
     window = PosteriorWindow(
-        mean=parts.mean,
-        axes=parts.axes,
-        sectors=parts.sectors,
-        variances=parts.variances,
+        **asdict(parts),
         rest=np.array([fit.rest()]),
         network=t.network,
         encoder=tuple(np.asarray(a, float) for a in net.arrays),

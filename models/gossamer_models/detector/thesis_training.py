@@ -243,7 +243,7 @@ def train_detector(training: ThesisTraining = TRAININGS["single"]) -> DetectorAr
     U = np.array([window_energies(record, SAMPLES) for record in strains])
     I = np.log(U / U[0])
     trained = [train_networks(I[:, c], damages, len(LEVELS)) for c in range(WINDOWS)]
-    errors = ", ".join(f"{networks.leave_one_out:.4f}" for networks in trained)
+    weights, bias, rules, errors = (np.array(part) for part in zip(*trained, strict=True))
     more = f", and {len(damages) - 1 - ZONES * len(LEVELS)} cases of several zones" if training.multiple else ""
     return DetectorArtifact(
         start_time=0.0,
@@ -252,13 +252,13 @@ def train_detector(training: ThesisTraining = TRAININGS["single"]) -> DetectorAr
         peaks=np.array(PEAKS),
         baseline=U[0],
         references=I.transpose(1, 0, 2),
-        weights=np.array([networks.weights for networks in trained]),
-        bias=np.array([networks.bias for networks in trained]),
-        rules=np.array([networks.rules for networks in trained]),
+        weights=weights,
+        bias=bias,
+        rules=rules,
         provenance={
             "command": "gossamer train --kind thesis",
             "cases": f"undamaged and {', '.join(f'{level:g}' for level in LEVELS)} in each of {ZONES} zones alone{more}",
             "noise": f"uniform, {NOISE[0]:g} to {NOISE[1]:g}" if training.noisy else "none",
-            "leave_one_out": f"rms of memberships in windows 1 to {WINDOWS}: {errors}",
+            "leave_one_out": f"rms of memberships in windows 1 to {WINDOWS}: {', '.join(map('{:.4f}'.format, errors))}",
         },
     )

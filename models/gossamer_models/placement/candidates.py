@@ -63,7 +63,7 @@ def stacked(sensors: tuple[Sensor, ...], gauges: list[Gauge], nodes: int) -> Gau
     return Gauges(sensors, lines, means)
 
 
-def candidates(structure: Structure, points: int, gauge_length: float = 0.0) -> Gauges:
+def candidates(structure: Structure, points: int, gauge_length: float = 0.0, *, own: bool = False) -> Gauges:
     """Spread gauges over a surface: some points, four directions at each.
 
     Parameters
@@ -75,6 +75,8 @@ def candidates(structure: Structure, points: int, gauge_length: float = 0.0) -> 
         farthest from those before.
     gauge_length : float
         Length over which gauges read the mean [m]; those that reach beyond an edge are left out.
+    own : bool
+        Whether the structure's own sensors stand before them.
 
     Returns
     -------
@@ -88,7 +90,8 @@ def candidates(structure: Structure, points: int, gauge_length: float = 0.0) -> 
     """
     mesh = structure.mesh
     place, e1, e2 = _frames(structure)
-    sensors, found = [], []
+    sensors, found = (list(structure.setup.sensors), list(structure.gauges)) if own else ([], [])
+    before = len(found)
     for k in _far_apart(place, points):
         for angle in np.deg2rad(ANGLES):
             along = np.cos(angle) * e1[k] + np.sin(angle) * e2[k]
@@ -97,7 +100,7 @@ def candidates(structure: Structure, points: int, gauge_length: float = 0.0) -> 
                 point, direction = _three(place[k]), _three(along)
                 sensors.append(Sensor(point=point, direction=direction, gauge_length=gauge_length))
                 found.append(one)
-    if not found:
+    if len(found) == before:
         msg = f"no gauge of {gauge_length:g} m fits on the membrane. Give a shorter --gauge-length."
         raise ParameterError(msg)
     return stacked(tuple(sensors), found, len(mesh.nodes))

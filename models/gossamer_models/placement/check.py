@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from ..twin.least_squares import Point, check_derivatives, descend, points_at
+from ..twin.least_squares import LeastSquares, Point, descend, require_finite
 from .candidates import Gauges
 from .information import FACTOR, THRESHOLD, covariance, weigh
 from .simulation import GaugeSimulation, Report, quiet
@@ -53,7 +53,7 @@ class MonteCarloCheck:
         return abs(self.spread - 1.0) <= 3.0 * self.spread_error
 
 
-class _Records:
+class _Records(LeastSquares):
     """The least-squares problem of the twin for gauges anywhere; one record at a time."""
 
     def __init__(self, simulation: GaugeSimulation, gauges: Gauges, sigma: float, truth: Vector) -> None:
@@ -69,18 +69,21 @@ class _Records:
         """Take the next record, shape (gauges, samples)."""
         self.y = self._weighed(history[None])[0]
 
-    def points(self, x: Matrix) -> list[Point]:
+    def predict(self, x: Matrix) -> Matrix:
         """Simulate rows of unknowns."""
         at_truth = len(x) == 1 and np.array_equal(x[0], self._truth)  # where every fit starts
-        predicted = self.history[None] if at_truth else self._simulation.histories(x, self._gauges)
-        return points_at(x, predicted, self.y - self._weighed(predicted), self.prior)
+        return self.history[None] if at_truth else self._simulation.histories(x, self._gauges)
+
+    def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:  # noqa: ARG002
+        """Weigh histories with unknown offsets."""
+        return self._weighed(predicted)
 
     def derivatives(self, point: Point, free: Rows) -> Matrix:
         """Return the derivatives of the weighed predictions by the free unknowns."""
         if np.array_equal(point.x, self._truth):
             return self.J[:, free]
         _, J = self._simulation.derivatives(point.x, self._gauges)
-        return check_derivatives(self._weighed(J).T[:, free])
+        return require_finite(self._weighed(J).T[:, free])
 
     def _weighed(self, histories: Matrix) -> Matrix:
         return weigh(histories, self._sigma).reshape(len(histories), -1)

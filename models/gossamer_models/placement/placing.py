@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse
 from gossamer_files import replacing
 
 from ..arrays import Vector
 from ..errors import ParameterError
 from ..membrane import Sensor, Structure
-from .candidates import Gauges, candidates, stacked
+from .candidates import candidates
 from .check import MonteCarloCheck, check
 from .information import choose, deviations, information, smallest_damage
 from .simulation import GaugeSimulation, Report, quiet
@@ -130,10 +129,7 @@ def place_sensors(
     """
     samples = _samples(noise, step, stop)
     simulation = GaugeSimulation(structure, load, step, samples)
-    spread = candidates(structure, points, gauge_length)
-    own = structure.setup.sensors
-    n_own, n_nodes = len(own), len(structure.mesh.nodes)
-    every = _joined(stacked(own, list(structure.gauges), n_nodes), spread)
+    every = candidates(structure, points, gauge_length, own=True)
     healthy = np.zeros(len(simulation.low))
     strain, J = simulation.derivatives(healthy, every, report)
     if np.ptp(strain, axis=1).max() <= STILL:
@@ -158,7 +154,7 @@ def place_sensors(
     kept = choose(I, simulation.zones, count)
     return Placing(
         structure=structure,
-        own=placement(list(range(n_own)), "own") if n_own else None,
+        own=placement(list(range(structure.n_sensors)), "own") if structure.n_sensors else None,
         chosen=placement(kept, "chosen"),
         candidates=len(every.sensors),
         noise=noise,
@@ -176,14 +172,6 @@ def _samples(noise: float, step: float, stop: float) -> int:
         msg = f"a record of {stop:g} s at steps of {step:g} s has {samples} samples. Choose 2 to 1000000 of them."
         raise ParameterError(msg)
     return samples
-
-
-def _joined(first: Gauges, second: Gauges) -> Gauges:
-    if not first.sensors:
-        return second
-    lines = scipy.sparse.csr_array(scipy.sparse.vstack([first.lines, second.lines]))
-    means = scipy.sparse.csr_array(scipy.sparse.block_diag([first.means, second.means]))
-    return Gauges(first.sensors + second.sensors, lines, means)
 
 
 def write_csv(found: Placing, path: Path) -> None:

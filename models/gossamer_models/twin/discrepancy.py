@@ -21,7 +21,6 @@ from scipy.interpolate import BSpline
 from ..arrays import Matrix
 from ..artifacts import read_arrays, read_artifact, write_artifact
 from ..errors import ArtifactError, DataError
-from .record import N_SENSORS
 
 SCHEMA, VERSION = "gossamer.discrepancy", 1
 DEFAULT_PATH = Path(__file__).with_name("order_4.json")
@@ -40,7 +39,7 @@ class Discrepancy:
         Mesh of the twin that it belongs to.
     length : float
         Time that it covers [s], from the moment that the load sets in.
-    components : ndarray, shape (k, 4, splines)
+    components : ndarray, shape (k, sensors, splines)
         Coefficients of strain [1] whose outer products add up to the covariance.
     provenance : dict
         How it was made.
@@ -53,7 +52,7 @@ class Discrepancy:
     provenance: dict[str, str]
 
     def basis(self, steps: int, h: float) -> Matrix:
-        """Evaluate the components at h, 2 h, ..., shape (k, 4, steps); zero after ``length``."""
+        """Evaluate the components at h, 2 h, ..., shape (k, sensors, steps); zero after ``length``."""
         splines = spline_matrix(steps, h, self.length)
         return np.asarray(np.einsum("kij,tj->kit", self.components, splines))
 
@@ -106,7 +105,7 @@ def learn(delta: Matrix, h: float, share: float = 0.99) -> Matrix:
 
     Parameters
     ----------
-    delta : ndarray, shape (pairs, 4, n)
+    delta : ndarray, shape (pairs, sensors, n)
         Differences of strain [1] at h, 2 h, ...
     h : float
         Step [s].
@@ -115,7 +114,7 @@ def learn(delta: Matrix, h: float, share: float = 0.99) -> Matrix:
 
     Returns
     -------
-    ndarray, shape (k, 4, splines)
+    ndarray, shape (k, sensors, splines)
         The largest principal components of the least-squares splines, about zero.
 
     Raises
@@ -123,7 +122,7 @@ def learn(delta: Matrix, h: float, share: float = 0.99) -> Matrix:
     DataError
         There are fewer than 50 pairs.
     """
-    pairs, _, n = delta.shape
+    pairs, sensors, n = delta.shape
     if pairs < 50:
         msg = f"{pairs} pairs of histories are too few for a covariance. Simulate 50 or more."
         raise DataError(msg)
@@ -132,7 +131,7 @@ def learn(delta: Matrix, h: float, share: float = 0.99) -> Matrix:
     _, s, V = np.linalg.svd((delta @ Q).reshape(pairs, -1) / np.sqrt(pairs), full_matrices=False)
     power = np.cumsum(s**2) / np.sum(s**2)
     k = int(np.searchsorted(power[:-1], share)) + 1  # the sum may round to less than all
-    largest = (s[:k, None] * V[:k] / np.sqrt(power[k - 1])).reshape(k, N_SENSORS, -1)
+    largest = (s[:k, None] * V[:k] / np.sqrt(power[k - 1])).reshape(k, sensors, -1)
     return np.asarray(np.linalg.solve(R, largest.reshape(-1, len(R)).T).T.reshape(largest.shape))
 
 

@@ -1,13 +1,13 @@
-"""Points and quadratic models of chi2, common to all least-squares problems of the twin.
+r"""Least squares between bounds: problems, quadratic models of chi2, Levenberg-Marquardt with eight dampings at once.
 
-Symbols: ``x`` unknowns; ``r`` weighed residuals and ``J`` derivatives of the weighed predictions; ``A``, ``g`` curvature and
-slope of half of chi2.
+Symbols: ``x`` unknowns, ``y`` weighed record, ``r`` residuals and ``J`` derivatives of the weighed predictions; ``A``, ``g``
+curvature and slope of half of chi2, ``d`` moves: :math:`d^T A d - 2 g^T d` is the change of chi2; ``lam`` dampings [1].
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,12 +109,6 @@ class Point:
     chi2: float
 
 
-def points_at(x: Matrix, predicted: Matrix, r: Matrix, prior: Vector) -> list[Point]:
-    """Return the points of rows of unknowns, shape (m, n), with priors of mean 0 and these curvatures, shape (n,)."""
-    chi2 = np.einsum("ij,ij->i", r, r) + np.sum(prior * x**2, axis=1)
-    return [Point(*row) for row in zip(x, predicted, r, np.where(np.isfinite(chi2), chi2, np.inf), strict=True)]
-
-
 def neighbours(x: Vector, places: NDArray[np.int64], steps: Vector, high: Vector) -> tuple[Matrix, Vector]:
     """Return rows of unknowns with one of them moved in each, shape (m, n), and the moves: backwards at an upper bound."""
     steps = np.where(x[places] + steps > high[places], -steps, steps)
@@ -123,34 +117,75 @@ def neighbours(x: Vector, places: NDArray[np.int64], steps: Vector, high: Vector
     return rows, steps
 
 
-def check_derivatives(J: Matrix) -> Matrix:
+class LeastSquares(ABC):
+    """A weighed record to explain, and what unknowns with normal priors of mean 0 predict of it.
+
+    Attributes
+    ----------
+    y : ndarray, shape (values,)
+        The record, weighed.
+    low, high : ndarray, shape (n,)
+        Bounds of the unknowns.
+    prior : ndarray, shape (n,)
+        Curvature that the prior of each adds.
+    steps : ndarray, shape (n,)
+        Of finite differences.
+    simulated : int
+        How many unknowns change the prediction; those after them change how it is read.
+    """
+
+    y: Vector
+    low: Vector
+    high: Vector
+    prior: Vector
+    steps: Vector
+    simulated: int
+
+    @abstractmethod
+    def predict(self, x: Matrix) -> Matrix:
+        """Simulate rows of unknowns, shape (m, n); return histories, shape (m, sensors, samples)."""
+
+    @abstractmethod
+    def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:
+        """Turn histories, as they are read with rows of unknowns, into numbers of variance 1, shape (m, values)."""
+
+    def points(self, x: Matrix) -> list[Point]:
+        """Simulate rows of unknowns, shape (m, n)."""
+        predicted = self.predict(x)
+        r = self.y - self.weigh(predicted, x)
+        chi2 = np.einsum("ij,ij->i", r, r) + np.sum(self.prior * x**2, axis=1)
+        return [Point(*row) for row in zip(x, predicted, r, np.where(np.isfinite(chi2), chi2, np.inf), strict=True)]
+
+    def derivatives(self, point: Point, free: Rows) -> Matrix:
+        """Return the derivatives of the weighed predictions by the free unknowns, shape (values, number of them).
+
+        Raises
+        ------
+        ConvergenceError
+            A simulation has failed.
+        """
+        places = np.flatnonzero(free)
+        rows, steps = neighbours(point.x, places, self.steps[places], self.high)
+        simulated = int(np.searchsorted(places, self.simulated))
+        weighed = np.empty((self.y.size, places.size))
+        if simulated:
+            weighed[:, :simulated] = self.weigh(self.predict(rows[:simulated]), rows[:simulated]).T
+        if simulated < places.size:
+            weighed[:, simulated:] = self.weigh(point.predicted[None], rows[simulated:]).T
+        return require_finite((weighed - (self.y - point.r)[:, None]) / steps)
+
+    def about(self, point: Point, free: Rows, J: Matrix) -> Quadratic:
+        """Return the quadratic model of chi2 about a point over the free unknowns, from their derivatives."""
+        at = point.x[free]
+        return Quadratic(A=J.T @ J + np.diag(self.prior[free]), g=J.T @ point.r - self.prior[free] * at, at=at)
+
+
+def require_finite(J: Matrix) -> Matrix:
     """Return derivatives if they are finite, else raise ``ConvergenceError``: a simulation has failed."""
     if not np.isfinite(J).all():
         msg = "the twin's membrane failed near its present damages. Check the load and the parameters of the twin."
         raise ConvergenceError(msg)
     return J
-
-
-def quadratic_about(point: Point, free: Rows, J: Matrix, prior: Vector) -> Quadratic:
-    """Return the quadratic model of chi2 about a point over the free unknowns, from their derivatives."""
-    at = point.x[free]
-    return Quadratic(A=J.T @ J + np.diag(prior[free]), g=J.T @ point.r - prior[free] * at, at=at)
-
-
-class LeastSquares(Protocol):
-    """What ``descend`` needs of a problem, as ``RecordProblem`` documents it."""
-
-    low: Vector
-    high: Vector
-    prior: Vector  # curvature that the priors add to each unknown
-
-    def points(self, x: Matrix) -> list[Point]:
-        """Simulate rows of unknowns."""
-        ...
-
-    def derivatives(self, point: Point, free: Rows) -> Matrix:
-        """Return the derivatives of the weighed predictions."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -199,7 +234,7 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
     """
     point = problem.points(np.clip(start, problem.low, problem.high)[None])[0]
     J = problem.derivatives(point, free)
-    model, fresh = quadratic_about(point, free, J, problem.prior), True
+    model, fresh = problem.about(point, free, J), True
     for _ in range(most):
         low, high = problem.low[free] - point.x[free], problem.high[free] - point.x[free]
         moves = [bounded_minimum(model.A + np.diag(lam * np.diag(model.A)), model.g, low, high) for lam in DAMPINGS]
@@ -217,5 +252,5 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
         fresh = promised > SHORT or gained < LINEAR * promised
         if fresh:
             J = problem.derivatives(point, free)
-        model = quadratic_about(point, free, J, problem.prior)
+        model = problem.about(point, free, J)
     return Minimum(point=point, J=J, model=model)

@@ -15,7 +15,6 @@ from scipy.interpolate import BSpline
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
 from ..membrane import MembraneParams
-from .record import N_SENSORS
 
 # Deviations of the priors: of a logarithm for factors, else in the unit given.
 LOAD = {
@@ -44,6 +43,8 @@ class Nuisances:
         Some of ``NAMES``.
     params : MembraneParams
         Values that factors multiply.
+    sensors : int
+        How many have an offset and a gain of their own.
     length : float
         Time that an unknown pressure lasts [s].
     pressure_deviation : float
@@ -52,6 +53,7 @@ class Nuisances:
 
     kinds: tuple[str, ...]
     params: MembraneParams
+    sensors: int
     length: float = 0.0
     pressure_deviation: float = 0.0
 
@@ -79,7 +81,7 @@ class Nuisances:
     def names(self) -> tuple[str, ...]:
         """Names of all, in order."""
         linear = (kind for kind in ("offset", "gain") if kind in self.kinds)
-        return self.simulated + tuple(f"{kind}[{k + 1}]" for kind in linear for k in range(N_SENSORS))
+        return self.simulated + tuple(f"{kind}[{k + 1}]" for kind in linear for k in range(self.sensors))
 
     def parameters(self, z: Matrix) -> dict[str, Vector]:
         """Return the membrane's parameters that the nuisances set, for rows of z, shape (m, number of nuisances)."""
@@ -101,13 +103,13 @@ class Nuisances:
         return np.asarray(c @ spline_basis(time, self.length, self.knots).T)
 
     def read(self, y: Matrix, zero: Matrix, scale: Matrix, z: Matrix) -> Matrix:
-        """Return what sensors with gain and offset read, shape (m, 4, n).
+        """Return what sensors with gain and offset read, shape (m, sensors, n).
 
         Parameters
         ----------
-        y : ndarray, shape (m, 4, n)
+        y : ndarray, shape (m, sensors, n)
             Strain or resistance.
-        zero, scale : ndarray, shape (4, 1)
+        zero, scale : ndarray, shape (sensors, 1)
             Values that a gain leaves as they are, and what an offset is a fraction of.
         z : ndarray, shape (m, number of nuisances)
             Nuisances.
@@ -115,9 +117,9 @@ class Nuisances:
         first = len(self.simulated)
         for kind in ("offset", "gain"):
             if kind in self.kinds:
-                four = z[:, first : first + N_SENSORS, None]
-                y = y + (OFFSET * scale * four if kind == "offset" else GAIN * four * (y - zero))
-                first += N_SENSORS
+                each = z[:, first : first + self.sensors, None]
+                y = y + (OFFSET * scale * each if kind == "offset" else GAIN * each * (y - zero))
+                first += self.sensors
         return y
 
     def values(self, z: Vector, deviation: Vector) -> dict[str, tuple[float, float]]:

@@ -1,7 +1,7 @@
 r"""The least-squares problem of one record: what is unknown, what is predicted, how it is weighed.
 
-Symbols: ``x`` unknowns, first the 16 damages [1], then the nuisances in units of their priors; ``r`` weighed residuals and
-``J`` derivatives of the weighed predictions.
+Symbols: ``x`` unknowns, first the damages [1], then the nuisances in units of their priors; ``s`` sensors,
+``n`` samples.
 """
 
 from __future__ import annotations
@@ -12,18 +12,10 @@ import numpy as np
 import scipy.linalg
 
 from ..arrays import Matrix, Rows, Vector
-from ..membrane.mesh import N_ZONES
 from .discrepancy import Discrepancy, spline_matrix
-from .least_squares import (
-    DAMAGE_STEP,
-    MOST_DAMAGE,
-    Point,
-    check_derivatives,
-    neighbours,
-    points_at,
-)
+from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, Point
 from .nuisances import BEYOND, Nuisances
-from .record import N_SENSORS, ResponseRecord
+from .record import ResponseRecord
 from .simulation import Forward
 
 NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave without values
@@ -35,9 +27,9 @@ class NoiseWeights:
 
     Parameters
     ----------
-    present : ndarray of bool, shape (4, n)
+    present : ndarray of bool, shape (s, n)
         Where the record has values.
-    noise : ndarray, shape (4,)
+    noise : ndarray, shape (s,)
         Standard deviations, in the unit of the record.
     """
 
@@ -47,7 +39,7 @@ class NoiseWeights:
         self.values = int(present.sum())
 
     def weigh(self, y: Matrix) -> Matrix:
-        """Turn rows of readings, shape (m, 4, n), into independent numbers of variance 1, shape (m, values)."""
+        """Turn rows of readings, shape (m, s, n), into independent numbers of variance 1, shape (m, values)."""
         return np.asarray(y[:, self._present] / self._sigma)
 
 
@@ -56,11 +48,11 @@ class SplineWeights:
 
     Parameters
     ----------
-    present : ndarray of bool, shape (4, n)
+    present : ndarray of bool, shape (s, n)
         Where the record has values.
-    noise : ndarray, shape (4,)
+    noise : ndarray, shape (s,)
         Standard deviations, in the unit of the record.
-    error : ndarray, shape (k, 4, n)
+    error : ndarray, shape (k, s, n)
         Components of the model error, in the unit of the record.
     h, length : float
         Step of the record and time that the model error is known for [s].
@@ -80,15 +72,15 @@ class SplineWeights:
         self.values = int(good.sum())
 
     def weigh(self, y: Matrix) -> Matrix:
-        """Turn rows of readings, shape (m, 4, n), into independent numbers of variance 1, shape (m, values)."""
+        """Turn rows of readings, shape (m, s, n), into independent numbers of variance 1, shape (m, values)."""
         return np.asarray(self._project(y) @ self._whiten)
 
     def _project(self, y: Matrix) -> Matrix:
         scaled = np.where(self._scale > 0.0, y, 0.0) * self._scale
-        return np.asarray((scaled @ self._splines).reshape(len(y), N_SENSORS * self._splines.shape[1]))
+        return np.asarray((scaled @ self._splines).reshape(len(y), -1))
 
 
-class RecordProblem:
+class RecordProblem(LeastSquares):
     """Predictions, residuals and derivatives for one record.
 
     Parameters
@@ -99,12 +91,10 @@ class RecordProblem:
         What is fitted.
     nuisances : Nuisances
         Unknowns beside the damages.
-    noise : ndarray, shape (4,)
+    noise : ndarray, shape (s,)
         Standard deviation of the noise, in the unit of the record.
     discrepancy : Discrepancy or None
         Model error.
-    about : ndarray, shape (n,), or None
-        Unknowns near which sensors turn the model error of strain into that of resistance; None for none.
     report : callable, optional
         Called before each group of simulations with the length of the record [s] and the simulations that were made.
     """
@@ -116,16 +106,18 @@ class RecordProblem:
         nuisances: Nuisances,
         noise: Vector,
         discrepancy: Discrepancy | None,
-        about: Vector | None = None,
         report: Callable[[float, int], None] = lambda *_: None,
     ) -> None:
         self.forward, self.record, self.nuisances = forward, record, nuisances
-        self.size = N_ZONES + len(nuisances.names)
-        self.prior = np.r_[np.zeros(N_ZONES), np.ones(len(nuisances.names))]
-        self._simulated = N_ZONES + len(nuisances.simulated)
-        self.low = np.r_[np.zeros(N_ZONES), np.full(len(nuisances.names), -BEYOND)]
-        self.high = np.r_[np.full(N_ZONES, MOST_DAMAGE), np.full(len(nuisances.names), BEYOND)]
-        self._reading = forward.reading(record.kind)
+        self.zones, beside = forward.n_zones, len(nuisances.names)
+        self.size = self.zones + beside
+        self.simulated = self.zones + len(nuisances.simulated)
+        self.prior = np.r_[np.zeros(self.zones), np.ones(beside)]
+        self.low = np.r_[np.zeros(self.zones), np.full(beside, -BEYOND)]
+        self.high = np.r_[np.full(self.zones, MOST_DAMAGE), np.full(beside, BEYOND)]
+        self.steps = np.r_[np.full(self.zones, DAMAGE_STEP), np.full(beside, NUISANCE_STEP)]
+        self.steps[self.simulated :] = 1.0
+        self._zero, self._scale = forward.scale(record.kind)
         self.simulations, self._report = 0, report
         self._weights: NoiseWeights | SplineWeights
         if discrepancy is None:
@@ -133,62 +125,32 @@ class RecordProblem:
         else:
             error = discrepancy.basis(record.samples, record.step)
             if record.kind == "resistance":
-                strain = self._strain(np.zeros((1, self.size)) if about is None else about[None])
+                strain = self._strain(np.zeros((1, self.size)))
                 both = forward.resistance(np.concatenate([strain, strain + error]), record.step)
                 error = both[1:] - both[:1]
             self._weights = SplineWeights(record.present, noise, error, record.step, discrepancy.length)
-        self._y = self._weights.weigh(np.where(record.present, record.values, 0.0)[None])[0]
+        self.values = self._weights.values
+        self.y = self._weights.weigh(np.where(record.present, record.values, 0.0)[None])[0]
 
-    @property
-    def values(self) -> int:
-        """Independent values of the record."""
-        return self._weights.values
-
-    def points(self, x: Matrix) -> list[Point]:
-        """Simulate rows of unknowns, shape (m, n)."""
-        perfect = self._perfect(x)
-        r = self._y - self._weights.weigh(self._read(perfect, x))
-        return points_at(x, perfect, r, self.prior)
-
-    def derivatives(self, point: Point, free: Rows) -> Matrix:
-        """Return the derivatives of the weighed predictions by the free unknowns, shape (values, number of them).
-
-        Raises
-        ------
-        ConvergenceError
-            A simulation has failed.
-        """
-        x, places = point.x, np.flatnonzero(free)
-        simulated, linear = places[places < self._simulated], places[places >= self._simulated]
-        here = self._y - point.r
-        J = np.empty((self.values, places.size))
-        if simulated.size:
-            steps = np.where(simulated < N_ZONES, DAMAGE_STEP, NUISANCE_STEP)
-            rows, steps = neighbours(x, simulated, steps, self.high)
-            weighed = self._weights.weigh(self._read(self._perfect(rows), rows))
-            J[:, : simulated.size] = ((weighed - here) / steps[:, None]).T
-        if linear.size:
-            rows = np.repeat(x[None], linear.size, axis=0)
-            rows[np.arange(linear.size), linear] += 1.0
-            J[:, simulated.size :] = (self._weights.weigh(self._read(point.predicted[None], rows)) - here).T
-        return check_derivatives(J)
-
-    def reading(self, point: Point) -> Matrix:
-        """Return what the sensors read at a point, shape (4, n), in the unit of the record."""
-        return np.asarray(self._read(point.predicted[None], point.x[None])[0])
-
-    def _read(self, y: Matrix, x: Matrix) -> Matrix:
-        """Return what sensors with gain and offset read, shape (m, 4, n)."""
-        return self.nuisances.read(y, self._reading.zero, self._reading.scale, x[:, N_ZONES:])
-
-    def _perfect(self, x: Matrix) -> Matrix:
-        """Return strain or resistance without gain and offset, shape (m, 4, n)."""
+    def predict(self, x: Matrix) -> Matrix:
+        """Return strain or resistance without gain and offset, shape (m, s, n)."""
         strain = self._strain(x)
         return strain if self.record.kind == "strain" else self.forward.resistance(strain, self.record.step)
 
+    def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:
+        """Weigh what sensors with gain and offset read, shape (m, values)."""
+        return self._weights.weigh(self._read(predicted, x))
+
+    def reading(self, point: Point) -> Matrix:
+        """Return what the sensors read at a point, shape (s, n), in the unit of the record."""
+        return np.asarray(self._read(point.predicted[None], point.x[None])[0])
+
+    def _read(self, predicted: Matrix, x: Matrix) -> Matrix:
+        return self.nuisances.read(predicted, self._zero, self._scale, x[:, self.zones :])
+
     def _strain(self, x: Matrix) -> Matrix:
-        n, h, z = self.record.samples, self.record.step, x[:, N_ZONES:]
+        n, h, z = self.record.samples, self.record.step, x[:, self.zones :]
         pressure = self.nuisances.pressure(z, h * np.arange(1.0, n + 1.0))
         self._report(n * h, self.simulations)
         self.simulations += len(x)
-        return self.forward.strain(x[:, :N_ZONES], self.nuisances.parameters(z), pressure, n, h)
+        return self.forward.strain(x[:, : self.zones], self.nuisances.parameters(z), pressure, n, h)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
-from .record import N_SENSORS, ResponseRecord
+from ..membrane import square_structure
+from .record import ResponseRecord
 
 KINDS = ("resistance", "strain")
 INDEXED = re.compile(r"(strain|resistance) ?\[(\d+)\](.*)")  # strain[1] [%]
@@ -23,8 +24,10 @@ OFF_GRID = 0.05  # of a step: how far a time may lie from the grid
 LONGEST = 1_000_000  # samples
 
 
-def read_table(path: Path, kind: str | None = None, noise: float | None = None) -> ResponseRecord:
-    """Read a CSV file with a column of time and ``strain[1]`` to ``strain[4]`` or ``resistance[1]`` to ``resistance[4]``.
+def read_table(
+    path: Path, kind: str | None = None, noise: float | None = None, sensors: int | None = None
+) -> ResponseRecord:
+    """Read a CSV file with a column of time and ``strain[1]``, ... or ``resistance[1]``, ...
 
     Parameters
     ----------
@@ -36,17 +39,20 @@ def read_table(path: Path, kind: str | None = None, noise: float | None = None) 
         Which columns to take; None for the only ones there are.
     noise : float or None
         Standard deviation of the noise; None to estimate it.
+    sensors : int or None
+        How many the membrane has; None for as many as the square of the thesis.
 
     Raises
     ------
     DataError
         The file cannot be read, lacks columns, or its times or values make no sense; the message names the line.
     """
-    measured = read_columns(path, lambda header, line: _choose(path, header, line, kind), unreadable="gap")
+    count = square_structure().n_sensors if sensors is None else sensors
+    measured = read_columns(path, lambda header, line: _choose(path, header, line, kind, count), unreadable="gap")
     time, *rows = measured.values
     measured.check_once(time)
     measured.check_clock(time)
-    values = np.full((N_SENSORS, time.size), np.nan)
+    values = np.full((count, time.size), np.nan)
     for column, row in zip(measured.columns[1:], rows, strict=True):
         if column.what == "strain":
             measured.check_strain(column, row, measured.lines)
@@ -54,12 +60,12 @@ def read_table(path: Path, kind: str | None = None, noise: float | None = None) 
     return make_record(time, values, measured.columns[1].what, noise, str(path), measured.lines)
 
 
-def _choose(path: Path, header: list[str], line: int, kind: str | None) -> list[Column]:
+def _choose(path: Path, header: list[str], line: int, kind: str | None, count: int) -> list[Column]:
     """Return the column of time and those of one kind, by sensor."""
     indexed = {k: match for k, cell in enumerate(header) if (match := INDEXED.fullmatch(cell))}
     kinds = [each for each in KINDS if kind in (None, each) and any(match[1] == each for match in indexed.values())]
     if len(kinds) != 1:
-        wanted = " or ".join(f"{k}[1] to {k}[{N_SENSORS}]" for k in (KINDS if kind is None else [kind]))
+        wanted = " or ".join(f"{k}[1] to {k}[{count}]" for k in (KINDS if kind is None else [kind]))
         it_has = "It has both; say which to take with --kind" if kinds else f"It has {listed(header)}"
         msg = f"{path}, line {line}: the twin needs the columns time and {wanted}. {it_has}."
         raise DataError(msg)
@@ -67,8 +73,8 @@ def _choose(path: Path, header: list[str], line: int, kind: str | None) -> list[
     places = {k: match for k, match in indexed.items() if match[1] == kinds[0]}
     sensors = [_sensor(header[k]) for k in places]
     for k, sensor in zip(places, sensors, strict=True):
-        if not 0 <= sensor < N_SENSORS or sensors.count(sensor) > 1:
-            why = "stands twice" if 0 <= sensor < N_SENSORS else f"is of none of the {N_SENSORS} sensors"
+        if not 0 <= sensor < count or sensors.count(sensor) > 1:
+            why = "stands twice" if 0 <= sensor < count else f"is of none of the {count} sensors"
             msg = f"{path}, line {line}: column {header[k]!r} {why}. Remove it."
             raise DataError(msg)
     column = Wanted(what=kinds[0])
@@ -90,7 +96,7 @@ def make_record(
     ----------
     time : ndarray, shape (n,)
         Times of the samples [s].
-    values : ndarray, shape (4, n)
+    values : ndarray, shape (sensors, n)
         Values; not a number where one is missing.
     kind, noise : str, float or None
         As in ``ResponseRecord``.
@@ -124,7 +130,7 @@ def make_record(
             "time from the moment that the load sets in."
         )
         raise DataError(msg)
-    grid = np.full((N_SENSORS, int(place[-1]) + 1), np.nan)
+    grid = np.full((len(values), int(place[-1]) + 1), np.nan)
     grid[:, place] = values
     return ResponseRecord(step=h, values=grid[:, 1:], kind=cast(Literal["strain", "resistance"], kind), noise=noise)
 

@@ -1,4 +1,4 @@
-r"""What the twin is fitted to: four histories of strain or resistance.
+r"""What the twin is fitted to: histories of strain or resistance.
 
 Symbols: ``y`` values, one row per sensor; ``n`` samples; ``h`` step [s].
 """
@@ -14,10 +14,8 @@ import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError
-from ..membrane.strain import SENSOR_POINTS
 
-N_SENSORS = len(SENSOR_POINTS)
-LEAST_SAMPLES = 60  # per sensor: fewer cannot tell 16 damages
+LEAST_SAMPLES = 60  # per sensor: fewer cannot tell the damages
 DIFFERENCES = 6  # order of the differences that show noise
 DEAD = 1e-9  # spread over magnitude of a sensor that does not move
 # Orders of the histories that no mirror turns into each other, and what to say of them; the first is as given.
@@ -32,17 +30,17 @@ ORDERS = {
 
 @dataclass(frozen=True, kw_only=True)
 class ResponseRecord:
-    """Histories of the four sensors, from the moment that the load sets in.
+    """Histories of the sensors, from the moment that the load sets in.
 
     Attributes
     ----------
     step : float
         Time between samples [s]; the first sample lies one step after the membrane's rest.
-    values : ndarray, shape (4, n)
+    values : ndarray, shape (sensors, n)
         Strain [1] or resistance [ohm]; not a number in gaps and for sensors that are left out.
     kind : {"strain", "resistance"}
         What the values are.
-    noise : float, ndarray of shape (4,), or None
+    noise : float, ndarray of shape (sensors,), or None
         Standard deviation of the noise, in the unit of the values; None to estimate it.
 
     Raises
@@ -59,8 +57,8 @@ class ResponseRecord:
     def __post_init__(self) -> None:
         values = np.asarray(self.values, dtype=float)
         object.__setattr__(self, "values", values)
-        if values.ndim != 2 or values.shape[0] != N_SENSORS:
-            msg = f"a record needs one row for each of {N_SENSORS} sensors, shape (4, n), not {values.shape}"
+        if values.ndim != 2:
+            msg = f"a record needs one row for each sensor, shape (sensors, n), not {values.shape}"
             raise DataError(msg)
         if self.kind not in ("strain", "resistance"):
             msg = f"a record holds 'strain' or 'resistance', not {self.kind!r}"
@@ -76,7 +74,7 @@ class ResponseRecord:
             msg = f"the record has {self.samples} samples; the twin needs {LEAST_SAMPLES} or more. Record longer."
             raise DataError(msg)
         if self.noise is not None:
-            noise = np.broadcast_to(np.asarray(self.noise, dtype=float), (N_SENSORS,))
+            noise = np.broadcast_to(np.asarray(self.noise, dtype=float), values.shape[:1])
             if not (np.isfinite(noise).all() and (noise > 0.0).all()):
                 msg = f"the noise of a record is a positive deviation, not {self.noise!r}. Leave it out to estimate it."
                 raise DataError(msg)
@@ -88,16 +86,16 @@ class ResponseRecord:
 
     @property
     def present(self) -> Rows:
-        """Where there are values, shape (4, n)."""
+        """Where there are values, shape (sensors, n)."""
         return np.asarray(np.isfinite(self.values))
 
     @property
     def sensors(self) -> list[int]:
-        """Sensors with values, 0 to 3."""
-        return [k for k in range(N_SENSORS) if self.present[k].any()]
+        """Sensors with values, from 0."""
+        return np.flatnonzero(self.present.any(axis=1)).tolist()
 
     def without(self, sensors: Sequence[int]) -> ResponseRecord:
-        """Return the record without some sensors, 0 to 3."""
+        """Return the record without some sensors, from 0."""
         values = self.values.copy()
         values[list(sensors)] = np.nan
         return replace(self, values=values)
@@ -107,7 +105,7 @@ class ResponseRecord:
         return replace(self, values=self.values[list(order)])
 
     def noise_deviation(self) -> Vector:
-        r"""Return the standard deviation of the noise of each sensor, shape (4,), not a number for sensors left out.
+        r"""Return the standard deviation of the noise of each sensor, shape (sensors,), not a number for sensors left out.
 
         Notes
         -----
@@ -115,10 +113,10 @@ class ResponseRecord:
         have the variance :math:`\binom{2m}{m} \sigma^2`. It is never smaller than what a history of this step leaves.
         """
         if self.noise is not None:
-            given = np.broadcast_to(np.asarray(self.noise, dtype=float), (N_SENSORS,)).copy()
+            given = np.broadcast_to(np.asarray(self.noise, dtype=float), self.values.shape[:1]).copy()
             given[~self.present.any(axis=1)] = np.nan
             return given
-        found = np.full(N_SENSORS, np.nan)
+        found = np.full(len(self.values), np.nan)
         for k in self.sensors:
             d = np.diff(self.values[k], DIFFERENCES)
             d = d[np.isfinite(d)]
@@ -133,7 +131,7 @@ class ResponseRecord:
 
 
 def dead_sensors(record: ResponseRecord) -> list[int]:
-    """List the sensors, 0 to 3, that have values but do not move, or have too few of them."""
+    """List the sensors, from 0, that have values but do not move, or have too few of them."""
     dead = []
     for k in record.sensors:
         row = record.values[k][record.present[k]]
@@ -149,7 +147,7 @@ class Wiring:
     Attributes
     ----------
     order : tuple of int
-        Sensors, 0 to 3, whose histories are taken for those of sensors 0 to 3.
+        Sensors, from 0, whose histories are taken for those of sensors 0 to 3.
     without : tuple of int
         Sensors that are left out.
     doubt : str
@@ -163,7 +161,7 @@ class Wiring:
     @property
     def swaps(self) -> bool:
         """Whether it swaps sensors."""
-        return self.order != tuple(range(N_SENSORS))
+        return self.order != tuple(range(len(self.order)))
 
     def applied(self, record: ResponseRecord) -> ResponseRecord:
         """Return the record read this way."""
@@ -172,10 +170,10 @@ class Wiring:
 
 def other_wirings(record: ResponseRecord) -> list[Wiring]:
     """List what else a record of these sensors may be: swapped sensors, and one wrong sensor."""
-    as_given, present = tuple(range(N_SENSORS)), record.sensors
+    as_given, present = tuple(range(len(record.values))), record.sensors
     found = []
-    if len(present) == N_SENSORS:
-        for order, who in ORDERS.items():
+    for order, who in ORDERS.items():
+        if len(present) == len(as_given) == len(order):
             doubt = f"the record fits with sensors swapped: {who}. Damage may be mirrored; check the wiring"
             found.append(Wiring(order, (), doubt))
     if len(present) > 2:

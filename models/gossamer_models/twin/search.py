@@ -1,6 +1,6 @@
 r"""The search of one record: several starts, first its beginning, then all of it, then without the zones it does not need.
 
-Symbols: ``x`` unknowns, first the 16 damages.
+Symbols: ``x`` unknowns, first the damages.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
-from ..membrane.mesh import N_ZONES
-from .least_squares import NEGLIGIBLE, Point, Quadratic, bounded_minimum, change, descend, quadratic_about
+from .least_squares import NEGLIGIBLE, Point, Quadratic, bounded_minimum, change, descend
 from .nuisances import LOAD, MODULUS
 from .problem import RecordProblem
 
@@ -168,7 +167,7 @@ def search(stages: Sequence[RecordProblem], given: Vector | None, *, sparse: boo
     ----------
     stages : sequence of RecordProblem
         Longer and longer beginnings of the record; the last is all of it.
-    given : ndarray, shape (16,), or None
+    given : ndarray, shape (zones,), or None
         Damages to start from first.
     sparse : bool
         Whether to drop zones.
@@ -213,24 +212,25 @@ def misfit(problem: RecordProblem, point: Point) -> float:
 
 def box(problem: RecordProblem, at: Vector) -> Box:
     """Return the bounds of moves from a point, shape (n,)."""
-    return Box(zones=np.arange(problem.size) < N_ZONES, low=problem.low - at, high=problem.high - at)
+    return Box(zones=np.arange(problem.size) < problem.zones, low=problem.low - at, high=problem.high - at)
 
 
 def _starts(problem: RecordProblem, given: Vector | None) -> Iterator[Vector]:
     """Give damages to start from: the given one, none, then the best of one-zone and random damages."""
     if given is not None:
         yield given
-    yield np.zeros(N_ZONES)
-    random = np.random.default_rng(N_ZONES)
-    few = random.random((32, N_ZONES)) < 0.2
-    many = np.vstack([0.4 * np.eye(N_ZONES), 0.6 * few * random.random((32, N_ZONES))])
+    zones = problem.zones
+    yield np.zeros(zones)
+    random = np.random.default_rng(zones)
+    few = random.random((32, zones)) < 0.2
+    many = np.vstack([0.4 * np.eye(zones), 0.6 * few * random.random((32, zones))])
     x = np.array([_unknowns(problem, damage) for damage in many])
     order = np.argsort([point.chi2 for point in problem.points(x)])
     yield from many[order[:MOST_STARTS]]
 
 
 def _unknowns(problem: RecordProblem, damage: Vector) -> Vector:
-    return np.concatenate([damage, np.zeros(problem.size - N_ZONES)])
+    return np.concatenate([damage, np.zeros(problem.size - problem.zones)])
 
 
 def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool, hopeless: bool) -> Fit:
@@ -242,22 +242,20 @@ def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool,
         return Fit(whole, found.point, found.model, free, early_chi2)
     model = found.model
     if MODULUS in whole.nuisances.kinds:
-        model = quadratic_about(
-            whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J, whole.prior
-        )
+        model = whole.about(whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J)
     kept, move = drop_zones(model, box(whole, model.at))
     x, best, worth = _moved(whole, model.at, move, kept), None, np.inf
     J = np.empty((whole.values, whole.size))
     for _ in range(changes):
         found = descend(whole, x, kept, most)
-        reached = found.point.chi2 + THRESHOLD * kept[:N_ZONES].sum()
+        reached = found.point.chi2 + THRESHOLD * kept[: whole.zones].sum()
         if best is not None and reached >= worth:
             break
         J[:, kept], J[:, ~kept] = found.J, whole.derivatives(found.point, ~kept)
-        full = quadratic_about(found.point, free, J, whole.prior)
+        full = whole.about(found.point, free, J)
         best, worth = Fit(whole, found.point, full, kept, early_chi2), reached
         other, move = drop_zones(full, box(whole, full.at))
-        promised = found.point.chi2 + change(full.A, full.g, move) + THRESHOLD * other[:N_ZONES].sum()
+        promised = found.point.chi2 + change(full.A, full.g, move) + THRESHOLD * other[: whole.zones].sum()
         if promised > worth - ROUGH:
             break
         kept, x = other, _moved(whole, full.at, move, other)
@@ -270,9 +268,10 @@ def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:
 
     Damage and modulus enter as E (1 - d) alone, so that what half of the zones have in common may be the modulus.
     """
-    found, common = x.copy(), float(np.median(x[:N_ZONES]))
-    found[:N_ZONES] = 1.0 - (1.0 - x[:N_ZONES]) / (1.0 - common)
-    found[N_ZONES + problem.nuisances.simulated.index(MODULUS)] += math.log(1.0 - common) / LOAD[MODULUS][1]
+    zones = problem.zones
+    found, common = x.copy(), float(np.median(x[:zones]))
+    found[:zones] = 1.0 - (1.0 - x[:zones]) / (1.0 - common)
+    found[zones + problem.nuisances.simulated.index(MODULUS)] += math.log(1.0 - common) / LOAD[MODULUS][1]
     return np.clip(found, problem.low, problem.high)
 
 
@@ -288,12 +287,13 @@ def modulus_instead(fit: Fit) -> float | None:
     fit : Fit
         Without the nuisance ``modulus``.
     """
-    if np.count_nonzero(fit.point.x[:N_ZONES] > 0.0) <= MANY:
+    zones = fit.problem.zones
+    if np.count_nonzero(fit.point.x[:zones] > 0.0) <= MANY:
         return None
     model, limits = fit.model, box(fit.problem, fit.model.at)
     n = len(model.g)
     M: Matrix = np.eye(n, n + 1)
-    M[:N_ZONES, n] = -1.0
+    M[:zones, n] = -1.0
     A, at = M.T @ model.A @ M, np.append(model.at, 0.0)
     A[n, n] += LOAD[MODULUS][1] ** -2
     wider = Quadratic(A=A, g=M.T @ model.g, at=at)

@@ -1,6 +1,6 @@
 r"""The digital twin: damages that explain a record, with their standard deviations.
 
-Symbols: ``x`` unknowns, the 16 damages and then the nuisances in units of their priors' deviations; ``r`` residuals.
+Symbols: ``x`` unknowns, the damages and then the nuisances in units of their priors' deviations; ``r`` residuals.
 """
 
 from __future__ import annotations
@@ -15,14 +15,13 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, ParameterError
-from ..membrane import MembraneParams
-from ..membrane.mesh import N_ZONES
+from ..membrane import MembraneParams, membrane_model
 from ..sensor import SensorArtifact
 from .discrepancy import Discrepancy, default_discrepancy
 from .least_squares import MOST_DAMAGE, descend
 from .nuisances import MODULUS, Nuisances
 from .problem import RecordProblem
-from .record import LEAST_SAMPLES, N_SENSORS, ResponseRecord, Wiring, best_wiring, dead_sensors
+from .record import LEAST_SAMPLES, ResponseRecord, Wiring, best_wiring, dead_sensors
 from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, modulus_instead, probability, search
 from .simulation import Forward
 
@@ -41,16 +40,16 @@ UNRESOLVED = 0.5  # of the prior's deviation
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """Damage of the 16 zones with its uncertainty, and whether the twin explains the record.
+    """Damage of all zones with its uncertainty, and whether the twin explains the record.
 
     Attributes
     ----------
-    damage, deviation : ndarray, shape (16,)
+    damage, deviation : ndarray, shape (zones,)
         Lost fraction of Young's modulus [1] and its standard deviation; where ``damage`` is zero, the deviation that it
         would have if it were fitted.
-    probability : ndarray, shape (16,)
+    probability : ndarray, shape (zones,)
         How likely each zone is damaged [1].
-    covariance : ndarray, shape (16, 16)
+    covariance : ndarray, shape (zones, zones)
         Covariance of the damages [1]; rows and columns of zones that were dropped are zero outside the diagonal.
     nuisances : dict of tuple of float
         Value and standard deviation of each nuisance: a factor for load, damping, modulus and gain; phase [rad]; pressure
@@ -61,18 +60,18 @@ class Answer:
     valid : bool
         Whether the answer can be used: chi2 is below its bound and no doubt forbids it.
     unresolved : tuple of int
-        Zones, 1 to 16, that this record cannot tell.
+        Zones, from 1, that this record cannot tell.
     left_out : tuple of int
-        Sensors, 1 to 4, that were left out.
+        Sensors, from 1, that were left out.
     order : tuple of int
-        Sensors, 1 to 4, whose histories were taken for those of sensors 1 to 4.
+        Sensors, from 1, whose histories were taken for those of the first, the second, ...
     doubts : tuple of str
         Sentences on what is wrong with the record or the answer.
     samples, simulations : int
         Values that were fitted, and cases that were simulated.
     record : ResponseRecord
         What was fitted: the samples that were compared, of the sensors in ``order`` that were not left out.
-    predicted : ndarray, shape (4, n)
+    predicted : ndarray, shape (sensors, n)
         What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
     """
 
@@ -86,7 +85,7 @@ class Answer:
     valid: bool
     unresolved: tuple[int, ...] = ()
     left_out: tuple[int, ...] = ()
-    order: tuple[int, ...] = (1, 2, 3, 4)
+    order: tuple[int, ...]
     doubts: tuple[str, ...] = field(default=())
     samples: int = 0
     simulations: int = 0
@@ -113,7 +112,7 @@ class Twin:
         Membrane and load; None for the default.
     sensor : SensorArtifact or None
         Sensors, for records of resistance.
-    sensor_parameters : mapping of str to float or sequence of 4 floats
+    sensor_parameters : mapping of str to float or array_like of shape (sensors,)
         Parameters of the sensors that differ from their start values; they rest at the prestrain.
     nuisances : sequence of str
         What else is unknown, with a normal prior: ``offset`` and ``gain`` of each sensor (deviation 0.02 of strain, or of
@@ -158,13 +157,14 @@ class Twin:
         if discrepancy == "learned":
             discrepancy = default_discrepancy() if _is_learned(elements_per_side, order, self.params) else None
         self.discrepancy = discrepancy
-        Nuisances(self.nuisances, self.params)  # refuses unknown names
-        self._forward = Forward(elements_per_side, order, self.params, sensor, sensor_parameters)
+        Nuisances(self.nuisances, self.params, 0)  # refuses unknown names
+        model = membrane_model(elements_per_side, order, compiled=True)
+        self._forward = Forward(model, self.params, sensor, sensor_parameters)
 
     @property
     def zones(self) -> int:
         """Number of zones."""
-        return N_ZONES
+        return self._forward.n_zones
 
     def fit(
         self,
@@ -178,7 +178,7 @@ class Twin:
         ----------
         record : ResponseRecord
             Histories from the moment that the load sets in.
-        start : array_like, shape (16,), or None
+        start : array_like, shape (zones,), or None
             Damages to start from first, for instance those of a detector.
         report : callable, optional
             Called before each group of simulations with the length of the record that they cover [s], and how many of this
@@ -193,13 +193,19 @@ class Twin:
         """
         if record.kind == "resistance":
             self._forward.require_sensors()
+        sensors = self._forward.n_sensors
+        if len(record.values) != sensors:
+            msg = (
+                f"a record needs one row for each of {sensors} sensors, shape ({sensors}, n), not {record.values.shape}"
+            )
+            raise DataError(msg)
         given = None if start is None else np.clip(np.asarray(start, dtype=float), 0.0, MOST_DAMAGE)
-        if given is not None and given.shape != (N_ZONES,):
-            msg = f"a start has one damage for each of {N_ZONES} zones, not shape {given.shape}"
+        if given is not None and given.shape != (self.zones,):
+            msg = f"a start has one damage for each of {self.zones} zones, not shape {given.shape}"
             raise ParameterError(msg)
         dead = dead_sensors(record)
         doubts = [f"sensor {k + 1} does not move and is left out" for k in dead]
-        doubts += [f"sensor {k + 1} has no values" for k in range(N_SENSORS) if k not in record.sensors]
+        doubts += [f"sensor {k + 1} has no values" for k in range(sensors) if k not in record.sensors]
         record = record.without(dead)
         if not record.sensors:
             msg = "no sensor has values that move. Check the columns and the wiring."
@@ -226,7 +232,9 @@ class Twin:
     def _problem(self, record: ResponseRecord, samples: int, report: Callable[[float, int], None]) -> RecordProblem:
         """Make the problem of the beginning of a record; its noise is that of all of it."""
         length = record.step * self._compared(record)
-        nuisances = Nuisances(self.nuisances, self.params, length, self.params.pressure_amplitude)
+        nuisances = Nuisances(
+            self.nuisances, self.params, self._forward.n_sensors, length, self.params.pressure_amplitude
+        )
         part = replace(record, values=record.values[:, :samples])
         return RecordProblem(self._forward, part, nuisances, record.noise_deviation(), self.discrepancy, report=report)
 
@@ -243,7 +251,7 @@ class Twin:
         return found
 
     def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None) -> Answer:
-        problem, kept = fit.problem, fit.kept
+        problem, kept, zones = fit.problem, fit.kept, self.zones
         A, x = fit.model.A, fit.point.x
         covariance = _covariance(A, kept)
         deviation = np.sqrt(np.diag(covariance)).copy()
@@ -251,10 +259,10 @@ class Twin:
             alone = kept.copy()
             alone[k] = True
             deviation[k] = math.sqrt(_covariance(A, alone)[k, k])
-        everything = np.sqrt(np.diag(_covariance(A, np.ones(len(x), dtype=bool))))[:N_ZONES]
+        everything = np.sqrt(np.diag(_covariance(A, np.ones(len(x), dtype=bool))))[:zones]
         unresolved = np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION)
-        damages = covariance[:N_ZONES, :N_ZONES].copy()
-        np.fill_diagonal(damages, deviation[:N_ZONES] ** 2)
+        damages = covariance[:zones, :zones].copy()
+        np.fill_diagonal(damages, deviation[:zones] ** 2)
         per_sample, bound = fit.per_sample, chi2_bound(problem)
         valid = fit.passes and (wiring is None or not wiring.swaps)
         if not fit.passes:
@@ -269,19 +277,19 @@ class Twin:
                 f"a change of Young's modulus by {100.0 * other:.1f} % explains the record with fewer damaged zones. Fit it "
                 "too: nuisances with 'modulus'"
             )
-        rise = evidence(fit.model, box(problem, x), kept)[:N_ZONES]
+        rise = evidence(fit.model, box(problem, x), kept)[:zones]
         return Answer(
-            damage=x[:N_ZONES].copy(),
-            deviation=deviation[:N_ZONES],
+            damage=x[:zones].copy(),
+            deviation=deviation[:zones],
             probability=probability(rise),
             covariance=damages,
-            nuisances=problem.nuisances.values(x[N_ZONES:], deviation[N_ZONES:]),
+            nuisances=problem.nuisances.values(x[zones:], deviation[zones:]),
             chi2_per_sample=per_sample,
             chi2_bound=bound,
             valid=valid,
             unresolved=tuple(int(k) + 1 for k in unresolved),
-            left_out=tuple(k + 1 for k in range(N_SENSORS) if k not in problem.record.sensors),
-            order=(1, 2, 3, 4) if wiring is None else tuple(k + 1 for k in wiring.order),
+            left_out=tuple(k + 1 for k in range(self._forward.n_sensors) if k not in problem.record.sensors),
+            order=tuple(k + 1 for k in (range(self._forward.n_sensors) if wiring is None else wiring.order)),
             doubts=tuple(doubts),
             samples=problem.values,
             simulations=problem.simulations,

@@ -117,11 +117,12 @@ def _on_grid(data: xr.Dataset) -> xr.Dataset:
 
 
 def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[ResponseRecord, dict[str, list[float]]]:
+    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import make_record
-    from gossamer_models.twin.record import N_SENSORS
 
     time = data["time"].to_numpy().astype(float)
-    values = np.full((N_SENSORS, len(time)), np.nan)
+    count = square_structure().n_sensors
+    values = np.full((count, len(time)), np.nan)
     sensors = dataset.sensors(data) if dataset.find_all(data, "sensor") else {}
     received = {k: f"{name}.resistance" for k, name in dataset.compensators(data).items()} if sensors else {}
     names = {k: received[k] if received.get(k) in data else f"{name}.resistance" for k, name in sensors.items()}
@@ -138,7 +139,7 @@ def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[
         values[k - 1] = data[name].to_numpy()
     if data.attrs.get("master") == "jacobi":  # what sensors got is one step old
         time, values = time[:-1], values[:, 1:]
-    each = [_parameters(data, sensors[k]) if k in sensors else {} for k in range(1, N_SENSORS + 1)]
+    each = [_parameters(data, sensors[k]) if k in sensors else {} for k in range(1, count + 1)]
     known = next((parameters for parameters in each if parameters), {})
     tabled = {name: [parameters.get(name, known[name]) for parameters in each] for name in known}
     return make_record(time, values, "resistance", noise, "the results"), tabled
