@@ -16,10 +16,20 @@ import numpy as np
 import xarray as xr
 
 from ..fmi.shape import Array, Surface
-from .dataset import PLACES, find_all, is_whole
+from .dataset import PLACES, find_all, is_whole, parameters_of
 from .files import load_results
-from .plots.axes import side
 from .shapes import load_shapes
+
+
+def side(data: xr.Dataset) -> tuple[float, str]:
+    """Return the side of the stretched square and its unit; 1 and "side" if its parameters are not known."""
+    membrane = next(iter(find_all(data, "membrane")), "")
+    known = parameters_of(data, membrane)
+    for name in ("side_length", "edge_displacement"):
+        if f"{membrane}.{name}" in data.data_vars:
+            known[name] = float(data[f"{membrane}.{name}"][0])
+    length = known.get("side_length", math.nan) + 2.0 * known.get("edge_displacement", math.nan)
+    return (1.0, "side") if math.isnan(length) else (length, "m")
 
 
 def with_places(data: xr.Dataset, folder: Path | None = None) -> xr.Dataset:
