@@ -8,9 +8,8 @@ from gossamer_models import DataError, ParameterError
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import MembraneParams, membrane_model
 from gossamer_models.sensor import default_artifact, sensor_model
-from gossamer_models.twin.onset import JudgedWindow, OnsetProblem
 from gossamer_models.twin.simulation import Forward
-from gossamer_models.twin.watch import Watch
+from gossamer_models.twin.watch import JudgedWindow, OnsetProblem, Watch
 
 MESH = (4, 1)  # coarse, so that a window costs little; twin and truth have the same
 STEP, SAMPLES, WINDOWS = 3e-4, 167, 9

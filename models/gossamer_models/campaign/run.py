@@ -168,8 +168,8 @@ def run_campaign(
     done = campaign.count - simulated
     begun = time.perf_counter()
     log.info("%d of %d cases are to be simulated, in %d chunks", simulated, campaign.count, len(missing))
-    if progress is not None:
-        progress(done, campaign.count)
+    report = progress or (lambda *_: None)
+    report(done, campaign.count)
     finished = (
         on_cluster(partial(write_chunk, task), missing, scheduler)
         if scheduler
@@ -178,8 +178,7 @@ def run_campaign(
     for chunk in finished:
         done += len(campaign.numbers(chunk))
         log.info("chunk %d is finished after %.1f s", chunk, time.perf_counter() - begun)
-        if progress is not None:
-            progress(done, campaign.count)
+        report(done, campaign.count)
     seconds = time.perf_counter() - begun
     lost = len(missing_chunks(group, campaign))
     if lost:
