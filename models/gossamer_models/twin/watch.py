@@ -1,8 +1,8 @@
 r"""Watch a running structure: an alarm soon after damage begins, then when it began and where.
 
-Symbols: ``s`` sensors, ``z`` zones; ``y`` readings of a window; ``r`` residuals in units of the noise, the mean of each sensor
-removed; ``J`` their derivatives by the damages; ``A`` = J^T J, ``g`` = J^T r; ``T`` score statistic; ``x`` onset [steps] and z
-damages [1] that are fitted after an alarm; ``h`` step [s].
+Symbols: ``s`` sensors, ``z`` zones; ``y`` readings of a window; ``r`` residuals in units of the noise, the mean of each
+sensor removed; ``J`` their derivatives by the damages; ``A`` = J^T J, ``g`` = J^T r; ``T`` score statistic; ``x`` onset
+[steps] and z damages [1] that are fitted after an alarm; ``h`` step [s].
 """
 
 from __future__ import annotations
