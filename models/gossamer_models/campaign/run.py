@@ -14,8 +14,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from importlib.metadata import version
@@ -241,7 +240,7 @@ def _on_cores(task: ChunkTask, chunks: Sequence[int], workers: int) -> Iterator[
                 left.remove(future.result())
                 deaths = 0
                 yield future.result()
-        except BrokenProcessPool as error:
+        except BrokenExecutor as error:
             deaths += 1
             if deaths == DEATHS:
                 msg = (
