@@ -7,11 +7,10 @@ import time
 from pathlib import Path
 
 import fmpy
-import pytest
 from fmpy import fmi2
 from gossamer_fmus.build import build_fmu
 from gossamer_fmus.c_code import sources
-from gossamer_models.membrane import membrane_model, mesh_membrane_model, square_structure
+from gossamer_models.membrane import membrane_model, square_structure
 
 PAGE = Path(__file__)
 
@@ -41,31 +40,12 @@ def step_cost(path, folder, repeats):
     return 1e6 * best
 
 
-@pytest.mark.parametrize(("n", "order", "target"), [(8, 1, 2.5), (32, 1, 3.0), (4, 4, None)])
-def test_step_beside_the_square_membrane(n, order, target, tmp_path):
-    square_fmu = build_fmu(membrane_model(n, order, compiled=True), tmp_path / "square", native=True)
-    mesh_fmu = build_fmu(
-        mesh_membrane_model(square_structure(n, order), compiled=True), tmp_path / "mesh", PAGE, native=True
-    )
-    repeats = 200_000 // (n * order) ** 2
-    costs = [
-        step_cost(path, tmp_path / f"unpacked_{path.parent.name}", repeats)
-        for path in (square_fmu, mesh_fmu, square_fmu)
-    ]
-    ratio = min(costs[0], costs[2]) / costs[1]
-    asked = "" if target is None else f" (target {target:g})"
-    print(
-        f"\n{n} x {n} elements of order {order}: square {min(costs[0], costs[2]):.2f} us a step, on a mesh "
-        f"{costs[1]:.2f} us, {ratio:.2f} times as fast{asked}"
-    )
-
-
 def test_ten_thousand_elements(tmp_path):
     costs = {}
     for n in (8, 32, 64, 100):
         begin = time.perf_counter()
         structure = square_structure(n, 1)
-        model = mesh_membrane_model(structure, compiled=True)
+        model = membrane_model(structure, compiled=True)
         path = build_fmu(model, tmp_path / str(n), PAGE, native=True)
         built, size = time.perf_counter() - begin, sum(map(len, sources(model, "", 2).values()))
         costs[n] = step_cost(path, tmp_path / f"unpacked{n}", max(5, 200_000 // n**2))

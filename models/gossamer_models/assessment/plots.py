@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from gossamer_files.pictures import COLORS, GREY, axes_or_new, picture
 
-from ..membrane.mesh import N_ZONES
+from ..membrane.square import N_ZONES
 from .figures import CALL, NOMINAL
 from .results import AssessmentResults, ConfusionRow, DetectionRow, Row
 

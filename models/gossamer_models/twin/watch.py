@@ -17,7 +17,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
-from ..membrane import MembraneParams, membrane_model
+from ..membrane import Structure, square_structure
 from ..sensor import SensorArtifact
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, Minimum, Quadratic, bounded_minimum, descend
 from .search import Box, drop_zones
@@ -183,10 +183,8 @@ class Watch:
     ----------
     noise : float or array_like, shape (sensors,)
         Standard deviation of the noise of each sensor, in the unit of the readings.
-    elements_per_side, order : int
-        Mesh, as in ``membrane_model``.
-    params : MembraneParams or None
-        Membrane and load; None for the default.
+    structure : Structure or None
+        Membrane, with the start values of its load; None for the square of the thesis.
     damage : array_like, shape (zones,)
         Damage when the load sets in [1].
     sensor : SensorArtifact or None
@@ -221,9 +219,7 @@ class Watch:
     def __init__(
         self,
         noise: ArrayLike,
-        elements_per_side: int = 4,
-        order: int = 4,
-        params: MembraneParams | None = None,
+        structure: Structure | None = None,
         *,
         damage: ArrayLike = 0.0,
         sensor: SensorArtifact | None = None,
@@ -231,8 +227,7 @@ class Watch:
         step: float = 3e-4,
         false_alarms: float = 1e-5,
     ) -> None:
-        model = membrane_model(elements_per_side, order, compiled=True)
-        self._forward = Forward(model, params or MembraneParams(), sensor, sensor_parameters)
+        self._forward = Forward(structure or square_structure(), sensor, sensor_parameters)
         sensors, zones = self._forward.n_sensors, self._forward.n_zones
         self._sigma = np.broadcast_to(np.asarray(noise, dtype=float), (sensors,)).copy()
         if not (np.isfinite(self._sigma).all() and (self._sigma > 0.0).all()):

@@ -35,7 +35,7 @@ def twin(record: Path, **options: Any) -> TwinAnswer:  # noqa: ANN401
 
 def watch(record: Path, **options: Any) -> Watching:  # noqa: ANN401
     """Watch a record as if it arrived live."""
-    from gossamer_models.membrane.mesh import N_ZONES
+    from gossamer_models.membrane.square import N_ZONES
     from gossamer_orchestrator.cli.watch import watch_given
 
     report, path = watch_given(record, console=Console(quiet=True), **options)

@@ -121,6 +121,7 @@ def fit_twin(
         The answer, its file, its page if it was written, and a sentence if only the beginning was compared.
     """
     from gossamer.pages.twin import twin_page
+    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import Twin
 
     from ..pages import PAGE
@@ -139,9 +140,7 @@ def fit_twin(
         with ProgressBar("fitting", console) as bar:
             bar.update(text="compiling,")
             answer = Twin(
-                elements_per_side,
-                order,
-                found.params,
+                square_structure(elements_per_side, order, params=found.params),
                 sensor=sensor_of(found, sensor),
                 sensor_parameters=found.sensor_parameters,
                 nuisances=nuisances,

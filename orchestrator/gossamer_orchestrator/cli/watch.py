@@ -286,15 +286,14 @@ def _samples(window: float, found: Found) -> int:
 def _begin(found: Found, sensor: Path | None, elements_per_side: int, order: int, false_alarms: float) -> Watch:
     """Start the twin of a record."""
     import numpy as np
+    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import Watch
 
     from .twin_record import sensor_of
 
     return Watch(
         np.nan_to_num(found.record.noise_deviation(), nan=1.0),
-        elements_per_side,
-        order,
-        found.params,
+        square_structure(elements_per_side, order, params=found.params),
         sensor=sensor_of(found, sensor),
         sensor_parameters=found.sensor_parameters,
         step=found.record.step,

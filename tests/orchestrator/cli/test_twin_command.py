@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_models.membrane import MembraneParams, membrane_model
+from gossamer_models.membrane import MembraneParams, square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import Answer, ResponseRecord
 from gossamer_models.twin.simulation import Forward
@@ -31,7 +31,7 @@ def call():
 
 @pytest.fixture(scope="module")
 def forward():
-    return Forward(membrane_model(4, 1, compiled=True), MembraneParams(mass_damping=30.0), default_artifact())
+    return Forward(square_structure(4, 1, params=MembraneParams(mass_damping=30.0)), default_artifact())
 
 
 @pytest.fixture(scope="module")
