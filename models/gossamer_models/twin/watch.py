@@ -243,6 +243,11 @@ class Watch:
         self._before: list[JudgedWindow] = []
         self._alarmed = False
 
+    @property
+    def zones(self) -> int:
+        """Number of zones."""
+        return self._forward.n_zones
+
     def advance(self, readings: ArrayLike) -> Window:
         """Judge the next window of readings.
 
