@@ -42,7 +42,7 @@ test-basilisk:
 	build/basilisk/bin/pytest tests/hosts/test_basilisk.py
 
 bench: $(TOOLS)
-	$(BIN)/pytest tests/bench --override-ini addopts="-ra --import-mode=importlib -s"
+	$(BIN)/pytest tests/bench --measure --override-ini addopts="-ra --import-mode=importlib -s"
 
 docs: demo
 	cp out/damage_begins/damage_history.png docs/demo.png

@@ -17,6 +17,7 @@ def pytest_addoption(parser):
         action="store_true",
         help="write golden files and the tables in the FMU READMEs anew instead of comparing with them",
     )
+    parser.addoption("--measure", action="store_true", help="measure in full what tests/bench runs in a short form")
     parser.addoption(
         "--kills",
         type=int,

@@ -1,19 +1,23 @@
-"""The wheel works where nothing else of Gossamer is: in an environment of its own, in another folder."""
+"""The wheel works where nothing else of Gossamer is, with the packages of a lock file alone: in environments of its own."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import sysconfig
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("gossamer_files", "gossamer_models", "gossamer_fmus", "gossamer_orchestrator", "gossamer")
 SCRIPTS = Path(sysconfig.get_path("scripts", vars={"base": "."})).name
+LOCKS = {"light": ("constraints-light.txt",), "demo": ("constraints-light.txt", "ziglang"), "all": ("constraints.txt",)}
 
 
 def run(folder, *command, **options):
@@ -22,34 +26,60 @@ def run(folder, *command, **options):
     return subprocess.run(command, cwd=folder, env=environment, check=True, text=True, **options)
 
 
+def packages(*sources):
+    """Names of packages, of the lock files among ``sources`` those that they pin."""
+    for source in sources:
+        lock = ROOT / source
+        pinned = (
+            re.findall(r"^([\w-]+)==", lock.read_text(encoding="utf-8"), re.MULTILINE) if lock.is_file() else [source]
+        )
+        yield from dict.fromkeys(pinned)
+
+
+def link(name, folder):
+    """Make an installed package importable in a folder of another environment."""
+    try:
+        found = distribution(name)
+    except PackageNotFoundError:  # another Python needs it
+        return
+    for top in {file.parts[0] for file in found.files if file.parts[0] not in ("..", "__pycache__")}:
+        if not (folder / top).exists():
+            (folder / top).symlink_to(found.locate_file(top))
+
+
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
-    """Folder of the commands of an environment with the wheel, and all that it depends on."""
+    """Return the folder of the commands of an environment with the wheel and the packages of a lock, made once each."""
     folder = tmp_path_factory.mktemp("wheel")
     run(ROOT, sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder))
     (wheel,) = folder.glob("gossamer-*.whl")
-    run(folder, sys.executable, "-m", "venv", "environment")
-    commands = folder / "environment" / SCRIPTS
-    run(folder, commands / "python", "-m", "pip", "install", "--quiet", "--no-index", "--no-deps", str(wheel))
-    # Dependencies are seen in the environment of this test. A path file that lies in a path of a path file is not read, so
-    # the checkout, which is installed there by one, is not seen.
-    find = [commands / "python", "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]
-    packages = Path(run(folder, *find, capture_output=True).stdout.strip())
-    paths = dict.fromkeys(sysconfig.get_path(kind) for kind in ("purelib", "platlib"))
-    (packages / "dependencies.pth").write_text("\n".join(paths), encoding="utf-8")
-    return commands
+
+    def environment(lock):
+        commands = folder / lock / SCRIPTS
+        if not commands.exists():
+            run(folder, sys.executable, "-m", "venv", "--without-pip", lock)
+            pip = [sys.executable, "-m", "pip", "--python", str(commands / "python"), "install", "--quiet"]
+            run(folder, *pip, "--no-index", "--no-deps", str(wheel))
+            where = [commands / "python", "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]
+            site_packages = Path(run(folder, *where, capture_output=True).stdout.strip())
+            for name in packages(*LOCKS[lock]):
+                link(name, site_packages)
+        return commands
+
+    return environment
 
 
 def test_all_packages_come_from_the_wheel(installed, tmp_path):
+    commands = installed("all")
     script = f"import json, importlib; print(json.dumps([importlib.import_module(n).__file__ for n in {PACKAGES}]))"
-    files = json.loads(run(tmp_path, installed / "python", "-c", script, capture_output=True).stdout)
+    files = json.loads(run(tmp_path, commands / "python", "-c", script, capture_output=True).stdout)
     for file in files:
-        assert Path(file).is_relative_to(installed.parent)
+        assert Path(file).is_relative_to(commands.parent)
         assert Path(file).with_name("py.typed").is_file()
 
 
-def test_the_demo_runs_in_another_folder(installed, tmp_path):
-    printed = run(tmp_path, installed / "gossamer", "demo", capture_output=True)
+def test_the_demo_runs_in_another_folder_with_what_make_demo_installs(installed, tmp_path):
+    printed = run(tmp_path, installed("demo") / "gossamer", "demo", capture_output=True)
     written = [tmp_path / line for line in printed.stdout.splitlines()]
     assert {"results.nc", "report.html", "watch.json"} <= {path.name for path in written}
     assert all(path.is_file() for path in written)
@@ -60,4 +90,33 @@ def test_the_demo_runs_in_another_folder(installed, tmp_path):
 
 def test_what_it_writes_is_read_in_python(installed, tmp_path):
     script = "import gossamer; print(*gossamer.build('sensor', out='fmus'), gossamer.verify('fmus/sensor.fmu').passed)"
-    assert run(tmp_path, installed / "python", "-c", script, capture_output=True).stdout.split() == ["sensor", "True"]
+    assert run(tmp_path, installed("all") / "python", "-c", script, capture_output=True).stdout.split() == [
+        "sensor",
+        "True",
+    ]
+
+
+def test_the_light_install_runs_identifies_and_fits_the_twin(installed, tmp_path):
+    commands = installed("light")
+    for absent in ("ziglang", "cmake", "dask", "zarr", "meshio", "nbformat"):
+        with pytest.raises(subprocess.CalledProcessError):
+            run(tmp_path, commands / "python", "-c", f"import {absent}", stderr=subprocess.DEVNULL)
+    for options in ((), ("membrane", "--order", "1")):
+        run(tmp_path, commands / "gossamer", "build", *options, stdout=subprocess.DEVNULL)
+    run(tmp_path, commands / "gossamer", "run", "damaged", "--stop", "0.024", stdout=subprocess.DEVNULL)
+    assert (tmp_path / "out/damaged/report.html").is_file()
+
+    time = np.arange(0.0, 60.0, 0.5)
+    strain = 0.02 * (1.0 - np.cos(0.3 * time))
+    record = np.column_stack([time, strain, 100.0 + 500.0 * strain + 20.0 * np.sqrt(strain)])
+    np.savetxt(tmp_path / "mine.csv", record, delimiter=",", header="time [s],strain [1],resistance [ohm]", comments="")
+    model = ("--model", "preisach", "--modes", "2", "--relaxations", "1")
+    run(
+        tmp_path, commands / "gossamer", "identify", "mine.csv", *model, "--out", "mine.json", stdout=subprocess.DEVNULL
+    )
+    assert (tmp_path / "mine/report.html").is_file()
+
+    twin = [commands / "gossamer", "twin", "out/damaged", "--elements-per-side", "4", "--order", "1", "--json"]
+    answer = json.loads(run(tmp_path, *twin, capture_output=True).stdout)
+    assert answer["valid"]
+    assert answer["damage"][0] == pytest.approx(0.4, abs=0.02)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from gossamer_models.sensor.plots import plot_plane
+from gossamer_files.charts import draw
+from gossamer_models.sensor.plots import plane_chart
 
 from . import preisach_plane
 from .compute import Results
@@ -98,12 +99,12 @@ def _densities(results: Results, pictures: Path) -> str:
     bins.grid(False)
     seen = float(row.records[0].strain[row.fit.train[0]].max()) / row.fit.full_scale
     for ax, name in ((mu, "mu"), (eta, "eta")):
-        plot_plane(row.fit.artifact, name, ax=ax)
+        draw(plane_chart(row.fit.artifact, name), ax)
         ax.plot([0.0, seen, seen], [seen, seen, seen], color="white", lw=2.4)
         ax.plot([0.0, seen], [seen, seen], color="0.1", lw=1.0, ls="--")
         ax.grid(False)
         if name == "eta":
-            ax.images[0].set_clim(*ETA_SCALE)
+            ax.collections[0].set_clim(*ETA_SCALE)
         ax.set_title(rf"$\{name}$, M = P = {row.modes}, N = {row.fit.artifact.n_lines}")
     return save(figure, pictures, "preisach_densities")
 

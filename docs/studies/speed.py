@@ -18,14 +18,14 @@ from .specimen import specimen_record
 Vector = NDArray[np.float64]
 
 
-def run_speed() -> list[Metric]:
+def run_speed(neighbours: int = 4, evaluations: int = 1000) -> list[Metric]:
     """Compare the fit M = P = 7 with ``scipy.optimize.least_squares``: same residual, same start, finite differences.
 
     The peer gets the bounds but not the constraints on densities, which it does not support. It runs with its default
     settings, and with the scaling by columns that helps it most. Its time is that of its iterations on the residual
     function of the fit. Ours is that of the iterations, or of the whole fit with preparation and artifact. How often the
     peer evaluates depends on rounding (2700 to 20000 times from starts 1e-9 apart), so one run shows little: it runs from
-    the same start and from four such neighbours, and the median counts.
+    the same start and from ``neighbours`` of it, in at most ``evaluations`` iterations, and the median counts.
     """
     record = specimen_record(1)
     settings = PreisachSettings.of("preisach", starts=1)
@@ -40,7 +40,10 @@ def run_speed() -> list[Metric]:
     bounds = problem.lower[free], problem.upper[free]
     start = np.clip(np.concatenate([b.start for b in fit.blocks]), problem.lower, problem.upper)
     rng = np.random.default_rng(0)
-    starts = [start[free], *(np.clip(start[free] + 1e-9 * rng.normal(size=free.sum()), *bounds) for _ in range(4))]
+    starts = [
+        start[free],
+        *(np.clip(start[free] + 1e-9 * rng.normal(size=free.sum()), *bounds) for _ in range(neighbours)),
+    ]
 
     def residual(q: Vector) -> Vector:
         x = start.copy()
@@ -48,7 +51,7 @@ def run_speed() -> list[Metric]:
         return solver.stacked(x)
 
     def peer(q: Vector, scale: float | str) -> float:
-        return _seconds(partial(least_squares, residual, q, bounds=bounds, x_scale=scale, max_nfev=1000))
+        return _seconds(partial(least_squares, residual, q, bounds=bounds, x_scale=scale, max_nfev=evaluations))
 
     with threadpool_limits(1):  # as the fit does; the peer is faster so, too
         runs = [

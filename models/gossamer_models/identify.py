@@ -9,26 +9,27 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 from gossamer_files import digest
+from gossamer_files.charts import Chart, save_charts
 
 from .arrays import Vector
 from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
 from .errors import ParameterError
-from .fitting.errors import Errors, nrmse
-from .fitting.plots import Picture, record_pictures, save_figures
+from .fitting.errors import Errors, stretch_errors
 from .fitting.reading import Columns, read_records
 from .fitting.records import Record, judged_rows, strain_range, thin, training_stretches
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
 from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.fit import doubts as fractional_doubts
+from .plots import ModelledRecord, record_files
 from .replay import Recovered, clipped_strain, recover_by_fit, table_path, write_predictions
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.doubts import start_errors, undetermined
 from .sensor.fit.settings import MODELS as PREISACH
-from .sensor.plots import sensor_pictures
+from .sensor.plots import FILES as SENSOR_FILES
+from .sensor.plots import sensor_files
 
 log = logging.getLogger(__name__)
 AUTO: Literal["auto"] = "auto"  # chooses the model by predicting the later parts of the training stretch
@@ -84,6 +85,13 @@ class Identified:
     def recovered_of(self, k: int) -> dict[str, Recovered]:
         """Return what is recovered from record k, by name; nothing for a model without a compensator."""
         return {"recovered": self.recovered[k]} if self.recovered else {}
+
+    def modelled(self, k: int) -> ModelledRecord:
+        """Return what the charts of record k show."""
+        record, predicted = self.in_its_file(k)
+        compensator = getattr(self.fit.artifact, "compensator", None) or "inverse"
+        recovered = {compensator: self.recovered[k]} if self.recovered else {}
+        return ModelledRecord(record=record, predicted=predicted, recovered=recovered, first=self.fit.train[k])
 
 
 def options(settings: type) -> list[Field[Any]]:
@@ -250,7 +258,8 @@ def identify_files(
     if isinstance(fit, PreisachFit):
         progress("recovering the strain")
         recovered = tuple(recover_by_fit(fit, record) for record in fit.records)
-        errors = _with_strain_errors(fit, [found.strain for found in recovered])
+        strains = [found.strain for found in recovered]
+        errors = stretch_errors(fit.records, fit.predicted, fit.train, fit.rest_resistance, strains)
         judged = map(judged_rows, fit.train)
         parts = zip(fit.records, recovered, judged, strict=True)
         clipped = (clipped_strain(record, found, fit.full_scale, rows) for record, found, rows in parts)
@@ -297,15 +306,14 @@ def _stated(fit: PreisachFit) -> dict[str, str]:
 def save_pictures(result: Identified, folder: Path, form: str = "png") -> list[Path]:
     """Write all pictures that an identified model has, as png, svg or pdf; return their paths."""
     fit = result.fit
-    pictures: dict[str, Picture] = {}
+    pictures: dict[str, Chart] = {}
     for k in range(len(fit.records)):
-        strains = {name: found.strain for name, found in result.recovered_of(k).items()}
-        pictures |= record_pictures(*result.in_its_file(k), strains, fit.train[k])
+        pictures |= record_files(result.modelled(k))
     if isinstance(fit, PreisachFit):
-        pictures |= sensor_pictures(fit.artifact)
-        if "eta" not in pictures:
-            (folder / f"eta.{form}").unlink(missing_ok=True)  # of an earlier fit
-    return save_figures(pictures, folder, form)
+        pictures |= sensor_files(fit.artifact)
+        for name in SENSOR_FILES.values() - pictures.keys():
+            (folder / f"{name}.{form}").unlink(missing_ok=True)  # of an earlier fit
+    return save_charts(pictures, folder, form)
 
 
 def save_predictions(result: Identified, folder: Path) -> list[Path]:
@@ -316,13 +324,3 @@ def save_predictions(result: Identified, folder: Path) -> list[Path]:
         path = table_path(folder, record.name)
         paths.append(write_predictions(path, *result.in_its_file(k), columns, fit.train[k]))
     return paths
-
-
-def _with_strain_errors(fit: PreisachFit, recovered: Sequence[Vector]) -> tuple[Errors, ...]:
-    """Return the errors of a fit with those of the strain that its compensator recovers from the measured resistance."""
-    of_strain: dict[tuple[str, str], float] = {}
-    for record, rows, found in zip(fit.records, fit.train, recovered, strict=True):
-        size = float(np.ptp(record.strain))
-        for stretch, part in (("train", rows), ("test", ~rows)):
-            of_strain[record.name, stretch] = nrmse(record.strain[part], found[part], size)
-    return tuple(replace(each, strain_nrmse=of_strain[each.record, each.stretch]) for each in fit.errors)

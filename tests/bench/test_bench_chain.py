@@ -21,13 +21,10 @@ RATIO_TARGET = 5.0
 
 
 @pytest.fixture(scope="module")
-def python_plan(built):
-    return make_plan(load_scenario(shipped_scenarios()["damaged"]), built("python")["sensor"].parent)
-
-
-@pytest.fixture(scope="module")
-def native_plan(built):
-    return make_plan(load_scenario(shipped_scenarios()["damaged"]), built("native")["sensor"].parent)
+def plan_of(built, measured):
+    """Make the plan of the whole chain with FMUs of a kind; a few steps of it in the short form."""
+    scenario = load_scenario(shipped_scenarios()["damaged"], stop=None if measured else 6e-3)
+    return lambda kind: make_plan(scenario, built(kind)["sensor"].parent)
 
 
 def master(plan) -> float:
@@ -70,16 +67,14 @@ def best(*measurements, rounds) -> list[float]:
     return [min(times) for times in zip(*table, strict=True)]
 
 
-def test_chain_of_ten_fmus(python_plan):
-    (step,) = best((master, python_plan), rounds=3)
-    print(f"\nten pythonfmu FMUs, 1000 steps of 3e-4 s: {1000 * step:.2f} s (target {PYTHON_TARGET:g} s)")
-    assert 1000 * step < PYTHON_TARGET
-
-
-def test_chain_of_ten_native_fmus(python_plan, native_plan):
-    python, native = best((master, python_plan), (master, native_plan), rounds=5)
+def test_chain_of_ten_native_fmus_beside_pythonfmu(plan_of, measured):
+    python_plan, native_plan = plan_of("python"), plan_of("native")
+    python, native = best((master, python_plan), (master, native_plan), rounds=5 if measured else 1)
+    print(f"\nten pythonfmu FMUs, 1000 steps of 3e-4 s: {1000 * python:.2f} s (target {PYTHON_TARGET:g} s)")
     seconds = native / native_plan.scenario.step
-    with_master, on_disk, alone = best((master, native_plan), (streamed, native_plan), (bare, native_plan), rounds=25)
+    with_master, on_disk, alone = best(
+        (master, native_plan), (streamed, native_plan), (bare, native_plan), rounds=25 if measured else 1
+    )
     overhead = (with_master - alone) / len(native_plan.components)
     print(f"\nten native FMUs, one simulated second at 3e-4 s: {seconds:.2f} s (target {NATIVE_TARGET:g} s)")
     print(f"streamed to disk: {on_disk / native_plan.scenario.step:.3f} s (target {STREAMED_TARGET:g} s), ", end="")
@@ -87,16 +82,16 @@ def test_chain_of_ten_native_fmus(python_plan, native_plan):
     print(f"pythonfmu over native: {python / native:.1f} (target {RATIO_TARGET:g})")
     print(f"the native FMI calls alone: {1e6 * alone:.0f} us of {1e6 * with_master:.0f} us per step; ", end="")
     print(f"the master costs {1e6 * overhead:.1f} us per FMU and step")
-    assert python > 0.5 * RATIO_TARGET * native
+    assert python > 0.5 * RATIO_TARGET * native or not measured
 
 
 @pytest.mark.parametrize(("name", "copies"), [("sensor", 4), ("membrane", 2)])
-def test_components_that_step_at_once(built, name, copies):
+def test_components_that_step_at_once(built, measured, name, copies):
     """Steps of a sensor take some 2 us, of a membrane some 100 us; the wall time tells, so the machine must be quiet."""
     folder = built("native")["sensor"].parent
     given = ", ".join(f'"{each}" = 0.0' for each in FmuFile(folder / f"{name}.fmu").names("input"))
     components = "".join(f'[components.c{i}]\nfmu = "{name}"\ninputs = {{ {given} }}\n' for i in range(copies))
-    text = f'step = 3e-4\nstop = 0.15\nmaster = "jacobi"\n{components}'
+    text = f'step = 3e-4\nstop = {0.15 if measured else 0.003}\nmaster = "jacobi"\n{components}'
     scenario = parse_scenario(text)
 
     def seconds(threads):
@@ -105,6 +100,6 @@ def test_components_that_step_at_once(built, name, copies):
             simulation.run()
             return (time.perf_counter() - begin) / simulation.tick
 
-    table = [[seconds(threads) for threads in (1, 2)] for _ in range(5)]
+    table = [[seconds(threads) for threads in (1, 2)] for _ in range(5 if measured else 1)]
     one, two = (min(times) for times in zip(*table, strict=True))
     print(f"\n{copies} {name}s: {1e6 * one:.0f} us per step one after another, {1e6 * two:.0f} us in two threads")

@@ -8,41 +8,30 @@ from pathlib import Path
 
 import fmpy
 import pytest
-from fmpy import fmi2
+from fmu_host import Instance
 from gossamer_fmus import NAMES
 
-STEPS = 1_000_000
 
-
-class Host:
+class Host(Instance):
     """An initialized FMU with the arrays of its inputs and outputs."""
 
     def __init__(self, path, folder):
-        description = fmpy.read_model_description(str(path))
-        self.slave = fmi2.FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=fmpy.extract(str(path), str(folder)),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName="benchmark",
-        )
-        self.slave.instantiate()
-        self.slave.setupExperiment(startTime=0.0)
-        self.slave.enterInitializationMode()
-        self.slave.exitInitializationMode()
+        super().__init__(path, fmpy.extract(str(path), str(folder)))
+        self.initialize()
         self.ports = {}
         for causality in ("input", "output"):
-            references = [v.valueReference for v in description.modelVariables if v.causality == causality]
+            references = [self.references[name] for name in self.names(causality)]
             n = len(references)
             self.ports[causality] = (ctypes.c_uint * n)(*references), n, (ctypes.c_double * n)()
-        self.get("input")
+        self.get_all("input")
 
-    def get(self, causality):
+    def get_all(self, causality="output"):
         assert self.slave.dll.fmi2GetReal(self.slave.component, *self.ports[causality]) == 0
 
-    def set(self):
+    def set_all(self):
         assert self.slave.dll.fmi2SetReal(self.slave.component, *self.ports["input"]) == 0
 
-    def step(self):
+    def step_once(self):
         assert self.slave.dll.fmi2DoStep(self.slave.component, ctypes.c_double(0.0), ctypes.c_double(3e-4), 0) == 0
 
 
@@ -59,28 +48,27 @@ def host(built, tmp_path):
         each.slave.freeInstance()
 
 
-@pytest.mark.parametrize("call", ["set", "step", "get"])
+@pytest.mark.parametrize("call", ["set_all", "step_once", "get_all"])
 @pytest.mark.parametrize("name", NAMES)
 def test_cost_of_a_call(benchmark, host, name, call):
-    fmu = host(name)
     benchmark.group = call
-    benchmark({"set": fmu.set, "step": fmu.step, "get": lambda: fmu.get("output")}[call])
+    benchmark(getattr(host(name), call))
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads /proc, which this system does not have")
-def test_memory_over_a_million_steps(host):
+def test_memory_over_a_million_steps(host, measured):
     """Half a minute or so; what is allowed is a few pages, not bytes per step."""
-    fmu = host("sensor")
+    fmu, steps = host("sensor"), 1_000_000 if measured else 1000
     strain = fmu.ports["input"][2]
 
     def kibibytes_after(steps):
         for k in range(steps):
             strain[0] = 0.2 + 0.15 * math.sin(0.1 * k)
-            fmu.set()
-            fmu.step()
+            fmu.set_all()
+            fmu.step_once()
         return 4 * int(Path("/proc/self/statm").read_text().split()[1])
 
-    before = kibibytes_after(STEPS // 100)
-    growth = kibibytes_after(STEPS) - before
-    print(f"\nsensor FMU: memory grew by {growth} KiB over {STEPS} steps (target 0)")
+    before = kibibytes_after(steps // 100)
+    growth = kibibytes_after(steps) - before
+    print(f"\nsensor FMU: memory grew by {growth} KiB over {steps} steps (target 0)")
     assert growth < 512

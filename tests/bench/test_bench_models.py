@@ -16,36 +16,25 @@ from studies.square import SquareEquations
 H = 3e-4
 
 
-def microseconds(call, repeats=2000):
-    """Median time of one call [us] over batches, which is robust against the machine's other work."""
-    batches = []
-    for _ in range(15):
-        begin = time.perf_counter()
-        for _ in range(repeats // 15):
-            call()
-        batches.append((time.perf_counter() - begin) / (repeats // 15))
-    return 1e6 * statistics.median(batches)
-
-
 def running(model, **start):
     stepper = Stepper(model, **start)
     stepper.initialize()
     return stepper
 
 
-def test_membrane_step():
+def test_membrane_step(cost, measured):
     for name, mesh, target in (("order 4", (4, 4), 150), ("bilinear 8 x 8", (8, 1), 50)):
         membrane = running(membrane_model(square_structure(*mesh)))
         h = 0.5 * membrane.get("max_step")
-        explicit = microseconds(lambda membrane=membrane, h=h: membrane.step(h), 1500)
+        explicit = cost(membrane.step, h, repeats=100, batches=15)
         print(f"\nmembrane of {name}, one explicit step: {explicit:.0f} us (target {target})")
-    begin = time.perf_counter()
-    integrate_implicit(SquareEquations(square_structure(8, 1)), MembraneParams(), steps=50)
-    implicit = 1e6 * (time.perf_counter() - begin) / 50
+    begin, steps = time.perf_counter(), 50 if measured else 1
+    integrate_implicit(SquareEquations(square_structure(8, 1)), MembraneParams(), steps=steps)
+    implicit = 1e6 * (time.perf_counter() - begin) / steps
     print(f"one implicit step of 3e-4 s: {implicit / (2 * explicit):.0f} times the two explicit ones it stands for")
 
 
-def test_sensor_compensator_estimator_and_detector_step():
+def test_sensor_compensator_estimator_and_detector_step(cost):
     strains = iter(np.tile(0.1 + 0.09 * np.sin(np.linspace(0.0, 60.0, 5000)), 20).tolist())
     sensor, compensator = running(sensor_model()), running(compensator_model())
     detector = running(posterior_model(), repeat=1.0)
@@ -59,23 +48,24 @@ def test_sensor_compensator_estimator_and_detector_step():
         compensator.set("resistance", sensor.get("resistance"))
         compensator.step(H)
 
-    print(f"\nsensor, input set and step: {microseconds(sense, 6000):.1f} us (target 25)")
-    print(f"sensor and compensator step: {microseconds(compensate, 6000):.1f} us")
+    print(f"\nsensor, input set and step: {cost(sense, batches=15):.1f} us (target 25)")
+    print(f"sensor and compensator step: {cost(compensate, batches=15):.1f} us")
     estimator = running(compensator_model(method="estimator"))
-    print(f"estimator step: {microseconds(lambda: estimator.step(H), 6000):.1f} us")
-    print(f"detector step: {microseconds(lambda: detector.step(H), 6000):.1f} us")
+    print(f"estimator step: {cost(estimator.step, H):.1f} us")
+    print(f"detector step: {cost(detector.step, H):.1f} us")
 
 
 @pytest.mark.parametrize("model", [sensor_model, compensator_model])
-def test_a_step_costs_the_same_after_a_million(model):
+def test_a_step_costs_the_same_after_a_million(model, cost, measured):
     """Target: 1.0 +- 0.1. Early and late instances take turns, so that both see the same machine."""
     name = "strain" if model is sensor_model else "resistance"
+    many = 1_000_000 if measured else 1000
     early, late = running(model()), running(model())
     middle = early.get("resistance") if name == "resistance" else 0.1
     values = middle * (1.0 + 0.2 * np.sin(np.linspace(0.0, 600.0, 1_000_000)))
-    for k, stepper in ((1000, early), (1_000_000, late)):
+    for k, stepper in ((1000, early), (many, late)):
         for value in values[:k]:
             stepper.set(name, value)
             stepper.step(H)
-    ratios = [microseconds(lambda: late.step(H), 3000) / microseconds(lambda: early.step(H), 3000) for _ in range(21)]
-    print(f"\n{model().name}: cost of a step after 1e6 steps over that after 1e3: {statistics.median(ratios):.3f}")
+    ratios = [cost(late.step, H, batches=6) / cost(early.step, H, batches=6) for _ in range(21 if measured else 1)]
+    print(f"\n{model().name}: cost of a step after {many:g} steps over that after 1e3: {statistics.median(ratios):.3f}")

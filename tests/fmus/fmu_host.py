@@ -38,7 +38,13 @@ def excite(name, k):
         return resistance
     if name == "estimator":
         return resistance | {"known": float(k % 5 == 2), "known_strain": 0.02 + 0.01 * math.sin(0.3 * k)}
-    return {key: value * (1.0 + 0.1 * math.sin(0.3 * k)) for key, value in INPUTS[name].items()}
+    return {key: value * (1.0 + 0.1 * math.sin(0.3 * k)) for key, value in amplitudes(name).items()}
+
+
+@cache
+def amplitudes(name):
+    """Input values to swing about: of an FMU that has none here, all inputs near their nominal values."""
+    return INPUTS.get(name) or {v.name: v.nominal or 0.01 for v in model_of(name).variables if v.causality == "input"}
 
 
 @cache

@@ -43,6 +43,20 @@ def with_spaces(text):
     return text.replace("\N{NO-BREAK SPACE}", " ")
 
 
+def content_of(text):
+    """Read the data of a page; arrays that stand again are the same."""
+    known = []
+
+    def resolved(each):
+        if "same" in each:
+            return known[each["same"]]
+        if {"bytes", "shape"} <= each.keys():
+            known.append(each)
+        return each
+
+    return json.loads(text, object_hook=resolved)
+
+
 def numbers(packed):
     return np.frombuffer(base64.b64decode(packed["bytes"]), f"<{packed['kind']}").reshape(packed["shape"])
 
@@ -55,7 +69,7 @@ def read_page(path):
     for _, attributes in page.tags:
         assert "src" not in attributes
         assert not attributes.get("href", "#").startswith("http")
-    charts = json.loads(with_spaces(page.unpacked("data")).replace("\\u00a0", " "))["charts"]
+    charts = content_of(with_spaces(page.unpacked("data")).replace("\\u00a0", " "))["charts"]
     return page, {chart["title"]: chart for chart in charts}
 
 

@@ -1,154 +1,272 @@
-"""Pictures of an assessment: detection, reliability, confusion, errors and false calls."""
+"""Charts of an assessment of detectors; a judge has one colour in all of them.
+
+They stand on the page of ``gossamer assess-detector``, and are files with the curves of detection zone by zone.
+"""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from pathlib import Path
-from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
-from gossamer_files.pictures import COLORS, GREY, axes_or_new, picture
+from gossamer_files.charts import (
+    Chart,
+    Panels,
+    Trace,
+    band,
+    curve,
+    heat,
+    names_from_top,
+    points,
+    rule,
+    save_charts,
+    section,
+    with_interval,
+    words,
+)
+from numpy.typing import ArrayLike
 
-from ..membrane.square import N_ZONES
 from .figures import CALL, NOMINAL
-from .results import AssessmentResults, ConfusionRow, DetectionRow, Row
+from .judges import AlwaysZero
+from .pod import Share
+from .results import AssessmentResults, DetectionRow
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-
-def plot_detection(row: DetectionRow, *, ax: Axes | None = None) -> Axes:
-    """Draw the probability of detection over size with its lower 95 % bound, hits, misses and a90/95."""
-    ax = axes_or_new(ax)
-    title = f"zone {row.zone}" if row.zone else "all zones"
-    size, pod, low = np.array(row.curve, dtype=float).T
-    ax.plot(100.0 * size, pod, color=COLORS[0], lw=1.4)
-    ax.plot(100.0 * size, low, color=COLORS[0], lw=0.8)
-    ax.fill_between(100.0 * size, low, np.where(np.isfinite(pod), pod, low), color=COLORS[0], alpha=0.2, lw=0)
-    for sizes, height in ((row.hit_sizes, 1.0), (row.missed_sizes, 0.0)):
-        if sizes:
-            heights = np.full(len(sizes), height)
-            ax.plot(100.0 * np.array(sizes), heights, "|", color="black", ms=5, mew=0.6, clip_on=False)
-    if row.remark:
-        text = ax.text(0.03, 0.4, "\n".join(wrap(row.remark, 26)), transform=ax.transAxes, fontsize=6)
-        text.set_in_layout(False)
-    ax.axhline(0.9, color=GREY, lw=0.6, ls=":")
-    if np.isfinite(row.a90_95):
-        ax.axvline(100.0 * row.a90_95, color=COLORS[1], lw=1.0, ls="--")
-        title += f": a90/95 {100.0 * row.a90_95:.2g} %"
-    ax.set(xscale="log", xlim=(0.5, 50.0), ylim=(0.0, 1.02), title=title)
-    ax.set_xticks([1.0, 10.0], ["1", "10"])
-    return ax
+COLORS = ("@0", "@1", "@2", "@3", "@4", "@5")
+ZERO = AlwaysZero.name
+STATED = {"clean": "dash", "noise": "solid"}  # conditions of the reliability, and their lines
+DASHES = ("solid", "dash", "dot", "dashdot")
+DETECTED = 0.9  # probability of detection of a90 and a90/95
+BINS = 40  # of the largest estimates
+FILES = {
+    "Mean absolute error over damaged zones": "errors",
+    "Largest estimate of healthy records": "false_calls",
+    "Observed over stated share": "reliability",
+    "Zone called first": "confusion_",
+}
 
 
-def plot_reliability(rows: Sequence[Row], *, ax: Axes | None = None) -> Axes:
-    """Draw observed over nominal share of damages in the stated intervals; a right deviation gives the diagonal."""
-    ax = axes_or_new(ax)
-    ax.plot([0.0, 1.0], [0.0, 1.0], color=GREY, lw=0.8, ls="--")
-    for k, row in enumerate(rows):
-        label = f"{row.judge}, {row.condition}: z rms {row.figures.damaged_z_rms:.2f} in damaged zones"
-        look = "o-" if k < len(COLORS) else "s--"
-        ax.plot(NOMINAL, row.reliability, look, color=COLORS[k % 6], ms=3, lw=1.2, label=label)
-    ax.set(xlabel="stated share [1]", ylabel="observed share [1]", xlim=(0.0, 1.0), ylim=(0.0, 1.02), aspect="equal")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12))
-    return ax
+def assessment_charts(found: AssessmentResults) -> list[Chart]:
+    """Return all charts of an assessment."""
+    return [
+        *section("Errors", _errors(found)),
+        *section("Calls", _calls(found)),
+        *section("Probability of detection", _detections(found)),
+        *section("Stated deviations", _stated(found)),
+        *section("Zones", _confusions(found)),
+    ]
 
 
-def plot_confusion(row: ConfusionRow, *, ax: Axes | None = None) -> Axes:
-    """Draw which zone is called first over the damaged one, in % of its records; the last column is no call."""
-    ax = axes_or_new(ax)
-    counts = np.array(row.counts)
-    percent = 100.0 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
-    ax.imshow(percent, cmap="Blues", vmin=0.0, vmax=100.0)
-    for (i, j), value in np.ndenumerate(percent):
-        if value >= 0.5:
-            colour = "white" if value > 55.0 else "black"
-            ax.text(j, i, f"{value:.0f}", ha="center", va="center", fontsize=6, color=colour)
-    zones = [str(zone) for zone in range(1, N_ZONES + 1)]
-    ax.set_xticks(range(N_ZONES + 1), [*zones, "none"])
-    ax.set_yticks(range(N_ZONES), zones)
-    ax.grid(visible=False)
-    ax.set(xlabel="zone called first", ylabel="damaged zone", title=f"{row.judge}, {row.condition} [% of records]")
-    return ax
+def save_pictures(found: AssessmentResults, folder: Path) -> list[Path]:
+    """Write the charts that have a name in ``FILES`` as PNG, and detection zone by zone; return the paths."""
+    pictures: dict[str, Chart | Panels] = {}
+    for judge in found.judges:
+        for name in dict.fromkeys(row.condition for row in found.detections):
+            rows = [row for row in found.detections if (row.judge, row.condition) == (judge, name)]
+            if any(row.hits for row in rows):
+                pictures[f"detection {judge} {name}"] = _by_zone([row for row in rows if row.zone] or rows)
+    for chart in assessment_charts(found):
+        if file := next((name for title, name in FILES.items() if chart.title.startswith(title)), ""):
+            names = len(chart.layout.get("yaxis", {}).get("categoryarray", ()))
+            size = (8.0, 2.0 + 0.3 * names) if names else (7.0, 6.5)
+            pictures[file + chart.title.partition(": ")[2]] = Panels([chart], size)
+    return save_charts({re.sub("[^a-z0-9]+", "_", name.lower()): each for name, each in pictures.items()}, folder)
 
 
-def plot_errors(assessment: AssessmentResults, *, ax: Axes | None = None) -> Axes:
-    """Draw the mean absolute error over damaged zones of every judge under every condition with damage."""
-    ax = axes_or_new(ax)
-    named = dict.fromkeys(row.condition for row in assessment.rows if np.isfinite(row.figures.error_damaged))
-    places = {condition: place for place, condition in enumerate(named)}
-    for k, judge in enumerate(assessment.judges):
-        rows = [row for row in assessment.rows if row.judge == judge and row.condition in places]
-        x, y = [row.figures.error_damaged for row in rows], [places[row.condition] for row in rows]
-        ax.plot(x, y, "os"[k // 6 % 2], color=COLORS[k % 6], ms=5, label=judge)
-    ax.set_yticks(range(len(places)), list(places))
-    ax.invert_yaxis()
-    ax.set(xlabel="mean absolute error over damaged zones [% damage]", xlim=(0.0, None))
-    ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.1), ncols=3)
-    return ax
+def reliability_chart(observed: Sequence[Trace], note: str) -> Chart:
+    """Draw curves of the observed over the stated share of damages within an interval; right is the diagonal."""
+    title, right = (
+        "Observed over stated share of damages within an interval",
+        curve("right", [0.0, 1.0], [0.0, 1.0], "@grey", dash="dot"),
+    )
+    traces = [right, *(each | {"mode": "lines+markers"} for each in observed)]
+    note = f"Below the line the stated deviations are too small. {note}"
+    return Chart(title, "stated share [1]", "observed share [1]", traces, note=note, tall=True)
 
 
-def plot_false_calls(rows: Sequence[Row], *, ax: Axes | None = None) -> Axes:
-    """Draw the largest valid estimate of each healthy record as histograms; beyond the dotted line it is a call."""
-    ax = axes_or_new(ax)
-    top = max([CALL, *(max(row.largest, default=0.0) for row in rows)])
-    bins = np.linspace(0.0, 100.0 * top, 41).tolist()
-    for k, row in enumerate(rows):
-        label = f"{row.judge}, {row.condition.removeprefix('healthy, ')}"
-        line = "-" if k < len(COLORS) else "--"
-        ax.hist(100.0 * np.array(row.largest), bins, histtype="step", color=COLORS[k % 6], ls=line, lw=1.3, label=label)
-    ax.axvline(100.0 * CALL, color=GREY, lw=0.8, ls=":")
-    ax.set(xlabel="largest estimate of a healthy record, 0 if not valid [% damage]", ylabel="records", yscale="symlog")
-    ax.legend(loc="upper right")
-    return ax
+def _color(found: AssessmentResults, judge: str) -> str:
+    judges = [each for each in found.judges if each != ZERO]
+    return "@grey" if judge == ZERO else COLORS[judges.index(judge) % len(COLORS)]
 
 
-def save_pictures(assessment: AssessmentResults, folder: Path) -> list[Path]:
-    """Draw everything that was found and write it as PNG, without a display; return the paths."""
-    paths: list[Path] = []
-
-    def page(name: str, size: tuple[float, float]) -> AbstractContextManager[Figure]:
-        paths.append(folder / f"{re.sub('[^a-z0-9]+', '_', name.lower()).strip('_')}.png")
-        return picture(paths[-1], size)
-
-    for judge in assessment.judges:
-        for name in dict.fromkeys(row.condition for row in assessment.detections):
-            found = [row for row in assessment.detections if (row.judge, row.condition) == (judge, name)]
-            if any(row.hits for row in found):
-                with page(f"detection {judge} {name}", (9.0, 7.5) if len(found) > N_ZONES else (5.0, 4.0)) as figure:
-                    _detections(found, figure)
-    for counts in assessment.confusions:
-        if np.array(counts.counts)[:, :N_ZONES].any():
-            with page(f"confusion {counts.judge} {counts.condition}", (7.0, 6.5)) as figure:
-                plot_confusion(counts, ax=figure.subplots())
-    wanted = [row for row in assessment.rows if row.reliability and row.condition in ("clean", "noise")]
-    stated = [row for row in wanted if not np.isnan(row.reliability).any()]  # some judge is never valid
-    if stated:
-        with page("reliability", (6.0, 6.5)) as figure:
-            plot_reliability(stated, ax=figure.subplots())
-    with page("errors", (8.0, 6.0)) as figure:
-        plot_errors(assessment, ax=figure.subplots())
-    healthy = [row for row in assessment.rows if any(row.largest)]
-    if healthy:
-        with page("false calls", (7.0, 4.0)) as figure:
-            plot_false_calls(healthy, ax=figure.subplots())
-    return paths
+def _symbol(found: AssessmentResults, judge: str) -> str:
+    judges = [each for each in found.judges if each != ZERO]
+    return "diamond" if judge == ZERO or judges.index(judge) < len(COLORS) else "square"
 
 
-def _detections(rows: Sequence[DetectionRow], figure: Figure) -> None:
-    """Draw the curves of one judge: every zone where it is on the membrane, zone 1 below on the left, or all together."""
-    zones = {row.zone: row for row in rows}
-    if len(zones) <= N_ZONES:
-        plot_detection(zones[0], ax=figure.subplots())
-    else:
-        grid = figure.subplots(4, 4, sharex=True, sharey=True)[::-1].ravel()
-        for zone, ax in enumerate(grid, start=1):
-            plot_detection(zones[zone], ax=ax)
+def _by_condition(
+    found: AssessmentResults, title: str, x: str, values: dict[tuple[str, str], Any], note: str = ""
+) -> Chart:
+    """Draw numbers, or shares with their bounds, of every judge and condition; a line of the chart is a condition."""
+    conditions = [c for c in dict.fromkeys(row.condition for row in found.rows) if any(c == key[1] for key in values)]
+    traces = []
+    for judge in found.judges:
+        value, low, high = np.array([_bounded(values.get((judge, c), math.nan)) for c in conditions]).reshape(-1, 3).T
+        if np.isnan(value).all():
+            continue
+        trace = points(judge, value, conditions, _color(found, judge), symbol=_symbol(found, judge), size=8)
+        if np.isfinite(low).any():
+            trace = with_interval(trace, low, high, "x")
+        traces.append(trace | {"orientation": "h"})
+    return Chart(title, x, "condition", traces, note=note, layout={"yaxis": names_from_top(conditions)}, broad=True)
+
+
+def _bounded(value: float | Share) -> tuple[float, float, float]:
+    """Return a number without bounds, or a share with its bounds [%]."""
+    if isinstance(value, Share):
+        return 100.0 * value.value, 100.0 * value.low, 100.0 * value.high
+    return value, math.nan, math.nan
+
+
+def _errors(found: AssessmentResults) -> list[Chart]:
+    """Draw the mean absolute errors of all judges under all conditions."""
+    charts = []
+    for name, zones in (("error_damaged", "damaged zones"), ("error_all", "all zones")):
+        values = {(row.judge, row.condition): getattr(row.figures, name) for row in found.rows}
+        finite = {key: value for key, value in values.items() if math.isfinite(value)}
+        charts.append(_by_condition(found, f"Mean absolute error over {zones}", "error [% damage]", finite))
+    return charts
+
+
+def _calls(found: AssessmentResults) -> list[Chart]:
+    """Draw the shares of valid records, of false calls and of calls, and the largest estimates of healthy records."""
+    call = f"A call is a valid estimate above {100.0 * CALL:g} %."
+    charts = []
+    for name, title, note in (
+        ("valid", "Valid records", ""),
+        ("false_calls", "Records with a call in an undamaged zone", call),
+        ("hits", "Damaged zones that were called", call),
+    ):
+        values = {(row.judge, row.condition): getattr(row.figures, name) for row in found.rows}
+        charts.append(_by_condition(found, title, "share [%]", {k: v for k, v in values.items() if v.total}, note))
+    return [*charts, *_largest(found)]
+
+
+def _largest(found: AssessmentResults) -> list[Chart]:
+    """Draw how many healthy records have a largest estimate of a size."""
+    rows = [row for row in found.rows if any(row.largest)]
+    if not rows:
+        return []
+    edges = np.linspace(0.0, max(CALL, *(max(row.largest) for row in rows)), BINS + 1)
+    conditions, traces = list(dict.fromkeys(row.condition for row in rows)), []
+    for row in rows:
+        counts, _ = np.histogram(row.largest, edges)
+        name = f"{row.judge}, {row.condition.removeprefix('healthy, ')}"
+        dash = DASHES[conditions.index(row.condition) % len(DASHES)]
+        line = curve(name, 100.0 * edges, [*counts, 0], _color(found, row.judge), shape="hv", dash=dash)
+        traces.append(line)
+    note = "0 where the record is not valid. Judges that say 0 of all records are left out."
+    title, layout = "Largest estimate of healthy records", {"yaxis": {"type": "log"}}
+    return [Chart(title, "largest estimate [% damage]", "records", traces, note=note, layout=layout, broad=True)]
+
+
+def _detections(found: AssessmentResults) -> list[Chart]:
+    """Draw the probability of detection of all zones together, and the size that is found by zone."""
+    charts = []
+    for condition in dict.fromkeys(row.condition for row in found.detections):
+        rows = [row for row in found.detections if row.condition == condition]
+        traces = [t for row in rows if not row.zone for t in _curves(row.judge, row.curve, _color(found, row.judge))]
+        if traces:
+            note = "All zones together, single damages; the area reaches down to the lower 95 % bound."
+            charts.append(_detection_chart(f"Probability of detection, {condition}", traces, note))
+        own = [([r for r in rows if r.judge == judge and r.zone], _color(found, judge)) for judge in found.judges]
+        if by_zone := [t for some, color in own for t in _zones(some, color)]:
+            title = f"Size found in 90 % of cases by zone, {condition}"
+            note = "Bars reach up to the 95 % bound, a90/95; a point alone is that. Zones without it are left out."
+            layout = {"xaxis": {"dtick": 1}, "yaxis": {"rangemode": "tozero"}, "scattermode": "group"}
+            charts.append(Chart(title, "zone", "damage [%]", by_zone, note=note, layout=layout))
+    return charts
+
+
+def _curves(name: str, rows: ArrayLike, color: str) -> list[Trace]:
+    """Return the curve of a probability of detection and the area down to its lower 95 % bound, or the bound alone.
+
+    Parameters
+    ----------
+    name : str
+        For the legend.
+    rows : array, shape (n, 3)
+        Size, probability, not a number where there is none, and its lower bound [1].
+    color : str
+        By name.
+    """
+    size, probability, low = np.array(rows, dtype=float).T
+    if np.isnan(probability).all():  # hits and misses do not overlap: the likelihood has no maximum
+        return [curve(f"{name}, 95 % bound", 100.0 * size, low, color, dash="dash")] if low.any() else []
+    area = band(name, 100.0 * size, low, probability, color)
+    return [*(each | {"showlegend": False} for each in area), curve(name, 100.0 * size, probability, color)]
+
+
+def _detection_chart(title: str, traces: Sequence[Trace], note: str = "", marks: Sequence[Trace] = ()) -> Chart:
+    """Draw probabilities of detection over the size of damage, with a line at ``DETECTED``."""
+    sizes = {
+        "type": "log",
+        "tickvals": [0.5, 1, 2, 5, 10, 20, 50, 100],
+        "ticktext": ["0.5", "1", "2", "5", "10", "20", "50", "100"],
+    }
+    layout = {"xaxis": sizes, "yaxis": {"range": [0.0, 1.02]}}
+    marks = [rule(y=DETECTED, dash="dot", width=1), *marks]
+    x, y = "damage of the zone [%]", "probability of detection [1]"
+    return Chart(title, x, y, traces, note=note, layout=layout, marks=marks)
+
+
+def _by_zone(rows: Sequence[DetectionRow]) -> Panels:
+    """Draw the curves of one judge zone by zone with hits and misses, zone 1 below on the left where zones are a square."""
+    charts = []
+    for row in rows:
+        marks = [
+            points(name, 100.0 * np.array(sizes), np.full(len(sizes), height), "@ink", symbol="line-ns-open", size=6)
+            for name, sizes, height in (("hit", row.hit_sizes, 1.0), ("missed", row.missed_sizes, 0.0))
+            if sizes
+        ]
+        known = math.isfinite(row.a90_95)
+        said = [words([5.0], [0.4], [row.remark], font={"size": 9})] if row.remark else []
+        bound = [rule(x=100.0 * row.a90_95, color="@1", dash="dash", width=1)] if known else []
+        traces = [*_curves("detection", row.curve, "@0"), *marks, *said]
+        title = f"zone {row.zone}: a90/95 {100.0 * row.a90_95:.2g} %" if known else f"zone {row.zone}"
+        charts.append(_detection_chart(title, traces, marks=bound))
+    side = math.isqrt(len(charts))
+    if side**2 == len(charts):
+        charts = [chart for k in reversed(range(side)) for chart in charts[k * side : (k + 1) * side]]
     title = f"{rows[0].judge}, {rows[0].condition}: {rows[0].score} above {100.0 * rows[0].threshold:.2g} % is a call"
-    figure.suptitle("\n".join(wrap(title, 48 if len(zones) <= N_ZONES else 100)))
-    figure.supxlabel("damage [%]")
-    figure.supylabel("probability of detection [1]")
+    columns = math.ceil(math.sqrt(len(charts)))
+    size = (2.6 * columns + 1.0, 2.1 * -(-len(charts) // columns) + 1.0)
+    return Panels(charts, size, columns, title=title, shared=True)
+
+
+def _zones(rows: Sequence[Any], color: str) -> list[Trace]:
+    """Draw a90 with its bound of each zone that has both; of others the bound alone."""
+    there = [row for row in rows if row.a90_95 <= 1.0]  # more than all is no bound
+    if not there:
+        return []
+    bound = np.array([100.0 * row.a90_95 for row in there])
+    size = np.array([100.0 * row.a90 if math.isfinite(row.a90) else b for row, b in zip(there, bound, strict=True)])
+    trace = points(there[0].judge, [row.zone for row in there], size, color)
+    return [with_interval(trace, size, bound)]
+
+
+def _stated(found: AssessmentResults) -> list[Chart]:
+    """Draw how often the truth lies in the stated intervals."""
+    traces = []
+    for row in (row for row in found.rows if row.condition in STATED and row.reliability):
+        if np.isfinite(row.reliability).all():
+            name = f"{row.judge}, {row.condition}: z rms {row.figures.damaged_z_rms:.2f}"
+            traces.append(curve(name, NOMINAL, row.reliability, _color(found, row.judge), dash=STATED[row.condition]))
+    return [reliability_chart(traces, "Damaged zones of valid records.")] if traces else []
+
+
+def _confusions(found: AssessmentResults) -> list[Chart]:
+    """Draw which zone is called first where one is damaged."""
+    charts = []
+    for row in found.confusions:
+        counts = np.array(row.counts)
+        if counts[:, :-1].any():
+            percent = 100.0 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+            zones = [str(zone) for zone in range(1, len(counts) + 1)]
+            title = f"Zone called first: {row.judge}, {row.condition}"
+            layout = {axis: {"type": "category", "dtick": 1} for axis in ("xaxis", "yaxis")}
+            cells = heat([*zones, "none"], zones, percent, "% of records", zmin=0.0, zmax=100.0)
+            charts.append(Chart(title, "zone called first", "damaged zone", [cells], layout=layout))
+    return charts

@@ -228,6 +228,3 @@ def _variables(p: MembraneParams, setup: Setup, n_nodes: int) -> tuple[Variable,
         ),
         MAX_STEP,
     )
-
-
-N_ZONES, SENSOR_POINTS = len(ZONES), SENSORS  # until their last user counts what its structure has

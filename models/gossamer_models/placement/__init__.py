@@ -2,7 +2,7 @@
 
 from .check import MonteCarloCheck
 from .placing import NOISE, Placement, Placing, place_sensors, sensors_text, write_csv
-from .plots import plot_placement, save_picture
+from .plots import save_picture
 
 __all__ = [
     "NOISE",
@@ -10,7 +10,6 @@ __all__ = [
     "Placement",
     "Placing",
     "place_sensors",
-    "plot_placement",
     "save_picture",
     "sensors_text",
     "write_csv",

@@ -1,96 +1,154 @@
-"""A picture of placements: the membrane seen along its normal, zones coloured by a90, sensors as lines."""
+"""Charts of placements: the membrane seen along its normal, zones coloured by a90, its sensors, the check."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from gossamer_files.pictures import COLORS, axes_or_new, picture
+from gossamer_files.charts import Array, Chart, Panels, Trace, bars, draw_panels, points, section, words
+from gossamer_files.pictures import picture
 
 from ..arrays import Matrix, Vector
 from ..membrane import Structure
+from ..twin.least_squares import MOST_DAMAGE
 from .placing import Placement, Placing
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-RED = COLORS[1]
-_LENGTH = 0.05  # of the line of a sensor, shares of the size
-_MOST_NAMED = 40  # zones: more names would cover the picture
+NAMED = 40  # zones with a label: more would cover the picture
+LENGTH = 0.05  # of the line of a sensor, shares of the membrane's size
+VIRIDIS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
 
 
-def plot_placement(
-    structure: Structure, placement: Placement, limits: tuple[float, float], *, ax: Axes | None = None
-) -> Axes:
-    """Draw zones coloured by a90 on a logarithmic scale, with the sensors.
-
-    Parameters
-    ----------
-    structure : Structure
-        The membrane.
-    placement : Placement
-        Its sensors.
-    limits : tuple of float
-        Ends of the colours [1].
-    ax : Axes or None
-        Where to draw; None for new axes.
-    """
-    from matplotlib import colormaps
-    from matplotlib.collections import PolyCollection
-    from matplotlib.colors import LogNorm
-
-    ax = axes_or_new(ax)
-    view = view_of(structure.mesh.nodes)
-    faces, zone = faces_of(structure)
-    flat = [structure.mesh.nodes[nodes] @ view for nodes in faces]
-    a90 = np.append(placement.a90, np.nan)  # the last is that of no zone
-    colours = PolyCollection(flat, array=np.ma.masked_invalid(100.0 * a90[zone]), edgecolors="face", lw=0.4)
-    colours.set_norm(LogNorm(100.0 * limits[0], 100.0 * limits[1]))
-    colours.set_cmap(colormaps["viridis_r"].with_extremes(bad="0.85"))
-    ax.add_collection(colours)
-    for k in range(len(structure.setup.zones) if len(structure.setup.zones) <= _MOST_NAMED else 0):
-        middle = np.mean([polygon.mean(axis=0) for polygon, z in zip(flat, zone, strict=True) if z == k], axis=0)
-        shade = np.log(a90[k] / limits[0]) / np.log(limits[1] / limits[0])
-        contrast = "white" if shade > 0.55 else "black"
-        text = f"{k + 1}\n{100.0 * a90[k]:.2g} %"
-        ax.text(float(middle[0]), float(middle[1]), text, ha="center", va="center", fontsize=7, color=contrast)
-    for sensor in placement.sensors:
-        point, along = np.array(sensor.point) @ view, np.array(sensor.direction) @ view
-        half = 0.5 * max(_LENGTH * structure.mesh.size, sensor.gauge_length) * along / np.linalg.norm(sensor.direction)
-        ends = np.array([point - half, point + half])
-        ax.plot(*ends.T, color="white", lw=4.0, solid_capstyle="round")
-        ax.plot(*ends.T, color=RED, lw=2.2, solid_capstyle="round")
-        ax.plot(*point, "o", color=RED, mec="white", ms=4.5, mew=0.8)
-    ax.set_aspect("equal")
-    ax.grid(visible=False)
-    ax.autoscale_view()
-    names = [
-        "xyz"[k] if np.allclose(view[:, i], np.eye(3)[k]) else "" for i, k in enumerate(np.abs(view).argmax(axis=0))
-    ]
-    ax.set(xlabel=f"{names[0]} [m]".strip(), ylabel=f"{names[1]} [m]".strip())
-    ax.set_title(f"worst zone: a90 = {100.0 * placement.a90.max():.3g} %")
-    return ax
+def placement_charts(found: Placing) -> list[Chart]:
+    """Return all charts of a placement."""
+    check = _check(found)
+    return [*section("Membrane", _maps(found)), *section("Zones", [_zones(found)]), *section("Check", check)]
 
 
 def save_picture(found: Placing, path: Path) -> None:
     """Draw the membrane's own sensors and the chosen ones side by side."""
-    shown = [(name, p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None]
-    values = np.concatenate([p.a90 for _, p in shown])
-    limits = (float(values.min()), float(max(values.max(), 1.01 * values.min())))
-    with picture(path, (4.6 * len(shown) + 0.9, 4.6)) as figure:
-        axes: Any = figure.subplots(1, len(shown), squeeze=False)[0]
-        for ax, (name, placement) in zip(axes, shown, strict=True):
-            plot_placement(found.structure, placement, limits, ax=ax)
-            ax.set_title(f"{len(placement.sensors)} {name} sensors, {ax.get_title()}")
-        bar = figure.colorbar(
-            axes[-1].collections[0],
-            ax=list(axes),
-            label="damage found in 90 % of cases, a90 [%]",
-            shrink=0.85,
-            format="{x:.3g}",
-        )
-        bar.ax.yaxis.set_minor_formatter("{x:.3g}")
+    charts = _maps(found)
+    panels = Panels(charts, (4.9 * len(charts) + 0.9, 4.6), len(charts))
+    with picture(path, panels.size) as figure:
+        draw_panels(panels, figure)
+
+
+def placements(found: Placing) -> list[tuple[str, Placement]]:
+    """List the membrane's own sensors, if they are known, and the chosen ones."""
+    return [(name, p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None]
+
+
+def damage_text(value: float) -> str:
+    """Say how large a damage is that is found."""
+    return f"{100.0 * MOST_DAMAGE:g} % or more" if value >= MOST_DAMAGE else f"{100.0 * value:.3g} %"
+
+
+def _zones(found: Placing) -> Chart:
+    zones = np.arange(1, len(found.structure.setup.zones) + 1)
+    traces = [
+        bars(f"{len(p.sensors)} {name} sensors", zones, 100.0 * p.a90, color)
+        for color, (name, p) in zip(("@grey", "@0"), placements(found)[-2:], strict=False)
+    ]
+    layout = {"barmode": "group", "xaxis": {"dtick": 1} if len(zones) <= NAMED else {}}
+    return Chart("Smallest damage found in 90 % of cases", "zone", "a90 [% damage]", traces, layout=layout, broad=True)
+
+
+def _check(found: Placing) -> list[Chart]:
+    traces = []
+    for color, (name, p) in zip(("@1", "@0"), placements(found), strict=False):
+        if p.check is not None:
+            zones = np.arange(1, len(p.check.predicted) + 1)
+            predicted, observed = 100.0 * p.check.predicted, 100.0 * p.check.observed
+            traces.append(points(f"{name}, predicted", zones, predicted, color, symbol="line-ew-open", size=14))
+            traces.append(points(f"{name}, of fits", zones, observed, color))
+    title = "Deviation of the damage at 30 % damage"
+    return [Chart(title, "zone", "deviation [% damage]", traces, broad=True)] if traces else []
+
+
+def _maps(found: Placing) -> list[Chart]:
+    """Draw the membrane along its normal, zones coloured by a90 on a logarithmic scale, with the sensors."""
+    values = np.concatenate([p.a90 for _, p in placements(found)])
+    limits = np.log10([values.min(), max(values.max(), 1.01 * values.min())])
+    mesh = found.structure.mesh
+    view = view_of(mesh.nodes)
+    faces, zone = faces_of(found.structure)
+    flat = [mesh.nodes[nodes] @ view for nodes in faces]
+    axes = [f"{name} [m]".strip() for name in _axes_of(view)]
+    charts = []
+    for name, p in placements(found):
+        shade = (np.log10(p.a90) - limits[0]) / (limits[1] - limits[0])
+        traces: list[Trace] = []
+        places = []
+        for k in range(-1, len(p.a90)):
+            own = [polygon for polygon, z in zip(flat, zone, strict=True) if z == k]
+            if own:
+                label = f"zone {k + 1}: a90 {damage_text(p.a90[k])}" if k >= 0 else "no zone"
+                traces.append(_area(label, own, _color(shade[k]) if k >= 0 else "@grey"))
+                places += [(k, *np.mean([polygon.mean(axis=0) for polygon in own], axis=0))] if k >= 0 else []
+        if 0 < len(places) <= NAMED:
+            traces.append(_labels(places, p.a90, shade))
+        traces += [_sensor(k, s, view, mesh.size) for k, s in enumerate(p.sensors)]
+        traces.append(_scale(limits))
+        equal = {"xaxis": {"constrain": "domain"}, "yaxis": {"scaleanchor": "x", "constrain": "domain"}}
+        title = f"{len(p.sensors)} {name} sensors, worst zone a90 = {damage_text(p.a90.max())}"
+        charts.append(Chart(title, axes[0], axes[1], traces, layout=equal | {"showlegend": False}, tall=True))
+    return charts
+
+
+def _area(name: str, polygons: list[Array], color: str) -> Trace:
+    """Return faces of one colour."""
+    gap = np.full((1, 2), np.nan)
+    x, y = np.concatenate([part for polygon in polygons for part in (polygon, polygon[:1], gap)]).T
+    look = {"mode": "lines", "line": {"width": 0.4, "color": color}, "fillcolor": color, "fill": "toself"}
+    return {"type": "scatter", "name": name, "x": x, "y": y, "hoveron": "fills", "hoverinfo": "name"} | look
+
+
+def _labels(places: Sequence[tuple[int, float, float]], a90: Array, shade: Array) -> Trace:
+    zones, x, y = zip(*places, strict=True)
+    text = [f"{k + 1}<br>{damage_text(a90[k])}" for k in zones]
+    return words(x, y, text, ["#ffffff" if shade[k] > 0.55 else "#000000" for k in zones], font={"size": 10})
+
+
+def _sensor(number: int, sensor: Any, view: Array, size: float) -> Trace:  # noqa: ANN401
+    """Return a sensor as a line along its direction, at least so long that it is seen."""
+    point, along = np.array(sensor.point) @ view, np.array(sensor.direction) @ view
+    half = 0.5 * max(LENGTH * size, sensor.gauge_length) * along / np.linalg.norm(sensor.direction)
+    x, y = np.array([point - half, point, point + half]).T
+    look = {"mode": "lines+markers", "line": {"color": "#D55E00", "width": 4}}
+    marker = {"color": "#D55E00", "size": [1, 9, 1], "line": {"color": "#ffffff", "width": 1}}
+    return {
+        "type": "scatter",
+        "name": f"sensor {number + 1}",
+        "x": x,
+        "y": y,
+        "marker": marker,
+        "hoverinfo": "name",
+    } | look
+
+
+def _scale(limits: Array) -> Trace:
+    """Return a scale of the colours beside the picture."""
+    ticks = np.linspace(limits[0], limits[1], 4)
+    labels = [f"{100.0 * 10.0**tick:.2g}" for tick in ticks]
+    bar = {"title": {"text": "a90 [%]"}, "tickvals": ticks.tolist(), "ticktext": labels, "thickness": 12}
+    scale = {"color": limits.tolist(), "colorscale": "Viridis", "reversescale": True}
+    marker = scale | {"showscale": True, "colorbar": bar}
+    return {"type": "scatter", "mode": "markers", "x": [None, None], "y": [None, None], "marker": marker}
+
+
+def _color(shade: float) -> str:
+    """Return a colour of Viridis, 0 the lightest and 1 the darkest."""
+    place = (1.0 - min(max(shade, 0.0), 1.0)) * (len(VIRIDIS) - 1)
+    low = min(int(place), len(VIRIDIS) - 2)
+    parts = np.array(VIRIDIS[low]) + (place - low) * (np.array(VIRIDIS[low + 1]) - np.array(VIRIDIS[low]))
+    return "#" + "".join(f"{round(float(part)):02x}" for part in parts)
+
+
+def _axes_of(view: Matrix) -> list[str]:
+    """Name the directions of a view that are axes."""
+    largest = enumerate(np.abs(view).argmax(axis=0))
+    return ["xyz"[k] if np.allclose(view[:, i], np.eye(3)[k]) else "" for i, k in largest]
 
 
 def view_of(nodes: Matrix) -> Matrix:

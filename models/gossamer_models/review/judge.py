@@ -13,22 +13,22 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_files import digest
+from gossamer_files.charts import Chart, save_charts
 
 from ..arrays import Rows, Vector
 from ..artifacts import artifact_schema
 from ..automatic.compare import HERE, Interval, beside, cubic, error_interval
 from ..errors import ArtifactError
 from ..fitting.errors import nrmse
-from ..fitting.plots import Picture, record_pictures, save_figures
 from ..fitting.reading import Columns, read_records
 from ..fitting.records import Record, judged_rows, training_rows
+from ..plots import BAND, ModelledRecord, record_files
 from ..replay import REACH, Recovered, clipped_strain, recover, sensor_output, table_path, write_predictions
 from ..sensor import Scales, SensorArtifact
 from .scales import RelaxingScales, fit_scales, hardly_overlapping
 
 RIGHT = 0.05  # share of the errors that a normal distribution leaves beyond the band
 TOO_SURE = 0.5  # stated over true deviation, below which it is said
-BAND = 2.0  # standard deviations to each side
 LEAST_JUDGED = 0.25  # share of a record that must lie before its first strain beyond the full scale
 
 
@@ -73,6 +73,20 @@ class Judged:
     def fitted(self) -> Rows:
         """Samples that something of the sensor was fitted to: none with its own scales."""
         return self.first if self.scales is not None else np.zeros_like(self.first)
+
+    @property
+    def modelled(self) -> ModelledRecord:
+        """What the charts show."""
+        stretch = "stretch to which the scales are fitted" if self.scales else "first stretch"
+        fitted, own = "scales fitted" if self.scales else "", self.recovered
+        return ModelledRecord(
+            record=self.record,
+            predicted=self.predicted,
+            recovered=own,
+            first=self.first,
+            stretch=stretch,
+            fitted=fitted,
+        )
 
     def stretches(self) -> dict[str, Rows]:
         """Return the first stretch and the rest, where there is one, by name."""
@@ -286,17 +300,16 @@ def scales_of(artifact: SensorArtifact, path: Path) -> tuple[float, float, float
 def save_judged(judged: Sequence[Judged], folder: Path, *, pictures: bool = True, form: str = "png") -> list[Path]:
     """Write predictions as CSV, and pictures of resistance, recovered strain and residuals; return the paths."""
     paths = []
-    drawn: dict[str, Picture] = {}
+    drawn: dict[str, Chart] = {}
     for each in judged:
-        strains = {name: found.strain for name, found in each.recovered.items()}
         paths.append(
             write_predictions(
                 table_path(folder, each.record.name), each.record, each.predicted, _cells(each), each.fitted
             )
         )
         if pictures:
-            drawn |= record_pictures(each.record, each.predicted, strains, each.fitted)
-    return [*paths, *save_figures(drawn, folder, form)]
+            drawn |= record_files(each.modelled)
+    return [*paths, *save_charts(drawn, folder, form)]
 
 
 def _cells(each: Judged) -> Mapping[str, Vector]:

@@ -1,27 +1,33 @@
-"""Pictures of a sensor: densities over the Preisach plane and Everett surfaces.
+"""Charts of a sensor: densities over the Preisach plane, Everett surfaces, relaxation.
 
-A picture that is added to ``sensor_pictures`` is drawn by ``gossamer identify``.
+A chart that is added to ``sensor_charts`` stands on the page of ``gossamer identify``, and is a file if
+``FILES`` names it.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
-from gossamer_files.pictures import axes_or_new
+from gossamer_files.charts import Chart, Trace, heat, points, section
 
 from ..arrays import Matrix
-from ..fitting.plots import FITTED, PREDICTED, Picture, into_axes
 from .artifact import SensorArtifact
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+from .drives import RelaxationTerm
 
 ETA_SCALE = (0.9, 1.1)  # [1]
 SAME_ETA = 0.01  # [1] less is one colour on that scale
-TITLES = {"mu": "mu (the elastic line may exceed the scale)", "eta": "eta, the share of mu that a down-switch removes"}
+FLAT = 0.01  # [1] difference of the Everett surfaces over their range that needs no picture
+FILES = {"Density mu": "mu", "Share eta": "eta", "Everett surface": "everett", "What a cycle leaves": "everett_cycle"}
+
+
+def sensor_charts(artifact: SensorArtifact) -> list[Chart]:
+    """Return the charts of a Preisach sensor."""
+    planes = [plane_chart(artifact, name) for name in (("mu", "eta") if constant_eta(artifact) is None else ("mu",))]
+    return section("The identified sensor", [*planes, *_everett(artifact), *_relaxation(artifact)])
+
+
+def sensor_files(artifact: SensorArtifact) -> dict[str, Chart]:
+    """Return charts by the names of their files."""
+    return {FILES[chart.title]: chart for chart in sensor_charts(artifact) if chart.title in FILES}
 
 
 def preisach_plane(artifact: SensorArtifact, name: str) -> Matrix:
@@ -37,20 +43,27 @@ def preisach_plane(artifact: SensorArtifact, name: str) -> Matrix:
     return plane
 
 
-def plot_plane(artifact: SensorArtifact, name: str, *, ax: Axes | None = None) -> Axes:
-    """Draw ``mu`` or ``eta`` over the Preisach plane."""
-    ax = axes_or_new(ax)
-    plane = preisach_plane(artifact, name)
-    off_line = plane[np.tril_indices(artifact.n_lines, -1)]
-    top = float(np.nanmax(off_line)) if np.isfinite(off_line).any() else 1.0
-    low = None
-    if name == "eta":  # keep meaningless differences out of the colours
-        low, top = min(ETA_SCALE[0], float(np.nanmin(plane))), max(ETA_SCALE[1], top)
-    image = ax.imshow(plane, origin="lower", extent=(0, 1, 0, 1), vmin=low, vmax=top, cmap="viridis")
-    ax.figure.colorbar(image, ax=ax, label=r"$\mu$ [1]" if name == "mu" else r"$\eta$ [1]")
-    ax.grid(visible=False)
-    ax.set(xlabel=r"$\beta$ [1]", ylabel=r"$\alpha$ [1]", title=TITLES[name])
-    return ax
+def plane_chart(artifact: SensorArtifact, name: str) -> Chart:
+    """Return ``mu`` or ``eta`` over the Preisach plane; a constant ``eta`` is named beside ``mu``."""
+    cells, plane = (np.arange(artifact.n_lines) + 0.5) / artifact.n_lines, preisach_plane(artifact, name)
+    lowest, highest, constant = float(np.nanmin(plane)), float(np.nanmax(plane)), constant_eta(artifact)
+    if name == "eta":
+        ends = {"zmin": min(lowest, ETA_SCALE[0]), "zmax": max(highest, ETA_SCALE[1])}
+        note, text = (
+            "The share of mu that a down-switch removes.",
+            f"eta over the Preisach plane, {lowest:.3g} to {highest:.3g}.",
+        )
+        return _map("Share eta", heat(cells, cells, plane, "eta [1]", **ends), note, text)
+    top = float(plane[np.tril_indices(artifact.n_lines, -1)].max(initial=0.0)) or highest
+    what = "eta, the share of mu that a down-switch removes, is"
+    same, known = (
+        ("", "")
+        if constant is None
+        else (f" {what} {constant:.4g} everywhere.", f"eta = {constant:.3g} all over the plane")
+    )
+    note = f"The elastic line, the diagonal, reaches {np.diag(plane).max():.3g} and may exceed the scale.{same}"
+    text = f"Weights of up-switching over the Preisach plane, up to {top:.3g} off the elastic line.{same}"
+    return _map("Density mu", heat(cells, cells, plane, "mu [1]", zmin=0.0, zmax=top), note, text, known)
 
 
 def constant_eta(artifact: SensorArtifact) -> float | None:
@@ -88,36 +101,49 @@ def everett(artifact: SensorArtifact) -> tuple[Matrix, Matrix]:
     return surfaces[0], surfaces[1]
 
 
-def plot_everett(artifact: SensorArtifact, *, ax: Any) -> Any:  # noqa: ANN401
-    """Draw the Everett surfaces for rising and falling strain into axes in space."""
-    up, down = everett(artifact)
-    axis = np.linspace(0.0, 1.0, artifact.n_lines + 1)
-    low, high = np.meshgrid(axis, axis)
-    ax.plot_wireframe(high, low, up, color=FITTED, lw=0.6, label="rising")
-    ax.plot_wireframe(low, high, -down, color=PREDICTED, lw=0.6, label="falling")
-    ax.set(
-        xlabel="new strain [1]", ylabel="extreme before [1]", zlabel="change of output [1]", title="Everett surfaces"
-    )
-    ax.xaxis.labelpad = ax.yaxis.labelpad = 8.0
-    ax.zaxis.labelpad = 14.0
-    ax.tick_params(axis="z", pad=8.0)  # room for a sign
-    ax.view_init(elev=30.0, azim=110.0)  # the surfaces are close to a plane, which is edge-on from the front
-    ax.set_box_aspect(None, zoom=0.9)  # room for the label
-    ax.legend()
-    return ax
+def _everett(artifact: SensorArtifact) -> list[Chart]:
+    """Return the Everett surface of rising strain, and what the one of falling strain differs by if it does."""
+    rise, fall = everett(artifact)
+    levels, top, left = np.linspace(0.0, 1.0, artifact.n_lines + 1), float(np.nanmax(rise)), rise - fall
+    note = "Rise of the output when strain rises from beta to alpha, without relaxation."
+    text = f"The output rises by {top:.3g} from no strain to full scale."
+    charts = [_map("Everett surface", heat(levels, levels, rise, "rise [1]"), note, text)]
+    if np.nanmax(np.abs(left)) > FLAT * top:
+        note = "Rise of the output when strain rises from beta to alpha, less its fall on the way back."
+        text = f"A cycle leaves at most {np.nanmax(left):.3g} and at least {np.nanmin(left):.3g} of the output."
+        charts.append(_map("What a cycle leaves", heat(levels, levels, left, "left [1]"), note, text))
+    return charts
 
 
-def sensor_pictures(artifact: SensorArtifact) -> dict[str, Picture]:
-    """Return the pictures of a sensor by name; a constant ``eta`` stands in the title of ``mu``."""
+def _map(title: str, trace: Trace, note: str, text: str, result: str = "") -> Chart:
+    """Return a chart over the plane of switching strains, over full scale."""
+    x, y = "beta, strain of down-switching [1]", "alpha, strain of up-switching [1]"
+    return Chart(title, x, y, [trace], note=note, text=text, result=result)
 
-    def draw_mu(figure: Figure) -> None:
-        ax = plot_plane(artifact, "mu", ax=figure.subplots())
-        if constant is not None:
-            ax.set_title(f"{TITLES['mu']}; eta = {constant:.3g} all over the plane")
 
-    def draw_everett(figure: Figure) -> None:
-        plot_everett(artifact, ax=figure.add_subplot(projection="3d"))
+def _relaxation(artifact: SensorArtifact) -> list[Chart]:
+    """Return amplitudes over times of the relaxation terms, by what drives them; one term stands in the table alone."""
+    if len(artifact.relaxation) < 2:
+        return []
+    traces, said = [], []
+    for k, name in enumerate(dict.fromkeys(map(driven_by, artifact.relaxation))):
+        here = [term for term in artifact.relaxation if driven_by(term) == name]
+        times, sizes = np.array([time_of(term) for term in here]), np.array([term.amplitude for term in here])
+        traces.append(points(name, times, sizes, f"@{k}", size=9))
+        said.append(f"{name}: amplitudes {sizes.min():.3g} to {sizes.max():.3g}.")
+    note, layout = "Terms A exp(-(t / tau)^c) by what excites them.", {"xaxis": {"type": "log"}, "showlegend": True}
+    return [
+        Chart("Relaxation", "time tau [s]", "amplitude A [1]", traces, note=note, text=" ".join(said), layout=layout)
+    ]
 
-    constant = constant_eta(artifact)
-    eta = {"eta": into_axes(plot_plane, artifact, "eta")} if constant is None else {}
-    return {"mu": draw_mu, **eta, "everett": draw_everett}
+
+def driven_by(term: RelaxationTerm) -> str:
+    """Say what excites a relaxation term."""
+    drive = term.excitation
+    what = f"{drive.strain} strain" + (" times strain" if drive.power else "")
+    return f"{what}, a gain" if drive.gain else what
+
+
+def time_of(term: RelaxationTerm) -> float:
+    """Return the time of a term, of exp(-b t^c) = exp(-(t / tau)^c) [s]."""
+    return float(term.rate ** (-1.0 / term.exponent))

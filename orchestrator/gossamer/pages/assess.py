@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from gossamer_files.charts import Chart, curve, section
 from gossamer_models.automatic.compare import RIVALS
+from gossamer_models.plots import record_charts
 from gossamer_models.review import Judged
 from gossamer_models.sensor import SensorArtifact
 from gossamer_orchestrator.cli.tables import Shown, on_page
-from gossamer_orchestrator.pages import SCRIPT, Chart, Page, curve, drawn, folded
+from gossamer_orchestrator.pages import Page, folded
 
 from . import facts
 from .comparison import Comparison, comparison_chart, verdict
-from .record import Seen, record_charts
 
 CUBIC = RIVALS[0]
 
@@ -40,16 +41,7 @@ def assessment_page(
     compared: list[Comparison] = []
     for each in judged:
         here = comparisons(each)
-        charts += record_charts(
-            Seen(
-                record=each.record,
-                predicted=each.predicted,
-                recovered=each.recovered,
-                first=each.first,
-                stretch="stretch to which the scales are fitted" if each.scales else "first stretch",
-                fitted="scales fitted" if each.scales else "",
-            )
-        )
+        charts += record_charts(each.modelled)
         charts += [comparison_chart(here, each.record.name), *_scales(each)]
         compared += here
     stretch = "judged stretch" if "judged" in judged[0].stretches() else "first stretch"
@@ -67,8 +59,7 @@ def assessment_page(
         kind="invalid" if any(each.known for each in judged) else kind,
         sentence=sentence,
         more=more,
-        content=drawn(charts),
-        scripts=[SCRIPT],
+        charts=charts,
         facts="\n".join(
             (
                 *map(on_page, shown),
@@ -99,20 +90,18 @@ def _scales(judged: Judged) -> list[Chart]:
     scales, record = judged.scales, judged.record
     if scales is None:
         return []
-    return [
-        Chart(
-            section=record.name,
-            title=f"Fitted {name}",
-            note=f"{last:.5g} once nothing relaxes any more.",
-            text=f"The {name} changes from {values[0]:.5g} to {values[-1]:.5g}; once nothing relaxes, {last:.5g}.",
-            x="time [s]",
-            y=f"{name} [unit of the resistance]",
-            traces=[curve(name, record.time, values)],
-            layout={"showlegend": False},
-            linked=f"time of {record.name}",
+    linked, y = f"time of {record.name}", "[unit of the resistance]"
+    charts = []
+    for name, values, last in (
+        ("gain", scales.gain, scales.last_gain),
+        ("offset", scales.offset, scales.last_offset),
+    ):
+        note, layout = f"{last:.5g} once nothing relaxes any more.", {"showlegend": False}
+        text = f"The {name} changes from {values[0]:.5g} to {values[-1]:.5g}; once nothing relaxes, {last:.5g}."
+        traces = [curve(name, record.time, values)]
+        charts.append(
+            Chart(
+                f"Fitted {name}", "time [s]", f"{name} {y}", traces, note=note, text=text, layout=layout, linked=linked
+            )
         )
-        for name, values, last in (
-            ("gain", scales.gain, scales.last_gain),
-            ("offset", scales.offset, scales.last_offset),
-        )
-    ]
+    return section(record.name, charts)

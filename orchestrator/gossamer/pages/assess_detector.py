@@ -6,12 +6,11 @@ import math
 from collections.abc import Iterable, Sequence
 
 from gossamer_models.assessment import AssessmentResults
+from gossamer_models.assessment.plots import ZERO, assessment_charts
 from gossamer_models.assessment.results import Row
 from gossamer_models.detector.thesis_tables import TABLES
 from gossamer_orchestrator.cli.tables import Shown, on_page
-from gossamer_orchestrator.pages import SCRIPT, Page, drawn, folded, table
-
-from .assess_detector_charts import ZERO, call_charts, confusion_charts, detection_charts, error_charts, stated_charts
+from gossamer_orchestrator.pages import Page, folded, table
 
 MAIN = "noise"  # the condition of the verdict: the thesis' noise on strain, nothing else wrong
 FEW = 30  # records below which a judge's figures are rough
@@ -36,13 +35,11 @@ def assessment_page(found: AssessmentResults) -> Page:
         sentence = (
             f"{best.judge} is the nearest under the condition '{MAIN}': its mean absolute error is {error}{base}."
         )
-    kinds = (error_charts, call_charts, detection_charts, stated_charts, confusion_charts)
     return Page(
         title="Assessment of detectors",
         sentence=sentence,
         more=[*_lines(found), *_lost(found), *_smallest(found), *_few(found)],
-        content=drawn([chart for make in kinds for chart in make(found)]),
-        scripts=[SCRIPT],
+        charts=assessment_charts(found),
         facts=_facts(found),
         how="Bars of shares are two-sided 95 % intervals of Clopper and Pearson. Errors count invalid answers too.",
     )

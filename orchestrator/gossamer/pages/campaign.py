@@ -8,18 +8,16 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from gossamer_files.charts import Array, Chart, band, bars, curve, section
 from gossamer_models.campaign import Summary
-from gossamer_orchestrator.pages import SCRIPT, Chart, Page, band, bars, curve, drawn, folded, table
-from numpy.typing import NDArray
+from gossamer_orchestrator.pages import Page, folded, table
 
 BAND_CASES = 400  # that a band is made of, at most
 CURVES = 3  # cases with a curve of their own
 BINS = 30
 FAILED = 100  # rows of the table
-DRAWN, SPREAD = "What was drawn", (5.0, 50.0, 95.0)  # [%] of the band and of the line in it
+SPREAD = (5.0, 50.0, 95.0)  # [%] of the band and of the line in it
 HISTORIES = ("strain", "resistance", "compensated_strain")
-
-Array = NDArray[np.float64]
 
 
 def campaign_page(name: str, data: xr.Dataset, summary: Summary) -> Page:
@@ -42,8 +40,7 @@ def campaign_page(name: str, data: xr.Dataset, summary: Summary) -> Page:
         kind="invalid" if summary.failed else "none",
         sentence=failed if summary.failed else f"All {summary.cases} cases are simulated.",
         more=[_this_run(summary), _damage(campaign), *_varied(campaign, data), _histories(campaign)],
-        content=drawn([*_damage_charts(data), *_quantity_charts(data), *_history_charts(sound)]),
-        scripts=[SCRIPT],
+        charts=[*section("What was drawn", [*_damage_charts(data), *_quantity_charts(data)]), *_history_charts(sound)],
         facts="\n".join((_failed_table(data), _about(data, campaign))),
         how="Histories are without gain and noise of the sensors, which the seed determines and the store does not hold.",
     )
@@ -88,23 +85,10 @@ def _damage_charts(data: xr.Dataset) -> list[Chart]:
     zones, per_case = np.arange(1, damage.shape[1] + 1), there.sum(axis=1)
     counts = np.bincount(per_case)
     whole = {"xaxis": {"dtick": 1}, "showlegend": False}
+    number, by_zone = bars("cases", np.arange(len(counts)), counts), bars("cases", zones, there.sum(axis=0))
     charts = [
-        Chart(
-            section=DRAWN,
-            title="Damaged zones of a case",
-            x="zones",
-            y="cases",
-            traces=[bars("cases", np.arange(len(counts)), counts)],
-            layout=whole,
-        ),
-        Chart(
-            section=DRAWN,
-            title="Cases with damage in a zone",
-            x="zone",
-            y="cases",
-            traces=[bars("cases", zones, there.sum(axis=0))],
-            layout=whole,
-        ),
+        Chart("Damaged zones of a case", "zones", "cases", [number], layout=whole),
+        Chart("Cases with damage in a zone", "zone", "cases", [by_zone], layout=whole),
     ]
     if there.any():
         charts.append(_histogram("Damage of damaged zones", "damage [%]", 100.0 * damage[there], "damaged zones"))
@@ -126,7 +110,7 @@ def _quantity_charts(data: xr.Dataset) -> list[Chart]:
 def _histogram(title: str, x: str, values: Array, what: str) -> Chart:
     counts, edges = np.histogram(values, BINS)
     traces = [bars(what, (edges[1:] + edges[:-1]) / 2.0, counts)]
-    return Chart(section=DRAWN, title=title, x=x, y=what, traces=traces, layout={"bargap": 0.03, "showlegend": False})
+    return Chart(title, x, what, traces, layout={"bargap": 0.03, "showlegend": False})
 
 
 def _history_charts(data: xr.Dataset) -> list[Chart]:
@@ -148,17 +132,9 @@ def _history_charts(data: xr.Dataset) -> list[Chart]:
                 curve(f"case {numbers[k]}", time, factor * values[k, sensor], f"@{color}", width=1)
                 for color, k in enumerate(few)
             ]
-            charts.append(
-                Chart(
-                    section=f"{name.replace('_', ' ').capitalize()} over time",
-                    title=f"Sensor {sensor + 1}",
-                    x="time [s]",
-                    y=f"{name.replace('_', ' ')} [{unit}]",
-                    traces=traces,
-                    note=f"Band and median of {len(some)} of {count} cases, evenly chosen.",
-                    linked="time",
-                )
-            )
+            quantity, note = name.replace("_", " "), f"Band and median of {len(some)} of {count} cases, evenly chosen."
+            chart = Chart(f"Sensor {sensor + 1}", "time [s]", f"{quantity} [{unit}]", traces, note=note, linked="time")
+            charts += section(f"{quantity.capitalize()} over time", [chart])
     return charts
 
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from gossamer_files.charts import Chart, bars, with_interval
 from gossamer_models.automatic.compare import LESS, Interval, clearly_less
-from gossamer_orchestrator.pages import Chart, bars, with_interval
 from gossamer_orchestrator.pages.page import Kind
 
 OWN = "this sensor"
@@ -102,16 +102,12 @@ def comparison_chart(comparisons: Sequence[Comparison], section: str) -> Chart:
     for name, color in zip([OWN, *comparisons[0].rivals], ("@0", "@grey", "@3"), strict=False):
         errors = np.array([each.own if name == OWN else each.rivals[name] for each in comparisons])
         value, low, high = errors.T
-        trace = with_interval(bars(name, quantities, value, color), np.minimum(low, value), np.maximum(high, value))
-        trace["error_y"]["color"] = "@ink"
-        traces.append(trace)
-    return Chart(
-        section=section,
-        title="Error beside that of simple models",
-        note="Lines: 90 % confidence from blocks of the samples. Lower is better.",
-        text=" ".join(each.sentence for each in comparisons),
-        x="",
-        y="NRMSE [% of range]",
-        traces=traces,
-        layout={"barmode": "group", "yaxis": {"rangemode": "tozero"}},
+        ends = np.minimum(low, value), np.maximum(high, value)
+        traces.append(with_interval(bars(name, quantities, value, color), *ends, color="@ink"))
+    title, y = "Error beside that of simple models", "NRMSE [% of range]"
+    note, text = (
+        "Lines: 90 % confidence from blocks of the samples. Lower is better.",
+        " ".join(each.sentence for each in comparisons),
     )
+    layout = {"barmode": "group", "yaxis": {"rangemode": "tozero"}}
+    return Chart(title, "", y, traces, note=note, text=text, layout=layout, section=section)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from gossamer_orchestrator.pages import PAGE, SCRIPT, Chart, Page, curve, drawn, heat, link, points, table
-from gossamer_orchestrator.results.judgements import Judgement
+import xarray as xr
+from gossamer_files.charts import Array, Chart, Trace, curve, heat, points, section
+from gossamer_orchestrator.errors import ResultsError
+from gossamer_orchestrator.pages import PAGE, Page, link, table
+from gossamer_orchestrator.results.dataset import find_all
+from gossamer_orchestrator.results.files import load_results
+from gossamer_orchestrator.results.judgements import Judgement, windows
 from gossamer_orchestrator.results.tables import LEAST_SHOWN
-from gossamer_orchestrator.run.sweep import Case
+from gossamer_orchestrator.run.sweep import Case, is_finished
 from numpy.typing import NDArray
-
-from .sweep_cases import Array, Drawn, Ended, read_cases, read_history
 
 CURVES = 12  # cases whose curves are drawn
 ROWS = 300  # cases in the table, and all that failed
@@ -21,6 +25,68 @@ TICKS = 8  # values of what varies that stand along an axis
 ZONES = 5  # zones with a colour of their own
 NAMED = 3  # reasons of failures in the verdict
 LOOKS = {"last": ("@0", "circle"), "largest": ("@1", "triangle-up"), "RMS": ("@2", "square")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scalar:
+    """The scalar that a page draws.
+
+    Attributes
+    ----------
+    variable : str
+        What recorded it.
+    element : int or None
+        Which element of the variable, from 0; None if it is a scalar.
+    unit : str
+        As it was recorded.
+    """
+
+    variable: str
+    element: int | None
+    unit: str
+
+    @property
+    def text(self) -> str:
+        """Name, with the unit in brackets."""
+        index = "" if self.element is None else f"[{self.element + 1}]"
+        return f"{self.variable}{index} [{self.unit}]"
+
+    def of(self, data: xr.Dataset) -> Array:
+        """Return its values, shape (n,); empty if the case did not record it."""
+        if self.variable not in data.data_vars:
+            return np.zeros(0)
+        table = data[self.variable].to_numpy().reshape(data.sizes["time"], -1)
+        return np.asarray(table[:, self.element or 0], dtype=float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseEnd:
+    """A case, how it ended, and what it recorded.
+
+    Attributes
+    ----------
+    case : Case
+        Number and values.
+    text : str
+        The attribute ``ended`` of its results, or what the run said.
+    detector : bool
+        Whether it has a detector.
+    judgement : Judgement or None
+        The last valid one; None without any.
+    numbers : dict of str to float
+        Last value, largest size and RMS of the scalar that is drawn; empty if there is none.
+    """
+
+    case: Case
+    text: str
+    detector: bool = False
+    judgement: Judgement | None = None
+    numbers: dict[str, float]
+
+    @property
+    def finished(self) -> bool:
+        """Whether it came to its end."""
+        return is_finished(self.text)
 
 
 def sweep_page(name: str, cases: Sequence[Case], texts: Sequence[str], folder: Path, variable: str | None) -> Page:
@@ -47,8 +113,10 @@ def sweep_page(name: str, cases: Sequence[Case], texts: Sequence[str], folder: P
         kind="invalid" if failed else "none",
         sentence=f"{count} cases: {done} finished, {len(failed)} failed." if failed else f"All {count} cases finished.",
         more=[_what_varies(cases, varied), *_failures(failed), *_judged(ended)],
-        content=drawn([*_damage_charts(ended, over), *(_scalar_charts(ended, over, what, folder) if what else [])]),
-        scripts=[SCRIPT],
+        charts=[
+            *section("Damage", _damage_charts(ended, over)),
+            *(_scalar_charts(ended, over, what, folder) if what else []),
+        ],
         facts=_case_table(ended, folder) + _about(name, ended, folder),
         how="Numbers are of all recorded points. Bars of estimates are one standard deviation long to each side.",
     )
@@ -62,7 +130,7 @@ def _what_varies(cases: Sequence[Case], varied: Sequence[str]) -> str:
     return f"Varied: {'; '.join(parts)}." if parts else "Nothing varies."
 
 
-def _failures(failed: Sequence[Ended]) -> list[str]:
+def _failures(failed: Sequence[CaseEnd]) -> list[str]:
     """Name each reason once, with the first case that failed for it."""
     reasons: dict[str, list[int]] = {}
     for each in failed:
@@ -74,7 +142,7 @@ def _failures(failed: Sequence[Ended]) -> list[str]:
     return sentences + (["Others failed for other reasons; the table says why."] if len(reasons) > NAMED else [])
 
 
-def _judged(ended: Sequence[Ended]) -> list[str]:
+def _judged(ended: Sequence[CaseEnd]) -> list[str]:
     """Say how many cases were judged, how well, and whether the answer "always 0" is as good."""
     asked = [each for each in ended if each.detector and each.finished]
     if not asked:
@@ -95,7 +163,7 @@ def _errors(found: Sequence[Judgement]) -> Array:
     return np.array([judgement.mean_absolute_error for judgement in found])
 
 
-def _damage_charts(ended: Sequence[Ended], over: Sequence[str]) -> list[Chart]:
+def _damage_charts(ended: Sequence[CaseEnd], over: Sequence[str]) -> list[Chart]:
     """Draw the last valid judgements over what varies, and over the truth where it is known."""
     judged = [(each, each.judgement) for each in ended if each.judgement is not None]
     if not judged:
@@ -107,18 +175,11 @@ def _damage_charts(ended: Sequence[Ended], over: Sequence[str]) -> list[Chart]:
     known = bool(np.isfinite(true).all())
     left_out = len(ended) - len(some)
     note = f"{left_out} cases without a valid judgement are left out." if left_out else ""
-    charts = [
-        Chart(
-            section="Damage",
-            title=f"Last valid judgement over {name}",
-            x=name,
-            y="damage [%]",
-            traces=_zones(_values(some, name), estimated, deviation, true if known else None),
-            note=note,
-            layout=_ticks(some, name),
-        )
-        for name in over
-    ]
+    charts = []
+    for name in over:
+        traces = _zones(_values(some, name), estimated, deviation, true if known else None)
+        title = f"Last valid judgement over {name}"
+        charts.append(Chart(title, name, "damage [%]", traces, note=note, layout=_ticks(some, name)))
     if known:
         ends = [0.0, float(max(true.max(), estimated.max()))]
         bars = None if deviation is None else deviation.ravel()
@@ -126,22 +187,14 @@ def _damage_charts(ended: Sequence[Ended], over: Sequence[str]) -> list[Chart]:
             curve("right", ends, ends, "@grey", dash="dash"),
             points("a zone of a case", true.ravel(), estimated.ravel(), "@0", bars),
         ]
-        charts.append(
-            Chart(
-                section="Damage",
-                title="Estimated over true damage",
-                x="true damage [%]",
-                y="estimated damage [%]",
-                traces=traces,
-            )
-        )
-        charts += _map(some, over, "Mean absolute error over all zones [% damage]", 100.0 * _errors(found), "Damage")
+        charts.append(Chart("Estimated over true damage", "true damage [%]", "estimated damage [%]", traces))
+        charts += _map(some, over, "Mean absolute error over all zones [% damage]", 100.0 * _errors(found))
     return charts
 
 
 def _zones(
     x: NDArray[np.float64] | list[str], estimated: Array, deviation: Array | None, true: Array | None
-) -> list[dict[str, object]]:
+) -> list[Trace]:
     """Draw the most damaged zones one by one, and the largest of the others, shape (cases, zones) each [%]."""
     largest = (estimated if true is None else np.maximum(estimated, true)).max(axis=0)
     zones = [int(z) for z in np.argsort(-largest, kind="stable")[:ZONES] if largest[z] >= 100.0 * LEAST_SHOWN]
@@ -157,27 +210,19 @@ def _zones(
     return traces
 
 
-def _scalar_charts(ended: Sequence[Ended], over: Sequence[str], what: Drawn, folder: Path) -> list[Chart]:
+def _scalar_charts(ended: Sequence[CaseEnd], over: Sequence[str], what: Scalar, folder: Path) -> list[Chart]:
     """Draw a scalar over time, and its last value, largest size and RMS over what varies."""
     there = [each for each in ended if each.numbers]
     if not there:
         return []
     numbers = {kind: np.array([each.numbers[kind] for each in there]) for kind in LOOKS}
-    charts = [
-        Chart(
-            section=what.text,
-            title=f"Last value, largest size and RMS over {name}",
-            x=name,
-            y=what.text,
-            traces=[
-                points(kind, _values(there, name), numbers[kind], color, symbol=symbol)
-                for kind, (color, symbol) in LOOKS.items()
-            ],
-            layout=_ticks(there, name),
-        )
-        for name in over
-    ]
-    charts += _map(there, over, f"Last value of {what.text}", numbers["last"], what.text)
+    charts = []
+    for name in over:
+        values = _values(there, name)
+        traces = [points(kind, values, numbers[kind], color, symbol=symbol) for kind, (color, symbol) in LOOKS.items()]
+        title = f"Last value, largest size and RMS over {name}"
+        charts.append(Chart(title, name, what.text, traces, layout=_ticks(there, name)))
+    charts += _map(there, over, f"Last value of {what.text}", numbers["last"])
     chosen = dict.fromkeys(np.linspace(0, len(there) - 1, min(CURVES, len(there))).round().astype(int).tolist())
     some = [there[k] for k in chosen]
     traces = [
@@ -185,13 +230,26 @@ def _scalar_charts(ended: Sequence[Ended], over: Sequence[str], what: Drawn, fol
         for k, each in enumerate(some)
     ]
     few = "" if len(some) == len(there) else f"{len(some)} of {len(there)} cases, evenly chosen by number."
-    return [
-        *charts,
-        Chart(section=what.text, title="Over time", x="time [s]", y=what.text, traces=traces, note=few, broad=True),
-    ]
+    charts.append(Chart("Over time", "time [s]", what.text, traces, note=few, broad=True))
+    return section(what.text, [*charts, *_differences(some, over, what, folder)])
 
 
-def _values(ended: Sequence[Ended], name: str) -> NDArray[np.float64] | list[str]:
+def _differences(some: Sequence[CaseEnd], over: Sequence[str], what: Scalar, folder: Path) -> list[Chart]:
+    """Draw what the curves of cases are over that of the first, which may hardly differ."""
+    first, *others = some
+    time, values = read_history(first, what, folder)
+    traces = []
+    for k, each in enumerate(others, start=1):
+        own, theirs = read_history(each, what, folder)
+        there = own <= time[-1]
+        if len(own) > 1:
+            less = theirs[there] - np.interp(own[there], time, values)
+            traces.append(curve(_label(each, over), own[there], less, f"@{k % 6}", dash="solid" if k < 6 else "dash"))
+    title = f"Difference to case {first.case.number}"
+    return [Chart(title, "time [s]", what.text, traces, broad=True)] if traces else []
+
+
+def _values(ended: Sequence[CaseEnd], name: str) -> NDArray[np.float64] | list[str]:
     """Return the values of what varies: numbers, or words where one of them is no number."""
     values = [each.case.number if name == "case" else each.case.values[name] for each in ended]
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
@@ -199,7 +257,7 @@ def _values(ended: Sequence[Ended], name: str) -> NDArray[np.float64] | list[str
     return [str(value) for value in values]
 
 
-def _ticks(ended: Sequence[Ended], name: str) -> dict[str, object]:
+def _ticks(ended: Sequence[CaseEnd], name: str) -> dict[str, object]:
     """Return the layout of an axis over what varies: the values themselves, if they are few and apart."""
     values = np.unique(np.asarray(_values(ended, name)))
     if values.dtype.kind == "U" or not 1 < len(values) <= TICKS or np.diff(values).min() < np.ptp(values) / (2 * TICKS):
@@ -211,12 +269,12 @@ def _text(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _label(ended: Ended, over: Sequence[str]) -> str:
+def _label(ended: CaseEnd, over: Sequence[str]) -> str:
     values = [f"{name.rpartition('.')[2]} = {_text(ended.case.values[name])}" for name in over if name != "case"]
     return f"{ended.case.number}: {', '.join(values)}" if values else f"case {ended.case.number}"
 
 
-def _map(ended: Sequence[Ended], over: Sequence[str], title: str, values: Array, section: str) -> list[Chart]:
+def _map(ended: Sequence[CaseEnd], over: Sequence[str], title: str, values: Array) -> list[Chart]:
     """Draw a number of each case as a colour over two quantities; nothing unless two vary."""
     if len(over) != 2:
         return []
@@ -226,10 +284,10 @@ def _map(ended: Sequence[Ended], over: Sequence[str], title: str, values: Array,
     names = {"type": "category"}  # a cell for each case
     cells = heat([*map(_text, x.tolist())], [*map(_text, y.tolist())], z, "")
     layout = {"xaxis": names, "yaxis": names}
-    return [Chart(section=section, title=title, x=over[0], y=over[1], traces=[cells], layout=layout)]
+    return [Chart(title, over[0], over[1], [cells], layout=layout)]
 
 
-def _case_table(ended: Sequence[Ended], folder: Path) -> str:
+def _case_table(ended: Sequence[CaseEnd], folder: Path) -> str:
     """Return a row per case, with a link to its page where there is one."""
     rows = []
     for each in (each for each in ended if each.case.number <= ROWS or not each.finished):
@@ -245,7 +303,7 @@ def _case_table(ended: Sequence[Ended], folder: Path) -> str:
     return table(head, rows, some) + advice
 
 
-def _most_damaged(ended: Ended) -> str:
+def _most_damaged(ended: CaseEnd) -> str:
     j = ended.judgement
     if j is None:
         return "no valid judgement" if ended.detector else "-"
@@ -254,6 +312,83 @@ def _most_damaged(ended: Ended) -> str:
     return f"zone {z + 1}: {100.0 * j.estimated[z]:.1f}{bar} %" if j.estimated[z] >= LEAST_SHOWN else "none"
 
 
-def _about(name: str, ended: Sequence[Ended], folder: Path) -> str:
+def _about(name: str, ended: Sequence[CaseEnd], folder: Path) -> str:
     rows = [("Scenario", name), ("Cases", len(ended)), ("Folder", folder), ("Gossamer", version("gossamer"))]
     return table((), rows, "The sweep")
+
+
+def read_cases(
+    cases: Sequence[Case], texts: Sequence[str], folder: Path, variable: str | None
+) -> tuple[list[CaseEnd], Scalar | None]:
+    """Read all cases, one after the other.
+
+    Parameters
+    ----------
+    cases, texts : sequence of Case and of str
+        All cases, and how each ended.
+    folder : Path
+        Folder of the sweep.
+    variable : str or None
+        Variable to draw, of an array the element that is largest in the first case; None for the first scalar that changes.
+
+    Returns
+    -------
+    list of CaseEnd, and Scalar or None
+        The cases, and what is drawn; None if no case recorded a scalar.
+    """
+    ended, what = [], None
+    for case, text in zip(cases, texts, strict=True):
+        try:
+            with load_results(folder / case.name) as data:
+                what = what or _choose(data, variable)
+                detector = bool(find_all(data, "detector"))
+                ended.append(
+                    CaseEnd(
+                        case=case,
+                        text=text,
+                        detector=detector,
+                        judgement=_last_valid(data) if detector else None,
+                        numbers={} if what is None else _numbers(what.of(data)),
+                    )
+                )
+        except ResultsError:  # the text says why there are none
+            ended.append(CaseEnd(case=case, text=text, numbers={}))
+    return ended, what
+
+
+def read_history(ended: CaseEnd, what: Scalar, folder: Path) -> tuple[Array, Array]:
+    """Return times [s] and values of what is drawn of a case, shape (n,)."""
+    with load_results(folder / ended.case.name) as data:
+        return data["time"].to_numpy(), what.of(data)
+
+
+def _choose(data: xr.Dataset, variable: str | None) -> Scalar | None:
+    over_time = {
+        str(name): each
+        for name, each in data.data_vars.items()
+        if each.dims[:1] == ("time",) and each.size and each.dtype.kind in "fiub"  # numbers and truth values
+    }
+    if variable is None:
+        scalars = [name for name, each in over_time.items() if each.ndim == 1]
+        changing = (name for name in scalars if np.ptp(data[name].to_numpy().astype(float)) > 0.0)
+        variable = next(changing, scalars[0] if scalars else None)
+    if variable not in over_time:
+        return None
+    values = over_time[variable]
+    table = np.abs(values.to_numpy().astype(float).reshape(values.shape[0], -1))
+    element = None if values.ndim == 1 else int(np.nan_to_num(table).max(axis=0).argmax())
+    return Scalar(variable=variable, element=element, unit=str(values.attrs.get("units", "1")))
+
+
+def _numbers(values: Array) -> dict[str, float]:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return {}
+    return {"last": float(known[-1]), "largest": float(np.abs(known).max()), "RMS": float(np.sqrt(np.mean(known**2)))}
+
+
+def _last_valid(data: xr.Dataset) -> Judgement | None:
+    try:
+        return next((window for window in reversed(windows(data)) if window.valid), None)
+    except ResultsError:
+        return None  # damage was not recorded

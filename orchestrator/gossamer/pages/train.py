@@ -5,25 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from gossamer_files.charts import Chart, bars, curve, names_from_top, points, section, with_interval
 from gossamer_models.arrays import Matrix, Vector
 from gossamer_models.assessment import AlwaysZero, Verdicts, reliability, share
 from gossamer_models.assessment.figures import CALL, NOMINAL
+from gossamer_models.assessment.plots import COLORS, reliability_chart
 from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
 from gossamer_orchestrator.cli.tables import Shown, on_page
-from gossamer_orchestrator.pages import (
-    SCRIPT,
-    Chart,
-    Page,
-    bars,
-    curve,
-    drawn,
-    names_from_top,
-    points,
-    table,
-    with_interval,
-)
-
-from .reliability import COLORS, reliability_chart
+from gossamer_orchestrator.pages import Page, table
 
 ZERO = AlwaysZero.name
 FIRST = "window 1, damaged, "  # records that are drawn case by case
@@ -66,20 +55,17 @@ def training_page(name: str, artifact: PosteriorArtifact, judged: Judged) -> Pag
     if fewest < FEW:
         more.append(f"Of some kinds only {fewest} records were held out: rough figures.")
     charts = [
-        _errors(artifact.held_out),
-        *_cases(judged),
-        *_by_zone(judged),
-        *_called(judged),
-        *_stated(judged),
-        *_losses(artifact),
+        *section("Errors", [_errors(artifact.held_out)]),
+        *section("Held-out cases", [*_cases(judged), _by_zone(judged), *_called(judged)]),
+        *section("Stated deviations", _stated(judged)),
+        *section("Training", _losses(artifact)),
     ]
     return Page(
         title=f"Training of a detector on {name}",
         kind="invalid" if lost or unsure else "none",
         sentence=sentence,
         more=more,
-        content=drawn(charts),
-        scripts=[SCRIPT],
+        charts=charts,
         facts="\n".join((on_page(error_table(artifact.held_out)), _trained_over(artifact), _provenance(artifact))),
         how="Everything is of cases that were neither trained nor calibrated on, but for the loss.",
     )
@@ -97,8 +83,7 @@ def thesis_page(name: str, artifact: DetectorArtifact, found: Errors) -> Page:
         title=f"Training of the thesis' detector, {name}",
         sentence=lines[0],
         more=lines[1:],
-        content=drawn([_errors(found)]),
-        scripts=[SCRIPT],
+        charts=[_errors(found)],
         facts=on_page(error_table(found)) + _provenance(artifact),
         how="The test cases are those of the thesis, in their first window.",
     )
@@ -137,15 +122,7 @@ def _errors(found: Errors) -> Chart:
         for zones, color in (("all zones", "@0"), ("damaged zones", "@1"))
     ]
     layout = {"barmode": "group", "yaxis": names_from_top(names)}
-    return Chart(
-        section="Errors",
-        title="Mean absolute error",
-        x="error [% damage]",
-        y="damaged cases",
-        traces=traces,
-        layout=layout,
-        broad=True,
-    )
+    return Chart("Mean absolute error", "error [% damage]", "damaged cases", traces, layout=layout, broad=True)
 
 
 def _first(judged: Judged) -> dict[str, tuple[Matrix, Verdicts]]:
@@ -173,20 +150,12 @@ def _cases(judged: Judged) -> list[Chart]:
             curve("right", ends, ends, "@ink", dash="dash"),
         ]
         note = f"Damaged zones of the first window; {len(some)} of {int((damage > 0.0).sum())}, evenly chosen."
-        charts.append(
-            Chart(
-                section="Held-out cases",
-                title=f"Estimated over true damage, {noise}",
-                x="true damage [%]",
-                y="estimated damage [%]",
-                traces=traces,
-                note=note,
-            )
-        )
+        title = f"Estimated over true damage, {noise}"
+        charts.append(Chart(title, "true damage [%]", "estimated damage [%]", traces, note=note))
     return charts
 
 
-def _by_zone(judged: Judged) -> list[Chart]:
+def _by_zone(judged: Judged) -> Chart:
     """Draw the mean absolute error of each zone where it is damaged."""
     traces = []
     for color, (noise, (damage, verdicts)) in zip(COLORS, _first(judged).items(), strict=False):
@@ -197,17 +166,7 @@ def _by_zone(judged: Judged) -> list[Chart]:
         )
     layout = {"barmode": "group", "xaxis": {"dtick": 1}}
     title = "Mean absolute error of a zone where it is damaged"
-    return [
-        Chart(
-            section="Held-out cases",
-            title=title,
-            x="zone",
-            y="error [% damage]",
-            traces=traces,
-            layout=layout,
-            broad=True,
-        )
-    ]
+    return Chart(title, "zone", "error [% damage]", traces, layout=layout, broad=True)
 
 
 def _stated(judged: Judged) -> list[Chart]:
@@ -241,16 +200,8 @@ def _called(judged: Judged) -> list[Chart]:
         f"A call is a valid estimate above {100.0 * CALL:g} %; bars are 95 % intervals. First window, most with other "
         "damaged zones; 'gossamer assess-detector' finds a90/95 from single damages."
     )
-    chart = Chart(
-        section="Held-out cases",
-        title="Damaged zones that are called",
-        x="damage of the zone [%]",
-        y="share [%]",
-        traces=traces,
-        note=note,
-        layout={"yaxis": {"range": [0, 102]}},
-        broad=True,
-    )
+    title, layout = "Damaged zones that are called", {"yaxis": {"range": [0, 102]}}
+    chart = Chart(title, "damage of the zone [%]", "share [%]", traces, note=note, layout=layout, broad=True)
     return [chart] if traces else []
 
 
@@ -263,7 +214,7 @@ def _losses(artifact: PosteriorArtifact) -> list[Chart]:
     ]
     note = "Of training cases, with fresh noise in every epoch. Until three quarters, most cases are moved to other damages."
     title = "Mean negative log likelihood of a case"
-    return [Chart(section="Training", title=title, x="epoch", y="loss [1]", traces=traces, note=note, broad=True)]
+    return [Chart(title, "epoch", "loss [1]", traces, note=note, broad=True)]
 
 
 def _trained_over(artifact: PosteriorArtifact) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from gossamer_files.charts import Chart, band, curve, heat, points, section
+from gossamer_models.arrays import Vector
 from gossamer_models.twin import Answer
 from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.cli.twin_options import NUISANCE_UNITS
-from gossamer_orchestrator.pages import SCRIPT, Chart, Page, band, curve, drawn, heat, points, table
+from gossamer_orchestrator.pages import Page, table
 from gossamer_orchestrator.pages.page import Kind
 from gossamer_orchestrator.words import uncertain
 
@@ -32,8 +34,9 @@ def twin_page(name: str, answer: Answer, compared: str) -> Page:
     explained = "within" if answer.chi2_per_sample <= answer.chi2_bound else "ABOVE"
     more = [f"{doubt[0].upper()}{doubt[1:]}." for doubt in answer.doubts] + [compared] * bool(compared)
     more.append(
-        f"Chi2 per sample is {answer.chi2_per_sample:.3f}, {explained} its bound of {answer.chi2_bound:.3f}, which a right "
-        "model passes in 999 of 1000 records."
+        f"Chi2 per sample, the mean square of what the twin leaves unexplained over that of the noise, is "
+        f"{answer.chi2_per_sample:.3f}, {explained} its bound of {answer.chi2_bound:.3f}, which a right model passes in "
+        "999 of 1000 records."
     )
     if answer.unresolved:
         more.append(f"The record cannot tell the damage of zones {', '.join(map(str, answer.unresolved))}.")
@@ -42,8 +45,7 @@ def twin_page(name: str, answer: Answer, compared: str) -> Page:
         kind=kind,
         sentence=sentence,
         more=more,
-        content=drawn([*_damage(answer), *_histories(answer)]),
-        scripts=[SCRIPT],
+        charts=[*section("Damage", _damage(answer)), *_histories(answer)],
         facts=_facts(answer),
         how="Bars of damage and the band of noise are one standard deviation wide to each side. What sensors read by the "
         "answer is without the model error that the fit allows for.",
@@ -73,22 +75,19 @@ def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
     ]
 
 
-def _damage(answer: Answer) -> list[Chart]:
-    zones = np.arange(1, len(answer.damage) + 1)
-    estimate = points("damage", zones, 100.0 * answer.damage, "@0", 100.0 * answer.deviation)
+def damage_chart(damage: Vector, deviation: Vector) -> Chart:
+    """Draw the damage [1] of each zone with its standard deviation."""
+    zones = np.arange(1, len(damage) + 1)
+    estimate = points("damage", zones, 100.0 * damage, "@0", 100.0 * deviation)
     axis = {"tick0": 1, "dtick": 1, "tickangle": 0, "tickfont": {"size": 11}, "range": [0.4, len(zones) + 0.6]}
-    layout = {"xaxis": axis, "showlegend": False}
-    charts = [
-        Chart(section="Damage", title="Damage", x="zone", y="damage [%]", traces=[estimate], layout=layout),
-        Chart(
-            section="Damage",
-            title="Probability of damage",
-            x="zone",
-            y="P(damaged) [1]",
-            traces=[points("P", zones, answer.probability, "@1")],
-            layout=layout | {"yaxis": {"range": [-0.03, 1.03]}},
-        ),
-    ]
+    return Chart("Damage", "zone", "damage [%]", [estimate], layout={"xaxis": axis, "showlegend": False})
+
+
+def _damage(answer: Answer) -> list[Chart]:
+    zones, damage = np.arange(1, len(answer.damage) + 1), damage_chart(answer.damage, answer.deviation)
+    layout = {**damage.layout, "yaxis": {"range": [-0.03, 1.03]}}
+    probability = points("P", zones, answer.probability, "@1")
+    charts = [damage, Chart("Probability of damage", "zone", "P(damaged) [1]", [probability], layout=layout)]
     kept = np.flatnonzero(answer.damage > 0.0)
     if kept.size > 1:
         deviation = answer.deviation[kept]
@@ -96,16 +95,7 @@ def _damage(answer: Answer) -> list[Chart]:
         names = [str(z + 1) for z in kept]
         category = {axis: {"type": "category"} for axis in ("xaxis", "yaxis")}
         cells = heat(names, names, correlation, "[1]", zmin=-1.0, zmax=1.0, colorscale="RdBu")
-        charts.append(
-            Chart(
-                section="Damage",
-                title="Correlation of the damages",
-                x="zone",
-                y="zone",
-                traces=[cells],
-                layout=category,
-            )
-        )
+        charts.append(Chart("Correlation of the damages", "zone", "zone", [cells], layout=category))
     return charts
 
 
@@ -120,16 +110,14 @@ def _histories(answer: Answer) -> list[Chart]:
         measured, read = factor * record.values[k], factor * answer.predicted[k]
         traces = [curve("record", time, measured, "@grey"), curve("by the answer", time, read, "@0", width=1.5)]
         left = [
-            *band(
-                "± 1 deviation of the noise", time, np.full(time.size, -noise[k]), np.full(time.size, noise[k]), "@1"
-            ),
+            *band("± 1 deviation of the noise", time[[0, -1]], np.full(2, -noise[k]), np.full(2, noise[k]), "@1"),
             curve("record less answer", time, measured - read, "@grey"),
         ]
-        section, y = f"Sensor {answer.order[k]}", f"{record.kind} [{unit}]"
-        charts += [
-            Chart(section=section, title=f"Sensor {answer.order[k]}", x="time [s]", y=y, traces=traces, linked="time"),
-            Chart(section=section, title="Difference", x="time [s]", y=y, traces=left, linked="time"),
+        name, y = f"Sensor {answer.order[k]}", f"{record.kind} [{unit}]"
+        pair = [
+            Chart(title, "time [s]", y, some, linked="time") for title, some in ((name, traces), ("Difference", left))
         ]
+        charts += section(name, pair)
     return charts
 
 

@@ -42,7 +42,7 @@ class Run:
     @cached_property
     def judgements(self) -> list[Judgement]:
         """Judgement of the detector at the end of every window; none without a detector."""
-        from gossamer_orchestrator.results.report.content import windows_of
+        from gossamer_orchestrator.results.report.recorded import windows_of
 
         return windows_of(self.data)
 

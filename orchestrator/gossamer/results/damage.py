@@ -319,6 +319,8 @@ class SensorPlacement:
 
 def _draw_zones(damage: NDArray[np.float64], deviation: NDArray[np.float64]) -> bytes:
     """Return a picture of the damages [1] of the zones."""
-    from gossamer_orchestrator.results.plots.damage import plot_zones
+    from gossamer_files.charts import draw
 
-    return draw_png(lambda ax: plot_zones(100.0 * damage, 100.0 * deviation, (1.0, "side"), ax=ax), (4.7, 4.4))
+    from ..pages.twin import damage_chart
+
+    return draw_png(lambda ax: draw(damage_chart(damage, deviation), ax), (4.7, 4.4))

@@ -35,18 +35,18 @@ def twin(record: Path, **options: Any) -> TwinAnswer:  # noqa: ANN401
 
 def watch(record: Path, **options: Any) -> Watching:  # noqa: ANN401
     """Watch a record as if it arrived live."""
-    from gossamer_models.membrane.square import N_ZONES
+    from gossamer_models.membrane import square_structure
     from gossamer_orchestrator.cli.watch import watch_given
 
     report, path = watch_given(record, console=Console(quiet=True), **options)
     found = report.findings
     by_zone = {name: np.array([getattr(each, name) for each in found]) for name in ("damage", "deviation")}
-    seconds = {"units": "s"}
+    seconds, zones = {"units": "s"}, square_structure().n_zones
     data = xr.Dataset(
         {"score": ("time", report.scores, RATIO), "misfit": ("time", report.misfits, RATIO)}
-        | {name: (("onset", "zone"), each.reshape(len(found), N_ZONES), RATIO) for name, each in by_zone.items()}
+        | {name: (("onset", "zone"), each.reshape(len(found), zones), RATIO) for name, each in by_zone.items()}
         | {"onset_deviation": ("onset", [each.onset_deviation for each in found], seconds)},
-        coords=_zones(N_ZONES)
+        coords=_zones(zones)
         | {"time": ("time", report.times, seconds), "onset": ("onset", [each.onset for each in found], seconds)},
     )
     return Watching(path=path, report=report, data=data)

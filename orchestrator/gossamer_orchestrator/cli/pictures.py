@@ -39,7 +39,7 @@ def plot(
 def plot_given(results: Path, *, out: Path | None, form: str, say: Callable[[str], None]) -> list[Path]:
     """Draw the pictures of a run with the options of the command; return their paths."""
     from ..results.files import load_results
-    from ..results.plots import save_pictures
+    from ..results.report import save_pictures
 
     check_form(form)
     folder, data = results if results.is_dir() else results.parent, load_results(results)

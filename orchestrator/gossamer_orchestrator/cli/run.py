@@ -213,7 +213,7 @@ def draw(drawing: Drawing, data: xr.Dataset, out: Path, say: Callable[[str], Non
 def _judged(data: xr.Dataset) -> dict[str, Any]:
     """Return the judgements of the detector, and print them as tables on stderr, with reasons for doubt."""
     from ..results.judgements import doubts, windows
-    from ..results.report.sensing import sensor_doubts
+    from ..results.report.verdict import sensor_doubts
     from ..results.tables import history_table, zone_table
 
     console, sentences = stderr(), sensor_doubts(data)

@@ -123,7 +123,7 @@ def run_cases(
     from gossamer.pages.sweep import sweep_page
 
     from ..pages import PAGE
-    from ..results.plots.cases import save_cases
+    from ..results.report.cases import save_cases
     from ..run.progress import ProgressBar
     from ..run.sweep import TABLE, combine, make_cases, on_cores, read_ranges, run_sweep, write_table
 

@@ -20,13 +20,14 @@ from typing import Any, Literal
 
 import numpy as np
 from gossamer_files import replacing
+from gossamer_files.charts import Chart
 
 from ..errors import ResultsError, writing
-from .words import written
+from .words import unbroken, written
 
 PAGE = "report.html"
 ASSETS = Path(__file__).with_name("assets")
-SHARED = ("unpack.js", "figures.js", "access.js")
+SHARED = ("unpack.js", "figures.js", "charts.js", "access.js")
 
 Kind = Literal["damage", "healthy", "invalid", "none"]
 
@@ -45,10 +46,12 @@ class Page:
         The verdict.
     more : sequence of str
         What else a reader must know, a sentence each.
+    charts : sequence of Chart
+        Pictures, one after the other.
     content : mapping
-        What the scripts draw; arrays may stand in it, and numbers that are not finite are null on the page.
+        What scripts need beside; arrays may stand in it, and numbers that are not finite are null on the page.
     scripts : sequence of Path
-        JavaScript files; one of them declares ``addPictures()``.
+        JavaScript files, for what a chart cannot say.
     controls : str
         HTML above the pictures.
     facts : str
@@ -61,6 +64,7 @@ class Page:
     kind: Kind = "none"
     sentence: str
     more: Sequence[str] = ()
+    charts: Sequence[Chart] = ()
     content: Mapping[str, Any] = field(default_factory=dict)
     scripts: Sequence[Path] = ()
     controls: str = ""
@@ -82,11 +86,12 @@ def write_page(page: Page, path: Path) -> Path:
         verdict=written(page.sentence),
         more="".join(f"<li>{written(sentence)}</li>" for sentence in page.more),
         style=(ASSETS / "page.css").read_text(encoding="utf-8"),
+        contents=_contents(page),
         controls=page.controls,
         facts=page.facts,
         how=written(page.how),
         library=_library(),
-        data=_packed(json.dumps(_finite(page.content), default=_plain, allow_nan=False).encode()),
+        data=_packed(json.dumps(_finite(_content(page)), default=_Arrays(), allow_nan=False).encode()),
         script="\n".join(
             each.read_text(encoding="utf-8")
             for each in (*(ASSETS / name for name in SHARED), *page.scripts, ASSETS / "main.js")
@@ -97,6 +102,23 @@ def write_page(page: Page, path: Path) -> Path:
         with replacing(path) as new:
             new.write_text(text, encoding="utf-8")
     return path
+
+
+def _content(page: Page) -> dict[str, Any]:
+    charts = []
+    for chart in page.charts:
+        words = {name: unbroken(getattr(chart, name)) for name in ("title", "note", "result")}
+        charts.append(vars(chart) | words | {"steps": chart.steps and vars(chart.steps)})
+    return {"charts": charts, **page.content}
+
+
+def _contents(page: Page) -> str:
+    """Return links to the parts of a page, where these are several."""
+    sections = [name for name in dict.fromkeys(chart.section for chart in page.charts) if name]
+    places = [(f"section-{number}", name) for number, name in enumerate(sections, start=1)]
+    places += [("what-happened", "What happened"), ("how", "How the pictures were made")]
+    links = "".join(f'<li><a href="#{place}">{written(name)}</a></li>' for place, name in places)
+    return f'<nav aria-label="Contents"><ul>{links}</ul></nav>' if len(sections) > 1 else ""
 
 
 @cache
@@ -131,18 +153,28 @@ def _finite(value: Any) -> Any:  # noqa: ANN401
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401
-    """Return what JSON can hold: of an array its shape, and its numbers as bytes; times keep all digits."""
-    if isinstance(value, np.ndarray):
-        ordered = np.ascontiguousarray(value)
-        if ordered.dtype.kind in "iuU":
-            return value.tolist()
-        steps = np.diff(ordered.ravel()) if ordered.ndim == 1 else np.zeros(1)
-        exact = ordered.ndim == 1 and ordered.size > 1 and bool((steps > 0.0).all())  # as times are
-        kind = "<f8" if exact else "<f4"
-        packed = base64.b64encode(ordered.astype(kind).tobytes()).decode()
-        return {"kind": kind[1:], "shape": list(value.shape), "bytes": packed}
-    if isinstance(value, np.generic):
-        return value.item()
-    msg = f"{type(value)} cannot stand on a page"
-    raise TypeError(msg)
+class _Arrays:
+    """Return what JSON can hold: of an array its shape and its numbers as bytes, and where it stands again its number.
+
+    Times keep all digits.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[object, ...], int] = {}
+
+    def __call__(self, value: Any) -> Any:  # noqa: ANN401
+        if isinstance(value, np.ndarray):
+            ordered = np.ascontiguousarray(value)
+            if ordered.dtype.kind in "iuUO":
+                return value.tolist()
+            exact = ordered.ndim == 1 and ordered.size > 1 and bool((np.diff(ordered) > 0.0).all())  # as times are
+            data, kind = ordered.astype("<f8" if exact else "<f4").tobytes(), "f8" if exact else "f4"
+            name = (data, kind, value.shape)
+            if name in self._known:
+                return {"same": self._known[name]}
+            self._known[name] = len(self._known)
+            return {"kind": kind, "shape": list(value.shape), "bytes": base64.b64encode(data).decode()}
+        if isinstance(value, np.generic):
+            return value.item()
+        msg = f"{type(value)} cannot stand on a page"
+        raise TypeError(msg)

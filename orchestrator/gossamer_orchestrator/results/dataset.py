@@ -122,3 +122,8 @@ def compensators(data: xr.Dataset) -> dict[int, str]:
 def origins_of(data: xr.Dataset) -> dict[str, str]:
     """Return the origin of every connected input."""
     return {target: origin for origin, target, *_ in json.loads(data.attrs.get("connections", "[]"))}
+
+
+def parameters_of(data: xr.Dataset, component: str) -> dict[str, float]:
+    """Return the parameters of a component as they were recorded with the run."""
+    return dict(json.loads(data.attrs.get("fmus", "{}")).get(component, {}).get("parameters", {}))

@@ -8,14 +8,22 @@ from __future__ import annotations
 import json
 import logging
 import os
+import signal
 import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import asdict
+from io import BytesIO
 from pathlib import Path
+
+from gossamer_files.pictures import picture
+
+from ..errors import OrchestratorError
+from ..processes import start
 
 logger = logging.getLogger(__name__)
 
-SHARES = ((0, 1), (1, None))  # of the pages, for a process each: the first one takes about as long as all others
+SHARES = ((0, 1), (1, None))  # of the pictures, for a process each: the first one takes about as long as all others
 
 
 class Drawing:
@@ -23,15 +31,7 @@ class Drawing:
 
     def __init__(self) -> None:
         self._processes = [
-            subprocess.Popen(
-                [sys.executable, "-P", "-m", "gossamer_orchestrator.results.plots.child"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-                text=True,
-                encoding="utf-8",
-                start_new_session=True,  # Ctrl-C in a terminal is for this process
-            )
+            start(draw_share, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8")
             for _ in SHARES
         ]
 
@@ -40,7 +40,7 @@ class Drawing:
 
     def __exit__(self, *_: object) -> None:
         for process in self._processes:
-            with process:
+            with suppress(BrokenPipeError), process:
                 process.terminate()
 
     def begin(self, folder: Path, every: int) -> None:
@@ -54,16 +54,19 @@ class Drawing:
 
     def finish(self) -> list[Path]:
         """Wait for the pictures; return the paths of those that were drawn, and warn of what went wrong."""
-        from .plots.save import Drawn, paths_of
+        from .report.pictures import Picture, paths_of
 
         pages, problems = [], []
         for process in self._processes:
             for line in process.stdout or ():
-                report = json.loads(line)
+                try:
+                    report = json.loads(line)
+                except ValueError:  # a library printed it
+                    continue
                 if "error" in report:
                     problems.append(report["error"])
                 else:
-                    pages.append(Drawn(**report | {"path": Path(report["path"])}))
+                    pages.append(Picture(**report | {"path": Path(report["path"])}))
             if code := process.wait():
                 problems.append(f"a process that draws them ended with exit code {code}.")
         problems += [page.failure for page in pages if page.failure]
@@ -71,3 +74,36 @@ class Drawing:
             why = " ".join(dict.fromkeys(problems))
             logger.warning("pictures are missing: %s Draw them again with 'gossamer plot'.", why)
         return paths_of(pages)
+
+
+def draw_share() -> None:
+    """Draw the pictures of the task that stands on the standard input as JSON; say what came of each on the standard output.
+
+    It loads what drawing needs at first. Without a task it ends.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # leaves no unfinished file
+    from .files import load_results
+    from .report.pictures import draw_pictures
+
+    with picture(BytesIO()) as figure:
+        figure.subplots().set_yscale("log")  # loads matplotlib, its fonts and its formulas
+    try:
+        task = json.loads(sys.stdin.read())
+    except ValueError:  # no task, or the begin of one: the command was ended
+        return
+    folder = Path(task["folder"])
+    try:
+        data = load_results(folder).isel(time=slice(None, None, task["every"]))
+        for each in draw_pictures(data, folder, "png", folder, slice(*task["share"])):
+            _say(asdict(each))
+    except OrchestratorError as error:
+        _say({"error": str(error)})
+
+
+def _say(report: dict[str, object]) -> None:
+    """Tell the process that waits for the pictures; where it was ended they are drawn all the same."""
+    try:
+        print(json.dumps(report, default=str), flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where the rest may go, at exit too

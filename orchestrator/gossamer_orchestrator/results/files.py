@@ -195,6 +195,7 @@ def _load_csv(path: Path) -> xr.Dataset:
 
 
 WATCH = "watch.json"
+LARGE = 2.0  # chi2 per sample of a window that the twin does not explain
 TWIN = "twin.json"  # beside results too: what ``gossamer twin`` found; its page is in the folder ``twin``
 
 

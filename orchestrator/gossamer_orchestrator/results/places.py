@@ -17,11 +17,27 @@ import xarray as xr
 
 from ..fmi.shape import Array, Surface
 from .columns import PLACES
-from .dataset import find_all, is_whole
+from .dataset import find_all, is_whole, parameters_of
 from .files import load_results
-from .plots.axes import side
-from .report.membrane import SENSORS
 from .shapes import load_shapes
+
+SENSORS = (
+    (1, 1),
+    (2, 1),
+    (1, 2),
+    (2, 2),
+)  # places of the sensors of a square in thirds of its side, as it numbers them
+
+
+def side(data: xr.Dataset) -> tuple[float, str]:
+    """Return the side of the stretched square and its unit; 1 and "side" if its parameters are not known."""
+    membrane = next(iter(find_all(data, "membrane")), "")
+    known = parameters_of(data, membrane)
+    for name in ("side_length", "edge_displacement"):
+        if f"{membrane}.{name}" in data.data_vars:
+            known[name] = float(data[f"{membrane}.{name}"][0])
+    length = known.get("side_length", math.nan) + 2.0 * known.get("edge_displacement", math.nan)
+    return (1.0, "side") if math.isnan(length) else (length, "m")
 
 
 def with_places(data: xr.Dataset, folder: Path | None = None) -> xr.Dataset:

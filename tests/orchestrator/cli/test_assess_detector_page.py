@@ -132,8 +132,8 @@ def test_detection_reliability_and_zones_are_drawn_as_they_were_found(found, tmp
 def test_where_every_size_was_hit_the_bound_is_drawn_alone(found):
     """The likelihood has no maximum, so there is no most likely curve."""
     row = replace(found.detections[0], curve=[[0.1, np.nan, 0.5], [0.5, np.nan, 0.9]])
-    charts = assessment_page(replace(found, detections=[row])).content["charts"]
-    traces = next(each["traces"] for each in charts if each["title"].startswith("Probability of detection"))
+    charts = assessment_page(replace(found, detections=[row])).charts
+    traces = next(each.traces for each in charts if each.title.startswith("Probability of detection"))
     assert [(each["name"], each["y"].tolist()) for each in traces] == [(f"{NEAR}, 95 % bound", [0.5, 0.9])]
 
 

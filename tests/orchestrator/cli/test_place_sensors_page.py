@@ -28,7 +28,7 @@ def test_the_worst_zones_are_compared(found):
         "With 4 chosen sensors the worst zone has a90 = 12.5 % damage; with the membrane's own 4 it has 25 %."
     )
     assert zone_table(found).rows[-1][2:] == ("25.00", "12.50")
-    own, chosen = page.content["charts"][2]["traces"]
+    own, chosen = page.charts[2].traces
     assert own["y"] == pytest.approx(100.0 * np.linspace(0.1, 0.25, 16))
     assert chosen["y"] == pytest.approx(own["y"] / 2.0)
 
@@ -53,9 +53,7 @@ def test_zones_that_are_not_found_and_a_check_that_fails_are_stated(found):
 def test_every_zone_is_drawn_in_the_colour_of_its_a90(found):
     """Zone 16 of the own sensors has the largest a90 of both placements: the darkest end of the colours."""
     areas = {
-        each["name"].partition(":")[0]: each
-        for each in placement_page(found, 100).content["charts"][0]["traces"]
-        if "fill" in each
+        each["name"].partition(":")[0]: each for each in placement_page(found, 100).charts[0].traces if "fill" in each
     }
     assert len(areas) == 16
     assert areas["zone 16"]["fillcolor"] == "#440154"

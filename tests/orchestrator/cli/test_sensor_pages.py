@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from browsing import opened
 from gossamer.pages.comparison import Comparison, verdict
-from gossamer.pages.sensor import sensor_charts
 from gossamer_models.automatic import HERE
 from gossamer_models.fitting.errors import nrmse
 from gossamer_models.sensor import RelaxationTerm, SensorArtifact, default_artifact
+from gossamer_models.sensor.plots import sensor_charts
 from gossamer_orchestrator.cli import app
 from reading_pages import read_page, values
 from typer.testing import CliRunner
@@ -97,7 +97,7 @@ def test_the_curves_of_the_page_are_those_of_the_predictions(identified):
     assert values(measured["y"]) == pytest.approx(table["resistance_ohm"], rel=1e-6)
     both = np.where(table["fitted"] == 1.0, values(fitted["y"]), values(predicted["y"]))
     assert both == pytest.approx(table["predicted_ohm"], rel=1e-6)
-    (area,) = charts["Resistance over time"]["layout"]["shapes"]
+    (area,) = charts["Resistance over time"]["marks"]
     assert (area["x0"], area["x1"]) == (0.0, 120.0)
     chart = charts["Error of the recovered strain"]
     error = 100.0 * (table["recovered_strain_1"] - table["strain_1"]) / np.ptp(table["strain_1"])

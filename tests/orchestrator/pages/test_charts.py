@@ -1,7 +1,7 @@
 """Charts that Python describes: what is left of long curves."""
 
 import numpy as np
-from gossamer_orchestrator.pages import curve
+from gossamer_files.charts import curve
 
 
 def test_a_long_loop_keeps_its_turning_points():

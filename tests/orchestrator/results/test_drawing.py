@@ -10,7 +10,8 @@ from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.cli.run import draw
 from gossamer_orchestrator.results.drawing import SHARES, Drawing
 from gossamer_orchestrator.results.files import NETCDF, save_results
-from gossamer_orchestrator.results.plots import deflection, save_pictures
+from gossamer_orchestrator.results.report import save_pictures
+from gossamer_orchestrator.results.report.pictures import PICTURES
 
 
 @pytest.fixture
@@ -63,8 +64,7 @@ def test_a_picture_that_fails_is_named_and_the_others_are_drawn(folder, caplog):
 
 
 def test_gossamer_plot_draws_the_others_and_then_says_which_picture_failed(data, tmp_path, monkeypatch):
-    _, size = deflection.PAGES["deflection"]
-    monkeypatch.setitem(deflection.PAGES, "deflection", (lambda *_: 1 / 0, size))
+    monkeypatch.setitem(PICTURES, "deflection", lambda _: 1 / 0)
     with pytest.raises(ResultsError, match=r"deflection.png was not drawn: ZeroDivisionError: division by zero\.$"):
         save_pictures(data, tmp_path)
     assert {path.stem for path in tmp_path.iterdir()} == {"strains", "sensors", "damage", "damage_history"}

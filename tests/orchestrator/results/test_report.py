@@ -9,14 +9,15 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
+from gossamer_files.charts import Chart, Pixels
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.pages import Chart, drawn
-from gossamer_orchestrator.pages.thin import Pixels
+from gossamer_orchestrator.pages import Page, write_page
 from gossamer_orchestrator.pages.words import unbroken
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.judgements import windows
-from gossamer_orchestrator.results.report import write_report
+from gossamer_orchestrator.results.report import run_page, write_report
+from gossamer_orchestrator.results.report.sensors import StrainError
 from gossamer_orchestrator.words import duration
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,6 +37,17 @@ def certain(data) -> xr.Dataset:
 
 def page_of(data, folder):
     return Reader(write_report(data, folder).read_text(encoding="utf-8"))
+
+
+def charts_of(data, folder, choice=""):
+    """Return the charts of a page by title, of a sensor those of it."""
+    return {
+        each.title: each for each in run_page(data, folder).charts if not each.choice or each.choice.startswith(choice)
+    }
+
+
+def trace(chart, name):
+    return next(each for each in chart.traces if each["name"].startswith(name) and each.get("showlegend", True))
 
 
 def test_the_page_is_one_valid_file_that_needs_no_network(certain, tmp_path):
@@ -67,17 +79,30 @@ def test_the_verdict_is_a_sentence_with_its_uncertainty(certain, tmp_path):
     assert "True then: 30 % in zone 2; the mean absolute error over all zones is 0.8" in page.inside[None]
 
 
-def test_what_the_twin_found_beside_the_run_stands_on_the_page_with_its_deviations(certain, tmp_path):
+def test_the_twin_s_answer_stands_on_top_where_it_explains_the_record_and_the_detector_s_beside_it(certain, tmp_path):
     damage, deviation = np.zeros(16), np.full(16, 0.001)
     damage[[1, 6]], deviation[6] = (0.2, 0.305), 0.0062
     finding = {"onset": 5.0, "onset_deviation": 3e-3, "damage": damage.tolist(), "deviation": deviation.tolist()}
-    (tmp_path / "watch.json").write_text(json.dumps({"alarms": [6.0], "findings": [finding], "misfit": [1.0]}))
-    text = page_of(certain, tmp_path).inside[None]
-    assert "The digital twin raised its first alarm at t = 6.0000 s." in text
-    assert (
-        "The digital twin dates the onset of damage to t = 5.000 ± 0.003 s: zone 7 lost 30.50 ± 0.62 % of its " in text
+
+    def page(misfit):
+        (tmp_path / "watch.json").write_text(json.dumps({"alarms": [6.0], "findings": [finding], "misfit": [misfit]}))
+        return page_of(certain, tmp_path)
+
+    lost = "zone 7 lost 30.50 ± 0.62 % of its stiffness and zone 2 lost 20.00 ± 0.10 %"
+    explained = page(1.0)
+    assert explained.inside["verdict"] == (
+        f"Damaged: {lost}, since t = 5.000 ± 0.003 s, by the digital twin, which explains the record "
+        "(± is one standard deviation)."
     )
-    assert "stiffness and zone 2 lost 20.00 ± 0.10 %." in text
+    assert (
+        "The detector differs by up to 26.5 % in zone 7, for its window began before that onset: zone 2 lost 20.0 ± 2.0 %"
+        in (explained.inside[None])
+    )
+    assert "the mean absolute error over all zones is 2.53 %" in explained.inside[None]
+    text = page(3.0).inside[None]
+    assert "The digital twin raised its first alarm at t = 6.0000 s." in text
+    assert f"The digital twin dates the onset of damage to t = 5.000 ± 0.003 s: {lost}." in text
+    assert page(3.0).inside["verdict"].startswith("Damaged: zone 2 lost 20.0 ± 2.0 % of its stiffness and zone 7")
     assert "Damage since t = 5.000 ± 0.003 s, by the digital twin" in text
     html = with_spaces((tmp_path / "report.html").read_text(encoding="utf-8"))
     for zone, damage in (("2", "20.00 ± 0.10"), ("7", "30.50 ± 0.62")):
@@ -90,7 +115,10 @@ def test_no_line_of_a_page_ends_between_a_number_and_its_unit(certain, tmp_path)
     assert "30\xa0% in zone 2" in text  # of the list below the headline
     assert "0\xa0s to 9\xa0s" in text  # of a table
     assert unbroken("5 steps of 3e-4 s, 20 mm and 3 more") == "5 steps of 3e-4\xa0s, 20\xa0mm and 3 more"
-    (chart,) = drawn([Chart(title="First 5 s", x="", y="", traces=[], note="Within 2 %.")])["charts"]
+    one = Page(title="one", sentence="One.", charts=[Chart("First 5 s", note="Within 2 %.")])
+    (chart,) = json.loads(Reader(write_page(one, tmp_path / "one.html").read_text(encoding="utf-8")).unpacked("data"))[
+        "charts"
+    ]
     assert (chart["title"], chart["note"]) == ("First 5\xa0s", "Within 2\xa0%.")
 
 
@@ -127,19 +155,18 @@ def test_where_no_true_damage_is_recorded_the_estimate_stands_alone(certain, tmp
         page = page_of(unknown, tmp_path)
         assert page.inside["verdict"].startswith("Damaged: zone 2 lost 20.0 ± 2.0 %")
         assert "The true damage is not recorded." in (tmp_path / "report.html").read_text(encoding="utf-8")
-        damage = json.loads(page.unpacked("data"))["damage"]
-        assert damage["true"] is None
-        assert numbers(damage["windows"]["estimated"])[-1] == pytest.approx(windows(unknown)[-1].estimated)
+        *_, (bars,) = charts_of(unknown, tmp_path)["Damage of each zone with two standard deviations"].steps.traces
+        assert bars["y"] == pytest.approx(100.0 * windows(unknown)[-1].estimated)
 
 
 def test_nodes_beside_the_edge_are_drawn_at_the_slider_s_instants(certain, tmp_path):
-    content = json.loads(page_of(certain, tmp_path).unpacked("data"))
-    w = numbers(content["membrane"]["w"]).reshape(10, 9, 9)
+    content = run_page(certain, tmp_path).content
+    w = content["surface"]["places"].reshape(10, 9, 9, 3)[..., 2]
     assert w[:, 1:-1, 1:-1] == pytest.approx(certain["membrane.w"].to_numpy(), abs=1e-6)
     assert not w[:, 0].any()
-    assert numbers(content["frames"]).tolist() == certain["time"].to_numpy().tolist()
-    flat = json.loads(page_of(certain.drop_vars("membrane.w"), tmp_path).unpacked("data"))
-    assert flat["membrane"] is None
+    assert content["frames"].tolist() == certain["time"].to_numpy().tolist()
+    flat = charts_of(certain.drop_vars("membrane.w"), tmp_path)["Membrane"]
+    assert "not recorded, so it is drawn flat" in flat.note
 
 
 def test_compensated_strain_is_compared_with_the_true_strain_of_its_time(certain, tmp_path):
@@ -147,32 +174,33 @@ def test_compensated_strain_is_compared_with_the_true_strain_of_its_time(certain
     certain["compensator1.strain_deviation"] = ("time", [1e-3] * 10)
     now = certain["compensator1.strain"].to_numpy()
     certain["compensator1.strain"] = ("time", np.r_[now[:2], now[:-2]])
-    sensor = json.loads(page_of(certain, tmp_path).unpacked("data"))["sensors"][0]
-    assert sensor["rms"] == pytest.approx(0.0, abs=1e-12)
-    assert sensor["delay"] == 2.0
-    high, low = (numbers(sensor["curves"][name]) for name in ("high", "low"))
-    assert high - low == pytest.approx(4e-3)
-    assert np.isnan(numbers(sensor["curves"]["error"])[-2:]).all()
-    assert sensor["beyond"] == 0.0
+    charts = charts_of(certain, tmp_path, "1")
+    assert charts["Strain"].result == "sensor 1, RMS error < 1e-9 % of range"
+    low, high = (each["y"] for each in charts["Strain"].traces[:2])
+    assert high - low == pytest.approx(0.4)  # [%]
+    assert trace(charts["Strain"], "compensated")["x"].tolist() == (np.arange(10.0) - 2.0).tolist()
+    error = charts["Error of the compensated strain"]
+    assert np.isnan(trace(error, "error")["y"][-2:]).all()
+    assert error.result.startswith("0 % of the points leave the band")
 
 
 def test_the_page_knows_what_share_of_the_points_leaves_the_band(certain, tmp_path):
     certain["compensator1.strain_deviation"] = ("time", [1e-3] * 10)
     certain["compensator1.strain"] = certain["compensator1.strain"] + 3e-3 * (certain["time"] < 2.5)
-    sensors = json.loads(page_of(certain, tmp_path).unpacked("data"))["sensors"]
-    assert [each.get("beyond") for each in sensors] == [pytest.approx(0.3), None, None, None]
+    results = [charts_of(certain, tmp_path, f"{k}")["Error of the compensated strain"].result for k in range(1, 5)]
+    assert results == ["30 % of the points leave the band; 5 % would be right", "", "", ""]
 
 
 def test_a_loop_has_resistance_and_strain_of_the_same_time(certain, tmp_path):
     """What a late compensator states is recorded two seconds later; of the last two nothing is known."""
-    known = certain["compensator1.strain"].to_numpy()
+    known = 100.0 * certain["compensator1.strain"].to_numpy()
     late = certain.drop_vars("membrane.strain").assign({"compensator1.delay": ("time", [2.0] * 10)})
-    sensor = json.loads(page_of(late, tmp_path).unpacked("data"))["sensors"][0]
-    for loop in (sensor["loops"][0], sensor["at"]):
-        resistance, strain = (numbers(loop[name]) for name in ("resistance", "strain"))
-        rows = resistance.round().astype(int) - 100  # 100 ohm at first, one more each second
-        assert strain[rows < 8] == pytest.approx(known[rows[rows < 8] + 2])
-        assert np.isnan(strain[rows >= 8]).all()
+    chart = charts_of(late, tmp_path, "1")["Resistance against strain"]
+    now = {name: np.concatenate([dots[0][name] for dots in chart.steps.traces]) for name in ("x", "y")}
+    for loop in (chart.traces[0], now):
+        rows = np.asarray(loop["y"]).round().astype(int) - 100  # 100 ohm at first, one more each second
+        assert loop["x"][rows < 8] == pytest.approx(known[rows[rows < 8] + 2])
+        assert np.isnan(loop["x"][rows >= 8]).all()
 
 
 def test_a_strain_that_a_file_feeds_to_a_sensor_is_its_true_one(certain, tmp_path):
@@ -181,9 +209,30 @@ def test_a_strain_that_a_file_feeds_to_a_sensor_is_its_true_one(certain, tmp_pat
     alone = beside.drop_vars([name for name in beside if str(name).startswith("membrane")])
     felt = certain["membrane.strain"].to_numpy()[:, 0]
     for data, true in ((beside, replayed), (alone, replayed), (beside.assign_attrs(connections=fed), felt)):
-        sensor = json.loads(page_of(data, tmp_path).unpacked("data"))["sensors"][0]
-        assert numbers(sensor["curves"]["strain"]) == pytest.approx(true)
-        assert "rms" in sensor
+        chart = charts_of(data, tmp_path, "1")["Strain"]
+        assert trace(chart, "true")["y"] == pytest.approx(100.0 * true)
+        assert "RMS error" in chart.result
+
+
+def test_errors_are_in_two_digits_and_without_powers_of_ten(certain):
+    shares = (1e-10, 0.023, 8.31, 99.4, 99.6, 185.4)  # [%]
+    said = [StrainError(share / 100.0, 1.0, np.nan, np.zeros(1), None).sentence for share in shares]
+    assert said == [f"RMS error {size} % of range" for size in ("< 1e-9", "0.023", "8.3", "99", "100", "185")]
+
+
+def test_the_load_and_what_it_does_to_the_membrane_stand_on_the_page(certain, tmp_path):
+    built_in = {"pressure_amplitude": 2.0, "pressure_frequency": 0.25, "pressure_phase": 0.0}
+    certain.attrs["fmus"] = json.dumps({"membrane": {"model": "membrane", "parameters": built_in}})
+    certain.attrs["connections"] = json.dumps([["wind.y", "membrane.pressure"]])
+    certain["wind.y"], certain["membrane.base_acceleration"] = ("time", np.arange(10.0)), ("time", np.arange(10.0))
+    certain["membrane.largest_strain"] = ("time", np.full(10, 0.05))
+    charts = charts_of(certain, tmp_path)
+    built, added = charts["Load: pressure on the membrane"].traces
+    assert built["y"] == pytest.approx(2.0 * np.sin(0.5 * np.pi * np.arange(10.0)))
+    assert added["y"] == pytest.approx(np.arange(10.0))
+    assert charts["Load: motion of the base"].traces[0]["y"] == pytest.approx(np.arange(10.0))
+    assert charts["Largest strain of the membrane"].traces[0]["y"] == pytest.approx(5.0)
+    assert "What else was recorded" not in {each.section for each in charts.values()}
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=300), st.integers(1, 20))
@@ -202,7 +251,8 @@ def test_a_long_run_stays_small_and_says_how_it_was_thinned(tmp_path):
     values[31_234] = 99.0
     data = xr.Dataset({f"a.y{k}": ("time", values) for k in range(8)}, coords={"time": np.arange(n) * 1e-3})
     page = page_of(data, tmp_path)
-    curve = numbers(json.loads(page.unpacked("data"))["others"][0]["values"])
+    (chart,) = json.loads(page.unpacked("data"))["charts"]
+    curve = numbers(chart["traces"][0]["y"])
     assert curve.max() == 99.0
     assert len(curve) <= 5000
     text = (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -59,7 +59,7 @@ def test_the_tools_of_a_picture_are_one_stop_of_the_tab_key_and_are_seen(page):
     page.keyboard.press("ArrowRight")
     assert page.evaluate(name) == "Zoom"
     page.keyboard.press("Tab")
-    assert page.evaluate("document.activeElement.textContent").startswith("Numbers of: Damage of the zones")
+    assert page.evaluate("document.activeElement.textContent").startswith("Numbers of: Damage over time")
     page.keyboard.press("Enter")
     page.wait_for_selector(".numbers[open] td")
     page.focus("#play")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from io import BytesIO
 from xml.etree import ElementTree
 
@@ -14,10 +13,10 @@ from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.fmi.shape import Shape, Surface
 from gossamer_orchestrator.results.files import save_results
-from gossamer_orchestrator.results.report.surface import surface_content
+from gossamer_orchestrator.results.report.membrane import surface_content
 from gossamer_orchestrator.results.shapes import SLACK, TAUT, WRINKLED, ShapeHistory, create_shapes, face_strains
 from gossamer_orchestrator.results.vtk import export_vtk
-from reading_pages import Reader, numbers
+from reading_pages import Reader, content_of, numbers
 from sails import sail_file, sail_model
 from typer.testing import CliRunner
 
@@ -159,7 +158,6 @@ def test_paraview_files_hold_places_damage_and_strain(known, tmp_path):
     pair = (history.places[0], history.eigenstrain[0])
     file = create_shapes(tmp_path / "shapes.nc", {"membrane": history.surface}, 0.0, {"membrane": (still, pair[1])})
     file.append(np.concatenate([[9.0], *(part.ravel() for part in pair)])[None])
-    file.close()
     save_results(known, tmp_path)
     result = CliRunner().invoke(app, ["export-vtk", str(tmp_path)])
     assert result.stdout == f"{tmp_path / 'vtk/membrane.pvd'}\n"
@@ -202,14 +200,13 @@ def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
     file = create_shapes(tmp_path / "shapes.nc", {"membrane": plain}, 0.0, {"membrane": (places[0], np.zeros((1, 3)))})
     for time, each in ((4.0, places[1]), (9.0, places[2])):
         file.append(np.concatenate([[time], each.ravel(), np.zeros(3)])[None])
-    file.close()
     save_results(data, tmp_path)
     assert CliRunner().invoke(app, ["report", str(tmp_path)]).exit_code == 0
     page = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
-    content = json.loads(page.unpacked("data"))
+    content = content_of(page.unpacked("data"))
     drawn = content["surface"]
     assert numbers(content["frames"]).tolist() == [0.0, 4.0, 9.0]
-    assert numbers(drawn["deflection"])[:, 0] == pytest.approx([0.0, 1e-3, 2e-3], rel=1e-6)
+    assert numbers(drawn["colours"][0]["values"])[:, 0] == pytest.approx([0.0, 1.0, 2.0], rel=1e-6)  # [mm]
     assert drawn["factor"] == 100.0  # 2 mm of 2 m are drawn as a tenth
     assert numbers(drawn["places"])[-1].reshape(-1, 3)[:, 2] == pytest.approx(0.2)
     assert len(drawn["triangles"]) == 16

@@ -8,9 +8,10 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
+from gossamer_files.charts import draw_panels
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.results.plots.cases import plot_cases
+from gossamer_orchestrator.results.report.cases import case_panels
 from gossamer_orchestrator.run.sweep import make_cases, read_ranges
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
@@ -110,13 +111,13 @@ def test_the_panels_show_the_cases_and_share_their_axes():
     values = np.arange(12.0).reshape(3, 4)
     coordinates = {"case": [1, 2, 5], "time": [0.0, 0.1, 0.2, 0.3], "one.u": ("case", [0.5, 1.0, 2.0])}
     data = xr.DataArray(values, coordinates, ("case", "time"), name="one.y", attrs={"units": "m"})
-    figure = Figure()
-    plot_cases(data, ["one.u"], figure)
+    panels, figure = case_panels(data, ["one.u"]), Figure()
+    draw_panels(panels, figure)
     drawn = [ax for ax in figure.axes if ax.lines]
     assert [ax.get_title() for ax in drawn] == ["1: u=0.5", "2: u=1", "5: u=2"]
     assert [ax.lines[0].get_ydata().tolist() for ax in drawn] == values.tolist()
     assert len({ax.get_ylim() for ax in drawn}) == 1
-    assert (figure.get_suptitle(), figure.get_supylabel()) == ("one.y", "y [m]")
+    assert (figure.get_suptitle(), drawn[0].get_ylabel()) == ("one.y", "y [m]")
 
 
 def test_of_an_array_with_many_elements_the_last_values_are_bars_in_percent_with_the_truth():
@@ -124,17 +125,15 @@ def test_of_an_array_with_many_elements_the_last_values_are_bars_in_percent_with
     values = np.arange(2 * 3 * 16.0).reshape(2, 3, 16)
     values[1, 2] = np.nan
     coordinates = {"case": [1, 2], "time": [0.0, 0.1, 0.2], "zone": range(1, 17)}
-    figure = Figure()
     valid = xr.DataArray([[0, 0, 1], [0, 0, np.nan]], {k: coordinates[k] for k in ("case", "time")}, ("case", "time"))
     found = xr.DataArray(values / 100.0, coordinates, ("case", "time", "zone"), name="d.damage")
-    plot_cases(found, [], figure, xr.Dataset({"d.valid": valid, "d.damage": found}), 0.5 * found)
-    drawn = [[bar.get_height() for bar in ax.patches] for ax in figure.axes if ax.patches]
-    assert drawn == [pytest.approx(values[0, 2]), pytest.approx(values[1, 1])]
-    true = [ax.lines[0].get_ydata().tolist() for ax in figure.axes if ax.patches]
-    assert true == [pytest.approx(values[0, 2] / 2.0), pytest.approx(values[1, 1] / 2.0)]
-    assert figure.axes[0].get_xticks().tolist() == [1, 4, 7, 10, 13, 16]
-    assert [[text.get_text() for text in ax.texts] for ax in figure.axes if ax.patches] == [[], ["not valid"]]
-    assert (figure.get_suptitle(), figure.get_supylabel()) == ("last d.damage", "damage [%]")
+    panels = case_panels(found, [], xr.Dataset({"d.valid": valid, "d.damage": found}), 0.5 * found)
+    drawn = [chart.traces for chart in panels.charts]
+    assert [bars["y"] for bars, *_ in drawn] == [pytest.approx(values[0, 2]), pytest.approx(values[1, 1])]
+    assert [true["y"] for _, true, *_ in drawn] == [pytest.approx(values[0, 2] / 2), pytest.approx(values[1, 1] / 2)]
+    assert [bars["marker"]["color"] for bars, *_ in drawn] == ["@0", "@grey"]
+    assert [[each["text"] for each in more] for _, _, *more in drawn] == [[], [["not valid"]]]
+    assert (panels.title, panels.charts[0].y) == ("last d.damage", "damage [%]")
 
 
 def test_the_truth_beside_a_judgement_is_that_of_its_window():
@@ -143,18 +142,16 @@ def test_the_truth_beside_a_judgement_is_that_of_its_window():
     found = xr.DataArray(np.zeros((1, 3, 16)), coordinates, ("case", "time", "zone"), name="d.damage")
     true = found.copy()
     true[0, 2, 5] = 0.35
-    figure = Figure()
     valid = xr.DataArray([[0.0, 1.0, 1.0]], {k: coordinates[k] for k in ("case", "time")}, ("case", "time"))
-    plot_cases(found, [], figure, xr.Dataset({"d.valid": valid, "d.damage": found}), true)
-    assert figure.axes[0].lines[0].get_ydata().tolist() == [0.0] * 16
+    (chart,) = case_panels(found, [], xr.Dataset({"d.valid": valid, "d.damage": found}), true).charts
+    assert chart.traces[1]["y"].tolist() == [0.0] * 16
 
 
 def test_of_many_cases_some_are_drawn_and_the_title_says_so():
     data = xr.DataArray(np.zeros((100, 2)), {"case": range(1, 101), "time": [0.0, 1.0]}, ("case", "time"), name="y")
-    figure = Figure()
-    plot_cases(data, [], figure)
-    assert sum(bool(ax.lines) for ax in figure.axes) == 34
-    assert figure.get_suptitle() == "y, one in 3 of 100 cases"
+    panels = case_panels(data, [])
+    assert len(panels.charts) == 34
+    assert panels.title == "y, one in 3 of 100 cases"
 
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")

@@ -1,36 +1,29 @@
 // What all pictures share: colours of light and dark, a place on the page, the line of the slider's time, linked zoom.
 const darkness = matchMedia("(prefers-color-scheme: dark)");
 const isNarrow = () => window.innerWidth < 600;
-const page = { printing: false, instant: 0, sensor: 0, content: null, figures: [], linking: false };
+const page = { printing: false, instant: 0, choice: "", content: null, figures: [], linking: false, scripts: {} };
 
 // Colours of Okabe and Ito, which colour-blind readers can tell apart; the lighter ones first on a dark page, on a light one
 // darker where a line would have less than 3:1 of contrast.
 function theme() {
   const dark = darkness.matches && !page.printing;
   return dark
-    ? { dark, ink: "#e6eaee", soft: "#a5afba", grid: "#333c46", grey: "#6d7782", panel: "#1c2229",
+    ? { dark, ...scales(dark), ink: "#e6eaee", soft: "#a5afba", grid: "#333c46", grey: "#6d7782", panel: "#1c2229",
         lines: ["#56B4E9", "#E69F00", "#3CC79A", "#CC79A7", "#F0E442", "#D55E00"], alarm: "#F08A4B" }
-    : { dark, ink: "#1b2026", soft: "#59626d", grid: "#dfe4e9", grey: "#84888d", panel: "#f5f7f9",
+    : { dark, ...scales(dark), ink: "#1b2026", soft: "#59626d", grid: "#dfe4e9", grey: "#84888d", panel: "#f5f7f9",
         lines: ["#0072B2", "#D55E00", "#009E73", "#B5588F", "#8F6B00", "#3D8FBF"], alarm: "#B34700" };
 }
 
-// Light to dark on a light page, dark to light on a dark one: no damage is the paper's side.
-function damageScale(colors) {
-  const steps = ["#f7fbff", "#c6dbef", "#6baed6", "#2171b5", "#08306b"];
-  const dim = ["#202a35", "#1d4a73", "#2f7fb8", "#7cc0ea", "#e8f5ff"];
-  return (colors.dark ? dim : steps).map((color, i) => [i / 4, color]);
-}
-
-// Damage that is no valid judgement; the ink of the page can be read on all of it.
-function greyScale(colors) {
-  return (colors.dark ? ["#1c2229", "#4a535d"] : ["#f5f7f9", "#c3c9cf"]).map((color, i) => [i, color]);
-}
-
-// Of values to both sides of zero: zero is the colour of the paper.
-function signedScale(colors) {
-  const steps = ["#08519c", "#6baed6", "#f2f2f2", "#e0a93b", "#7f4f00"];
-  const dim = ["#8fd0f5", "#2f7fb8", "#27303a", "#a87416", "#ffd166"];
-  return (colors.dark ? dim : steps).map((color, i) => [i / 4, color]);
+// Scales of colours: of damage, where none is the paper's side; of what is no valid judgement, on which the ink can be read; of
+// values to both sides of zero, which is the colour of the paper; of taut, wrinkled and slack faces.
+function scales(dark) {
+  const even = (steps) => steps.map((color, i) => [i / (steps.length - 1), color]);
+  return {
+    damage: even(dark ? ["#202a35", "#1d4a73", "#2f7fb8", "#7cc0ea", "#e8f5ff"] : ["#f7fbff", "#c6dbef", "#6baed6", "#2171b5", "#08306b"]),
+    unsure: even(dark ? ["#1c2229", "#4a535d"] : ["#f5f7f9", "#c3c9cf"]),
+    signed: even(dark ? ["#8fd0f5", "#2f7fb8", "#27303a", "#a87416", "#ffd166"] : ["#08519c", "#6baed6", "#f2f2f2", "#e0a93b", "#7f4f00"]),
+    marks: [[0, "#56B4E9"], [1 / 3, "#56B4E9"], [1 / 3, "#E69F00"], [2 / 3, "#E69F00"], [2 / 3, "#6d4c7d"], [1, "#6d4c7d"]],
+  };
 }
 
 function translucent(color, alpha) {
@@ -45,8 +38,8 @@ function element(tag, attributes, ...children) {
   return made;
 }
 
-function heading(text) {
-  document.getElementById("pictures").append(element("h2", {}, text));
+function heading(text, id) {
+  document.getElementById("pictures").append(element("h2", { id }, text));
 }
 
 // A figure is drawn anew by `make`, moved to the slider's time by `move`; `timed` figures have time on the x axis, with a

@@ -11,12 +11,15 @@ function bytesOf(letters) {
   return bytes;
 }
 
-// An array of one dimension is a typed array; one of two is a list of its rows.
+// An array of one dimension is a typed array; one of two is a list of its rows; one that stands again is the same.
+const unpacked = [];
 function numbers(_, value) {
-  if (value === null || typeof value !== "object" || !("bytes" in value && "shape" in value)) return value;
-  const bytes = bytesOf(value.bytes);
-  const flat = value.kind === "f8" ? new Float64Array(bytes.buffer) : new Float32Array(bytes.buffer);
-  if (value.shape.length === 1) return flat;
-  const width = value.shape[1];
-  return Array.from({ length: value.shape[0] }, (_, row) => flat.subarray(row * width, (row + 1) * width));
+  if (value === null || typeof value !== "object") return value;
+  if ("same" in value) return unpacked[value.same];
+  if (!("bytes" in value && "shape" in value)) return value;
+  const { buffer } = bytesOf(value.bytes), width = value.shape[1];
+  const flat = value.kind === "f8" ? new Float64Array(buffer) : new Float32Array(buffer);
+  const found = width === undefined ? flat : Array.from({ length: value.shape[0] }, (_, row) => flat.subarray(row * width, (row + 1) * width));
+  unpacked.push(found);
+  return found;
 }

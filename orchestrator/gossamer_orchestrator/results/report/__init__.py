@@ -1,5 +1,10 @@
-"""The page of a run."""
+"""The page and the pictures of a run: charts of its results, and the two pens that draw them.
+
+To add a picture, describe it as a ``Chart`` in the file of its theme, in the list of the page; as a file it has a name in
+``pictures.py``.
+"""
 
 from .page import run_page, write_report
+from .pictures import save_pictures
 
-__all__ = ["run_page", "write_report"]
+__all__ = ["run_page", "save_pictures", "write_report"]

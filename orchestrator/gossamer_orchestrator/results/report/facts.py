@@ -23,7 +23,7 @@ SHOWN_WINDOWS = 60
 SHOWN_MESSAGES = 40
 
 
-def run_table(data: xr.Dataset, content: Mapping[str, Any]) -> str:
+def run_table(data: xr.Dataset, rows_recorded: int) -> str:
     """Return the table of what happened."""
     known, time = data.attrs, data["time"]
     rows = [
@@ -34,7 +34,7 @@ def run_table(data: xr.Dataset, content: Mapping[str, Any]) -> str:
     if "step" in known:
         rows.append(("Step", f"{float(known['step']):.6g} s{_every(int(known.get('record_every', 1)))}"))
     scalars = sum(int(np.prod(variable.shape[1:])) for variable in data.data_vars.values())
-    rows.append(("Recorded", f"{counted(content['rows'], 'instant')} of {recorded(len(data.data_vars), scalars)}"))
+    rows.append(("Recorded", f"{counted(rows_recorded, 'instant')} of {recorded(len(data.data_vars), scalars)}"))
     if "wall_time" in known:
         rows.append(("Wall time", f"{float(known['wall_time']):.3g} s"))
     if int(known.get("divided_steps", 0)):

@@ -1,73 +1,167 @@
-"""What a page draws of each sensor and its compensator: curves, error, loop, spectrogram.
+"""Charts of each sensor and its compensator: resistance, strain with its band, error, loop, spectrogram and spectrum.
 
 What a compensator states of a time is recorded later, by its delay. The strain of a sensor is the true one where that was
-recorded, else the compensated one.
+recorded, else the compensated one. Strain is in %, resistance in ohm. Spectra are under Hann's window, without the mean.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from gossamer_files.charts import Array, Chart, Pixels, Stages, band, curve, heat, points
 
 from ...errors import ResultsError
-from ...pages.thin import Pixels
+from ...words import duration
 from ..dataset import compensators, find_all, origins_of, sensors
-from ..judgements import Judgement
-from .spectra import spectrogram, spectrum
+from .recorded import Curve, Recorded, curve_of, over_time
 
 LOOP_ROWS = 2000  # of a loop of resistance over strain
-
-Array = NDArray[np.float64]
-Curve = Callable[[xr.Dataset], Array]
-
-
-def curve_of(name: str, place: int | None = None) -> Curve:
-    """Return a function that reads a variable, of an array its element ``place`` from 0."""
-
-    def read(part: xr.Dataset) -> Array:
-        values = part[name].to_numpy()
-        return np.asarray(values if place is None else values.reshape(len(values), -1)[:, place], dtype=float)
-
-    return read
+LEAST_ERROR = 1e-9  # [%] less is round-off
+LEAST_RANGE = 1e-6  # [1] errors in shares of a smaller range say nothing
+LEAST = 64  # samples of a spectrum
+COLUMNS, LINES = 240, 128  # of a spectrogram, at most
+FLOOR = 1e-12  # of an amplitude, so that it has a logarithm
 
 
-def sensor_curves(data: xr.Dataset) -> tuple[dict[str, Curve], dict[int, dict[str, Any]]]:
-    """Return the curves of each sensor, named ``number/what``, and what stands where."""
-    curves: dict[str, Curve] = {}
-    readers = _readers(data)
-    for number, reader in readers.items():
-        sensor, late = reader.get("sensor", ""), reader.get("compensator", "")
-        if true := _true_strain(data, number, sensor):
-            reader["strain"] = true
-            curves[f"{number}/strain"] = curve_of(*true)
-        if f"{sensor}.resistance" in data:
-            curves[f"{number}/resistance"] = curve_of(f"{sensor}.resistance")
-        if f"{late}.resistance" in data:
-            curves[f"{number}/reading"] = curve_of(f"{late}.resistance")
-        if f"{late}.strain" in data:
-            curves[f"{number}/compensated"] = curve_of(f"{late}.strain")
-            reader["delay"] = float(data[f"{late}.delay"][-1]) if f"{late}.delay" in data else 0.0
-            if f"{late}.strain_deviation" in data:
-                for what, sign in (("low", -2.0), ("high", 2.0)):
-                    curves[f"{number}/{what}"] = _band(f"{late}.strain", f"{late}.strain_deviation", sign)
-    return curves, readers
+@dataclass(frozen=True)
+class StrainError:
+    """How far compensated strain is from the true one of the same time.
+
+    Attributes
+    ----------
+    rms, span : float
+        Root mean square of the error, and range of the true strain [1]; not a number without any.
+    beyond : float
+        Share of the points whose error is above two stated deviations [1]; not a number where none are stated.
+    curve, reach : ndarray
+        Thinned error and two deviations [1]. The last rows have none: their strain is not yet compensated.
+    """
+
+    rms: float
+    span: float
+    beyond: float
+    curve: Array
+    reach: Array | None
+
+    @property
+    def sentence(self) -> str:
+        """Say it in few words: in % of the range, in strain where that hardly changes."""
+        percent = self.span >= LEAST_RANGE
+        size = 100.0 * self.rms / self.span if percent else 100.0 * self.rms
+        shown = "< 1e-9" if size < LEAST_ERROR else f"{size:.2g}" if size < 99.5 else f"{size:.0f}"
+        return f"RMS error {shown} {'% of range' if percent else '% strain'}"
 
 
-def _readers(data: xr.Dataset) -> dict[int, dict[str, Any]]:
-    """Return the names of sensor and compensator by the number of the sensor; of a membrane alone, its strains."""
-    readers: dict[int, dict[str, Any]] = {}
+class Reader:
+    """A sensor and its compensator, as far as they were recorded.
+
+    Attributes
+    ----------
+    number : int
+        Of the membrane's strain that they read, from 1.
+    sensor, compensator : str
+        Names of the components, empty if there is none.
+    true : tuple of str and int or None, or None
+        Variable that is the true strain, and its place in an array.
+    delay : float
+        How much later than it was the compensated strain is recorded [s].
+    """
+
+    def __init__(self, data: xr.Dataset, number: int, sensor: str, compensator: str) -> None:
+        self.data, self.number, self.sensor, self.compensator = data, number, sensor, compensator
+        self.time: Array = data["time"].to_numpy()
+        self.true = self._true()
+        self.late = self._recorded(f"{compensator}.strain")
+        self.resistance, self.reading = (
+            self._recorded(f"{sensor}.resistance"),
+            self._recorded(f"{compensator}.resistance"),
+        )
+        self.deviation = self._recorded(f"{compensator}.strain_deviation") if self.late else ""
+        stated = self._recorded(f"{compensator}.delay")
+        self.delay = float(data[stated][-1]) if stated else 0.0
+
+    @property
+    def label(self) -> str:
+        """Number and names."""
+        names = ", ".join(filter(None, (self.sensor, self.compensator)))
+        return f"{self.number}: {names}" if names else f"{self.number}"
+
+    @property
+    def rows_late(self) -> int:
+        """How many rows the delay is."""
+        return int(np.searchsorted(self.time, self.time[0] + self.delay - 1e-9)) if self.delay > 0.0 else 0
+
+    @property
+    def strain(self) -> tuple[Curve, int] | None:
+        """The strain of the sensor, and how many rows later than it was it is recorded."""
+        if self.true:
+            return curve_of(*self.true), 0
+        return (curve_of(self.late), self.rows_late) if self.late else None
+
+    def later(self, read: Curve, rows: slice, shift: int) -> Array:
+        """Return what is recorded ``shift`` rows later than some rows; not a number beyond the end."""
+        values = np.full(min(rows.stop, len(self.time)) - rows.start, np.nan)
+        found = read(self.data.isel(time=slice(rows.start + shift, rows.stop + shift)))
+        values[: len(found)] = found
+        return values
+
+    @cached_property
+    def error(self) -> StrainError | None:
+        """The error of the compensated strain, its delay taken out; None where one of both was not recorded."""
+        if not self.true or not self.late:
+            return None
+        pixels, true, shift = Pixels(len(self.time)), curve_of(*self.true), self.rows_late
+        squares, count, low, high, beyond, banded = 0.0, 0, np.inf, -np.inf, 0, 0
+        errors: list[Array] = []
+        reaches: list[Array] = []
+        for rows in pixels.parts():
+            here = true(self.data.isel(time=rows))
+            error = self.later(curve_of(self.late), rows, shift) - here
+            errors.append(pixels.thin(error))
+            squares, count = squares + float(np.nansum(error**2)), count + int(np.isfinite(error).sum())
+            if self.deviation:
+                reach = self.later(curve_of(self.deviation, factor=2.0), rows, shift)
+                reaches.append(pixels.thin(reach))
+                beyond += int((np.abs(error) > reach).sum())
+                banded += int(np.isfinite(error + reach).sum())
+            low, high = min(low, float(np.fmin.reduce(here))), max(high, float(np.fmax.reduce(here)))
+        rms, span = (math.sqrt(squares / count), high - low) if count else (math.nan, math.nan)
+        share = beyond / banded if banded else math.nan
+        return StrainError(rms, span, share, np.concatenate(errors), np.concatenate(reaches) if reaches else None)
+
+    def _recorded(self, name: str) -> str:
+        return name if name in self.data else ""
+
+    def _true(self) -> tuple[str, int | None] | None:
+        """Name what the sensor felt: its own input if a file feeds it, else the membrane's strain."""
+        own, numbers = self._recorded(f"{self.sensor}.strain"), _strain_numbers(self.data)
+        replayed = own and own not in origins_of(self.data)
+        if self.number in numbers and not replayed:
+            return f"{find_all(self.data, 'membrane')[0]}.strain", numbers.index(self.number)
+        return (own, None) if own else None
+
+
+def readers_of(data: xr.Dataset) -> list[Reader]:
+    """List the sensors with their compensators by number; of a membrane alone, its strains."""
+    names: dict[int, dict[str, str]] = {}
     for role, find in (("sensor", sensors), ("compensator", compensators)):
         try:
             found = find(data)
         except ResultsError:  # there is no membrane
             found = dict(enumerate(find_all(data, role), start=1))
         for number, name in found.items():
-            readers.setdefault(number, {})[role] = name
-    return dict(sorted(readers.items())) or {number: {} for number in _strain_numbers(data)}
+            names.setdefault(number, {})[role] = name
+    names = names or {number: {} for number in _strain_numbers(data)}
+    readers = [
+        Reader(data, number, own.get("sensor", ""), own.get("compensator", "")) for number, own in sorted(names.items())
+    ]
+    return [each for each in readers if each.true or each.late or each.resistance or each.reading]
 
 
 def _strain_numbers(data: xr.Dataset) -> list[int]:
@@ -76,109 +170,192 @@ def _strain_numbers(data: xr.Dataset) -> list[int]:
     return [] if strains is None or strains.ndim != 2 else [int(n) for n in strains[strains.dims[1]].to_numpy()]
 
 
-def _true_strain(data: xr.Dataset, number: int, sensor: str) -> tuple[str, int | None] | None:
-    """Name what a sensor felt, and its place in an array: its own input if a file feeds it, else the membrane's strain."""
-    own, numbers = f"{sensor}.strain", _strain_numbers(data)
-    replayed = own in data and own not in origins_of(data)
-    if number in numbers and not replayed:
-        return f"{find_all(data, 'membrane')[0]}.strain", numbers.index(number)
-    return (own, None) if own in data else None
+def sensor_charts(run: Recorded) -> list[Chart]:
+    """Return the charts of all sensors, of which a reader of the page chooses one."""
+    charts: list[Chart] = []
+    for reader in readers_of(run.data):
+        run.drawn |= {
+            name for name in (*(reader.true or ())[:1], reader.late, reader.resistance, reader.reading) if name
+        }
+        run.drawn |= {name for name in (reader.deviation, f"{reader.compensator}.delay") if reader.late and name}
+        charts += [
+            *strain_charts(run, reader),
+            *_resistance(run, reader),
+            *loop_charts(run, reader),
+            *_spectrogram(run, reader),
+        ]
+    return charts
 
 
-def _band(name: str, deviation: str, sign: float) -> Curve:
-    return lambda part: np.asarray(part[name].to_numpy() + sign * part[deviation].to_numpy(), dtype=float)
+def strain_charts(run: Recorded, reader: Reader) -> list[Chart]:
+    """Draw true and compensated strain without its delay, and the error of the latter."""
+    if not reader.true and not reader.late:
+        return []
+    traces, error, t = [], reader.error, run.t
+    earlier = t - reader.delay
+    if reader.late and reader.deviation:
+        low, high = (run.thin(_edge(reader, sign)) for sign in (-2.0, 2.0))
+        traces += band("± 2 deviations", earlier, low, high, "@1")
+    if reader.true:
+        true = run.thin(curve_of(*reader.true, factor=100.0))
+        traces.append(curve("true", t, true, "@grey", width=4 if reader.late else 2))
+    if reader.late:
+        name = f"compensated, drawn {duration(reader.delay)} earlier" if reader.delay else "compensated"
+        traces.append(curve(name, earlier, run.thin(curve_of(reader.late, factor=100.0)), "@1", width=1.2))
+    note = (
+        "True strain, and that of the compensator without its delay."
+        if error
+        else "Strain of the compensator without its delay; the true strain is not recorded." * bool(reader.late)
+    )
+    if reader.deviation:
+        note += (
+            " The band is two strain_deviation wide to each side: the error that the compensator expects of noise and "
+            "drift. It does not cover a sensor that behaves otherwise than it was identified, nor spikes of its resistance."
+        )
+    said = [name for name, there in (("True strain", reader.true), ("Compensated strain", reader.late)) if there]
+    result = f"sensor {reader.number}, {error.sentence}" if error and math.isfinite(error.rms) else ""
+    text = f"{' and '.join(said)} over time."
+    choice = reader.label
+    charts = [over_time("Strain", "strain [%]", traces, note=note, text=text, result=result, choice=choice, broad=True)]
+    if error:
+        charts.append(_error(run, error, choice))
+    return charts
 
 
-def _strain_of(data: xr.Dataset, reader: dict[str, Any]) -> tuple[Curve, float] | None:
-    """Return the strain of a sensor, and how much later than it was it is recorded [s]."""
-    late = f"{reader.get('compensator', '')}.strain"
-    if "strain" in reader:
-        return curve_of(*reader["strain"]), 0.0
-    return (curve_of(late), reader["delay"]) if late in data else None
+def _edge(reader: Reader, sign: float) -> Curve:
+    strain, deviation = curve_of(reader.late, factor=100.0), curve_of(reader.deviation, factor=100.0 * sign)
+    return lambda part: strain(part) + deviation(part)
 
 
-def rows_later(time: Array, delay: float) -> int:
-    """Return how many rows a delay [s] is."""
-    return int(np.searchsorted(time, time[0] + delay - 1e-9)) if delay > 0.0 else 0
+def _error(run: Recorded, error: StrainError, choice: str) -> Chart:
+    traces = (
+        [] if error.reach is None else band("± 2 deviations", run.t, -100.0 * error.reach, 100.0 * error.reach, "@1")
+    )
+    traces.append(curve("error", run.t, 100.0 * error.curve, "@0", width=1.2))
+    known = np.abs(error.curve[np.isfinite(error.curve)])
+    top = 150.0 * max(float(known.max(initial=0.0)), 1e-12)
+    share = f"{100.0 * error.beyond:.2g}" if error.beyond < 0.995 else "100"
+    result = f"{share} % of the points leave the band; 5 % would be right" if math.isfinite(error.beyond) else ""
+    note = "Compensated minus true strain of the same time, and two standard deviations as the compensator states them."
+    layout = {"yaxis": {"range": [-top, top]}}
+    title = "Error of the compensated strain"
+    return over_time(title, "error [% strain]", traces, note=note, result=result, layout=layout, choice=choice)
 
 
-def _later(data: xr.Dataset, read: Curve, rows: slice, shift: int) -> Array:
-    """Return what is recorded ``shift`` rows later than some rows; not a number beyond the end."""
-    values = np.full(min(rows.stop, data.sizes["time"]) - rows.start, np.nan)
-    found = read(data.isel(time=slice(rows.start + shift, rows.stop + shift)))
-    values[: len(found)] = found
-    return values
+def _resistance(run: Recorded, reader: Reader) -> list[Chart]:
+    traces = []
+    if reader.resistance:
+        traces.append(run.curve("of the sensor", reader.resistance, "@0", width=4 if reader.reading else 1.4))
+    if reader.reading:
+        traces.append(run.curve("as read", reader.reading, "@1", width=1.2))
+    text = "Resistance of the sensor over time, and as the compensator reads it."
+    return [over_time("Resistance", "resistance [ohm]", traces, text=text, choice=reader.label)] if traces else []
 
 
-def loops(
-    data: xr.Dataset, time: Array, ended: Sequence[Judgement], reader: dict[str, Any], instants: NDArray[np.intp]
-) -> dict[str, Any]:
-    """Return resistance over strain of the same time, with spectra, and both at the slider's instants.
+def loop_charts(run: Recorded, reader: Reader) -> list[Chart]:
+    """Draw resistance over strain of the same time in the first and the last window, and its spectra there."""
+    name, found = reader.resistance or reader.reading, reader.strain
+    if not name or found is None:
+        return []
+    read, shift = found
+    loops, spectra, measured = [], [], curve_of(name)
+    for k, (title, rows) in enumerate(_stretches(run)):
+        resistance = measured(run.data.isel(time=rows))
+        strain = reader.later(read, rows, shift)
+        loops.append(curve(title, 100.0 * strain, resistance, f"@{k}", width=1.4))
+        if shape := spectrum(run.time[rows], resistance):
+            spectra.append(curve(title, *shape, f"@{k}", width=1.1))
+    text = "Loops of resistance against strain: hysteresis and drift."
+    title, x, y, note = (
+        "Resistance against strain",
+        "strain [%]",
+        "resistance [ohm]",
+        "The diamond is the slider's time.",
+    )
+    charts = [
+        Chart(title, x, y, loops, note=note, text=text, choice=reader.label, steps=_now(run, read, shift, measured))
+    ]
+    if spectra:
+        powers = {"type": "log", "dtick": 1, "labelalias": {1: "10<sup>0</sup>", 10: "10<sup>1</sup>"}}
+        powers |= {"minor": {"dtick": "D1", "ticks": "outside", "tickcolor": "@soft"}}
+        layout, x, y = {"xaxis": powers, "yaxis": powers}, "frequency [Hz]", "amplitude [ohm]"
+        note = "Amplitudes under Hann's window, without the mean."
+        charts.append(Chart("Spectrum of the resistance", x, y, spectra, note=note, layout=layout, choice=reader.label))
+    return charts
 
-    The loops are those of the first and the last window, or of the last rows.
-    """
-    sensor, late = reader.get("sensor", ""), reader.get("compensator", "")
-    name = next((n for n in (f"{sensor}.resistance", f"{late}.resistance") if n in data), None)
-    found = _strain_of(data, reader)
-    if name is None or found is None:
-        return {}
-    read, delay = found
-    shift, resistance_of = rows_later(time, delay), curve_of(name)
-    ends = [int(np.searchsorted(time, window.time)) for window in ended]
+
+def _stretches(run: Recorded) -> Iterator[tuple[str, slice]]:
+    """Name the rows of the first and the last window, or the last rows."""
+    ends = [int(np.searchsorted(run.time, window.time)) for window in run.ended]
     if len(ends) > 1:
         spans = [("first window", 0, ends[0]), ("last window", ends[-2], ends[-1])]
     else:
-        spans = [("end of the run", max(0, len(time) - LOOP_ROWS), len(time) - 1)]
-    drawn = []
-    for title, first, last in spans:
-        rows = slice(max(first, last - LOOP_ROWS), last + 1)
-        resistance = resistance_of(data.isel(time=rows))
-        loop: dict[str, Any] = {"name": title, "strain": _later(data, read, rows, shift), "resistance": resistance}
-        drawn.append(loop | spectrum(time[rows], resistance))
-    known = instants + shift < len(time)
-    strain = np.full(len(instants), np.nan)
-    strain[known] = read(data.isel(time=instants[known] + shift))
-    return {"loops": drawn, "at": {"strain": strain, "resistance": resistance_of(data.isel(time=instants))}}
+        spans = [("end of the run", 0, len(run.time) - 1)]
+    return ((title, slice(max(first, last - LOOP_ROWS), last + 1)) for title, first, last in spans)
 
 
-def spectrogram_of(data: xr.Dataset, time: Array, reader: dict[str, Any]) -> dict[str, Any]:
-    """Return the spectrogram of the strain of a sensor."""
-    found = _strain_of(data, reader)
-    if found is None:
-        return {}
-    read, delay = found
-    values = np.concatenate([read(data.isel(time=rows)) for rows in Pixels(len(time)).parts()])
-    drawn = spectrogram(time - delay, values)
-    return {"spectrogram": drawn} if drawn else {}
+def _now(run: Recorded, read: Curve, shift: int, measured: Curve) -> Stages:
+    """Return the place of the loop at each of the slider's instants; it is not known before a late compensator stated it."""
+    rows = run.instants[0]
+    known = rows + shift < len(run.time)
+    strain = np.full(len(rows), np.nan)
+    strain[known] = 100.0 * read(run.data.isel(time=rows[known] + shift))
+    resistance = measured(run.data.isel(time=rows))
+    look: dict[str, Any] = {"symbol": "diamond", "size": 12, "line": {"color": "@panel", "width": 1.5}}
+    dots = [[points("now", [e], [r], "@ink", **look)] for e, r in zip(strain, resistance, strict=True)]
+    return Stages(run.time[rows], dots)
 
 
-def error_of(
-    data: xr.Dataset, time: Array, pixels: Pixels, reader: dict[str, Any]
-) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Return the error of the compensated strain, its delay taken out: RMS, the true range, and its curve.
+def _spectrogram(run: Recorded, reader: Reader) -> list[Chart]:
+    if reader.strain is None:
+        return []
+    read, _ = reader.strain
+    values = np.concatenate([read(run.data.isel(time=rows)) for rows in run.pixels.parts()])
+    shape = spectrogram(run.time - (0.0 if reader.true else reader.delay), values)
+    if not shape:
+        return []
+    time, frequency, level = shape
+    hover = "%{x:.4g} s, %{y:.4g} Hz: 10^%{z:.2f}<extra></extra>"
+    cells = heat(time, frequency, level, "log10", zmin=max(float(level.min()), -10.0), hovertemplate=hover)
+    note = "Decimal logarithm of the amplitude, under Hann's window, without the mean."
+    text = "Amplitude of the strain over time and frequency."
+    return [
+        over_time("Spectrogram of the strain", "frequency [Hz]", [cells], note=note, text=text, choice=reader.label)
+    ]
 
-    Where deviations are stated, ``beyond`` is the share of the points [1] whose error is above two of them. The last rows
-    have no error: their strain is not yet compensated.
+
+def spectrum(time: Array, values: Array) -> tuple[Array, Array] | None:
+    """Return frequencies [Hz] and amplitudes of a curve without its mean; None if it is short, uneven or not finite."""
+    if not _usable(time, values):
+        return None
+    hann = np.hanning(len(values))
+    amplitudes = np.abs(np.fft.rfft(hann * (values - values.mean()))) * 2.0 / hann.sum()
+    return np.fft.rfftfreq(len(values), time[1] - time[0])[1:], amplitudes[1:]
+
+
+def spectrogram(time: Array, values: Array) -> tuple[Array, Array, Array] | None:
+    """Return the amplitudes of overlapping stretches of a curve, each without its mean.
+
+    Returns
+    -------
+    tuple of ndarray, or None
+        The middle of each stretch [s], frequencies [Hz], and the decimal logarithm of the amplitude, of shape (frequencies,
+        times); of more than ``LINES`` frequencies the largest amplitude of neighbours. None as ``spectrum``.
     """
-    late = reader.get("compensator", "")
-    if "strain" not in reader or f"{late}.strain" not in data:
-        return {}, {}
-    names = {"error": f"{late}.strain", "above": f"{late}.strain_deviation"}
-    parts: dict[str, list[Array]] = {what: [] for what, name in names.items() if name in data}
-    true, shift = curve_of(*reader["strain"]), rows_later(time, reader["delay"])
-    squares, count, low, high = 0.0, 0, np.inf, -np.inf
-    beyond, banded = 0, 0  # points above two deviations, and points that have one
-    for rows in pixels.parts():
-        here = true(data.isel(time=rows))
-        error = _later(data, curve_of(names["error"]), rows, shift) - here
-        parts["error"].append(pixels.thin(error))
-        squares, count = squares + float(np.nansum(error**2)), count + int(np.isfinite(error).sum())
-        if "above" in parts:
-            above = 2.0 * _later(data, curve_of(names["above"]), rows, shift)
-            parts["above"].append(pixels.thin(above))
-            beyond += int((np.abs(error) > above).sum())
-            banded += int(np.isfinite(error + above).sum())
-        low, high = min(low, float(np.fmin.reduce(here))), max(high, float(np.fmax.reduce(here)))
-    found = {"rms": float(np.sqrt(squares / count)), "span": high - low} if count else {}
-    found |= {"beyond": beyond / banded} if banded else {}
-    return found, {what: np.concatenate(each) for what, each in parts.items()}
+    if not _usable(time, values):
+        return None
+    size = max(LEAST // 2, min(1024, len(values) // 8))  # eight stretches beside each other, or more
+    begins = np.linspace(0, len(values) - size, min(COLUMNS, 2 * len(values) // size)).round().astype(int)
+    parts = np.stack([values[begin : begin + size] for begin in begins])
+    hann = np.hanning(size)
+    amplitudes = np.abs(np.fft.rfft(hann * (parts - parts.mean(axis=1, keepdims=True)))) * 2.0 / hann.sum()
+    frequency = np.fft.rfftfreq(size, time[1] - time[0])[1:]
+    merged = -(-len(frequency) // LINES)
+    first = np.arange(0, len(frequency), merged)
+    level = np.log10(np.maximum(np.maximum.reduceat(amplitudes[:, 1:], first, axis=1), FLOOR))
+    return time[begins + size // 2], frequency[first], level.T
+
+
+def _usable(time: Array, values: Array) -> bool:
+    even = len(time) >= LEAST and np.ptp(np.diff(time)) <= 1e-6 * (time[1] - time[0]) + 1e-12
+    return bool(even and np.isfinite(values).all())

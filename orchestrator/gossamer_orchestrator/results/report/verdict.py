@@ -8,18 +8,25 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from gossamer_files.charts import Array
 from numpy.typing import ArrayLike
 
 from ...errors import ResultsError
+from ...names import split_endpoint
 from ...pages.page import Kind
-from ...words import counted, uncertain
-from ..dataset import find_all
+from ...words import counted, percent, uncertain
+from ..dataset import find_all, origins_of, parameters_of
+from ..files import LARGE
 from ..judgements import Judgement, doubts, recorded_detector
 from ..tables import LEAST_SHOWN
-from .sensing import sensor_doubts
+from .recorded import curve_of
+from .sensors import LEAST_RANGE, Reader, readers_of
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
 MOST_NAMED = 4  # zones
+# share of the errors above two stated deviations, up to which the compensator has said how wrong it is
+WITHIN_BAND = 0.1
+LARGE_ERROR = 0.5  # RMS error of recovered strain over the range of the true one, from which the strain is called wrong
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,8 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
         Content of ``watch.json``.
     """
     more, sensing = _watch_sentences(watched), sensor_doubts(data)
+    if (finding := _explained(watched)) is not None:
+        return _by_twin(finding, data, ended, sensing, more)
     if not ended:
         kind: Kind = "invalid" if sensing else "none"
         return Verdict(kind, f"No judgement: {_why_none(data)} The pictures show what was recorded.", sensing + more)
@@ -72,23 +81,78 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
     certain = bool(np.isfinite(last.deviation).all())
     rest, alarmed = [z for z in range(last.estimated.size) if z not in found], _is_alarmed(watched)
     if found:
-        listed = _listed(last.estimated, last.deviation, found, 1)
-        sentence = f"Damaged: {listed}, judged at t = {last.time:.4f} s{_undamaged(last, rest, certain)}."
+        sentence = f"Damaged: {_judged(last)}{_undamaged(last, rest, certain)}."
         first = next(window for window in valid if found_zones(window))
         if first is not last:
             more.insert(0, f"The first valid window that shows damage ended at t = {first.time:.4f} s.")
     else:
-        sentence = f"No damage: judged at t = {last.time:.4f} s{_undamaged(last, rest, certain)}."
+        sentence = f"No damage: {_judged(last)}{_undamaged(last, rest, certain)}."
         if alarmed:
             sentence += " But the digital twin raised an alarm."
-    if np.isfinite(last.true).all():
-        more.insert(0, _truth(last))
-    else:
-        more.insert(0, "The true damage is not recorded.")
-    healthy: Kind = (
-        "healthy" if ended[-1].valid and not (alarmed or sensing) else "invalid"
-    )  # else what came later is not known
-    return Verdict("damage" if found else healthy, sentence, reasons + more)
+    more.insert(0, _truth(last.estimated, last.true))
+    clear = ended[-1].valid and not (alarmed or sensing)  # else what came later is not known
+    return Verdict("damage" if found else "healthy" if clear else "invalid", sentence, reasons + more)
+
+
+def _explained(watched: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """Return the last finding of the twin if it explains the record with it, else None."""
+    alarms, findings, misfit = ((watched or {}).get(name, []) for name in ("alarms", "findings", "misfit"))
+    explains = findings and len(findings) == len(alarms) and misfit and misfit[-1] <= LARGE
+    return dict(findings[-1]) if explains else None
+
+
+def _by_twin(
+    finding: Mapping[str, Any], data: xr.Dataset, ended: Sequence[Judgement], sensing: list[str], more: list[str]
+) -> Verdict:
+    """Give the answer of the twin, and beside it that of the detector with the reason for the difference."""
+    damage, deviation = np.array(finding["damage"]), np.array(finding["deviation"])
+    zones = [int(z) for z in np.argsort(-damage, kind="stable") if damage[z] > 0.0]
+    onset = uncertain(finding["onset"], finding["onset_deviation"], "s")
+    what = f"Damaged: {_listed(damage, deviation, zones, 2)}" if zones else "No damage after all"
+    sentence = (
+        f"{what}, since t = {onset}, by the digital twin, which explains the record (± is one standard deviation)."
+    )
+    known = ended[-1].true if ended and ended[-1].true.shape == damage.shape else np.full(damage.shape, np.nan)
+    beside = [_truth(damage, known), *_beside_twin(finding, ended), *sensing, *more]
+    beside = (
+        beside
+        if ended
+        else [
+            beside[0],
+            *([f"The detector gave none: {_why_none(data)}"] if find_all(data, "detector") else []),
+            *beside[1:],
+        ]
+    )
+    return Verdict("damage" if zones else "invalid" if sensing else "healthy", sentence, beside)
+
+
+def _beside_twin(finding: Mapping[str, Any], ended: Sequence[Judgement]) -> list[str]:
+    """Say what the detector judged, whether that agrees with the twin, and why not."""
+    if not ended:
+        return []
+    last = next((k for k in reversed(range(len(ended))) if ended[k].valid), None)
+    if last is None or ended[last].estimated.shape != np.shape(finding["damage"]):
+        return ["The detector beside it gave no valid judgement; the tables say why."]
+    judged, begin = ended[last], ended[last - 1].time if last else -np.inf
+    apart = np.abs(judged.estimated - finding["damage"])
+    reach = 2.0 * np.hypot(np.nan_to_num(judged.deviation), finding["deviation"])
+    worst = int(np.argmax(apart - reach))
+    if (apart <= np.maximum(reach, LEAST_SHOWN)).all():
+        return [f"The detector agrees within two deviations: {_judged(judged)}."]
+    why = (
+        "its window began before that onset"
+        if begin < finding["onset"]
+        else "it compares a single window with the simulated cases of its training, where the twin fits the record itself"
+    )
+    most = f"{100.0 * apart[worst]:.1f} % in zone {worst + 1}"
+    return [f"The detector differs by up to {most}, for {why}: {_judged(judged)}."]
+
+
+def _judged(last: Judgement) -> str:
+    """Say what a judgement found, and when."""
+    found = found_zones(last)
+    listed = _listed(last.estimated, last.deviation, found, 1) + ", " if found else ""
+    return f"{listed}judged at t = {last.time:.4f} s"
 
 
 def _why_none(data: xr.Dataset) -> str:
@@ -131,12 +195,14 @@ def _undamaged(judgement: Judgement, zones: list[int], certain: bool) -> str:
     return f"; {which} {undamaged} within ± {most:.1f} % (± is one standard deviation)"
 
 
-def _truth(judgement: Judgement) -> str:
-    damaged = np.flatnonzero(judgement.true > 0.0)
-    true = ", ".join(f"{100 * judgement.true[z]:.3g} % in zone {z + 1}" for z in damaged[:MOST_NAMED])
+def _truth(estimated: Array, known: Array) -> str:
+    if not np.isfinite(known).all():
+        return "The true damage is not recorded."
+    damaged = np.flatnonzero(known > 0.0)
+    true = ", ".join(f"{100 * known[z]:.3g} % in zone {z + 1}" for z in damaged[:MOST_NAMED])
     if len(damaged) > MOST_NAMED:
         true += " and more"
-    error = f"the mean absolute error over all zones is {100 * judgement.mean_absolute_error:.2f} %"
+    error = f"the mean absolute error over all zones is {100 * np.abs(estimated - known).mean():.2f} %"
     return f"True then: {true or 'no damage'}; {error}."
 
 
@@ -153,7 +219,8 @@ def _watch_sentences(watched: dict[str, Any] | None) -> list[str]:
     alarms, findings = watched.get("alarms", []), watched.get("findings", [])
     if not alarms:
         return [f"The digital twin raised no alarm in {counted(len(watched.get('misfit', [])), 'window')}."]
-    return [f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s.", *map(_dated, findings)]
+    dated = findings if _explained(watched) is None else findings[:-1]  # the headline says the last
+    return [f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s.", *map(_dated, dated)]
 
 
 def _dated(finding: Mapping[str, Any]) -> str:
@@ -163,3 +230,78 @@ def _dated(finding: Mapping[str, Any]) -> str:
     damage = np.asarray(finding["damage"])
     zones = [int(z) for z in np.argsort(-damage, kind="stable") if damage[z] > 0.0]
     return f"{sentence}: {_listed(damage, finding['deviation'], zones, 2)}." if zones else f"{sentence}."
+
+
+def sensor_doubts(data: xr.Dataset) -> list[str]:
+    """List reasons to doubt the strain of a run: components out of their identified range, and strain that is wrong."""
+    readers = readers_of(data)
+    beyond = [
+        _beyond(data, name, readers)
+        for name in (
+            str(each).removesuffix(".saturated") for each in data.data_vars if str(each).endswith(".saturated")
+        )
+        if float(data[f"{name}.saturated"].max()) > 0.5
+    ]
+    if beyond:
+        beyond.append("Do not trust the strain and damage that follow from what was outside its identified range.")
+    return [*beyond, *filter(None, map(_wrong, readers))]
+
+
+def _beyond(data: xr.Dataset, name: str, readers: Sequence[Reader]) -> str:
+    """Say how far a component left its identified range, as far as that was recorded."""
+    rows = data[f"{name}.saturated"].to_numpy() > 0.5
+    when = f"in {percent(float(np.mean(rows)))} of the run"
+    if rows.ndim > 1:
+        return f"{name} was outside its identified range {when}."
+    limits = parameters_of(data, name)
+    names = ("rest_resistance", "full_scale_resistance_change", "full_scale_strain")
+    rest, rise, full = (float(limits.get(each, np.nan)) for each in names)
+    known = np.isfinite([rest, rise, full]).all()
+    for reader in readers:
+        if reader.sensor == name and reader.true:
+            felt = (f"{name}.strain",) if f"{name}.strain" in data else reader.true  # its input, or where that begins
+            strain = 100.0 * _furthest(curve_of(*felt)(data)[rows], 0.5 * full)
+            limit = f", 0 to {100.0 * full:.4g} % strain" if known else ""
+            return f"{name} reached {strain:.4g} % strain, outside its identified range{limit}, {when}."
+        read = _reading(data, name)
+        if reader.compensator == name and read:
+            late = reader.rows_late  # what it judges may have been read so long before
+            near = rows | np.append(rows[late:], np.zeros(min(late, rows.size), dtype=bool))
+            resistance = _furthest(curve_of(read)(data)[near], rest + 0.5 * rise)
+            limit = (
+                f", 0 to {100.0 * full:.4g} % strain: from {rest:.5g} ohm at rest to {rest + rise:.5g} ohm when first loaded"
+                if known
+                else ""
+            )
+            return (
+                f"{name} read {resistance:.5g} ohm, and {when} no strain explains what it read within its identified "
+                f"range{limit}."
+            )
+    return f"{name} was outside its identified range {when}."
+
+
+def _reading(data: xr.Dataset, name: str) -> str:
+    """Name the recorded resistance that a compensator reads; empty if there is none."""
+    candidates = (f"{name}.resistance", origins_of(data).get(f"{name}.resistance", ""))
+    return next((each for each in candidates if each in data and split_endpoint(each)[1]), "")
+
+
+def _furthest(values: Array, middle: float) -> float:
+    """Return the value that is furthest from the middle of a range; the largest where that is not known."""
+    return float(values[np.argmax(np.abs(values - middle))] if np.isfinite(middle) else values.max())
+
+
+def _wrong(reader: Reader) -> str:
+    """Say that recovered strain is off by more than half of the range of the true strain; empty if it is not."""
+    error = reader.error
+    if (
+        error is None
+        or not error.span >= LEAST_RANGE
+        or error.rms <= LARGE_ERROR * error.span
+        or error.beyond <= WITHIN_BAND
+    ):
+        return ""
+    return (
+        f"The strain that {reader.compensator} recovers is wrong: its RMS error of {100.0 * error.rms:.3g} % strain is "
+        f"{100.0 * error.rms / error.span:.0f} % of the range of the true strain, {100.0 * error.span:.3g} % strain."
+    )

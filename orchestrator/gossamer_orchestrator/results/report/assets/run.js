@@ -1,4 +1,4 @@
-// The pictures of a run, and the slider that moves them.
+// The slider that moves the pictures of a run.
 function setInstant(instant) {
   const { frames } = page.content, slider = document.getElementById("instant");
   page.instant = Math.max(0, Math.min(frames.length - 1, instant));
@@ -28,15 +28,4 @@ function prepareSlider() {
   setInstant(page.content.frames.length - 1);
 }
 
-function addPictures() {
-  addDamage();
-  if (page.content.surface) addSurface(); else addMembrane();
-  addDeflection();
-  addLikeness();
-  addRisk();
-  addTwin();
-  addIndices();
-  addSensors();
-  addOthers();
-  prepareSlider();
-}
+page.begin = prepareSlider;

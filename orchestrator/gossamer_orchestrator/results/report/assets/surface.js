@@ -1,31 +1,34 @@
-// A membrane on a mesh: triangles in space, coloured by deflection, strain, wrinkles or damage; its zones, sensors and wrinkles marked.
+// A membrane in space: triangles coloured by what its reader chooses; its zones, sensors and wrinkles marked.
 const MARKS = ["taut", "wrinkled", "slack"];
+const EYE = [-0.5, -0.95, 0.75]; // of the first view: what is drawn on the surface stands a little before it, on this side
 
-function largest(rows) {
-  let top = 0;
-  for (const row of rows) for (const value of row) if (value > top) top = value;
-  return top;
+// In a narrow window the scale of colours lies above the membrane, not beside it.
+const colorbarOf = (more) => ({ ...more, ...(isNarrow() ? { orientation: "h", x: 0.5, y: 1, yanchor: "top", len: 0.85, thickness: 10 } : { thickness: 12, len: 0.75, x: 1.0 }) });
+
+// An axis in space, of small letters, so that its numbers find place beside the membrane.
+const placeIn3d = (colors) => ({ gridcolor: colors.grid, zerolinecolor: colors.grid, backgroundcolor: "rgba(0,0,0,0)", tickfont: { size: isNarrow() ? 10 : 11 } });
+
+// Numbers of sensors stand in dots, those of zones in squares: so they can be read on every colour.
+const numbered = (symbol, size, fill, ink) => ({ type: "scatter3d", mode: "markers+text", textposition: "middle center", textfont: { size: isNarrow() ? 9 : 11, color: ink },
+  marker: { symbol, size: isNarrow() ? 0.8 * size : size, color: fill, line: { color: ink, width: 1 } } });
+
+// What a sensor shows at an instant; its strain is not known before its compensator has stated it.
+function sensorText(number, instant) {
+  const loop = page.content.charts.find((each) => each.title === "Resistance against strain" && each.choice.split(":")[0] === `${number}`);
+  if (!loop) return `sensor ${number}`;
+  const [{ x: [strain], y: [resistance] }] = loop.steps.traces[instant];
+  return `sensor ${number}<br>strain ${Number.isFinite(strain) ? `${strain.toPrecision(4)} %` : "not known yet"}<br>resistance ${resistance.toPrecision(5)} ohm`;
 }
 
-function bottom(rows) {
-  return rows.reduce((least, row) => row.reduce((a, b) => Math.min(a, b), least), Infinity);
-}
-
-function addSurface() {
-  const { content } = page, damage = content.damage, mesh = content.surface;
-  const columns = (k) => mesh.triangles.map((triangle) => triangle[k]);
-  const [I, J, K] = [0, 1, 2].map(columns);
-  const topStrain = largest(mesh.strain), topAway = 1e3 * largest(mesh.deflection) || 1;
-  const marks = mesh.mark.some((row) => row.some((value) => value > 0));
-  const choices = [["deflection", "deflection"], ["strain", "largest strain"], ["mark", "wrinkles"]];
-  if (mesh.zones && damage && damage.windows) choices.push(["estimated", "estimated damage"]);
-  if (mesh.zones && damage && damage.true) choices.push(["true", "true damage"]);
+function addSurface(chart) {
+  const { content } = page, mesh = content.surface, [I, J, K] = [0, 1, 2].map((k) => mesh.triangles.map((triangle) => triangle[k]));
   const select = element("select", { "aria-label": "Colour of the membrane" });
-  for (const [value, text] of choices) select.append(element("option", { value }, text));
+  for (const { name } of mesh.colours) select.append(element("option", { value: name }, name));
+  const colourNamed = (name) => mesh.colours.find((each) => each.name === name);
+  const rowOf = (colour, instant) => (colour.time ? Math.max(0, lastBefore(colour.time, content.frames[instant])) : instant);
+  const isValid = (colour, instant) => !colour.valid || colour.valid[rowOf(colour, instant)];
 
   const at = (instant, node, offset = [0, 0, 0]) => [0, 1, 2].map((axis) => mesh.places[instant][3 * node + axis] + offset[axis]);
-  // What is drawn on the surface stands a little before it, on the side of the first view.
-  const eye = [-0.5, -0.95, 0.75];
   let raised = { instant: -1 };
   const normals = (instant) => {
     if (raised.instant === instant) return raised.found;
@@ -37,7 +40,7 @@ function addSurface() {
     }
     for (let k = 0; k < found.length; k += 3) {
       const long = Math.hypot(found[k], found[k + 1], found[k + 2]) || 1;
-      const side = found[k] * eye[0] + found[k + 1] * eye[1] + found[k + 2] * eye[2] < 0 ? -1 : 1;
+      const side = found[k] * EYE[0] + found[k + 1] * EYE[1] + found[k + 2] * EYE[2] < 0 ? -1 : 1;
       for (let axis = 0; axis < 3; axis++) found[k + axis] *= side / long;
     }
     raised = { instant, found };
@@ -48,92 +51,70 @@ function addSurface() {
     return at(instant, node, offset.map((value, axis) => value + height * size * n[3 * node + axis]));
   };
   const points = (found) => ({ x: found.map((p) => p[0]), y: found.map((p) => p[1]), z: found.map((p) => p[2]) });
-  const lines = (instant, pairs) => {
-    const found = [];
-    for (let k = 0; k < pairs.length; k += 2) found.push(above(instant, pairs[k], 0.004), above(instant, pairs[k + 1], 0.004), [null, null, null]);
-    return points(found);
+  const lines = (instant, pairs) => points(pairs.flatMap((node, k) => [above(instant, node, 0.004), ...(k % 2 ? [[null, null, null]] : [])]));
+  const outlines = (instant, name) => {
+    const colour = colourNamed(name), values = colour && isValid(colour, instant) ? Array.from(colour.values[rowOf(colour, instant)]) : [];
+    return lines(instant, values.flatMap((value, zone) => (value >= colour.least ? mesh.borders[zone] : [])));
   };
-  const all = mesh.borders.flat();
-  const outlines = (instant, values, least) =>
-    lines(instant, values ? Array.from(values.keys()).filter((z) => z < mesh.zones && values[z] >= least).flatMap((z) => mesh.borders[z]) : []);
   const wrinkles = (instant) => {
-    const found = [], seen = new Set();
-    mesh.triangles.forEach((triangle, k) => {
-      if (mesh.mark[instant][mesh.face[k]] > 0 && !seen.has(mesh.face[k])) {
-        seen.add(mesh.face[k]);
-        const [a, b, c] = triangle.map((node) => above(instant, node, 0.006));
-        found.push(a.map((value, axis) => (value + b[axis] + c[axis]) / 3));
-      }
-    });
-    return points(found);
+    const marks = mesh.marked && colourNamed("wrinkles").values[instant];
+    const corners = new Map(marks ? mesh.face.map((face, k) => [face, mesh.triangles[k]]).filter(([face]) => marks[face] > 0) : []);
+    return points([...corners.values()].map((triangle) => {
+      const [a, b, c] = triangle.map((node) => above(instant, node, 0.006));
+      return a.map((value, axis) => (value + b[axis] + c[axis]) / 3);
+    }));
   };
-  const sensors = (instant) => ({
-    ...points(mesh.sensors.map((node, k) => above(instant, node, 0.04, mesh.offsets[k]))),
-    hovertext: mesh.sensors.map((_, k) => sensorText(k + 1, instant)),
-  });
+  const sensors = (instant) => ({ ...points(mesh.sensors.map((node, k) => above(instant, node, 0.04, mesh.offsets[k]))), hovertext: mesh.sensors.map((_, k) => sensorText(k + 1, instant)) });
   const zones = mesh.labels.map((node, zone) => ({ node, offset: mesh.label_offsets[zone], text: `${zone + 1}` })).filter(({ node }) => node >= 0);
-  const labels = (instant) => points(zones.map(({ node, offset }) => above(instant, node, 0.03, offset)));
-  const skin = (instant) => points(Array.from({ length: mesh.places[instant].length / 3 }, (_, node) => at(instant, node)));
-  const intensity = (instant) => {
-    if (select.value === "deflection") return Array.from(mesh.deflection[instant], (value) => 1e3 * value);
-    if (select.value === "strain") return mesh.face.map((face) => mesh.strain[instant][face]);
-    if (select.value === "mark") return mesh.face.map((face) => mesh.mark[instant][face]);
-    const values = select.value === "true" ? trueAt(content.frames[instant]) : estimatedAt(content.frames[instant]);
-    return mesh.face.map((face) => (values && mesh.zone[face] >= 0 ? 100 * values[mesh.zone[face]] : 0));
+  const skin = (instant) => {
+    const colour = colourNamed(select.value), values = colour.values[rowOf(colour, instant)];
+    const intensity = colour.of === "node" ? Array.from(values) : mesh.face.map((face) => (colour.of === "face" ? values[face] : values[mesh.zone[face]] || 0));
+    return { ...points(Array.from({ length: mesh.places[instant].length / 3 }, (_, node) => at(instant, node))), intensity };
   };
-  const damageColours = (instant) => coloursOf(select.value, content.frames[instant]);
-  const colouring = (colors) => ({
-    deflection: { cmin: 0, cmax: topAway, colorscale: "Viridis", colorbar: { title: { text: "mm" } } },
-    strain: { cmin: bottom(mesh.strain), cmax: topStrain || 1, colorscale: "Cividis", colorbar: { title: { text: "strain" } } },
-    mark: { cmin: -0.5, cmax: 2.5, colorscale: [[0, "#56B4E9"], [1 / 3, "#56B4E9"], [1 / 3, "#E69F00"], [2 / 3, "#E69F00"], [2 / 3, "#6d4c7d"], [1, "#6d4c7d"]],
-            colorbar: { tickvals: [0, 1, 2], ticktext: MARKS } },
-    estimated: { cmin: 0, cmax: damage ? topDamage() : 1, colorscale: damageColours(page.instant).colorscale, colorbar: { title: { text: damageColours(page.instant).unit } } },
-    true: { cmin: 0, cmax: damage ? topDamage() : 1, colorscale: damageScale(colors), colorbar: { title: { text: "%" } } },
-  }[select.value]);
-  const parts = (instant) => {
-    const time = content.frames[instant];
-    return [skin(instant), lines(instant, all), outlines(instant, damage && judgedAt(time), leastFound()),
-            outlines(instant, damage && trueAt(time), 1e-9), sensors(instant), wrinkles(instant), labels(instant)];
+  const look = (colors, instant) => {
+    const colour = colourNamed(select.value), { unit } = colour, valid = isValid(colour, instant), bar = unit ? { title: { text: valid ? unit : `${unit}, not valid` } } : { tickvals: [0, 1, 2], ticktext: MARKS };
+    return { cmin: colour.ends[0], cmax: colour.ends[1], colorscale: valid ? painted(colour.scale || "Viridis", colors) : colors.unsure, colorbar: colorbarOf(bar) };
   };
+  const parts = (instant) => [skin(instant), lines(instant, mesh.borders.flat()), outlines(instant, "estimated damage"), outlines(instant, "true damage"),
+    sensors(instant), points(zones.map(({ node, offset }) => above(instant, node, 0.03, offset))), wrinkles(instant)];
   const span = [0, 1, 2].map((axis) => {
     let low = Infinity, high = -Infinity;
     for (const row of mesh.places) for (let k = axis; k < row.length; k += 3) { low = Math.min(low, row[k]); high = Math.max(high, row[k]); }
     return [low, high];
   });
   const size = Math.max(...span.map(([low, high]) => high - low)) || 1;
+  const range = (axis) => { const [low, high] = span[axis], room = Math.max(0.05 * (high - low), 0.05 * size); return [low - room, high + room]; };
   const figure = addFigure({
-    title: "Membrane", tall: true, broad: !page.content.square, slow: true, control: select,
-    note: (mesh.factor === 1 ? "Drawn to scale." : `Displacements are drawn ${mesh.factor} times as large; the axes hold for the membrane at rest.`) + " Drag to turn; squares are zones, dots sensors"
-      + (marks ? ", crosses faces that wrinkle or are slack." : "; no face wrinkles."),
-    label: "The membrane in three dimensions, with zones, sensors, wrinkles and damaged zones marked; the tables below hold the numbers.",
+    title: chart.title, note: chart.note, label: chart.text, tall: chart.tall, broad: chart.broad, slow: true, control: select,
     make(colors) {
-      const [surface, grid, estimated, real, dots, crosses, numbers] = parts(page.instant), { colorbar, ...colour } = colouring(colors);
-      const line = (found, more, name) => ({ type: "scatter3d", mode: "lines", ...found, line: more, name, hoverinfo: "skip" });
+      const [surface, grid, estimated, real, dots, numbers, crosses] = parts(page.instant);
+      const line = (found, more, name) => ({ type: "scatter3d", mode: "lines", ...found, line: more, name, hoverinfo: "skip", showlegend: Boolean(colourNamed(name)) });
+      const named = (trace, name) => ({ ...trace, name });
       const data = [
-        { type: "mesh3d", ...surface, i: I, j: J, k: K, intensity: intensity(page.instant), intensitymode: select.value === "deflection" ? "vertex" : "cell",
-          ...colour, colorbar: colorbarOf(colorbar), lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 }, hoverinfo: "skip", showscale: true },
-        { ...line(grid, { color: colors.dark ? "#cfd6dd" : "#3d4650", width: 2 }, "zones"), showlegend: false },
-        { ...line(estimated, { color: "#D55E00", width: 7 }, "judged damaged"), showlegend: Boolean(damage && damage.windows) },
-        { ...line(real, { color: colors.dark ? "#ffffff" : "#000000", width: 4, dash: "dash" }, "truly damaged"), showlegend: Boolean(damage && damage.true) },
-        { ...sensorDots(), ...dots, text: upTo(mesh.sensors.length), showlegend: mesh.sensors.length > 0 },
-        { type: "scatter3d", mode: "markers", ...crosses, name: "wrinkled or slack", hoverinfo: "skip", showlegend: marks, marker: { symbol: "x", size: 3, color: colors.ink } },
-        { ...zoneSquares(colors), ...numbers, text: zones.map(({ text }) => text) }];
-      const place = placeIn3d(colors);
-      const range = (axis) => { const [low, high] = span[axis], room = Math.max(0.05 * (high - low), 0.05 * size); return [low - room, high + room]; };
-      const one = (axis, name) => ({ ...place, title: { ...place.title, text: `${name} [m]` }, range: range(axis), nticks: isNarrow() || range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
-      const ratio = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.5 * (high - low) / size; });
-      const scene = { xaxis: one(0, "x"), yaxis: one(1, "y"), zaxis: one(2, "z"), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] },
-        camera: isNarrow() ? { eye: { x: -1.2, y: -2.7, z: 2 }, center: { x: -0.15, y: 0, z: -0.2 } } : { eye: { x: -1.05, y: -2, z: 1.55 }, center: { x: -0.1, y: 0, z: -0.25 } } };
+        { type: "mesh3d", ...surface, i: I, j: J, k: K, intensitymode: colourNamed(select.value).of === "node" ? "vertex" : "cell", ...look(colors, page.instant),
+          lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 }, hoverinfo: "skip", showscale: true },
+        line(grid, { color: colors.dark ? "#cfd6dd" : "#3d4650", width: 2 }, "zones"),
+        named(line(estimated, { color: "#D55E00", width: 7 }, "estimated damage"), "judged damaged"),
+        named(line(real, { color: colors.dark ? "#ffffff" : "#000000", width: 4, dash: "dash" }, "true damage"), "truly damaged"),
+        { ...numbered("circle", 7, "#CC79A7", "#000000"), ...dots, name: "sensors", hoverinfo: "text", text: mesh.sensors.map((_, k) => `${k + 1}`), showlegend: mesh.sensors.length > 0 },
+        { ...numbered("square", 6, colors.panel, colors.ink), ...numbers, hoverinfo: "skip", showlegend: false, text: zones.map(({ text }) => text) },
+        { type: "scatter3d", mode: "markers", ...crosses, name: "wrinkled or slack", hoverinfo: "skip", showlegend: Boolean(mesh.marked), marker: { symbol: "x", size: 3, color: colors.ink } }];
+      const one = (axis, name) => ({ ...placeIn3d(colors), title: { text: `${name} [${mesh.unit}]`, font: { size: 12 } }, range: range(axis), nticks: isNarrow() || range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
+      const [x, y, z] = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.5 * (high - low) / size; });
+      const camera = isNarrow() ? { eye: { x: -1.2, y: -2.7, z: 2 }, center: { x: -0.15, y: 0, z: -0.2 } } : { eye: { x: -1.05, y: -2, z: 1.55 }, center: { x: -0.1, y: 0, z: -0.25 } };
+      const scene = { xaxis: one(0, "x"), yaxis: one(1, "y"), zaxis: one(2, "z"), aspectmode: "manual", aspectratio: { x, y, z }, camera };
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
     move(div, instant) {
-      const found = parts(instant), same = Array(6).fill(undefined);
+      const found = parts(instant), same = Array(6).fill(undefined), { colorscale, colorbar } = look(theme(), instant);
       Plotly.restyle(div, {
-        x: found.map((f) => f.x), y: found.map((f) => f.y), z: found.map((f) => f.z),
-        ...(select.value === "estimated" ? { colorscale: [damageColours(instant).colorscale, ...same], "colorbar.title.text": [damageColours(instant).unit, ...same] } : {}),
-        intensity: [intensity(instant), ...same], hovertext: found.map((f) => f.hovertext),
+        x: found.map((f) => f.x), y: found.map((f) => f.y), z: found.map((f) => f.z), hovertext: found.map((f) => f.hovertext),
+        intensity: [found[0].intensity, ...same], colorscale: [colorscale, ...same], ...(colorbar.title ? { "colorbar.title.text": [colorbar.title.text, ...same] } : {}),
       });
     },
   });
   select.addEventListener("change", () => draw(figure));
+  return figure;
 }
+
+page.scripts.addSurface = addSurface;
