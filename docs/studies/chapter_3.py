@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from gossamer_models.fractional import FractionalArtifact, FractionalFit, derivative, integral, predict
+from gossamer_models.fractional import FractionalArtifact, FractionalFit, predict
 
 from .compute import Results
 from .fractional import TableRow
 from .metrics import Metric, number, table, verdict
+from .operators import derivative, integral
 from .specimen import Dataset, dataset
 from .style import BLUE, RED, Curve, Vector, compare, panels, save, show
 

@@ -17,12 +17,12 @@ from gossamer_models.fractional import (
     FractionalFit,
     FractionalSettings,
     fit_fractional,
-    integral,
     predict_record,
 )
 from gossamer_models.fractional.artifact import MODELS, ModelName
 from numpy.typing import NDArray
 
+from .operators import integral
 from .specimen import dataset, specimen_record
 
 THESIS = {  # error [%] on Dataset-1 and Dataset-2, Tables 3.1 and 3.2, by model and number of fractional terms

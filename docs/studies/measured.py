@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_models.fitting import Columns, Record, nrmse, read_record
-from gossamer_models.replay import predict_resistance, recover_strain
+from gossamer_models.replay import predict_resistance, recover_by_fit
 from gossamer_models.sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from numpy.typing import NDArray
 
@@ -148,10 +148,10 @@ def run_measured(data: Path) -> list[MeasuredFit]:
         fit = _fit(record, settings[model], part)
         recovered = {}
         if strain_targets is not None:
-            recovered["direct inverse"] = recover_strain(fit, record)
+            recovered["direct inverse"] = recover_by_fit(fit, record).strain
             if settings[model].invertible:
                 exact = replace(fit, artifact=replace(fit.artifact, inverse=None))
-                recovered["exact inverse"] = recover_strain(exact, record)
+                recovered["exact inverse"] = recover_by_fit(exact, record).strain
         fits.append(
             MeasuredFit(
                 name=name,

@@ -9,14 +9,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 from gossamer_files import digest
 from gossamer_files.charts import Chart, save_charts
 
 from .arrays import Vector
 from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
 from .errors import ParameterError
-from .fitting.errors import Errors, nrmse
+from .fitting.errors import Errors, stretch_errors
 from .fitting.reading import Columns, read_records
 from .fitting.records import Record, judged_rows, strain_range, thin, training_stretches
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
@@ -259,7 +258,8 @@ def identify_files(
     if isinstance(fit, PreisachFit):
         progress("recovering the strain")
         recovered = tuple(recover_by_fit(fit, record) for record in fit.records)
-        errors = _with_strain_errors(fit, [found.strain for found in recovered])
+        strains = [found.strain for found in recovered]
+        errors = stretch_errors(fit.records, fit.predicted, fit.train, fit.rest_resistance, strains)
         judged = map(judged_rows, fit.train)
         parts = zip(fit.records, recovered, judged, strict=True)
         clipped = (clipped_strain(record, found, fit.full_scale, rows) for record, found, rows in parts)
@@ -324,13 +324,3 @@ def save_predictions(result: Identified, folder: Path) -> list[Path]:
         path = table_path(folder, record.name)
         paths.append(write_predictions(path, *result.in_its_file(k), columns, fit.train[k]))
     return paths
-
-
-def _with_strain_errors(fit: PreisachFit, recovered: Sequence[Vector]) -> tuple[Errors, ...]:
-    """Return the errors of a fit with those of the strain that its compensator recovers from the measured resistance."""
-    of_strain: dict[tuple[str, str], float] = {}
-    for record, rows, found in zip(fit.records, fit.train, recovered, strict=True):
-        size = float(np.ptp(record.strain))
-        for stretch, part in (("train", rows), ("test", ~rows)):
-            of_strain[record.name, stretch] = nrmse(record.strain[part], found[part], size)
-    return tuple(replace(each, strain_nrmse=of_strain[each.record, each.stretch]) for each in fit.errors)

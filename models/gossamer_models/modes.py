@@ -43,6 +43,14 @@ from .fitting.separable import Derivative, SeparableProblem
 
 SERIES_BELOW = 0.5
 SERIES_TERMS = 14
+SPACING = 0.55  # of the logarithms of the rates: the trapezoidal rule errs by about exp(-pi**2 / SPACING)
+SLOWEST = 0.006  # slowest rate times longest time: the sum of all slower modes is a straight line up to there
+FASTEST = 20.0  # least product of fastest rate and shortest time: faster modes decay within one step
+STANDING = 1e-9  # rate times longest time of the mode that represents a constant
+RATES_PER_DECADE = 3.5
+MOST_TERMS = 30
+MOST_ITERATIONS = 60
+PATIENCE = 6  # iterations in which the error must fall by a tenth
 
 
 def phi_1(x: ca.MX) -> ca.MX:
@@ -97,12 +105,6 @@ def responses(steps: ArrayLike, u: Vector, rates: Vector, excitations: Sequence[
         for k in range(u.size - 1):
             Z[k + 1] = left[k] * Z[k] + gained[k]
     return Z
-
-
-SPACING = 0.55  # of the logarithms of the rates: the trapezoidal rule errs by about exp(-pi**2 / SPACING)
-SLOWEST = 0.006  # slowest rate times longest time: the sum of all slower modes is a straight line up to there
-FASTEST = 20.0  # least product of fastest rate and shortest time: faster modes decay within one step
-STANDING = 1e-9  # rate times longest time of the mode that represents a constant
 
 
 @dataclass(frozen=True)
@@ -185,12 +187,6 @@ def check_order(order: float) -> None:
     if not 0.0 < order < 1.0:
         msg = f"the order is {order:g}; a fractional operator needs 0 < order < 1"
         raise ParameterError(msg)
-
-
-RATES_PER_DECADE = 3.5
-MOST_TERMS = 30
-MOST_ITERATIONS = 60
-PATIENCE = 6  # iterations in which the error must fall by a tenth
 
 
 @dataclass(frozen=True, slots=True)

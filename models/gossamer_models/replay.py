@@ -97,11 +97,6 @@ def predict_resistance(fit: PreisachFit, record: Record) -> Vector:
     return fit.rest_resistance + fit.resistance_change * sensor_output(fit.artifact, fit.full_scale, record)
 
 
-def recover_strain(fit: PreisachFit, record: Record) -> Vector:
-    """Return the strain [1] of ``recover_by_fit`` with the compensator that the artifact names, shape (m,)."""
-    return recover_by_fit(fit, record).strain
-
-
 def recover_by_fit(fit: PreisachFit, record: Record, method: str | None = None, *, fill: bool = True) -> Recovered:
     """Return the strain that a compensator recovers from the resistance of a record, starting at rest.
 

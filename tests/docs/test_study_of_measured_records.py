@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gossamer_models.fitting import e1, nrmse, read_record
 from gossamer_models.identify import settings_for
-from gossamer_models.replay import predict_resistance, recover_strain
+from gossamer_models.replay import predict_resistance, recover_by_fit
 from gossamer_models.sensor.fit import fit_preisach
 from studies.measured import CARBON_COLUMNS, NYLON_COLUMNS, measured_settings
 from studies.specimen import specimen_record
@@ -25,7 +25,7 @@ def percent(measured, found, rows):
 
 def forward_and_back(fit, record):
     """Return errors of the output, fitted and predicted, and of the recovered strain [% of range]."""
-    pairs = ((record.resistance, fit.predicted[0]), (record.strain, recover_strain(fit, record)))
+    pairs = ((record.resistance, fit.predicted[0]), (record.strain, recover_by_fit(fit, record).strain))
     return [percent(a, b, rows) for a, b in pairs for rows in (fit.train[0], ~fit.train[0])]
 
 

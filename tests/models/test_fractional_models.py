@@ -1,4 +1,4 @@
-"""Fractional models: forward, stepping, as an FMU, and their artifacts."""
+"""Fractional models: forward, stepping, as an FMU, and their artifacts; their operators against closed forms."""
 
 from dataclasses import replace
 
@@ -6,8 +6,9 @@ import fmpy
 import numpy as np
 import pytest
 from gossamer_fmus import build_fmu
-from gossamer_models import ArtifactError, ParameterError, Stepper
+from gossamer_models import ArtifactError, DataError, ParameterError, Stepper
 from gossamer_models.fractional import FadingTerm, FractionalArtifact, FractionalTerm, fractional_sensor_model, predict
+from gossamer_models.modes import PowerLawKernels
 from gossamer_models.sensor import sensor_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -23,7 +24,9 @@ from oracles.fractional import (
     integral_sum,
     turned,
 )
-from scipy.integrate import trapezoid
+from scipy.integrate import quad, trapezoid
+from scipy.special import gamma
+from studies.operators import derivative, integral
 
 MODEL = fractional_sensor_model(INTEGRALS)
 
@@ -179,3 +182,199 @@ def test_artifacts_that_make_no_sense_are_refused(tmp_path):
     (tmp_path / "model.json").write_text(text.replace('"order": 0.3', '"order": 3.0'))
     with pytest.raises(ArtifactError, match="usable fractional model"):
         FractionalArtifact.read(tmp_path / "model.json")
+
+
+orders = st.floats(0.02, 0.98)
+records = st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=40).map(np.array)
+ORDERS = (0.05, 0.3, 0.5, 0.7, 0.95)
+BOTH = ((integral, integral_sum), (derivative, derivative_sum))
+
+
+def clock(n, lasts=2.0):
+    return np.linspace(0.0, lasts, n + 1), lasts / n
+
+
+@pytest.mark.parametrize("order", [1e-3, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
+def test_the_sum_of_exponentials_is_the_kernel_to_1e_6_from_one_to_a_million_samples(order):
+    grid = PowerLawKernels(1.0, 1e6)
+    weights, mass = grid.at_order(order)
+    t = np.geomspace(1.0, 1e6, 3000)
+    kernel = t ** (order - 1.0) / gamma(order)
+    found = np.exp(-np.outer(t, grid.rates)) @ weights
+    assert np.abs(found / kernel - 1.0).max() < 1e-6
+    assert weights.min() > 0.0
+    assert mass > 0.0
+    assert grid.rates.size <= 42
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_the_mass_makes_up_for_what_the_kernel_has_before_the_first_sample(order):
+    """The integral of the kernel over one sample, Eq. (3.12) at t = h, and its first moment."""
+    grid = PowerLawKernels(1.0, 1e6)
+    weights, mass = grid.at_order(order)
+    whole = mass + np.sum(weights * -np.expm1(-grid.rates) / grid.rates)
+    assert whole == pytest.approx(1.0 / gamma(1.0 + order), abs=1e-7)
+    moments = [quad(lambda t, r=rate: t * np.exp(-r * t), 0.0, 1.0)[0] for rate in grid.rates]
+    assert np.dot(weights, moments) == pytest.approx(1.0 / ((1.0 + order) * gamma(order)), abs=1e-6)
+    assert np.exp(-grid.rates[-1]) < 1e-8  # what the mass stands for is over within a sample
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_constant_decays_as_eq_3_11_and_grows_as_eq_3_12(order):
+    t, h = clock(400)
+    u = np.full(t.size, 3.0)
+    for operator in (derivative, derivative_sum):
+        found = operator(u, h, order)
+        assert found[1:] == pytest.approx(3.0 * t[1:] ** -order / gamma(1.0 - order), rel=2e-6)
+        assert found[0] == np.inf
+    for operator in (integral, integral_sum):
+        assert operator(u, h, order) == pytest.approx(3.0 * t**order / gamma(1.0 + order), rel=2e-6)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_ramp_is_exact(order):
+    """J^a t = t^(1+a)/Gamma(2+a) and D^a t = t^(1-a)/Gamma(2-a), at any step."""
+    for n in (3, 50, 800):
+        t, h = clock(n, 120.0)
+        for operator, power in ((integral, 1.0 + order), (derivative, 1.0 - order)):
+            assert operator(t, h, order) == pytest.approx(t**power / gamma(1.0 + power), rel=3e-6)
+        for operator, power in ((integral_sum, 1.0 + order), (derivative_sum, 1.0 - order)):
+            assert operator(t, h, order) == pytest.approx(t**power / gamma(1.0 + power), rel=1e-11)
+
+
+@pytest.mark.parametrize("operators", BOTH)
+@pytest.mark.parametrize("order", [0.3, 0.7])
+@pytest.mark.parametrize("power", [2, 3])
+def test_powers_converge_at_the_rate_of_linear_interpolation(operators, order, power):
+    """Second order for the integral, 2 - a for the derivative: the L1 scheme."""
+    sign = 1.0 if operators[0] is integral else -1.0
+    rate = 2.0 if sign > 0.0 else 2.0 - order
+    for operator in operators:
+        errors = []
+        for n in (50, 100, 200):
+            t, h = clock(n)
+            exact = gamma(power + 1.0) / gamma(power + 1.0 + sign * order) * t ** (power + sign * order)
+            errors.append(np.abs(operator(t**power, h, order) - exact).max())
+        found = np.log2(np.array(errors[:-1]) / errors[1:])
+        assert found == pytest.approx(rate, abs=0.1)
+
+
+@pytest.mark.parametrize("order", [0.2, 0.5, 0.8])
+def test_a_sine_converges_to_its_power_series(order):
+    """J^a term by term: t^k -> k!/Gamma(k + 1 + a) t^(k + a); for D^a the same with -a."""
+    w = 5.0
+
+    def closed(t, a):
+        k = np.arange(1.0, 80.0, 2.0)[:, None]
+        return np.sum((-1.0) ** ((k - 1.0) / 2.0) * w**k * t ** (k + a) / gamma(k + 1.0 + a), axis=0)
+
+    for operator, a, rate in ((integral, order, 2.0), (derivative, -order, 2.0 - order)):
+        errors = []
+        for n in (100, 200, 400):
+            t, h = clock(n)
+            errors.append(np.abs(operator(np.sin(w * t), h, order) - closed(t, a)).max())
+        assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(rate, abs=0.15)
+
+
+@pytest.mark.parametrize("order", [0.25, 0.5, 0.75])
+def test_long_after_the_start_a_sine_is_turned_and_scaled(order):
+    """The leading terms of Eqs. (3.7) and (3.9); what follows them fades."""
+    w = 2.0 * np.pi
+    t, h = clock(40_000, 200.0)
+    late = t > 190.0
+    turned_forward = w**order * np.sin(w * t + 0.5 * np.pi * order)
+    turned_back = w**-order * np.sin(w * t - 0.5 * np.pi * order)
+    u = np.sin(w * t)
+    assert np.abs(derivative(u, h, order) - turned_forward)[late].max() < 1e-2 * w**order
+    drift = t[1:] ** (order - 1.0) / (w * gamma(order))  # as printed, Eq. (3.9) has w t where t is meant
+    assert np.abs(integral(u, h, order)[1:] - turned_back[1:] - drift)[late[1:]].max() < 2e-3 * w**-order
+
+
+@settings(max_examples=60, deadline=None)
+@given(u=records, order=orders, h=st.floats(1e-3, 1e3))
+def test_the_sum_of_exponentials_agrees_with_the_thesis_sums(u, order, h):
+    for fast, plain in BOTH:
+        exact = plain(u, h, order)[1:]
+        assert fast(u, h, order)[1:] == pytest.approx(
+            exact, abs=2e-6 * (np.abs(exact).max() + np.abs(u).max() * h**order)
+        )
+
+
+@settings(max_examples=25, deadline=None)
+@given(u=records, v=records, a=st.floats(-3.0, 3.0), order=orders)
+def test_the_operators_are_linear(u, v, a, order):
+    n = min(u.size, v.size)
+    u, v = u[:n], v[:n]
+    for operator in (integral, derivative):
+        parts = a * operator(u, 0.1, order)[1:] + operator(v, 0.1, order)[1:]
+        assert operator(a * u + v, 0.1, order)[1:] == pytest.approx(parts, abs=1e-10)
+
+
+@settings(max_examples=30, deadline=None)
+@given(u=records, order=orders, later=st.integers(1, 30))
+def test_a_record_that_starts_later_gives_the_same_later(u, order, later):
+    u = np.concatenate([[0.0], u])
+    waited = np.concatenate([np.zeros(later), u])
+    grid = PowerLawKernels(0.1, 100.0)
+    for operator in (integral, derivative):
+        assert operator(waited, 0.1, order, grid)[later:] == pytest.approx(operator(u, 0.1, order, grid), abs=1e-11)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.3, 0.5), (0.2, 0.2), (0.6, 0.35)])
+def test_two_integrals_are_one_of_the_summed_order(a, b):
+    """The semigroup property; the second integral sees the first through linear interpolation."""
+    errors = []
+    for n in (100, 200, 400):
+        t, h = clock(n)
+        u = t * np.cos(2.0 * t)
+        errors.append(np.abs(integral(integral(u, h, a), h, b) - integral(u, h, a + b)).max())
+    assert errors[-1] < 2e-4
+    assert np.log2(errors[0] / errors[-1]) / 2.0 > 1.0 + min(a, b)
+
+
+@pytest.mark.parametrize("order", [0.3, 0.6])
+def test_the_derivative_undoes_the_integral(order):
+    errors = []
+    for n in (200, 400, 800):
+        t, h = clock(n)
+        u = np.sin(3.0 * t) ** 2
+        errors.append(np.abs(derivative(integral(u, h, order), h, order) - u).max())
+    assert errors[-1] < 1e-3
+    assert errors[0] / errors[-1] > 4.0
+
+
+@settings(max_examples=30, deadline=None)
+@given(phase=st.floats(-2.0, 2.0), cycles=st.integers(1, 12), shift=st.floats(0.0, 6.0))
+def test_every_harmonic_is_turned_by_the_phase(phase, cycles, shift):
+    angle = 2.0 * np.pi * cycles * np.arange(64) / 64
+    assert turned(np.cos(angle + shift), phase) == pytest.approx(np.cos(angle + shift + 0.5 * np.pi * phase), abs=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(u=st.lists(st.floats(-1.0, 1.0), min_size=31, max_size=31).map(np.array), a=st.floats(-1, 1), b=st.floats(-1, 1))
+def test_phases_add_up(u, a, b):
+    u = u - u.mean()
+    assert turned(turned(u, a), b) == pytest.approx(turned(u, a + b), abs=1e-12)
+
+
+def test_after_a_million_samples_the_relative_error_is_below_1e_6():
+    t = np.arange(1_000_001.0)
+    found = integral(t, 1.0, 0.4)
+    assert np.abs(found[1:] * gamma(2.4) / t[1:] ** 1.4 - 1.0).max() < 1e-6
+
+
+@pytest.mark.parametrize("order", [0.0, 1.0, -0.2, 1.5, float("nan")])
+def test_an_order_outside_zero_to_one_is_refused(order):
+    for operator in (integral, derivative, integral_sum, derivative_sum):
+        with pytest.raises(ParameterError, match="0 < order < 1"):
+            operator(np.zeros(5), 0.1, order)
+
+
+def test_records_that_cannot_be_used_are_refused():
+    for u, h in ((np.zeros(1), 0.1), (np.array([0.0, np.nan]), 0.1), (np.zeros((3, 2)), 0.1), (np.zeros(5), 0.0)):
+        with pytest.raises(DataError, match="two or more finite samples"):
+            integral(u, h, 0.5)
+    with pytest.raises(DataError, match=r"outside the memory of 1 s to 10 s\. Widen"):
+        integral(np.zeros(20), 1.0, 0.5, PowerLawKernels(1.0, 10.0))
+    with pytest.raises(ParameterError, match="0 < shortest < longest"):
+        PowerLawKernels(1.0, 0.5)

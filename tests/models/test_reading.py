@@ -28,22 +28,6 @@ def put(line, column, text):
     return lambda rows: rows[line - 2].__setitem__(column, text)
 
 
-@pytest.mark.parametrize(
-    ("header", "factors"),
-    [
-        ("t_s,strain,R_ohm", (1, 1, 1)),
-        ("time [ms],strain [%],R_kohm", (1e-3, 0.01, 1e3)),
-        ("Time (min),Strain,Resistance (kOhm)", (60, 1, 1e3)),
-    ],
-)
-def test_names_and_units_are_recognised(tmp_path, header, factors):
-    found = read_record(write(tmp_path / "r.csv", header))
-    assert found.time == pytest.approx(factors[0] * T)
-    assert found.strain == pytest.approx(factors[1] * STRAIN)
-    assert found.resistance == pytest.approx(factors[2] * OHM)
-    assert found.repairs == ()
-
-
 def test_a_record_without_time_gets_a_sampling_step(tmp_path):
     path = write(tmp_path / "r.csv", "n,output,input")
     with pytest.raises(DataError, match="no column is recognised as strain"):
@@ -136,17 +120,6 @@ def test_a_gap_at_rest_is_harmless(tmp_path):
 def test_unclear_columns_are_refused(tmp_path, header, columns, message):
     with pytest.raises(DataError, match=message.replace("[", r"\[")):
         read_record(write(tmp_path / "r.csv", header), columns)
-
-
-def test_a_file_that_is_none_is_refused(tmp_path):
-    with pytest.raises(DataError, match="cannot read"):
-        read_record(tmp_path / "absent.csv")
-    (tmp_path / "empty.csv").write_text("")
-    with pytest.raises(DataError, match="it is empty"):
-        read_record(tmp_path / "empty.csv")
-    (tmp_path / "header.csv").write_text("time,strain,resistance\n")
-    with pytest.raises(DataError, match="holds no samples"):
-        read_record(tmp_path / "header.csv")
 
 
 def test_records_are_weighted_one_by_one(tmp_path):

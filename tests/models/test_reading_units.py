@@ -65,6 +65,9 @@ def test_any_unit_may_stand_in_a_row_of_units_but_no_name_of_time_or_resistance(
 @pytest.mark.parametrize(
     ("header", "factors"),
     [
+        ("t_s,strain [1],R_ohm", (1, 1, 1)),
+        ("time [ms],strain [%],R_kohm", (1e-3, 0.01, 1e3)),
+        ("Time (min),Strain [1],Resistance (kOhm)", (60, 1, 1e3)),
         ("t / ms,ε / %,R / kΩ", (1e-3, 1e-2, 1e3)),
         ("Time [s],microstrain,R (MΩ)", (1.0, 1e-6, 1e6)),
         ("milliseconds,Strain (µε),kOhm", (1e-3, 1e-6, 1e3)),
@@ -75,7 +78,7 @@ def test_any_unit_may_stand_in_a_row_of_units_but_no_name_of_time_or_resistance(
 def test_units_in_names_are_read(tmp_path, header, factors):
     found = same(read(tmp_path, text_of(header, *(x / f for x, f in zip((T, STRAIN, OHM), factors, strict=True)))))
     assert [q.column.factor for q in found.summary.quantities] == pytest.approx(factors)
-    assert found.summary.remarks == ()
+    assert (found.summary.remarks, found.repairs) == ((), ())
 
 
 def test_a_row_of_units_is_read(tmp_path):
@@ -335,9 +338,13 @@ def test_a_gap_at_constant_strain_is_said_with_its_line(tmp_path):
         (b"\x01\x02\x00\x03\x04\x05\x00", "holds no text"),
         (b"0,1,2\n1,2,3\n", "numbers, but no names of columns"),
         (b"\n \n", "it is empty"),
+        (b"", "it is empty"),
+        (b"time,strain,resistance\n", "holds no samples"),
     ],
 )
 def test_a_file_without_a_table_is_refused_by_what_it_is(tmp_path, content, message):
+    with pytest.raises(DataError, match="cannot read"):
+        read_record(tmp_path / "r.csv")
     (tmp_path / "r.csv").write_bytes(content)
     with pytest.raises(DataError, match=message):
         read_record(tmp_path / "r.csv")

@@ -1,19 +1,22 @@
-"""Sensors beyond the thesis: falling strain drives relaxation, loading changes the gain, the output reverses."""
+"""Sensors beyond the thesis: falling strain drives relaxation, gains, reversing outputs, a network that corrects it."""
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
-from gossamer_models import ParameterError
+from gossamer_models import ParameterError, Stepper
 from gossamer_models.compensator import compensator_model
 from gossamer_models.identify import settings_for
-from gossamer_models.replay import predict_resistance, recover_strain
+from gossamer_models.replay import predict_resistance, recover_by_fit
 from gossamer_models.sensor import DirectInverse, RelaxationTerm, SensorArtifact, default_artifact, sensor_model
+from gossamer_models.sensor.artifact import MARGIN, Residual
 from gossamer_models.sensor.drives import FALLING, GAIN, Drive
 from gossamer_models.sensor.fit import fit_preisach
 from gossamer_models.sensor.fit.regression import prepare, relaxed
+from gossamer_models.sensor.fit.residual import choose_steps, corrections, train
 from gossamer_models.sensor.fit.weights import weight_function
-from oracles.preisach import drive, start
+from oracles.preisach import UNIT, drive, start
 from oracles.records import QUICK, everything, fit_like, record, zigzag
 from scipy.integrate import solve_ivp
 
@@ -65,7 +68,7 @@ def test_the_exact_inverse_undoes_a_sensor_whose_relaxation_falling_strain_drive
     strain = zigzag(seed=8)
     y = drive(start(sensor_model(artifact)), strain, 0.1)
     found = fit_like(artifact)
-    assert recover_strain(found, record(strain, y)) == pytest.approx(strain, abs=1e-9)
+    assert recover_by_fit(found, record(strain, y)).strain == pytest.approx(strain, abs=1e-9)
 
 
 def test_an_extended_artifact_is_read_back(tmp_path):
@@ -127,7 +130,7 @@ def test_a_sensor_with_a_gain_is_found_and_gets_a_direct_inverse():
         off[extension] = float(np.abs(predict_resistance(fit, made) - made.resistance)[~rows[0]].max())
     assert off["gain"] < 0.3 * off["none"]
     assert fit.artifact.inverse is not None
-    assert np.sqrt(np.mean((recover_strain(fit, made) - made.strain)[rows[0]] ** 2)) < 0.01
+    assert np.sqrt(np.mean((recover_by_fit(fit, made).strain - made.strain)[rows[0]] ** 2)) < 0.01
 
 
 def test_a_sensor_that_may_reverse_has_no_exact_inverse():
@@ -156,7 +159,7 @@ def test_weights_are_not_negative_and_the_inverse_exists(known):
     fit = fit_preisach((known,), everything(known), settings, full_scale=1.0)
     assert min(term.amplitude for term in fit.artifact.relaxation) >= 0.0
     assert {term.drive for term in fit.artifact.relaxation} <= {"rising", "falling"}
-    back = recover_strain(fit, replace(known, resistance=predict_resistance(fit, known)))
+    back = recover_by_fit(fit, replace(known, resistance=predict_resistance(fit, known))).strain
     assert back == pytest.approx(known.strain, abs=1e-8)
 
 
@@ -164,4 +167,117 @@ def test_a_reversing_sensor_gets_a_direct_inverse_that_recovers_the_strain(known
     settings = settings_for("preisach-hats", relaxations=4, extension="reversing")
     fit = fit_preisach((known,), everything(known), settings, full_scale=1.0)
     assert fit.artifact.inverse is not None
-    assert np.sqrt(np.mean((recover_strain(fit, known) - known.strain) ** 2)) < 0.03
+    assert np.sqrt(np.mean((recover_by_fit(fit, known).strain - known.strain) ** 2)) < 0.03
+
+
+RNG = np.random.default_rng(0)
+X = RNG.uniform(-2.0, 3.0, (600, 3))
+TARGET = 0.02 * np.tanh(X[:, 0] - X[:, 1]) + 0.01 * X[:, 2] ** 2
+FIRST = np.arange(600) < 400
+
+
+def numpy_correction(net, x):
+    """The equations of the network, written again."""
+    low, high = np.array(net.lowest), np.array(net.highest)
+    u = 2.0 * (x - low) / (high - low) - 1.0
+    gate = np.maximum(0.0, 1.0 - np.maximum(np.abs(u) - 1.0, 0.0).sum(axis=1) / MARGIN)
+    hidden = np.tanh(u @ np.array(net.hidden).T + np.array(net.bias))
+    return gate * net.bound * np.tanh(hidden @ np.array(net.out) / net.bound)
+
+
+@pytest.fixture(scope="module")
+def network():
+    return train([X], [TARGET], [FIRST], 150)
+
+
+def test_a_function_of_the_features_is_learned_and_the_seed_repeats_it(network):
+    left = TARGET - corrections(network, X)
+    assert np.std(left[~FIRST]) < 0.25 * np.std(TARGET)
+    assert train([X], [TARGET], [FIRST], 150) == network
+    assert train([X], [TARGET], [FIRST], 150, seed=1) != network
+
+
+def test_the_casadi_form_is_the_formula(network):
+    beyond = np.vstack([X, 1.3 * X, 5.0 * X])
+    assert corrections(network, beyond) == pytest.approx(numpy_correction(network, beyond), abs=1e-14)
+
+
+def test_the_correction_is_bounded_and_vanishes_outside_the_trained_range(network):
+    far = np.array(network.highest) + 0.51 * MARGIN * (np.array(network.highest) - np.array(network.lowest))
+    assert corrections(network, far[None, :]) == 0.0
+    assert np.abs(corrections(network, RNG.uniform(-9, 9, (500, 3)))).max() <= network.bound
+
+
+def test_noise_is_not_learned():
+    """A network that predicts nothing of what comes later is left out."""
+    noise = [0.01 * np.random.default_rng(5).standard_normal(600)]
+    assert choose_steps([([X], noise, [FIRST], [~FIRST])]) == 0
+    assert choose_steps([([X], [TARGET], [FIRST], [~FIRST])]) > 5
+
+
+@pytest.fixture(scope="module")
+def corrected():
+    """A play with a softening that hat functions without hysteresis of their own knots cannot follow."""
+    strain = zigzag(turns=24, per=12)
+    play = np.clip(np.convolve(strain, np.ones(6) / 6)[: strain.size], 0.0, 1.0)
+    r = record(strain, 3.0 + strain + 0.2 * np.sin(6.0 * play) * strain)
+    rows = (np.arange(strain.size) < 200,)
+    settings = settings_for("preisach-hats", knots=4, relaxations=3, extension="reversing")
+    return r, rows, *(fit_preisach((r,), rows, replace(settings, residual=n), full_scale=1.0) for n in (0, 60))
+
+
+def test_a_sensor_that_is_corrected_fits_better_and_steps_as_it_was_fitted(corrected):
+    r, rows, plain, fit = corrected
+    off = [np.std((r.resistance - each.predicted[0])[rows[0]]) for each in (plain, fit)]
+    assert off[1] < 0.8 * off[0]
+    assert predict_resistance(fit, r) == pytest.approx(fit.predicted[0], abs=1e-9)
+
+
+def test_an_artifact_keeps_its_network_and_only_compensators_that_need_no_inverse_take_it(corrected, tmp_path):
+    artifact = corrected[3].artifact
+    artifact.write(tmp_path / "sensor.json")
+    assert SensorArtifact.read(tmp_path / "sensor.json").residual == artifact.residual
+    only = replace(default_artifact(), residual=small(7 + 18))
+    assert not only.exactly_invertible
+    for method in ("inverse", "estimator"):
+        with pytest.raises(ParameterError):
+            compensator_model(only, method)
+    stepper = Stepper(compensator_model(only, "filter"), **UNIT)
+    stepper.initialize()
+    stepper.step(0.1)
+
+
+def small(features):
+    n = features - 1
+    return Residual(
+        lowest=(0.0,) * n, highest=(1.0,) * n, hidden=((0.1,) * n,) * 2, bias=(0.0, 0.1), out=(0.01, -0.01), bound=0.02
+    )
+
+
+def test_features_side_by_side_are_corrected_one_by_one(network):
+    x = ca.MX.sym("x", 3, 4)
+    bank = ca.Function("bank", [x], [network.correction(x)])
+    assert bank(X[:4].T).full()[0] == pytest.approx(numpy_correction(network, X[:4]), abs=1e-14)
+
+
+def test_a_network_that_is_not_complete_is_refused():
+    whole = small(4)
+    with pytest.raises(ParameterError, match="not complete"):
+        replace(whole, bias=(0.0,))
+    with pytest.raises(ParameterError, match="not complete"):
+        replace(whole, bound=float("nan"))
+
+
+def test_the_sensor_with_a_network_is_the_sensor_plus_its_correction():
+    """Where the network's features leave its range, the sensor is the one without, to the bit."""
+    narrow = replace(small(7 + 18), highest=(1e-9,) * 24)
+    steppers = [
+        Stepper(sensor_model(a), **UNIT) for a in (default_artifact(), replace(default_artifact(), residual=narrow))
+    ]
+    for stepper in steppers:
+        stepper.initialize()
+    for strain in (0.3, 0.7, 0.5):
+        for stepper in steppers:
+            stepper.set("strain", strain)
+            stepper.step(0.1)
+        assert steppers[0].get("resistance") == steppers[1].get("resistance")

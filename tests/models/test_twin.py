@@ -266,7 +266,6 @@ def test_tables_are_read_by_the_names_of_their_columns(tmp_path):
         ("", "it is empty"),
         ("time,strain[1],resistance[1]\n0,1,2\n", "--kind"),
         ("time,strain[1]\n0,1\n0.1,abc\n", "line 3: 'abc'"),
-        ("time,strain[1]\n0,1\n0.2,1\n0.1,1\n", "line 4: time goes backwards, 0.2 s to 0.1 s"),
         ("time,strain[1]\n0,1\n0.1,1\n0.1,1\n", "line 4: 0.1 s stands twice"),
         ("time,strain[1],strain[5]\n0,1,1\n", r"'strain\[5\]' is of none of the 4 sensors"),
         ("time,strain[1],strain[1] [%]\n0,1,1\n", r"'strain\[1\]' stands twice"),

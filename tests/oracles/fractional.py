@@ -8,10 +8,11 @@ from __future__ import annotations
 import numpy as np
 from gossamer_models.fitting import Record
 from gossamer_models.fractional import FadingTerm, FractionalArtifact, FractionalTerm, predict
-from gossamer_models.fractional.model import initial_term, quadrature
+from gossamer_models.fractional.model import quadrature
 from gossamer_models.modes import check_order
 from numpy.typing import NDArray
 from scipy.special import gamma
+from studies.operators import initial_term
 
 Vector = NDArray[np.float64]
 

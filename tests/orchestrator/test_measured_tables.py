@@ -14,30 +14,26 @@ from gossamer_orchestrator.cli.twin_record import find_record
 
 T = 0.01 * np.arange(101)
 STRAIN = 0.05 * np.abs(np.sin(20.0 * T))
+SENSORS = ("identify", "assess")  # leave out samples without a number, and say so
 
 
 class ReadError(Exception):
     """Ends a command after its records were read."""
 
 
-def stop(records):
-    raise ReadError(records[0].time, records[0].strain)
+def read_by(command, *arguments):
+    """Return what a command reads, before it begins to work."""
 
+    def stop(records):
+        raise ReadError(records[0].time, records[0].strain)
 
-def identified(path):
     with pytest.raises(ReadError) as read:
-        identify_files([path], recognised=stop)
-    return read.value.args
-
-
-def assessed(path):
-    with pytest.raises(ReadError) as read:
-        judge_files(DEFAULT_PATH, [path], recognised=stop)
+        command(*arguments, recognised=stop)
     return read.value.args
 
 
 def fitted(path):
-    """What the twin and the watch are fitted to; they leave out time 0."""
+    """What twin and watch are fitted to; they leave out time 0."""
     record = find_record(path, None, None, None, []).record
     return record.step * np.arange(record.samples + 1), np.r_[0.0, record.values[0]]
 
@@ -53,12 +49,18 @@ def fed(fmus, tmp_path):
     return read
 
 
-@pytest.fixture(params=["identify", "assess", "twin", "watch", "inputs"])
+READERS = {
+    "identify": lambda path: read_by(identify_files, [path]),
+    "assess": lambda path: read_by(judge_files, DEFAULT_PATH, [path]),
+    "twin": fitted,
+}
+
+
+@pytest.fixture(params=[*READERS, "inputs"])
 def user(request, tmp_path):
     """Who reads: a function from rows to time [s] and strain [1], in a table with a resistance where a sensor needs one."""
-    read = {"identify": identified, "assess": assessed}.get(request.param, fitted)
-    read = request.getfixturevalue("fed") if request.param == "inputs" else read
-    name, after = ("strain", ";R [ohm]") if read in (identified, assessed) else ("strain[1]", "")
+    read = READERS.get(request.param) or request.getfixturevalue("fed")
+    name, after = ("strain", ";R [ohm]") if request.param in SENSORS else ("strain[1]", "")
 
     def call(time, strain, head="time [s];strain [1]", mark="."):
         lines = [head.replace("strain", name) + after]
@@ -110,8 +112,8 @@ def test_a_gap_is_left_out_or_refused_by_its_line(user):
 
 def test_an_infinite_value_is_none(user):
     cells = [*STRAIN[:10], math.inf, *STRAIN[11:]]
-    if user.of in ("identify", "assess"):
-        assert user(T, cells)[1].size == 100  # left out, and said, as any sample without a number
+    if user.of in SENSORS:
+        assert user(T, cells)[1].size == 100
         return
     with pytest.raises(REFUSED, match=r"r\.csv, line 12: 'inf' under 'strain\[1\].*' is infinite"):
         user(T, cells)
@@ -127,8 +129,7 @@ def test_an_infinite_value_is_none(user):
     ],
 )
 def test_what_makes_no_sense_is_refused_by_its_line(user, time, strain, how, message):
-    if "noon" in message and user.of in ("identify", "assess"):
-        message = ""
+    if "noon" in message and user.of in SENSORS:
         assert user(time, strain, **how)[0].size == 100
         return
     with pytest.raises(REFUSED, match=message):

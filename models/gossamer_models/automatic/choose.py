@@ -34,6 +34,12 @@ FEWEST, MOST_TURNS = 0.005, 0.05  # [per sample]
 TOO_SHORT = "the training stretch leaves too few samples to judge a compensator by. Name a longer one (--train)."
 OPTIMISM = 1.4  # by which errors grow from the trials, of which the best wins, to records that lie further ahead
 SHARED = 0.5  # of the squares of the errors that the constant part of the stated deviation explains
+TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
+SURE, CALM = 30.0, 1.0
+NEAR = 1.1  # of methods whose errors are at most so many times the least one, that listed first wins: less is left to chance
+BUDGET = 60.0  # [s]
+SHARES = (0.4, 0.6, 0.9)  # of the budget that have passed when sensor, direct inverse and compensator are chosen
+Progress = Callable[[float, str], None]
 
 
 def error_model(errors: Sequence[Vector], step: float) -> ErrorModel:
@@ -100,11 +106,6 @@ def calibrated(tracking: Tracking, errors: Vector, stated: Vector) -> Tracking:
 def held_errors(errors: Sequence[Vector], rows: Sequence[Rows]) -> list[Vector]:
     """Return the errors on some samples of every record."""
     return [e[held] for e, held in zip(errors, rows, strict=True) if held.any()]
-
-
-TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
-SURE, CALM = 30.0, 1.0
-NEAR = 1.1  # of methods whose errors are at most so many times the least one, that listed first wins: less is left to chance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,12 +273,6 @@ def _numbers(fit: PreisachFit, train: tuple[Rows, ...], late: tuple[Rows, ...]) 
         inverse=error_model(held_errors(strain, late), step),
         **motion([t for t, _ in seen], [s for _, s in seen], step),
     )
-
-
-BUDGET = 60.0  # [s]
-SHARES = (0.4, 0.6, 0.9)  # of the budget that have passed when sensor, direct inverse and compensator are chosen
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,6 +20,14 @@ from .trials import cut
 LAGS = 20  # [samples]
 LOW_PASSES = 8
 RIDGES = (1e-6, 1e-4, 1e-2)
+BLOCKS = 10  # of the test stretch of a record
+DRAWS = 1000
+CONFIDENCE = 0.9
+LESS = 0.9  # of another error: below, an error is said to be less also where the intervals of confidence overlap
+HERE = "this sensor"
+RIVALS = ("static cubic", "regression on lags")
+DOES = {"forward": "predicts the output", "strain": "recovers the strain"}  # by the quantity of a ``Standing``
+Interval = tuple[float, float, float]  # value, low end, high end
 
 
 def cubic(inputs: Sequence[Vector], outputs: Sequence[Vector], train: Sequence[Rows]) -> tuple[Vector, ...]:
@@ -67,17 +75,6 @@ def _ridge(X: Sequence[Matrix], y: Sequence[Vector], train: Sequence[Rows], ridg
     A = (fitted - mean) / size
     w = np.linalg.solve(A.T @ A + ridge * len(A) * np.eye(A.shape[1]), A.T @ (wanted - level))
     return tuple(level + ((x - mean) / size) @ w for x in X)
-
-
-BLOCKS = 10  # of the test stretch of a record
-DRAWS = 1000
-CONFIDENCE = 0.9
-LESS = 0.9  # of another error: below, an error is said to be less also where the intervals of confidence overlap
-HERE = "this sensor"
-RIVALS = ("static cubic", "regression on lags")
-DOES = {"forward": "predicts the output", "strain": "recovers the strain"}  # by the quantity of a ``Standing``
-
-Interval = tuple[float, float, float]  # value, low end, high end
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

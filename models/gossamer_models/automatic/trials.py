@@ -19,6 +19,8 @@ from ..fitting.records import Record, thin
 
 FITTED = (0.6, 0.8)  # of the training samples of every record; the rest is predicted
 MOST_TRIED = 4000  # samples of all records of a trial fit
+SEEDED = 5  # settings that every judge sees
+Setting = TypeVar("Setting")
 
 
 def cut(train: Sequence[Rows], share: float = FITTED[0]) -> tuple[tuple[Rows, ...], tuple[Rows, ...]]:
@@ -37,10 +39,6 @@ def shortened(records: Sequence[Record], train: Sequence[Rows]) -> tuple[tuple[R
     """Return records that have too many samples for many trial fits thinned, and their training samples."""
     short = thin(records, MOST_TRIED)
     return short, tuple(np.isin(s.lines, r.lines[rows]) for s, r, rows in zip(short, records, train, strict=True))
-
-
-SEEDED = 5  # settings that every judge sees
-Setting = TypeVar("Setting")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,6 +28,8 @@ from ..variables import select
 KINK_PROBABILITY = 0.05  # prior probability of a kink somewhere in a window
 ACCEPTED = 2.0  # a window is accepted up to this many standard deviations of its residual's sum of squares
 NO_NOISE = 1e-12  # [1]; stands for 0
+AHEAD, BACK = 3.0, 4.0  # standard deviations that tell motion from noise, onward and backward
+TREND = 2.5  # the same for the slope
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,10 +135,6 @@ def _basis(m: int) -> tuple[Vector, Vector, NDArray[np.int64]]:
     K = np.abs(t[:, None] - tau)
     K -= Q @ (Q.T @ K)
     return Q, K / np.linalg.norm(K, axis=0), tau
-
-
-AHEAD, BACK = 3.0, 4.0  # standard deviations that tell motion from noise, onward and backward
-TREND = 2.5  # the same for the slope
 
 
 @dataclass(frozen=True, slots=True)

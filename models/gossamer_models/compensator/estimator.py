@@ -24,7 +24,7 @@ import casadi as ca
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
 from ..sensor.law import SensorLaw, SensorState
-from ..sensor.model import ADVICE, SCALE_VARIABLES, normalised, resting_state, saturated, with_scales
+from ..sensor.model import SCALE_VARIABLES, model_of, normalised, resting_state, saturated
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter, select
 from .estimation import BACK, Drift, Leg, Smoothed, smooth
@@ -245,15 +245,8 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
             "eta_correction": drift.theta,
         }
 
-    return StepModel.written(
-        name="compensator",
-        description="Estimator of strain from the resistance of a hysteretic sensor",
-        variables=with_scales(VARIABLES, artifact),
-        init=init,
-        step=step,
-        advice=ADVICE,
-        provenance=dict(artifact.provenance),
-    )
+    what = "Estimator of strain from the resistance of a hysteretic sensor"
+    return model_of(artifact, "compensator", what, VARIABLES, init, step)
 
 
 def _commit(law: SensorLaw, sensor: SensorState, drift: Drift, now: MiddleSample, change: ca.MX) -> Commit:

@@ -26,15 +26,16 @@ import numpy as np
 
 from ..errors import ParameterError
 from ..modes import phi_1
-from ..sensor.artifact import SensorArtifact
+from ..sensor.artifact import DirectInverse, SensorArtifact
 from ..sensor.hysteresis import Table, widths
 from ..sensor.law import SensorLaw, SensorState, excitation
-from ..sensor.model import ADVICE, SCALE_VARIABLES, clip, normalised, resistance, resting_state, saturated, with_scales
+from ..sensor.model import SCALE_VARIABLES, clip, model_of, normalised, resistance, resting_state, saturated
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter
 
 REACH_TOLERANCE = 1e-9  # a target this little [1] out of reach is rounding at the end of the range, not saturation
 SHORTEST_FILTER_TIME = 1e-300  # [s]; stands for 0
+DESCRIPTION = "Inverse of the strain sensor: recovers strain from resistance"
 TAKE_THE_FILTER = "Take the filter, which suits every sensor: 'gossamer build filter --artifact FILE'."
 
 DEAD_BAND = parameter(
@@ -158,15 +159,7 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
         state = replace(state, f=state.f + residual)
         return CompensatorState(state, low_pass), {"strain": s * p.full_scale_strain, "saturated": unreachable}
 
-    return StepModel.written(
-        name="compensator",
-        description="Inverse of the strain sensor: recovers strain from resistance",
-        variables=with_scales((*SCALE_VARIABLES, DEAD_BAND, *COMMON_VARIABLES), artifact),
-        init=init,
-        step=step,
-        advice=ADVICE,
-        provenance=dict(artifact.provenance),
-    )
+    return model_of(artifact, "compensator", DESCRIPTION, (*SCALE_VARIABLES, DEAD_BAND, *COMMON_VARIABLES), init, step)
 
 
 def invert(law: SensorLaw, state: SensorState, target: ca.MX, h: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -264,6 +257,31 @@ def _mirror(nu: Table) -> Table:
     return mirrored
 
 
+class DirectLaw:
+    """A direct inverse: operators of the sensor's kind, driven by its output.
+
+    Parameters
+    ----------
+    inverse : DirectInverse
+        The operators and their range.
+    """
+
+    def __init__(self, inverse: DirectInverse) -> None:
+        self.inverse, self.law = inverse, SensorLaw(inverse.law)
+
+    def place(self, y: ca.MX) -> ca.MX:
+        """Return an output [1] over the range of the operators [1]."""
+        return (y - self.inverse.lowest) / (self.inverse.highest - self.inverse.lowest)
+
+    def rest(self, y: ca.MX) -> SensorState:
+        """Return their memory at rest at an output [1]."""
+        return self.law.rest(clip(self.place(y)))
+
+    def strain(self, state: SensorState) -> ca.MX:
+        """Return their strain [1]."""
+        return clip(self.inverse.offset + self.inverse.scale * state.output())
+
+
 def direct_model(artifact: SensorArtifact) -> StepModel:
     """Build the compensator that runs the direct inverse of an artifact.
 
@@ -287,32 +305,25 @@ def direct_model(artifact: SensorArtifact) -> StepModel:
     if inverse is None:
         msg = "this sensor has no direct inverse. Identify it with --direct-inverse, or take the exact inverse."
         raise ParameterError(msg)
-    law, forward = SensorLaw(inverse.law), SensorLaw(replace(artifact, inverse=None))
-
-    def in_range(y: ca.MX) -> ca.MX:
-        return (y - inverse.lowest) / (inverse.highest - inverse.lowest)
+    direct, forward = DirectLaw(inverse), SensorLaw(replace(artifact, inverse=None))
 
     def init(_: Values, p: Values) -> tuple[CompensatorState, Results]:
         rest = resting_state(forward, p)
         y = forward.output(rest)
         R = resistance(y, p)
-        state = CompensatorState(law.rest(clip(in_range(y))), LowPass(R, R))
-        return state, {"strain": rest.s * p.full_scale_strain, "saturated": 0.0}
+        return CompensatorState(direct.rest(y), LowPass(R, R)), {
+            "strain": rest.s * p.full_scale_strain,
+            "saturated": 0.0,
+        }
 
     def step(x: CompensatorState, u: Values, p: Values, h: ca.MX) -> tuple[CompensatorState, Results]:
         low_pass = x.low_pass.advance(u.resistance, p.filter_time, h)
-        v = in_range(normalised(low_pass.filtered, p))
-        state = law.advance(x.sensor, clip(v), h)
-        s = clip(inverse.offset + inverse.scale * state.output())
+        v = direct.place(normalised(low_pass.filtered, p))
+        state = direct.law.advance(x.sensor, clip(v), h)
         outside = ca.logic_or(v < 0.0, v > 1.0)
-        return CompensatorState(state, low_pass), {"strain": s * p.full_scale_strain, "saturated": outside}
+        return CompensatorState(state, low_pass), {
+            "strain": direct.strain(state) * p.full_scale_strain,
+            "saturated": outside,
+        }
 
-    return StepModel.written(
-        name="compensator",
-        description="Inverse of the strain sensor: recovers strain from resistance",
-        variables=with_scales((*SCALE_VARIABLES, *COMMON_VARIABLES), artifact),
-        init=init,
-        step=step,
-        advice=ADVICE,
-        provenance=dict(artifact.provenance),
-    )
+    return model_of(artifact, "compensator", DESCRIPTION, (*SCALE_VARIABLES, *COMMON_VARIABLES), init, step)

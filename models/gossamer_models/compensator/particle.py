@@ -25,11 +25,12 @@ from dataclasses import dataclass, fields, replace
 import casadi as ca
 import numpy as np
 
-from ..sensor.artifact import DEFAULT_TRACKING, DirectInverse, ErrorModel, SensorArtifact, Tracking, default_artifact
+from ..sensor.artifact import DEFAULT_TRACKING, ErrorModel, SensorArtifact, Tracking, default_artifact
 from ..sensor.law import SensorLaw, SensorState
-from ..sensor.model import ADVICE, SCALE_VARIABLES, clip, normalised, resting_state, saturated, with_scales
+from ..sensor.model import SCALE_VARIABLES, clip, model_of, normalised, resting_state, saturated
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter
+from .inverse import DirectLaw
 
 PARTICLES = 96
 DELAY = 24  # [samples]
@@ -151,7 +152,7 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
     artifact = default_artifact() if artifact is None else artifact
     law = SensorLaw(replace(artifact, inverse=None))
     tracking = artifact.tracking or DEFAULT_TRACKING
-    direct = _Direct(artifact.inverse if tracking.inverse is not None else None)
+    direct = None if artifact.inverse is None or tracking.inverse is None else DirectLaw(artifact.inverse)
 
     def init(_: Values, p: Values) -> tuple[FilterState, Results]:
         rest = resting_state(law, p)
@@ -167,7 +168,7 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
             ca.MX(ca.DM.ones(1, particles)) / particles,
             unknown,
             unknown,
-            direct.rest(law.output(rest)),
+            SensorState(*7 * [ca.MX(0, 1)]) if direct is None else direct.rest(law.output(rest)),
             ca.MX.zeros(delay),
             ca.MX.zeros(2),
         )
@@ -175,8 +176,10 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
 
     def step(x: FilterState, u: Values, p: Values, h: ca.MX) -> tuple[FilterState, Results]:
         y = normalised(u.resistance, p)
-        inverse = direct.advance(x.inverse, y, h)
-        aim = direct.strain(inverse)
+        inverse, aim = x.inverse, None
+        if direct is not None:
+            inverse = direct.law.advance(x.inverse, clip(direct.place(y)), h)
+            aim = direct.strain(inverse)
         place = _fraction(x.place + ca.DM(PLASTIC))
         # move and predict
         s, v, factor = _move(x.hypotheses, tracking, aim, place, h)
@@ -211,15 +214,8 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
             "delay": ca.sum1(steps),
         }
 
-    return StepModel.written(
-        name="compensator",
-        description="Particle filter of strain from the resistance of any sensor",
-        variables=with_scales(VARIABLES, artifact, quiet=True),
-        init=init,
-        step=step,
-        advice=ADVICE,
-        provenance=dict(artifact.provenance),
-    )
+    what = "Particle filter of strain from the resistance of any sensor"
+    return model_of(artifact, "compensator", what, VARIABLES, init, step, quiet=True)
 
 
 def _move(old: Hypotheses, tracking: Tracking, aim: ca.MX | None, place: ca.MX, h: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
@@ -280,27 +276,3 @@ def _survivors(w: ca.MX) -> ca.MX:
 
 def _fraction(x: ca.MX) -> ca.MX:
     return x - ca.floor(x)
-
-
-class _Direct:
-    """The direct inverse of a sensor, or nothing where there is none: its memory is then empty."""
-
-    def __init__(self, inverse: DirectInverse | None) -> None:
-        self.inverse = inverse
-        self.law = None if inverse is None else SensorLaw(inverse.law)
-
-    def rest(self, y: ca.MX) -> SensorState:
-        """Return its memory at rest at an output [1]."""
-        return SensorState(*7 * [ca.MX(0, 1)]) if self.law is None else self.law.rest(self._place(y))
-
-    def advance(self, state: SensorState, y: ca.MX, h: ca.MX) -> SensorState:
-        """Return its memory after a step that ends at an output [1]."""
-        return state if self.law is None else self.law.advance(state, self._place(y), h)
-
-    def strain(self, state: SensorState) -> ca.MX | None:
-        """Return its strain [1]; None where there is none."""
-        return None if self.inverse is None else clip(self.inverse.offset + self.inverse.scale * state.output())
-
-    def _place(self, y: ca.MX) -> ca.MX:
-        assert self.inverse is not None
-        return clip((y - self.inverse.lowest) / (self.inverse.highest - self.inverse.lowest))

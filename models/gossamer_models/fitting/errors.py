@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
 from .records import Record
+
+ALIKE = 0.98  # correlation from which the data do not separate two parameters
+LEAST_SINGULAR = 1e-12  # of a Jacobian with columns of unit length: below, the data do not determine a direction
+UNSTRAINED = 0.01  # of full scale
 
 
 def e1(measured: Vector, predicted: Vector, *, rest: float) -> float:
@@ -74,9 +79,16 @@ class Errors:
 
 
 def stretch_errors(
-    records: tuple[Record, ...], predicted: tuple[Vector, ...], train: tuple[Rows, ...], rest_resistance: float
+    records: Sequence[Record],
+    predicted: Sequence[Vector],
+    train: Sequence[Rows],
+    rest_resistance: float,
+    recovered: Sequence[Vector] | None = None,
 ) -> tuple[Errors, ...]:
-    """Return the errors of a prediction on the fitted samples of every record and on its other ones, where there are any."""
+    """Return the errors of a prediction on the fitted samples of every record and on its other ones, where there are any.
+
+    ``recovered`` is the strain that a compensator gives, where there is one.
+    """
     return tuple(
         Errors(
             record=record.name,
@@ -84,16 +96,14 @@ def stretch_errors(
             samples=int(rows.sum()),
             e1=e1(record.resistance[rows], output[rows], rest=rest_resistance),
             nrmse=nrmse(record.resistance[rows], output[rows], float(np.ptp(record.resistance))),
+            strain_nrmse=None
+            if recovered is None
+            else nrmse(record.strain[rows], recovered[k][rows], float(np.ptp(record.strain))),
         )
-        for record, output, fitted in zip(records, predicted, train, strict=True)
+        for k, (record, output, fitted) in enumerate(zip(records, predicted, train, strict=True))
         for stretch, rows in (("train", fitted), ("test", ~fitted))
         if rows.any()
     )
-
-
-ALIKE = 0.98  # correlation from which the data do not separate two parameters
-LEAST_SINGULAR = 1e-12  # of a Jacobian with columns of unit length: below, the data do not determine a direction
-UNSTRAINED = 0.01  # of full scale
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ What was recognised is shown before a fit, so that no unit, gap or column is ass
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,8 +16,14 @@ from numpy.typing import NDArray
 from ..arrays import Rows, Vector
 from ..errors import DataError
 
+PARTS = 4  # of a training stretch that is cut to predict its later parts
 LONGEST_GAP = 20.0  # median steps; a longer step is a gap
 LARGE_STRAIN = 0.5  # [1] a strain without a unit that reaches this may be in per cent
+MOST_SAMPLES = 50_000  # of all records of a fit
+MOST_RESAMPLED = 4  # times as many samples as before
+SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median of the absolute second difference of unit white noise
+ROUNDED = 0.01  # of a record: its end may be named in a round number
+LARGEST_STRAIN = 5.0  # no sensor reads more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,13 +119,6 @@ def gaps_of(time: Vector, strain: Vector, lines: NDArray[np.int_]) -> tuple[Gap,
         Gap(seconds=float(steps[k]), strain=float(abs(strain[k + 1] - strain[k])), line=int(lines[k + 1]))
         for k in np.flatnonzero(steps > LONGEST_GAP * np.median(steps))
     )
-
-
-MOST_SAMPLES = 50_000  # of all records of a fit
-MOST_RESAMPLED = 4  # times as many samples as before
-SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median of the absolute second difference of unit white noise
-ROUNDED = 0.01  # of a record: its end may be named in a round number
-LARGEST_STRAIN = 5.0  # no sensor reads more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -340,3 +339,18 @@ def in_equal_steps(record: Record, train: Rows) -> tuple[Record, Rows]:
     reach = 1e-6 * (even[1] - even[0])
     rows = (even >= time[train][0] - reach) & (even <= time[train][-1] + reach)
     return replace(record, time=even, strain=strain, resistance=resistance, lines=lines), rows
+
+
+def forward_cuts(train: tuple[Rows, ...]) -> Iterator[tuple[tuple[Rows, ...], tuple[Rows, ...]]]:
+    """Cut the training samples of every record in time order; return what to fit and what to predict."""
+    for k in range(PARTS // 2, PARTS):
+        pairs = [_cut(rows, k) for rows in train]
+        yield tuple(fit for fit, _ in pairs), tuple(held for _, held in pairs)
+
+
+def _cut(rows: Rows, k: int) -> tuple[Rows, Rows]:
+    ends = np.array_split(np.flatnonzero(rows), PARTS)
+    fitted, held = np.zeros_like(rows), np.zeros_like(rows)
+    fitted[np.concatenate(ends[:k])] = True
+    held[ends[k]] = True
+    return fitted, held

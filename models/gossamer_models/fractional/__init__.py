@@ -2,7 +2,7 @@
 
 from .artifact import SCHEMA, FadingTerm, FractionalArtifact, FractionalTerm
 from .fit import FractionalFit, fit_fractional, predict_record
-from .model import derivative, fractional_sensor_model, integral, predict
+from .model import fractional_sensor_model, predict
 from .problem import FractionalSettings
 
 __all__ = [
@@ -12,10 +12,8 @@ __all__ = [
     "FractionalFit",
     "FractionalSettings",
     "FractionalTerm",
-    "derivative",
     "fit_fractional",
     "fractional_sensor_model",
-    "integral",
     "predict",
     "predict_record",
 ]

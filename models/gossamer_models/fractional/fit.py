@@ -33,6 +33,10 @@ from .artifact import FractionalArtifact
 from .model import predict
 from .problem import FractionalProblem, FractionalSettings, prepare
 
+RESTED = 0.01  # of the range of resistance that counts as another resistance at rest, which was fitted
+AT_BOUND = 1e-6  # of the width of the box
+UNEVEN = 0.01  # of the median step: larger differences of steps are reported
+
 
 def parameters(problem: FractionalProblem, theta: Vector) -> tuple[tuple[Parameter, ...], Matrix]:
     """Return the parameters by the thesis' names and their covariance, shape (n, n), for white residuals.
@@ -220,11 +224,6 @@ def _sorted(theta: Vector, settings: FractionalSettings) -> Vector:
     """Return a point with its terms in the order of their orders, its fading integrals in that of their rates."""
     a, p, q = np.split(theta, [settings.terms, settings.terms + settings.n_fading])
     return np.concatenate([np.sort(a), np.sort(p), q[np.argsort(p)]])
-
-
-RESTED = 0.01  # of the range of resistance that counts as another resistance at rest, which was fitted
-AT_BOUND = 1e-6  # of the width of the box
-UNEVEN = 0.01  # of the median step: larger differences of steps are reported
 
 
 def doubts(fit: FractionalFit) -> tuple[str, ...]:

@@ -10,11 +10,6 @@ output of one stands for [ohm]. Sub-model-1, Eq. (3.21) of [1]_, is
 
 All orders share the modes, so a step costs the same for any number of terms and at any time of a record.
 
-The fractional integral and derivative of a sampled record ``u`` in steps of ``h`` [s], of order :math:`a` [1], cost a time
-that is linear in its length. They are those of Riemann and Liouville, Eqs. (3.1) and (3.2) of [1]_, and differ from Caputo's
-in one term: the derivative of a record that does not start at zero begins with :math:`u_0 t^{-a}/\Gamma(1-a)`, which is
-infinite at t = 0.
-
 References
 ----------
 .. [1] M. R. Sunny, Towards Structural Health Monitoring of Gossamer Structures Using Conductive Polymer Nanocomposite
@@ -29,11 +24,10 @@ from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
-from scipy.special import gamma
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError
-from ..modes import PowerLawKernels, check_order, phi_1, phi_2, responses
+from ..modes import PowerLawKernels, phi_1, phi_2, responses
 from ..sensor.model import RESISTANCE, SCALE_VARIABLES, STRAIN, saturated
 from ..step_model import StepModel
 from ..variables import Variable
@@ -41,55 +35,6 @@ from .artifact import FractionalArtifact
 
 _x = ca.SX.sym("x")
 _PHI_SLOPES = ca.Function("slopes", [_x], [ca.jacobian(phi(_x), _x) for phi in (phi_1, phi_2)])
-
-
-def integral(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:
-    r"""Return :math:`J^a u` [unit of u times s**order], Eq. (3.2) of [1]_, shape (m,).
-
-    Parameters
-    ----------
-    u : ndarray, shape (m,)
-        Samples; for a record linear in between, the result is exact up to the relative error of the kernel, 1e-6.
-    h : float
-        Sampling step [s].
-    order : float
-        :math:`a` [1], 0 < a < 1.
-    kernels : PowerLawKernels or None
-        Kernels to use; None for those that the record needs.
-
-    Raises
-    ------
-    ParameterError
-        The order is outside 0..1.
-    DataError
-        The record is not one column of finite numbers, or ``kernels`` do not cover it.
-    """
-    kernels = covering(u, h, kernels)
-    g, mass = kernels.at_order(order)
-    return weighed(integral_modes, u, h, kernels.rates, g) + mass * started(u)
-
-
-def derivative(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:
-    r"""Return :math:`D^a u` [unit of u times s**-order], Eq. (3.1) of [1]_, shape (m,); arguments as in ``integral``.
-
-    Notes
-    -----
-    :math:`D^a u = J^{1-a} \dot u + u_0 t^{-a}/\Gamma(1-a)`, with :math:`\dot u` constant over a sample. The value at
-    t = 0 is zero if the record starts at zero, else infinite.
-    """
-    kernels = covering(u, h, kernels)
-    check_order(order)
-    g, mass = kernels.at_order(1.0 - order)
-    slope = np.diff(u, prepend=u[:1]) / h
-    return weighed(slope_modes, u - u[0], h, kernels.rates, g) + mass * slope + initial_term(u, h, order)
-
-
-def initial_term(u: Vector, h: float, order: float) -> Vector:
-    r"""Return :math:`u_0 t^{-a}/\Gamma(1-a)`, shape (m,), Eq. (3.11): the term of the derivative from the first sample."""
-    if u[0] == 0.0:
-        return np.zeros(u.size)
-    t = h * np.arange(1, u.size)
-    return np.asarray(u[0] * np.concatenate([[np.inf], t**-order / gamma(1.0 - order)]))
 
 
 def quadrature(u: Vector) -> Vector:

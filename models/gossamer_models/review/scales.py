@@ -7,7 +7,7 @@ since the first sample [s], :math:`\tau` times of decays [s];
 
 The sensor itself stays as it is. The strain of a record before its first sample is unknown: it leaves the resistance and
 the gauge factor relaxing, hence the decays. All unknowns are linear, and one ridge on the decays is chosen by predicting the
-later parts of the stretch from the earlier ones, as in ``sensor/fit/solve.py``.
+later parts of the stretch from the earlier ones, by ``forward_cuts``.
 """
 
 from __future__ import annotations
@@ -18,11 +18,16 @@ import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError
-from ..fitting.records import Record
+from ..fitting.records import Record, forward_cuts
 
 LEAST_OVERLAP = 0.25  # of one of two ranges
 
 Range = tuple[float, float]
+LEAST_SAMPLES = 20
+SHORTEST_DECAY = 0.01  # of the stretch
+OFFSET_DECAYS, GAIN_DECAYS = 4, 2
+SHORTEST_GAIN_DECAY = 0.125  # of the stretch: a gain shows only over cycles
+RIDGES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 30.0)  # over the range of the stretch [1]
 
 
 def hardly_overlapping(
@@ -71,14 +76,6 @@ def _size(ends: Range) -> float:
 
 def _shared(one: Range, other: Range) -> float:
     return max(min(one[1], other[1]) - max(one[0], other[0]), 0.0)
-
-
-LEAST_SAMPLES = 20
-SHORTEST_DECAY = 0.01  # of the stretch
-OFFSET_DECAYS, GAIN_DECAYS = 4, 2
-SHORTEST_GAIN_DECAY = 0.125  # of the stretch: a gain shows only over cycles
-RIDGES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 30.0)  # over the range of the stretch [1]
-PARTS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,11 +151,10 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> RelaxingScales:
 
 def _forward_error(A: Matrix, b: Vector, rows: Rows, ridge: float) -> float:
     """Return the mean square error [1] of each later part of the stretch, predicted from all parts before it."""
-    parts = np.array_split(np.flatnonzero(rows), PARTS)
-    squares = []
-    for k in range(PARTS // 2, PARTS):
-        fitted = np.concatenate(parts[:k])
-        squares.append(np.mean((A[parts[k]] @ _solve(A[fitted], b[fitted], ridge) - b[parts[k]]) ** 2))
+    squares = [
+        np.mean((A[held] @ _solve(A[fitted], b[fitted], ridge) - b[held]) ** 2)
+        for (fitted,), (held,) in forward_cuts((rows,))
+    ]
     return float(np.mean(squares))
 
 

@@ -1,8 +1,8 @@
-r"""Excitation of the relaxation of a sensor, and the named sets of excitations that a fit may choose.
+r"""Terms of the relaxation of a sensor, what excites them, and the named sets of excitations that a fit may choose.
 
 Symbols: ``s`` normalised strain [1]; a mode is driven at the rate :math:`a s^d |\dot s|`, d = 0 or 1, while strain rises,
-as in Eq. (4.13) and Section 4.2 of the thesis, or while it falls. A gain is a mode that is multiplied by the present
-strain.
+as in Eq. (4.13) and Section 4.2 of the thesis, or while it falls, and decays as :math:`e^{-b t^c}`, Eq. (4.12). A gain is a
+mode that is multiplied by the present strain.
 """
 
 from __future__ import annotations
@@ -18,6 +18,23 @@ from ..arrays import Vector
 from ..errors import require
 
 DIRECTIONS = {"rising": 1.0, "falling": -1.0}
+# of a sensor whose output may move against the strain: no exact inverse, so one fit of each kind of operator
+DIRECT = {
+    "invertible": False,
+    "eta": (1.0, 1.0),
+    "fit_kernels": False,
+    "density_ridge": 3e-3,
+    "relaxation_ridge": 3e-3,
+    "starts": 1,
+}
+OF_EITHER_SIGN = {
+    **DIRECT,
+    "signed": True,
+    "knots": 6,
+    "smoothness": 5e-5,
+    "density_ridge": 5e-5,
+    "relaxation_ridge": 5e-5,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,23 +167,6 @@ THESIS = (Drive(), Drive(power=1))
 FALLING = (Drive("falling"), Drive("falling", power=1))
 GAIN = Drive(gain=True)
 
-# of a sensor whose output may move against the strain: no exact inverse, so one fit of each kind of operator
-DIRECT = {
-    "invertible": False,
-    "eta": (1.0, 1.0),
-    "fit_kernels": False,
-    "density_ridge": 3e-3,
-    "relaxation_ridge": 3e-3,
-    "starts": 1,
-}
-OF_EITHER_SIGN = {
-    **DIRECT,
-    "signed": True,
-    "knots": 6,
-    "smoothness": 5e-5,
-    "density_ridge": 5e-5,
-    "relaxation_ridge": 5e-5,
-}
 
 EXTENSIONS = {
     "none": Extension(THESIS, "the thesis' relaxation"),

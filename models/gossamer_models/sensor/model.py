@@ -6,8 +6,10 @@ normalised output [1].
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
+from typing import Any
 
 import casadi as ca
 
@@ -51,6 +53,28 @@ def with_scales(
     return tuple(v if v.causality == "output" else replace(v, start=starts.get(v.name, v.start)) for v in variables)
 
 
+def model_of(
+    artifact: SensorArtifact,
+    name: str,
+    description: str,
+    variables: tuple[Variable, ...],
+    init: Callable[[Values, Values], tuple[Any, Results]],
+    step: Callable[[Any, Values, Values, ca.MX], tuple[Any, Results]],
+    *,
+    quiet: bool = False,
+) -> StepModel:
+    """Build a sensor or a compensator whose variables start at the scales of its artifact, see ``with_scales``."""
+    return StepModel.written(
+        name=name,
+        description=description,
+        variables=with_scales(variables, artifact, quiet=quiet),
+        init=init,
+        step=step,
+        advice=ADVICE,
+        provenance=dict(artifact.provenance),
+    )
+
+
 def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
     r"""Build the sensor: modified Preisach hysteresis and dynamic relaxation.
 
@@ -88,15 +112,8 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
         return state, {"resistance": resistance(law.output(state), p), "saturated": outside}
 
     beyond = saturated("1 if the strain is outside 0 to full scale and was clipped, else 0")
-    return StepModel.written(
-        name="sensor",
-        description="Conductive polymer strain sensor with hysteresis, drift and relaxation",
-        variables=with_scales((*SCALE_VARIABLES, STRAIN, RESISTANCE, beyond), artifact),
-        init=init,
-        step=step,
-        advice=ADVICE,
-        provenance=dict(artifact.provenance),
-    )
+    what = "Conductive polymer strain sensor with hysteresis, drift and relaxation"
+    return model_of(artifact, "sensor", what, (*SCALE_VARIABLES, STRAIN, RESISTANCE, beyond), init, step)
 
 
 def resting_state(law: SensorLaw, p: Values) -> SensorState:

@@ -22,6 +22,10 @@ from ...modes import StretchedKernels
 from .regression import Regression, earlier_rates
 from .settings import PreisachSettings
 
+LEAST_REST = 0.01  # of the smallest fitted output: a resistance at rest is positive
+LEAST_REST_OF_RANGE = 1e-6  # of the fitted range, for signals that begin with zero
+REST_STIFFNESS = 1e-2  # pull of the resistance at rest towards the first one, relative to the range
+
 
 def modal_field(amplitudes: ca.MX, m: ca.MX, n: ca.MX, places: Vector) -> ca.MX:
     r"""Return a sum of modal functions on all cells, Eqs. (4.14) to (4.17) of the thesis.
@@ -125,11 +129,6 @@ def hat_functions(n_lines: int, n_knots: int) -> tuple[Matrix, Matrix]:
             columns.append(column)
     hysteretic = (line > 0)[:, None]
     return np.array(columns).T * hysteretic, alpha * ~hysteretic
-
-
-LEAST_REST = 0.01  # of the smallest fitted output: a resistance at rest is positive
-LEAST_REST_OF_RANGE = 1e-6  # of the fitted range, for signals that begin with zero
-REST_STIFFNESS = 1e-2  # pull of the resistance at rest towards the first one, relative to the range
 
 
 @dataclass(frozen=True, slots=True)

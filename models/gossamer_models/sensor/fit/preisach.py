@@ -20,14 +20,14 @@ import numpy as np
 from ...arrays import Matrix, Rows, Vector
 from ...fitting.constrained import GaussNewton, Solution
 from ...fitting.errors import Errors, stretch_errors
-from ...fitting.records import Record, check_rest, noise_of, strain_range
+from ...fitting.records import Record, check_rest, forward_cuts, noise_of, strain_range
 from ..artifact import MIN_SPRING_WEIGHT, DirectInverse, Scales, SensorArtifact
 from .parameters import ParameterBlock
 from .regression import Stretch, prepare
 from .residual import choose_steps, corrections, features_of
 from .residual import train as train_network
 from .settings import PreisachSettings
-from .solve import Watch, choose_ridge, forward_cuts, solve
+from .solve import Watch, choose_ridge, solve
 from .weights import normalised_output, normalised_sensor, weight_function
 
 SHORTEST, LONGEST = 0.15, 0.25  # of a sample and of the record: times of the kernels

@@ -7,7 +7,7 @@ to the whole training stretch predicts the test stretch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,12 +16,14 @@ from threadpoolctl import threadpool_limits
 from ...arrays import Rows, Vector
 from ...errors import DataError
 from ...fitting.constrained import GaussNewton, Problem, Solution
-from ...fitting.records import Record
+from ...fitting.records import Record, forward_cuts
 from .regression import Regression, moves, prepare
 from .settings import PreisachSettings
 from .weights import WeightFunction, weight_function
 
 Watch = Callable[[str, int, float], None]
+RIDGES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+EQUALLY_GOOD = 0.1  # excess of an error over the smallest that says little
 
 
 def solve(
@@ -58,11 +60,6 @@ def _problem(weights: WeightFunction, regression: Regression) -> Problem:
         lower=np.concatenate([b.lower for b in weights.blocks]),
         upper=np.concatenate([b.upper for b in weights.blocks]),
     )
-
-
-RIDGES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
-PARTS = 4
-EQUALLY_GOOD = 0.1  # excess of an error over the smallest that says little
 
 
 def choose_ridge(
@@ -132,18 +129,3 @@ def between(ridges: Sequence[float], errors: Vector) -> float:
     """
     weights = np.exp(-(errors / errors.min() - 1.0) / EQUALLY_GOOD)
     return float(f"{np.exp(np.average(np.log(ridges), weights=weights)):.3g}")
-
-
-def forward_cuts(train: tuple[Rows, ...]) -> Iterator[tuple[tuple[Rows, ...], tuple[Rows, ...]]]:
-    """Cut the training samples of every record in time order; return what to fit and what to predict."""
-    for k in range(PARTS // 2, PARTS):
-        pairs = [_cut(rows, k) for rows in train]
-        yield tuple(fit for fit, _ in pairs), tuple(held for _, held in pairs)
-
-
-def _cut(rows: Rows, k: int) -> tuple[Rows, Rows]:
-    ends = np.array_split(np.flatnonzero(rows), PARTS)
-    fitted, held = np.zeros_like(rows), np.zeros_like(rows)
-    fitted[np.concatenate(ends[:k])] = True
-    held[ends[k]] = True
-    return fitted, held

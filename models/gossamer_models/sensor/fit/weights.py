@@ -34,6 +34,10 @@ from .parameters import (
 from .regression import Regression, Stretch, Weights, relaxed
 from .settings import PreisachSettings
 
+SHORTEST, LONGEST = 1e-2, 1e4  # [s]; kernels hold between these times at least
+TOLERANCES = (1e-6, 1e-5, 1e-4)  # of a kernel [1]; tried in order, the loosest is rarely needed
+SMALL = 1e-6  # amplitude [1] of a term that is left out
+
 
 @dataclass(frozen=True, kw_only=True)
 class WeightFunction:
@@ -135,11 +139,6 @@ def _steep_enough(settings: PreisachSettings, p: dict[str, ca.MX], nu: ca.MX) ->
 
 def _constant(matrix: sparse.sparray) -> ca.DM:
     return ca.DM(sparse.csc_matrix(matrix))
-
-
-SHORTEST, LONGEST = 1e-2, 1e4  # [s]; kernels hold between these times at least
-TOLERANCES = (1e-6, 1e-5, 1e-4)  # of a kernel [1]; tried in order, the loosest is rarely needed
-SMALL = 1e-6  # amplitude [1] of a term that is left out
 
 
 def normalised_sensor(
