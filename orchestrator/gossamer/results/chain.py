@@ -14,7 +14,7 @@ from ..display import as_html, first_of
 
 if TYPE_CHECKING:
     from gossamer_orchestrator import Judgement
-    from gossamer_orchestrator.results.report.verdict import Verdict
+    from gossamer_orchestrator.results.verdict import Verdict
     from gossamer_orchestrator.run.child import Outline
     from gossamer_orchestrator.run.sweep import Case
     from gossamer_orchestrator.verify import Finding
@@ -42,7 +42,7 @@ class Run:
     @cached_property
     def judgements(self) -> list[Judgement]:
         """Judgement of the detector at the end of every window; none without a detector."""
-        from gossamer_orchestrator.results.report.recorded import windows_of
+        from gossamer_orchestrator.results.judgements import windows_of
 
         return windows_of(self.data)
 
@@ -50,7 +50,7 @@ class Run:
     def verdict(self) -> Verdict:
         """What the page of the run says first."""
         from gossamer_orchestrator.results.files import read_watch
-        from gossamer_orchestrator.results.report.verdict import make_verdict
+        from gossamer_orchestrator.results.verdict import make_verdict
 
         return make_verdict(self.data, self.judgements, read_watch(self.folder))
 

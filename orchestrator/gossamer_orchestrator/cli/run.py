@@ -213,8 +213,8 @@ def draw(drawing: Drawing, data: xr.Dataset, out: Path, say: Callable[[str], Non
 def _judged(data: xr.Dataset) -> dict[str, Any]:
     """Return the judgements of the detector, and print them as tables on stderr, with reasons for doubt."""
     from ..results.judgements import doubts, windows
-    from ..results.report.verdict import sensor_doubts
     from ..results.tables import history_table, zone_table
+    from ..results.verdict import sensor_doubts
 
     console, sentences = stderr(), sensor_doubts(data)
     try:

@@ -12,8 +12,8 @@ import numpy as np
 from gossamer_files.charts import Array, Chart, Stages, Trace, band, bars, curve, heat, points, rule, words
 
 from ..dataset import find_all, parameters_of
-from ..judgements import LARGEST_MISFIT, LARGEST_RISK, LEAST_SIMILARITY, changes, true_damage
-from .recorded import MOST_WINDOWS, Recorded, over_time
+from ..judgements import LARGEST_MISFIT, LARGEST_RISK, LEAST_SIMILARITY, MOST_WINDOWS, changes, true_damage
+from .recorded import Recorded, over_time
 
 MOST_MARKERS = 300  # more would be a line, and slow
 COLORED = 6  # zones

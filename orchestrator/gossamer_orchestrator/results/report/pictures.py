@@ -18,11 +18,12 @@ from gossamer_files.pictures import picture
 from ...errors import OrchestratorError, ResultsError, writing
 from ..dataset import compensators, find, need, sensors
 from ..judgements import doubts, judge
+from ..readers import readers_of
 from ..shapes import ShapeHistory
 from .damage import DamageHistory, history_charts, zone_charts
 from .membrane import deflection_chart, deflection_map, plot_shape
 from .recorded import Recorded
-from .sensors import loop_charts, readers_of, strain_charts
+from .sensors import loop_charts, strain_charts
 
 logger = logging.getLogger(__name__)
 
