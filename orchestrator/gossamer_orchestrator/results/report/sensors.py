@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from gossamer_files.charts import Array, Chart, Stages, band, curve, heat, points
+from gossamer_files.charts import Array, Chart, Panels, Stages, band, curve, heat, points
 
+from ...errors import ResultsError
 from ...words import duration
+from ..dataset import compensators, find, need, sensors
 from ..readers import Curve, Reader, StrainError, curve_of, readers_of
 from .recorded import Recorded, over_time
 
@@ -212,3 +215,46 @@ def spectrogram(time: Array, values: Array) -> tuple[Array, Array, Array] | None
 def _usable(time: Array, values: Array) -> bool:
     even = len(time) >= LEAST and np.ptp(np.diff(time)) <= 1e-6 * (time[1] - time[0]) + 1e-12
     return bool(even and np.isfinite(values).all())
+
+
+def _strains(run: Recorded) -> Panels:
+    numbers = _needed(run, compensators(run.data), "compensator", "strain")
+    found = {reader.number: strain_charts(run, reader) for reader in readers_of(run.data) if reader.number in numbers}
+    columns = min(len(found), 2)
+    charts = []
+    for first in range(0, len(found), columns):
+        pair = list(found.items())[first : first + columns]
+        charts += [_numbered(number, own[0]) for number, own in pair]
+        charts += [Chart("")] * (columns - len(pair))
+        charts += [replace(own[1], title=f"Sensor {number}: error", result="") for number, own in pair]
+    return Panels(charts, (11.0, 3.75 * -(-len(found) // columns)), columns, heights=(5, 3))
+
+
+def _sensors(run: Recorded) -> Panels:
+    numbers = _needed(run, sensors(run.data), "sensor", "resistance")
+    readers = [reader for reader in readers_of(run.data) if reader.number in numbers]
+    charts = [_numbered(reader.number, replace(loop_charts(run, reader)[0], steps=None)) for reader in readers]
+    columns = min(len(charts), 2)
+    return Panels(charts, (9.0, 3.5 * -(-len(charts) // columns)), columns)
+
+
+def _needed(run: Recorded, components: dict[int, str], role: str, variable: str) -> dict[int, str]:
+    """Return components whose variable was recorded, and the strain of the membrane at each of them."""
+    if not components:
+        msg = f"there is no {role} 1; there are none."
+        raise ResultsError(msg)
+    strains, *_ = need(
+        run.data, f"{find(run.data, 'membrane')}.strain", *(f"{name}.{variable}" for name in components.values())
+    )
+    if missing := [number for number in components if number not in strains[strains.dims[1]]]:
+        what = f"{strains.name}[{missing[0]}]"
+        msg = f"the results lack {what}. Add it to [record] variables in the scenario and run it again."
+        raise ResultsError(msg)
+    return components
+
+
+def _numbered(number: int, chart: Chart) -> Chart:
+    return replace(chart, title=f"Sensor {number}", result=chart.result.removeprefix(f"sensor {number}, "))
+
+
+PICTURES = {"strains": _strains, "sensors": _sensors}  # files
