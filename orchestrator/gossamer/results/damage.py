@@ -319,7 +319,7 @@ class SensorPlacement:
 
 def _draw_zones(damage: NDArray[np.float64], deviation: NDArray[np.float64]) -> bytes:
     """Return a picture of the damages [1] of the zones."""
-    from gossamer_files.charts import draw
+    from gossamer_files.plots import draw
 
     from ..pages.twin import damage_chart
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_files.charts import draw
+from gossamer_files.plots import draw
 from gossamer_orchestrator import judge
 from gossamer_orchestrator.results.readers import readers_of
 from gossamer_orchestrator.results.report import save_pictures

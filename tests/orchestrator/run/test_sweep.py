@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_files.charts import draw_panels
+from gossamer_files.plots import draw_panels
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.results.report.cases import case_panels

@@ -10,7 +10,8 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from gossamer_files.charts import Array, Chart, Panels, Stages, Trace, band, bars, curve, heat, points, rule, words
+from gossamer_files.charts import Array, Chart, Stages, Trace, band, bars, curve, heat, points, rule, words
+from gossamer_files.plots import Panels
 
 from ...errors import ResultsError
 from ..dataset import find, find_all, need, parameters_of

@@ -10,9 +10,9 @@ from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from gossamer_files.charts import Array, Chart, Panels, Trace, curve, heat, points, words
-from gossamer_files.charts.pen import LONGEST_TITLE
+from gossamer_files.charts import Array, Chart, Trace, curve, heat, points, words
 from gossamer_files.pictures import COLORS, GREY
+from gossamer_files.plots import LONGEST_TITLE, Panels
 
 from ...errors import ResultsError
 from ...fmi.shape import Integers, Surface

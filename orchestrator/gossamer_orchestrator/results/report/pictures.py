@@ -11,8 +11,8 @@ from functools import partial
 from pathlib import Path
 
 import xarray as xr
-from gossamer_files.charts import Panels, draw_panels
 from gossamer_files.pictures import picture
+from gossamer_files.plots import Panels, draw_panels
 
 from ...errors import OrchestratorError, ResultsError, writing
 from ..shapes import ShapeHistory

@@ -12,7 +12,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from gossamer_files.charts import Array, Chart, Panels, Stages, band, curve, heat, points
+from gossamer_files.charts import Array, Chart, Stages, band, curve, heat, points
+from gossamer_files.plots import Panels
 
 from ...errors import ResultsError
 from ...words import duration

@@ -1,4 +1,4 @@
-"""The pen of files: charts drawn by matplotlib as PNG, SVG or PDF. It knows the traces of the functions of ``chart``."""
+"""The pen of files: charts drawn by matplotlib as PNG, SVG or PDF. It knows the traces of ``charts``."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..pictures import COLORS, GREY, axes_or_new, picture
-from .chart import Array, Chart, Trace
+from .charts import Array, Chart, Trace
+from .pictures import COLORS, GREY, axes_or_new, picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
