@@ -23,7 +23,7 @@ test: $(TOOLS)
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
-	$(BIN)/pytest --numprocesses auto --dist loadfile
+	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 site: $(TOOLS) $(NOTEBOOKS:docs/notebooks/%=docs/notebooks/out/%)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict  # with --quiet it would count no warning
@@ -50,7 +50,6 @@ docs: demo
 
 goldens: $(TOOLS)
 	$(BIN)/pytest tests/fmus --rewrite-goldens
-	$(BIN)/python docs/make_front_door.py
 
 figures: $(TOOLS)
 	$(BIN)/python docs/make_identification_page.py

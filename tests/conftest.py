@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+LONG = ("test_wheel", "test_newest_python", "test_notebooks", "test_tutorials", "test_campaign_cluster", "test_bench")
 KINDS = {"python": {}, "native": {"native": True}, "native FMI 3": {"native": True, "fmi": 3}}
 
 
@@ -23,6 +24,11 @@ def pytest_addoption(parser):
         type=int,
         help="how often each command is killed, at another moment each time; a few times by default",
     )
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the files that take longest, so that no worker is left alone with one at the end."""
+    items.sort(key=lambda item: item.path.stem not in LONG)
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Matrix, Vector
 from ..batch import Batch
@@ -127,9 +128,8 @@ class GaugeSimulation:
             done += steps
         self.simulations += len(x)
         if not np.isfinite(strain).all():
-            msg = (
-                "the membrane fails while it is simulated. Check supports and prestress, or lower the load with --set."
-            )
+            advice = f"Check supports and prestress, or lower the load with {option('set')}."
+            msg = f"the membrane fails while it is simulated. {advice}"
             raise ConvergenceError(msg)
         return strain
 

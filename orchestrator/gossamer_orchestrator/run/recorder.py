@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..errors import ResultsError, SimulationError, writing
@@ -154,9 +155,11 @@ class FiniteCheck:
                 value = float(simulation.values[place])
                 text = f"component {component!r} returned {variable} = {value} at t = {simulation.time:.9g} s."
                 if self._strict:
-                    msg = f"{text} Correct its inputs or parameters, or run without --strict."
+                    msg = f"{text} Correct its inputs or parameters, or run without {option('strict', True)}."
                     raise SimulationError(msg, component=component, time=simulation.time)
-                logger.warning("%s What follows from it means nothing; --strict ends the run there.", text)
+                logger.warning(
+                    "%s What follows from it means nothing; %s ends the run there.", text, option("strict", True)
+                )
 
     def end(self, simulation: Simulation) -> None:
         """Do nothing."""

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from gossamer_files import replacing
+from gossamer_files.options import option
 
 from ..errors import OrchestratorError, ResultsError, check_path, writing
 from ..results import files
@@ -209,7 +210,10 @@ def _write_csv(data: xr.Dataset, folder: Path, wanted: bool | None) -> None:
     (folder / files.CSV).unlink(missing_ok=True)  # of an earlier run
     if wanted is None:
         logger.warning(
-            "no %s: it would have %d values, more than %d. --csv writes it.", files.CSV, values, files.CSV_VALUES
+            f"no %s: it would have %d values, more than %d. {option('csv', True)} writes it.",
+            files.CSV,
+            values,
+            files.CSV_VALUES,
         )
 
 

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from gossamer_files.options import option
+
 from ..errors import FmuError, OrchestratorError, ScenarioError, check_path, explain_file
 from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
@@ -209,7 +211,7 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict:
         place: Location = ("components", name, "fmu")
         if not component.fmu.endswith(".fmu") and not folder.is_dir():
             text = f"there is no folder {folder} with FMUs. Build them: gossamer build --out {folder}"
-            problems.found.append(f"{scenario.source.name}: {text}, or name their folder with --fmus.")
+            problems.found.append(f"{scenario.source.name}: {text}, or name their folder with {option('fmus')}.")
             continue
         if path not in found:
             literal = scenario.folder / component.fmu
@@ -249,7 +251,11 @@ def _read_file(
         return None
     if not path.is_file():
         near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
-        more = "" if fmu.endswith(".fmu") else " Build the FMUs with 'gossamer build' or name their folder with --fmus."
+        more = (
+            ""
+            if fmu.endswith(".fmu")
+            else f" Build the FMUs with 'gossamer build' or name their folder with {option('fmus')}."
+        )
         if fmu == "estimator":
             more += NO_ESTIMATOR
         problems.add(place, f"there is no FMU {fmu!r} in {path.parent}. {near}{more}")
@@ -263,7 +269,7 @@ def _read_file(
         more = f" .. and {len(file.findings) - 3} more" if len(file.findings) > 3 else ""
         text = f"FMU {fmu!r} is against the rules of FMI: {' '.join(file.findings[:3])}{more}"
         if strict:
-            problems.add(place, f"{text} Correct it, or run it without --strict.")
+            problems.add(place, f"{text} Correct it, or run it without {option('strict', True)}.")
         else:
             logger.warning("%s: %s", problems.source.where(place), text)
     return file

@@ -16,6 +16,8 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any
 
+from gossamer_files.options import option
+
 from ..errors import ScenarioError, check_path
 from ..fmi.file import FmuFile
 from ..fmi.types import FLOATS, RANGES, parse
@@ -232,8 +234,8 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
         found = [component for component in components if matches(pattern, component)]
         if not variable or not found:
             what = f"there is no component {pattern!r}" if variable else f"{name!r} is no component.variable"
-            other = f"Use --{name}." if name in OPTIONS else suggest(pattern, [*components, SEED])
-            msg = f"--set {name}: {what}. {other}"
+            other = f"Use {option(name)}." if name in OPTIONS else suggest(pattern, [*components, SEED])
+            msg = f"{option('set', name)}: {what}. {other}"
             raise ScenarioError(msg)
         for component in found:
             path = scenario.fmu_path(component, fmus)
@@ -246,7 +248,7 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
                 places: list[Location] = [
                     ("components", component, table, key) for table in keys for key in keys[table]
                 ]
-                options |= dict.fromkeys(places, f"--set {name}")
+                options |= dict.fromkeys(places, option("set", name))
     title = _title(scenario, changes)
     scenario = scenario.model_copy(update={"components": components, "title": title})
     return scenario.with_source(replace(scenario.source, options=options))
@@ -278,7 +280,7 @@ def _keys(fmu: FmuFile, variable: str, name: str) -> dict[str, list[str]]:
             found[table] = keys
     if not found:
         near = suggest(variable, [*both["parameters"], *both["inputs"]])
-        msg = f"--set {name}: FMU {fmu.name!r} has no parameter and no input {variable!r}. {near}"
+        msg = f"{option('set', name)}: FMU {fmu.name!r} has no parameter and no input {variable!r}. {near}"
         raise ScenarioError(msg)
     return found
 
@@ -286,7 +288,7 @@ def _keys(fmu: FmuFile, variable: str, name: str) -> dict[str, list[str]]:
 def _seeded(scenario: Scenario, seed: Given) -> Scenario:
     """Give all noise and dropouts a seed."""
     if type(seed) is not int or seed < 0:
-        msg = f"--set seed: the seed is a whole number from 0 on, not {seed!r}."
+        msg = f"{option('set', 'seed')}: the seed is a whole number from 0 on, not {seed!r}."
         raise ScenarioError(msg)
     connections = [
         connection.model_copy(

@@ -9,11 +9,10 @@ from pathlib import Path
 import gossamer
 import numpy as np
 import pytest
+from command_line import invoke
 from gossamer_models.sensor import SensorArtifact
 from gossamer_orchestrator import save_results
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.results.places import with_places
-from typer.testing import CliRunner
 
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
 
@@ -33,7 +32,7 @@ def test_a_run_gives_the_data_that_the_command_writes(scenario, fmus, tmp_path, 
     run = gossamer.run(scenario, fmus=fmus, out=tmp_path / "python", set={"g.u": 3.0})
     assert capsys.readouterr().out == ""
     arguments = ["run", str(scenario), "--fmus", str(fmus), "--out", str(tmp_path / "command"), "--set", "g.u=3.0"]
-    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert invoke(arguments).exit_code == 0
     assert run.data.equals(gossamer.load(tmp_path / "command").data)
     assert {path.name for path in run.folder.iterdir()} == {path.name for path in (tmp_path / "command").iterdir()}
     assert run["time"].attrs["units"] == "s"
@@ -163,8 +162,8 @@ def sensor(measured):
 
 def test_an_identified_sensor_has_its_records_and_is_a_path(sensor, measured):
     command = SensorArtifact.read(Path(sensor)).provenance["command"]
-    assert command.startswith("gossamer.identify(files=['measured.csv'], out='sensor.json', train='0:80', modes=2")
-    assert "tau='40.0'" in command
+    assert command.startswith("gossamer.identify(files='measured.csv', out='sensor.json', train='0:80', modes=2")
+    assert "tau=[40.0]" in command
     (record,) = sensor.records.values()
     assert record.sizes == {"time": 240}
     assert record["time"].attrs["units"] == "s"

@@ -6,19 +6,14 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-import xarray as xr
-from gossamer_files.measured import header_of, of_a_run
-
-from ..errors import OrchestratorError, ResultsError
-from ..names import suggest
-from ..results import dataset
-from ..results.files import load_results
+from gossamer_files.options import option
 
 if TYPE_CHECKING:
+    import xarray as xr
     from gossamer_models.membrane import MembraneParams
     from gossamer_models.sensor import SensorArtifact
     from gossamer_models.twin import ResponseRecord
@@ -28,7 +23,7 @@ OFF_GRID = 1e-3  # steps
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class KnownRecord:
     """A record and what is known about where it comes from.
 
     Attributes
@@ -45,8 +40,18 @@ class Found:
     params: MembraneParams
     sensor_parameters: Mapping[str, list[float]] = field(default_factory=dict)
 
+    def sensors(self, file: str | PathLike[str] | None) -> SensorArtifact | None:
+        """Return the sensors of a record of resistance, from a file or as shipped; None for a record of strain."""
+        from gossamer_models.sensor import SensorArtifact, default_artifact
 
-def find_record(path: Path, kind: str | None, noise: float | None, stop: float | None, params: Sequence[str]) -> Found:
+        if self.record.kind == "strain":
+            return None
+        return default_artifact() if file is None else SensorArtifact.read(Path(file))
+
+
+def find_record(
+    path: Path, kind: str | None, noise: float | None, stop: float | None, values: Sequence[str]
+) -> KnownRecord:
     """Read a record.
 
     Parameters
@@ -57,7 +62,7 @@ def find_record(path: Path, kind: str | None, noise: float | None, stop: float |
         None for resistance where it was recorded, else strain.
     noise, stop : float or None
         Standard deviation of the noise; last time to use [s].
-    params : sequence of str
+    values : sequence of str
         Membrane parameters, ``NAME=VALUE``.
 
     Raises
@@ -65,49 +70,64 @@ def find_record(path: Path, kind: str | None, noise: float | None, stop: float |
     OrchestratorError
         An option makes no sense, or the results lack what is needed.
     """
+    from gossamer_files.measured import header_of, of_a_run
     from gossamer_models.membrane import MembraneParams
     from gossamer_models.twin import read_table
+    from gossamer_orchestrator import OrchestratorError, load_results
 
     if kind not in (None, *KINDS):
-        msg = f"--kind is {kind!r}. Write strain or resistance."
+        msg = f"{option('kind')} is {kind!r}. Write strain or resistance."
         raise OrchestratorError(msg)
     if path.suffix == ".csv" and not of_a_run(header_of(path)):
-        given = _assigned(params, asdict(MembraneParams()))
-        found = Found(record=read_table(path, kind, noise), params=MembraneParams(**given))
+        known = asdict(MembraneParams())
+        found = KnownRecord(record=read_table(path, kind, noise), params=MembraneParams(**_assigned(values, known)))
     else:
-        found = find_in_results(load_results(path), kind, noise, params)
+        found = find_in_results(load_results(path), kind, noise, values)
     if stop is not None:
         if not math.isfinite(stop):
-            msg = f"--stop is {stop:g}. Write a positive number."
+            msg = f"{option('stop')} is {stop:g}. Write a positive number."
             raise OrchestratorError(msg)
         samples = max(0, round(stop / found.record.step))
         found = replace(found, record=replace(found.record, values=found.record.values[:, :samples]))
     return found
 
 
-def sensor_of(found: Found, file: Path | None) -> SensorArtifact | None:
-    """Return the sensors of a record of resistance, from a file or as shipped; None for a record of strain."""
-    from gossamer_models.sensor import SensorArtifact, default_artifact
-
-    if found.record.kind == "strain":
-        return None
-    return default_artifact() if file is None else SensorArtifact.read(file)
-
-
-def find_in_results(data: xr.Dataset, kind: str | None, noise: float | None, params: Sequence[str]) -> Found:
+def find_in_results(data: xr.Dataset, kind: str | None, noise: float | None, values: Sequence[str]) -> KnownRecord:
     """Find a record in the results of a run, as ``find_record`` does."""
     from gossamer_models.membrane import MembraneParams
+    from gossamer_orchestrator.results import dataset
 
     names = asdict(MembraneParams())
     record, sensors = _recorded(_on_grid(data), kind, noise)
     known = {name: value for name, value in _parameters(data, dataset.find(data, "membrane")).items() if name in names}
-    return Found(
-        record=record, params=MembraneParams(**{**known, **_assigned(params, names)}), sensor_parameters=sensors
-    )
+    params = MembraneParams(**{**known, **_assigned(values, names)})
+    return KnownRecord(record=record, params=params, sensor_parameters=sensors)
+
+
+def beside(record: Path, name: str) -> Path:
+    """Return the path of a file beside a record, or in its folder if it is one."""
+    return (record if record.is_dir() else record.parent) / name
+
+
+def file_of(record: Path) -> Path:
+    """Return the file of a record that may be given as the folder of a run."""
+    return beside(record, "results.nc") if record.is_dir() else record
+
+
+def name_of(record: Path) -> str:
+    """Return the name of a record: that of the folder of a run, or of a CSV file without its ending."""
+    from gossamer_orchestrator.results.files import RECORDED
+
+    path = record.resolve()
+    if path.is_dir():
+        return path.name
+    return path.parent.name if path.name in RECORDED else path.stem
 
 
 def _on_grid(data: xr.Dataset) -> xr.Dataset:
     """Leave out the ends of windows and of the run that were recorded between two points of ``record every``."""
+    import numpy as np
+
     time = data["time"].to_numpy()
     if len(time) < 3:
         return data
@@ -117,8 +137,11 @@ def _on_grid(data: xr.Dataset) -> xr.Dataset:
 
 
 def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[ResponseRecord, dict[str, list[float]]]:
+    import numpy as np
     from gossamer_models.membrane import square_structure
     from gossamer_models.twin import make_record
+    from gossamer_orchestrator import ResultsError
+    from gossamer_orchestrator.results import dataset
 
     time = data["time"].to_numpy().astype(float)
     count = square_structure().n_sensors
@@ -152,15 +175,27 @@ def _parameters(data: xr.Dataset, component: str) -> dict[str, float]:
 
 
 def _assigned(texts: Sequence[str], known: Mapping[str, float]) -> dict[str, float]:
-    given = {}
+    from gossamer_orchestrator import OrchestratorError
+    from gossamer_orchestrator.names import suggest
+
+    given = numbers_by_name(texts, "NAME=VALUE")
+    for name in given:
+        if name not in known:
+            msg = f"{option('set', name)}: the membrane has no parameter {name!r}. {suggest(name, known)}"
+            raise OrchestratorError(msg)
+    return given
+
+
+def numbers_by_name(texts: Sequence[str], example: str) -> dict[str, float]:
+    """Read numbers by name, ``NAME=VALUE`` each."""
+    from gossamer_orchestrator import OrchestratorError
+
+    found = {}
     for text in texts:
         name, _, value = text.partition("=")
-        if name not in known:
-            msg = f"--set {text}: the membrane has no parameter {name!r}. {suggest(name, known)}"
-            raise OrchestratorError(msg)
         try:
-            given[name] = float(value)
+            found[name.strip()] = float(value)
         except ValueError:
-            msg = f"--set {text}: {value!r} is no number. Write {name}=VALUE."
+            msg = f"{option('set', text)}: {value!r} is no number. Write a name and a number, {example}."
             raise OrchestratorError(msg) from None
-    return given
+    return found

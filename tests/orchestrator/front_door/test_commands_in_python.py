@@ -1,59 +1,45 @@
-"""The functions of ``import gossamer`` take what the commands take, under the same names, with the same defaults."""
+"""The functions of ``import gossamer`` are the commands: what they take is explained, checked, and refused by name."""
 
 from __future__ import annotations
 
 import inspect
+import re
 import subprocess
 import sys
-from pathlib import Path
 
 import gossamer
 import gossamer_orchestrator
-import make_front_door
 import numpy as np
 import pytest
-import typer
-from gossamer.table import FOR_A_TERMINAL, commands, parameters, values, words_of_python
-from gossamer_orchestrator.cli import app
+from command_line import invoke
+from gossamer.arguments import COMMANDS, assigned, declared, numbers_of, several
+from gossamer_files.options import option
 
-COMMANDS = sorted(commands())
-HEAVY = {"numpy", "xarray", "casadi", "typer", "rich", "matplotlib", "fmpy", "gossamer_models", "gossamer_orchestrator"}
-
-
-def defaults(command):
-    return {name: each.default for name, each in parameters(command).items()} | {"scenario": "damaged"}
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_names_order_and_defaults_are_those_that_the_command_line_parses(name):
-    command = typer.main.get_command(app).commands[name.replace("_", "-")]
-    context = command.make_context(name, [], resilient_parsing=True)
-    parsed = {}
-    for each in command.get_params(context):
-        flags = [flag for flag in each.opts if flag.startswith("--")]
-        called = flags[0].removeprefix("--").replace("-", "_") if flags else each.name
-        parsed[called] = inspect.Parameter.empty if each.required else each.default
-    parsed = {called: default for called, default in parsed.items() if called not in ("help", *FOR_A_TERMINAL)}
-    signature = inspect.signature(getattr(gossamer, name)).parameters
-    assert list(signature) == list(parsed)
-    for called, default in parsed.items():
-        expected = str(default) if isinstance(default, Path) else default
-        assert signature[called].default == expected, called
-
-
-def test_the_functions_are_what_the_table_makes(rewrite_goldens):
-    for path, text in make_front_door.texts().items():
-        if rewrite_goldens:
-            path.write_text(text, encoding="utf-8")
-        assert path.read_text(encoding="utf-8") == text, f"{path.name} is old: run make goldens"
+HEAVY = {
+    "numpy",
+    "xarray",
+    "casadi",
+    "cyclopts",
+    "pydantic",
+    "rich",
+    "matplotlib",
+    "fmpy",
+    "gossamer_models",
+    "gossamer_orchestrator",
+}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_parameter_is_explained(name):
-    text = inspect.getdoc(getattr(gossamer, name))
-    for called, each in parameters(name).items():
-        assert f"\n{called} : " in text
-        assert each.about.help.split()[0] in text
+def test_every_parameter_is_explained_and_is_an_option(name):
+    function = getattr(gossamer, name)
+    help_of = " ".join(invoke([name.replace("_", "-"), "--help"]).stdout.split())
+    signature = inspect.signature(function).parameters
+    for called, each in declared(function).items():
+        owner = each.owner or function
+        assert re.search(rf"^{called}\n +\S", inspect.getdoc(owner), re.MULTILINE)
+        assert (f"--{called.replace('_', '-')} " if each.is_option else called.upper()) in help_of
+        if called in signature:
+            assert signature[called].default == each.default
 
 
 def test_importing_it_imports_nothing_heavy():
@@ -88,7 +74,7 @@ def test_its_errors_are_those_of_the_orchestrator():
     ],
 )
 def test_values_by_name_become_what_the_command_line_writes(given, texts):
-    assert values("run", defaults("run") | {"set": given})["values"] == texts
+    assert assigned(given) == texts
 
 
 @pytest.mark.parametrize(
@@ -102,12 +88,14 @@ def test_values_by_name_become_what_the_command_line_writes(given, texts):
     ],
 )
 def test_what_a_sweep_varies_is_any_sequence(given, text):
-    assert values("sweep", defaults("sweep") | {"set": {"a.x": given}})["ranges"] == [f"a.x={text}"]
+    assert assigned({"a.x": given}, many=True) == [f"a.x={text}"]
 
 
 def test_lists_of_numbers_and_names_may_be_sequences():
-    read = values("build", defaults("build") | {"names": "sensor", "scales": (1000, 150, 0.2)})
-    assert (read["names"], read["scales"], read["out"]) == (["sensor"], "1000,150,0.2", Path("out/fmus"))
+    assert several("sensor") == ["sensor"]
+    assert (
+        numbers_of("scales", (1000, 150, 0.2), "") == numbers_of("scales", "1000,150,0.2", "") == (1000.0, 150.0, 0.2)
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,7 +113,7 @@ def test_lists_of_numbers_and_names_may_be_sequences():
 )
 def test_a_wrong_value_is_refused_by_name(wrong, message):
     with pytest.raises(gossamer.OrchestratorError, match=message):
-        values("run", defaults("run") | wrong)
+        gossamer.run("damaged", **wrong)
 
 
 def test_what_may_be_several_is_refused_by_name_where_it_is_neither_one_nor_several():
@@ -156,6 +144,7 @@ def test_errors_name_arguments_as_python_does_and_commands_as_a_shell(tmp_path):
         "(strain=).",
         "(resistance=).",
     ]
-    with pytest.raises(gossamer_orchestrator.OrchestratorError) as refused, words_of_python("build"):
-        raise gossamer_orchestrator.OrchestratorError("Add --native, or 'gossamer build filter --artifact FILE'.")
-    assert str(refused.value) == "Add native=True, or 'gossamer build filter --artifact FILE'."
+    assert (option("native", True), option("strain_unit", "%")) == ("native=True", "strain_unit='%'")
+    with pytest.raises(gossamer.OrchestratorError, match=r"Add native=True\.$"):
+        gossamer.build("sensor", fmi=3, out=tmp_path)
+    assert "Add --native.\n" in invoke(["build", "sensor", "--fmi", "3", "--out", tmp_path]).stderr
