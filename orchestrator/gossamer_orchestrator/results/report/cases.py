@@ -13,8 +13,7 @@ from gossamer_files.plots import Panels, save_charts
 
 from ...errors import ResultsError
 from ...names import suggest
-from ..columns import WATCHED
-from ..dataset import find_all
+from ..dataset import WATCHED, find_all
 from ..judgements import changes, true_damage
 
 PICTURE = "sweep.png"
