@@ -162,7 +162,7 @@ def test_what_makes_no_sense_is_refused(square):
     no_zones = replace(square, setup=replace(square.setup, zones=()))
     with pytest.raises(ParameterError, match=r"the setup has no zones"):
         place_sensors(no_zones, LOAD)
-    with pytest.raises(ParameterError, match=r"--noise is 0"):
+    with pytest.raises(ParameterError, match=r"noise= is 0"):
         place_sensors(square, LOAD, noise=0.0)
     with pytest.raises(ParameterError, match=r"has 0 samples"):
         place_sensors(square, LOAD, step=1.0)
