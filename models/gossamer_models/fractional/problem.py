@@ -102,7 +102,7 @@ class FractionalSettings:
         return 1 + self.terms * (1 if self.model == "sub-model-1" else 2)
 
 
-class RecordColumns:
+class FractionalColumns:
     """Terms of one model on one record.
 
     Parameters
@@ -241,7 +241,7 @@ def prepare(
     changes = [(r.resistance - rest)[kept] for r, kept in zip(even, rows, strict=True)]
     scale = max(float(np.ptp(change)) for change in changes)
     columns = [
-        RecordColumns(r.strain / full_scale, h, kept, settings, rest_fitted=fitted)
+        FractionalColumns(r.strain / full_scale, h, kept, settings, rest_fitted=fitted)
         for r, h, kept in zip(even, steps, rows, strict=True)
     ]
     weights = np.concatenate([np.full(part.size, r.weight) for part, r in zip(changes, records, strict=True)])
@@ -250,7 +250,7 @@ def prepare(
 
 
 def _separable(
-    columns: list[RecordColumns], y: Vector, weights: Vector, settings: FractionalSettings, *, rest_fitted: bool
+    columns: list[FractionalColumns], y: Vector, weights: Vector, settings: FractionalSettings, *, rest_fitted: bool
 ) -> SeparableProblem:
     def evaluate(theta: Vector) -> tuple[Matrix, Callable[[], list[Derivative]]]:
         parts = [each.evaluate(theta) for each in columns]
@@ -270,12 +270,7 @@ def _separable(
     if rest_fitted:
         nonnegative[-1] = restrained[-1] = False
     return SeparableProblem(
-        evaluate,
-        y,
-        weights=weights,
-        nonnegative=nonnegative,
-        restraint=settings.restraint,
-        restrained=restrained,
+        evaluate, y, weights=weights, nonnegative=nonnegative, restraint=settings.restraint, restrained=restrained
     )
 
 

@@ -10,10 +10,7 @@ from ...errors import require
 from ...fitting.options import fit_option
 from ..drives import EXTENSIONS, Drive
 
-PRESETS: dict[str, dict[str, Any]] = {
-    "preisach": {},
-    "preisach-hats": {"density": "hats", "density_ridge": 3e-3},
-}
+PRESETS: dict[str, dict[str, Any]] = {"preisach": {}, "preisach-hats": {"density": "hats", "density_ridge": 3e-3}}
 MODELS = tuple(PRESETS)
 
 
