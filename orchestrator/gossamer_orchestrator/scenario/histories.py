@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from ..errors import ScenarioError
 from ..fmi.file import FmuFile
-from ..fmi.types import FLOATS, TEXTS, Value, parse
-from ..fmi.units import conversion, definition_of
+from ..fmi.types import FLOATS, TEXTS, Value, conversion, definition_of, parse
 from ..names import split_endpoint, suggest
+from .connections import Draft
 from .schema import Input, Scenario
-from .source import Problems
 
 FILE = "[inputs]"  # stands for a component where a connection has its sender
 TITLE = re.compile(r"(.*?)\s+(?:\[([^\[\]]*)\]|\(([^()]*)\))")  # pressure [kPa]
@@ -59,10 +58,9 @@ class History:
         return self.values[max(place, 0)]  # type: ignore[no-any-return]
 
 
-def read_histories(
-    scenario: Scenario, files: Mapping[str, FmuFile], fed: dict[str, int], problems: Problems
-) -> dict[str, History]:
+def read_histories(draft: Draft, fed: dict[str, int]) -> dict[str, History]:
     """Read the histories of inputs, by ``component.input``, and note in ``fed`` what they feed."""
+    scenario, files, problems = draft.scenario, draft.files, draft.problems
     histories = {}
     for i, given in enumerate(scenario.inputs):
         component, name = split_endpoint(given.target)

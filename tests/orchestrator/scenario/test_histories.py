@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from gossamer_orchestrator import ScenarioError, load_scenario, make_plan, run_scenario
-from gossamer_orchestrator.fmi.units import definition_of
+from gossamer_orchestrator.fmi.types import definition_of
 from gossamer_orchestrator.scenario.histories import History
 
 TEXT = """
@@ -111,11 +111,12 @@ def test_truth_values_are_read_as_other_programs_write_them(reference_fmus, tmp_
 
 @pytest.mark.parametrize(("name", "expected"), [
     ("kPa", (1e3, 0.0)), ("degC", (1.0, 273.15)), ("%", (0.01, 0.0)), ("cm", (0.01, 0.0)), ("min", (60.0, 0.0)),
+    ("degF", (5 / 9, 459.67 * 5 / 9)), ("mN", (1e-3, 0.0)),
 ])  # fmt: skip
 def test_common_units_are_known(name, expected):
     unit = definition_of(name)
     assert (unit.factor, unit.offset) == pytest.approx(expected)
-    assert definition_of("parsec") is None
+    assert definition_of("parsnip") is definition_of("dBm") is None
 
 
 REFUSALS = {
