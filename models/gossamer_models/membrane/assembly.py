@@ -191,10 +191,11 @@ class MembraneEquations:
         """
         parts = []
         for i, block in enumerate(self.structure.elements):
-            unit = (block.geometry.side or 1.0) * self.size(p)
+            side = block.geometry.side or 1.0
+            unit = side * self.size(p)
             own = {name: value * unit if name in _PER_LENGTH else value for name, value in shared.items()}
             found = self._looped(i, x / unit, own) if self._compiled else self._at_once(block, x / unit, own)
-            parts.append(replace(found, f=unit * found.f))
+            parts.append(replace(found, f=unit * found.f, compressed=side**2 * found.compressed))
         total = parts[0]
         for part in parts[1:]:
             rate, strain = ca.fmax(total.rate, part.rate), ca.fmax(total.strain, part.strain)
