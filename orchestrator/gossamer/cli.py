@@ -110,7 +110,7 @@ def _run(words: list[str]) -> int:
         return USAGE
     if other is not None:
         other()
-        return 0
+        return 0 if words else USAGE
     common = {each: given.pop(each, None) for each in COMMON}
     TERMINAL.quiet, TERMINAL.talks, TERMINAL.typed = bool(common["quiet"]), True, words
     try:
