@@ -16,7 +16,7 @@ from gossamer_models.artifacts import artifact_schema
 from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import PosteriorArtifact, detector_model, posterior_model, read_detector
 from gossamer_models.hub import hub_model
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
 
 if TYPE_CHECKING:
@@ -123,9 +123,11 @@ def make_model(name: str, *, compiled: bool = False, **options: Unpack[ModelOpti
             msg = f"FMU {name!r} {refusal.format(', '.join(having[:-1]) + ' or ' + having[-1])}"
             raise ParameterError(msg)
     if name in _MEMBRANES:
-        if "structure" in given:
-            return _mesh_membrane(**given, frame=name == "framed_membrane", compiled=compiled)
-        return MODELS[name](**given, compiled=compiled)
+        structure = given.pop("structure", None)
+        if structure is not None and given:
+            msg = f"{option(min(given))} has no meaning with {option('setup')}, which says it itself. Leave it out."
+            raise ParameterError(msg)
+        return MODELS[name](square_structure(**given) if structure is None else structure, compiled=compiled)
     artifact, scales = given.get("artifact"), given.get("scales")
     if artifact is None:
         sensor = () if scales is None else (replace(default_artifact(), scales=_scales(scales)),)
@@ -149,15 +151,6 @@ def make_model(name: str, *, compiled: bool = False, **options: Unpack[ModelOpti
         f"compensator, identify the same records with {option('model', 'preisach')}; or build the sensor alone."
     )
     raise ParameterError(msg)
-
-
-def _mesh_membrane(structure: Structure, *, frame: bool, compiled: bool, **rest: Any) -> StepModel:  # noqa: ANN401
-    if rest:
-        msg = f"{option(min(rest))} has no meaning with {option('setup')}, which says it itself. Leave it out."
-        raise ParameterError(msg)
-    from gossamer_models.membrane import mesh_membrane_model
-
-    return mesh_membrane_model(structure, frame=frame, compiled=compiled)
 
 
 def _warn_of_defaults(name: str, path: Path, sensor: SensorArtifact) -> None:

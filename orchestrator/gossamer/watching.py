@@ -320,7 +320,6 @@ def watch(
 
         gossamer run damage_begins && gossamer watch out/damage_begins
     """
-    from gossamer_models.membrane.mesh import N_ZONES
     from gossamer_orchestrator.results.files import WATCH
 
     source = Path(record)
@@ -340,7 +339,7 @@ def watch(
             report.take(watching.advance(found.record.values[:, first : first + samples]))
         bar.update(len(firsts), text=f"{len(firsts)} windows,")
     report.end(path)
-    return Watching(files=[path], report=report, zones=N_ZONES)
+    return Watching(files=[path], report=report, zones=watching.zones)
 
 
 def _samples(window: float, found: KnownRecord) -> int:

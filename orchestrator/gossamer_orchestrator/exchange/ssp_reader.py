@@ -29,7 +29,7 @@ from ..fmi.archive import unpack
 from ..fmi.file import FmuFile
 from ..fmi.types import parse
 from ..fmi.units import conversion
-from ..scenario.graph import find_cycle, sort_components
+from ..scenario.connections import find_cycle, sort_components
 from ..scenario.load import make_scenario
 from ..scenario.schema import Connection, Scenario, Value
 from ..scenario.source import Source

@@ -28,7 +28,7 @@ from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..errors import ResultsError, writing
-from .columns import UNFINISHED, RecordedScalar, group
+from .dataset import UNFINISHED, RecordedScalar, group
 
 if TYPE_CHECKING:
     from scipy.io import netcdf_file

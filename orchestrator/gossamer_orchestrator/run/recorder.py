@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import ResultsError, SimulationError, writing
 from ..fmi.shape import Shape, read_shape
 from ..names import split_indices
-from ..results.columns import DETECTOR, WATCHED
+from ..results.dataset import DETECTOR, WATCHED
 from ..results.netcdf import GrowingFile
 from ..results.shapes import SHAPES, UNFINISHED_SHAPES, Frame, create_shapes, pack_frame, reopen_shapes
 from ..scenario.plan import Plan
@@ -206,7 +206,7 @@ class ShapeRecorder:
             return
         frame = self._frame(simulation)
         if self._file is None:
-            surfaces = {name: shape.surface(simulation.serialize_one(name)) for name, shape in self._shapes.items()}
+            surfaces = {name: shape.surface(simulation.serialize(name)[0]) for name, shape in self._shapes.items()}
             self._file = create_shapes(self._path, surfaces, simulation.time, frame)
         else:
             self._file.append(pack_frame(simulation.time, frame)[None])
@@ -215,4 +215,4 @@ class ShapeRecorder:
         """Do nothing: the file is whole at any time."""
 
     def _frame(self, simulation: Simulation) -> Frame:
-        return {name: shape.read(simulation.serialize_one(name)) for name, shape in self._shapes.items()}
+        return {name: shape.read(simulation.serialize(name)[0]) for name, shape in self._shapes.items()}

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from ..errors import ResultsError, ScenarioError, writing
 from ..processes import shared_memory
-from ..results.columns import attributes, plan_columns
+from ..results.dataset import attributes, plan_columns
 from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF, has_rows
 from ..results.netcdf import GrowingFile, Layout, make_file
 from ..scenario.plan import Plan

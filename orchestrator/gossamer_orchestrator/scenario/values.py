@@ -22,40 +22,34 @@ from ..errors import ScenarioError, check_path
 from ..fmi.file import FmuFile
 from ..fmi.types import FLOATS, RANGES, parse
 from ..names import is_pattern, matches, split_endpoint, split_indices, suggest
+from .connections import Draft
 from .schema import Component, Given, Scenario, Value
 from .source import Location, Problems
 
 logger = logging.getLogger(__name__)
 
 
-def start_values(
-    name: str, component: Component, fmu: FmuFile, connected: set[str], fed: set[str], problems: Problems
-) -> dict[str, Value]:
+def start_values(draft: Draft, name: str, connected: set[str], fed: set[str]) -> dict[str, Value]:
     """Return the parameters and unconnected inputs that a scenario sets of a component.
 
     Parameters
     ----------
-    name, component, fmu : str, Component, FmuFile
+    draft : Draft
+        Receives the mistakes.
+    name : str
         The component.
     connected, fed : set of str
         Inputs ``component.input`` that right connections feed, and that right or wrong ones are meant to feed.
-    problems : Problems
-        Receives the mistakes.
 
     Returns
     -------
     dict
         Values by name.
     """
+    component, fmu, problems = draft.scenario.components[name], draft.files[name], draft.problems
     place: Location = ("components", name)
-    parameters = expand(
-        (*place, "parameters"),
-        component.parameters,
-        fmu,
-        fmu.names("parameter", "structuralParameter"),
-        "parameter",
-        problems,
-    )
+    settable = fmu.names("parameter", "structuralParameter")
+    parameters = expand((*place, "parameters"), component.parameters, fmu, settable, "parameter", problems)
     for key in component.inputs:
         if {f"{name}.{v}" for v in (key, *fmu.elements(key))} & connected:
             text = f"input '{name}.{key}' is connected and given a value. Remove one of the two."

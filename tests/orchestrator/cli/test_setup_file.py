@@ -21,7 +21,7 @@ from gossamer_models.membrane import (
     Setup,
     Support,
     Zone,
-    mesh_membrane_model,
+    membrane_model,
     read_mesh,
 )
 from gossamer_orchestrator.errors import ScenarioError
@@ -141,7 +141,7 @@ def test_the_command_builds_a_shipped_membrane_and_refuses_an_unknown_one(tmp_pa
 def test_every_shipped_membrane_starts_in_equilibrium_and_stays_there(name):
     path = shipped_scenarios("membrane")[name]
     assert path.with_suffix(".msh").stat().st_size < 100_000
-    model = Stepper(mesh_membrane_model(load_structure(path)))
+    model = Stepper(membrane_model(load_structure(path)))
     model.warn = lambda text: None
     model.initialize()
     before = model.get("strain[1]")

@@ -14,7 +14,7 @@ from command_line import invoke
 from gossamer import LiveWatch
 from gossamer.records import find_in_results
 from gossamer_models.batch import Batch
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
 from gossamer_orchestrator.results.dataset import make_dataset
 from gossamer_orchestrator.scenario.schema import Recording
@@ -28,7 +28,7 @@ MESH = ["--elements-per-side", "4", "--order", "1"]
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Nine windows of noisy strain; zone 6 loses 30 % of its stiffness in the fifth."""
-    batch = Batch(membrane_model(4, 1, compiled=True), [f"strain[{k}]" for k in range(1, 5)], ["damage[6]"])
+    batch = Batch(membrane_model(square_structure(4, 1)), [f"strain[{k}]" for k in range(1, 5)], ["damage[6]"])
     time = STEP * np.arange(1, 1504)
     strain = batch.run(time.size, STEP, inputs={"damage[6]": 0.3 * (time > ONSET)}).results[0]
     strain += np.random.default_rng(1).normal(0.0, 5e-4, strain.shape)

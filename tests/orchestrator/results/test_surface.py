@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import invoke
 from gossamer_models import Stepper
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.fmi.shape import Shape, Surface
 from gossamer_orchestrator.results.files import save_results
@@ -99,7 +99,7 @@ def test_strain_and_marks_are_those_that_the_model_states(pull):
 @pytest.mark.parametrize("frame", [False, True])
 def test_the_shape_of_the_square_is_strained_as_its_sensors_measure(frame):
     """A face is not as small as a sensor, so within a few percent; size and places from the corner are those of the run."""
-    model = membrane_model(8, 2, frame=frame)
+    model = membrane_model(square_structure(8, 2), frame=frame)
     stepper = Stepper(model, side_length=0.4, edge_displacement=0.004, poisson_ratio=0.4)
     stepper.initialize()
     stepper.set("pressure", 3000.0)
@@ -127,9 +127,9 @@ def test_the_shape_of_the_square_is_strained_as_its_sensors_measure(frame):
 
 def test_numbers_of_zones_stand_in_their_zones_and_apart_from_sensors():
     """The sensors of the square are near the middles of zones 6, 7, 10 and 11."""
-    stepper = Stepper(membrane_model(4, 2))
+    stepper = Stepper(membrane_model(square_structure(4, 2)))
     stepper.initialize()
-    drawn = shape_of(membrane_model(4, 2)).surface(stepper.state)
+    drawn = shape_of(membrane_model(square_structure(4, 2))).surface(stepper.state)
     history = ShapeHistory(drawn, np.zeros(1), drawn.nodes[None], np.zeros((1, 1, 3)))
     content = surface_content(history, np.zeros(1, dtype=int))
     size = 0.588 / 4
@@ -149,7 +149,7 @@ def known(data):
 
 def test_paraview_files_hold_places_damage_and_strain(known, tmp_path):
     meshio = pytest.importorskip("meshio", reason="files for ParaView need meshio")
-    model = membrane_model(4, 1)
+    model = membrane_model(square_structure(4, 1))
     stepper, shape = Stepper(model), shape_of(model)
     stepper.initialize()
     history = ShapeHistory(shape.surface(stepper.state), np.array([9.0]), *(x[None] for x in shape.read(stepper.state)))
