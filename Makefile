@@ -50,7 +50,6 @@ docs: demo
 
 goldens: $(TOOLS)
 	$(BIN)/pytest tests/fmus --rewrite-goldens
-	$(BIN)/python docs/make_front_door.py
 
 figures: $(TOOLS)
 	$(BIN)/python docs/make_identification_page.py

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
+import argparse
+import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
-
-import typer
-
-app = typer.Typer(add_completion=False)
 
 
-@app.command()
-def _write(out: Annotated[Path, typer.Option(help="Folder to write them to.", metavar="FOLDER")]) -> None:
+def main(words: Sequence[str] | None = None) -> None:
     """Write SYNTHETIC Dataset-1, -2 and -3: strain and resistance of a specimen that exists as equations only."""
     from studies.specimen.datasets import NAMES, dataset
     from studies.specimen.files import write_datasets
 
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder to write them to")
     try:
-        paths = write_datasets(out)
+        paths = write_datasets(parser.parse_args(words).out)
     except OSError as error:
-        typer.echo(f"cannot write there: {error}. Name another folder with --out.", err=True)
-        raise typer.Exit(1) from None
+        sys.exit(f"cannot write there: {error}. Name another folder with --out.")
     for number, path in zip(NAMES, paths, strict=True):
-        typer.echo(dataset(number).description, err=True)
-        typer.echo(path)
+        print(dataset(number).description, file=sys.stderr)
+        print(path)
 
 
 if __name__ == "__main__":
-    app()
+    main()

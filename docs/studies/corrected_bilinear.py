@@ -15,12 +15,11 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
-from gossamer_models.membrane import MembraneEquations, MembraneParams, static_deflection
-from gossamer_models.membrane.params import PARAMETERS
-from gossamer_models.membrane.quadrature import derivative_matrix, value_matrix
-from gossamer_models.membrane.strain import sensor_strains_expression
-from gossamer_models.variables import by_name
+from gossamer_models.membrane import MembraneParams, Structure, membrane_model, square_structure
+from gossamer_models.membrane.element import derivative_matrix, value_matrix
 from numpy.typing import NDArray
+
+from .square import SquareEquations
 
 Vector = NDArray[np.float64]
 
@@ -49,19 +48,19 @@ def corrected_bilinear(n: int, damage: Vector, steps: int, h: float, finer: int 
     ndarray, shape (cases, 4, steps)
         Change of the strains [1] of the sensors since the start.
     """
-    equations, params = corrected_equations(n), MembraneParams()
-    p, c = params.vector(), params.mass_damping
-    m, M = equations.node_mass(params), MembraneEquations(n, 1).consistent_mass(params)  # of the exact rule
-    motion = ca.MX.sym("q", equations.n_q)
-    strain = ca.Function(
-        "strain", [motion], [sensor_strains_expression(equations.mesh, motion, by_name(PARAMETERS, p))]
-    )
+    structure, params = corrected_structure(n), MembraneParams()
+    equations, model, p, c = SquareEquations(structure), membrane_model(structure), params.vector(), params.mass_damping
+    m, M = (
+        equations.node_mass(params),
+        SquareEquations(square_structure(n, 1)).consistent_mass(params),
+    )  # of the exact rule
     parts = finer * int(np.ceil(h / finer / (LARGEST_STEP * 8 / n) - 1e-9))
     part = h / parts
     results = np.empty((len(damage), 4, steps))
     for case, lost in enumerate(damage):
-        q, v = static_deflection(equations, params, damage=lost), np.zeros(equations.n_q)
-        start = np.asarray(strain(q)).ravel()
+        start, _ = model.init(ca.vertcat(0.0, 0.0, lost), p)
+        q, v = np.asarray(start).ravel()[: equations.n_q], np.zeros(equations.n_q)
+        before = equations.strain(q)
         for k in range(steps * parts):
             q = q + part / 2.0 * v
             f = np.asarray(equations.force(q, lost, params.pressure((k + 0.5) * part), p)).ravel()
@@ -69,18 +68,19 @@ def corrected_bilinear(n: int, damage: Vector, steps: int, h: float, finer: int 
             v = ((1.0 - c * part / 2.0) * v + part * a) / (1.0 + c * part / 2.0)
             q = q + part / 2.0 * v
             if (k + 1) % parts == 0:
-                results[case, :, k // parts] = np.asarray(strain(q)).ravel() - start
+                results[case, :, k // parts] = equations.strain(q) - before
     return results
 
 
-def corrected_equations(n: int) -> MembraneEquations:
-    """Make the equations of bilinear elements with other quadrature points."""
-    equations = MembraneEquations(n, 1)
+def corrected_structure(n: int) -> Structure:
+    """Make a square of bilinear elements with other quadrature points."""
+    structure = square_structure(n, 1)
+    (block,) = structure.elements
     value, slope = value_matrix(SIDES, POINTS), derivative_matrix(SIDES, POINTS)
-    equations.element = replace(
-        equations.element,
+    element = replace(
+        block.element,
         N=(ca.DM(np.kron(value, value)),),
         D_s=(ca.DM(np.kron(value, slope)),),
         D_t=(ca.DM(np.kron(slope, value)),),
     )
-    return equations
+    return replace(structure, elements=(replace(block, element=element),))

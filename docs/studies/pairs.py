@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_models.batch import Batch
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from numpy.typing import NDArray
 
 ORDER, FINER = 4, 8
@@ -46,7 +46,7 @@ def _simulate(chunk: int) -> dict[str, NDArray[np.float32]]:
     }
     coarse, fine = (
         Batch(model, model.elements("strain")).run(STEPS, STEP, start).results
-        for model in (membrane_model(4, order, compiled=True) for order in (ORDER, FINER))
+        for model in (membrane_model(square_structure(4, order)) for order in (ORDER, FINER))
     )
     found = {"damage": damage, "load": load, "strain": coarse, "difference": fine - coarse}
     return {name: values.astype(np.float32) for name, values in found.items()}

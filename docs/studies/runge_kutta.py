@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
-from gossamer_models.membrane import MembraneEquations, membrane_model
+from gossamer_models.membrane import MembraneEquations, membrane_model, square_structure
 from gossamer_models.step_model import StepModel
 from gossamer_models.variables import by_name
 
 
 def runge_kutta_membrane(elements_per_side: int, order: int) -> StepModel:
     """Return the membrane's model with four forces per step; its results are those of Verlet's method at the new state."""
-    verlet = membrane_model(elements_per_side, order, compiled=True)
-    equations = MembraneEquations(elements_per_side, order, compiled=True)
+    verlet = membrane_model(square_structure(elements_per_side, order))
+    equations = MembraneEquations(square_structure(elements_per_side, order))
     n = equations.n_q
     normal = ca.DM(np.tile([0.0, 0.0, 1.0], n // 3))
     parameters, inputs, _ = verlet.slices()
@@ -22,9 +22,9 @@ def runge_kutta_membrane(elements_per_side: int, order: int) -> StepModel:
     named, given = by_name(verlet.variables[parameters], p), by_name(verlet.variables[inputs], u)
 
     def rate(q: ca.MX, v: ca.MX, phase: ca.MX) -> tuple[ca.MX, ca.MX]:
-        pressure = given.pressure + named.pressure_amplitude * ca.sin(2.0 * np.pi * phase)
-        f, *_ = equations.force_expression(q, given.damage, pressure, named)
-        a = f * equations.inverse_mass(named) - named.mass_damping * v - given.base_acceleration * normal
+        shared = equations.shared(given, named, named.pressure_amplitude * ca.sin(2.0 * np.pi * phase), ca.MX(0.0))
+        f = equations.forces(equations.positions(q, given, named), shared, named).f[:n]
+        a = f * equations.mobility(named) - named.mass_damping * v - given.base_acceleration * normal
         return v, a
 
     q, v, phase = x[:n], x[n : 2 * n], x[2 * n]

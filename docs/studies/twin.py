@@ -16,8 +16,8 @@ from typing import Literal
 
 import numpy as np
 from gossamer_models.batch import Batch
-from gossamer_models.membrane import MembraneParams, membrane_model
-from gossamer_models.membrane.params import stretch
+from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
+from gossamer_models.membrane.square import stretch
 from gossamer_models.sensor import default_artifact
 from gossamer_models.step_model import StepModel
 from gossamer_models.twin import ResponseRecord, Twin
@@ -73,7 +73,7 @@ def strain(damage: Array, model: StepModel, noise: float = NOISE, load: bool = F
 
 def membrane(mesh: tuple[int, int], law: str = "st_venant_kirchhoff") -> StepModel:
     """Return a membrane by elements per side and order."""
-    return membrane_model(*mesh, law, compiled=True)
+    return membrane_model(square_structure(*mesh, law))
 
 
 def resistance(damage: Array, mesh: tuple[int, int]) -> Array:

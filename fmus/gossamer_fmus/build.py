@@ -32,6 +32,7 @@ from pathlib import Path
 from typing import Unpack
 
 from gossamer_files import replacing
+from gossamer_files.options import option
 from gossamer_models import GossamerError, ParameterError, StepModel
 
 from .c_code import TABLES_FILE, sources, with_guid
@@ -150,7 +151,7 @@ def _build(
     """Write the files of all FMUs, compile them in parallel (the compiler is a separate program), and pack them by name."""
     platforms = tuple(platforms)
     if not native and (fmi != 2 or platforms):
-        msg = "FMUs that run in Python are of FMI 2.0 and the same for every platform. Add --native."
+        msg = f"FMUs that run in Python are of FMI 2.0 and the same for every platform. Add {option('native', True)}."
         raise ParameterError(msg)
     platforms = choose_platforms(platforms, fmi) if native else ()
     codes, fmus = dict[str, dict[str, bytes]](), dict[str, dict[str, bytes]]()

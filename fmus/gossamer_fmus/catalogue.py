@@ -10,12 +10,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
+from gossamer_files.options import option
 from gossamer_models import ParameterError, StepModel
 from gossamer_models.artifacts import artifact_schema
 from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import PosteriorArtifact, detector_model, posterior_model, read_detector
 from gossamer_models.hub import hub_model
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ _OPTIONS = {
     "elements_per_side": (_MEMBRANES, "has no mesh. Name a membrane alone to choose its elements per side."),
     "order": (_MEMBRANES, "has no mesh. Name a membrane alone to choose the order of its elements."),
     "law": (_MEMBRANES, "has no law of a material. Name a membrane alone to choose it."),
-    "structure": (_MEMBRANES, "is not built from a mesh. Name a membrane alone with --setup."),
+    "structure": (_MEMBRANES, "is not built from a mesh. Name a membrane alone with a setup."),
 }
 _SCALES = "resistance at rest [ohm], its rise to full scale [ohm] and full scale [1], for instance 1000,150,0.2."
 
@@ -115,16 +116,18 @@ def make_model(name: str, *, compiled: bool = False, **options: Unpack[ModelOpti
     ArtifactError
         The artifact cannot be used.
     """
-    given: dict[str, Any] = {option: value for option, value in options.items() if value is not None}
-    for option in given:
-        having, refusal = _OPTIONS[option]
+    given: dict[str, Any] = {key: value for key, value in options.items() if value is not None}
+    for key in given:
+        having, refusal = _OPTIONS[key]
         if name not in having:
             msg = f"FMU {name!r} {refusal.format(', '.join(having[:-1]) + ' or ' + having[-1])}"
             raise ParameterError(msg)
     if name in _MEMBRANES:
-        if "structure" in given:
-            return _mesh_membrane(**given, frame=name == "framed_membrane", compiled=compiled)
-        return MODELS[name](**given, compiled=compiled)
+        structure = given.pop("structure", None)
+        if structure is not None and given:
+            msg = f"{option(min(given))} has no meaning with {option('setup')}, which says it itself. Leave it out."
+            raise ParameterError(msg)
+        return MODELS[name](square_structure(**given) if structure is None else structure, compiled=compiled)
     artifact, scales = given.get("artifact"), given.get("scales")
     if artifact is None:
         sensor = () if scales is None else (replace(default_artifact(), scales=_scales(scales)),)
@@ -139,24 +142,15 @@ def make_model(name: str, *, compiled: bool = False, **options: Unpack[ModelOpti
         _warn_of_defaults(name, artifact, identified)
         return MODELS[name](identified)
     if scales is not None:
-        msg = f"{artifact} holds a fractional model, which has its own scales. Leave --scales out."
+        msg = f"{artifact} holds a fractional model, which has its own scales. Leave {option('scales')} out."
         raise ParameterError(msg)
     if name == "sensor":
         return fractional.fractional_sensor_model(fractional.FractionalArtifact.read(artifact))
     msg = (
         f"{artifact} holds a fractional model, which has no inverse: no compensator can be built from it. For a "
-        "compensator, identify the same records with --model preisach; or build the sensor alone."
+        f"compensator, identify the same records with {option('model', 'preisach')}; or build the sensor alone."
     )
     raise ParameterError(msg)
-
-
-def _mesh_membrane(structure: Structure, *, frame: bool, compiled: bool, **rest: Any) -> StepModel:  # noqa: ANN401
-    if rest:
-        msg = f"--{min(rest).replace('_', '-')} has no meaning with --setup, which says it itself. Leave it out."
-        raise ParameterError(msg)
-    from gossamer_models.membrane import mesh_membrane_model
-
-    return mesh_membrane_model(structure, frame=frame, compiled=compiled)
 
 
 def _warn_of_defaults(name: str, path: Path, sensor: SensorArtifact) -> None:
@@ -171,10 +165,11 @@ def _warn_of_defaults(name: str, path: Path, sensor: SensorArtifact) -> None:
         )
     if method == "filter" and sensor.tracking is None:
         log.warning(
-            "%s holds no numbers of a filter: the FMU %s runs with those of an average sensor. Identify it with --model "
-            "auto, which measures them.",
+            "%s holds no numbers of a filter: the FMU %s runs with those of an average sensor. Identify it with %s, which "
+            "measures them.",
             path,
             name,
+            option("model", "auto"),
         )
 
 
@@ -194,8 +189,9 @@ def _with_scales(path: Path, scales: tuple[float, ...] | None) -> SensorArtifact
     if artifact.scales is None and artifact != default_artifact():
         msg = (
             f"{path} holds no scales, because its resistance at rest is not positive: FMUs would start at 100 ohm at rest, "
-            "100 ohm more at full scale, and 50 % strain, which are those of no sensor. State its own (--scales): "
-            f"{_SCALES} Or identify it again with its resistance at rest (--rest-resistance)."
+            "100 ohm more at full scale, and 50 % strain, which are those of no sensor. State its own "
+            f"({option('scales')}): {_SCALES} Or identify it again with its resistance at rest "
+            f"({option('rest_resistance')})."
         )
         raise ParameterError(msg)
     return artifact

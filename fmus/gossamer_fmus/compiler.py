@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from gossamer_files.options import option
 from gossamer_models import ParameterError
 from gossamer_models.compiler import compile_shared, kept_library, require_compiler
 
@@ -63,7 +64,7 @@ def choose_platforms(names: Iterable[str], fmi: FmiVersion) -> list[str]:
         if name != "all" and name not in possible:
             msg = f"FMUs of FMI {fmi}.0 cannot be built for {name!r}; choose from {', '.join(possible)} and all."
             if name in PLATFORMS:
-                msg = f"FMUs can be built for {name!r} only with --fmi 3."
+                msg = f"FMUs can be built for {name!r} only with {option('fmi', 3)}."
             raise ParameterError(msg)
     return possible if "all" in names else names
 

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from gossamer_files import digest
 from gossamer_files.charts import Chart, save_charts
+from gossamer_files.options import option
 
 from .arrays import Vector
 from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
@@ -95,8 +96,8 @@ class Identified:
 
 
 def options(settings: type) -> list[Field[Any]]:
-    """Return the fields of a settings class that a user may choose, see ``fitting.options.option``."""
-    return [each for each in fields(settings) if "help" in each.metadata]
+    """Return the fields of a settings class that a user may choose, see ``fitting.options.fit_option``."""
+    return [each for each in fields(settings) if "models" in each.metadata]
 
 
 def models_with(name: str) -> tuple[str, ...]:
@@ -136,9 +137,8 @@ def settings_for(model: str, **chosen: Any) -> Settings:  # noqa: ANN401
     for name in given:
         others = models_with(name)
         if model not in others:
-            advice = f", or choose --model {' or '.join(others)}" if others else ""
-            flag = f"--{name.replace('_', '-')}"
-            msg = f"{model} has no {name.replace('_', ' ')}. Leave {flag} out{advice}."
+            advice = f", or choose {' or '.join(option('model', each) for each in others)}" if others else ""
+            msg = f"{model} has no {name.replace('_', ' ')}. Leave {option(name)} out{advice}."
             raise ParameterError(msg)
     return known[model](**given)
 
@@ -209,7 +209,8 @@ def identify_files(
     rows = training_stretches(records, train)
     scales: tuple[RelativeScale, ...] = ()
     if own_scales and len(records) == 1:
-        msg = "one record has no scale of its own beside others. Name more records, or leave --own-scales out."
+        left = option("own_scales", True)
+        msg = f"one record has no scale of its own beside others. Name more records, or leave {left} out."
         raise ParameterError(msg)
     if own_scales:
         progress("aligning the records")
@@ -230,12 +231,12 @@ def identify_files(
         if fit.full_scale > BEYOND * trained:
             beyond = (
                 f"Strain from {trained:g} to the full scale {fit.full_scale:g} is in no training stretch, and the choice "
-                "cannot judge it. Name --model preisach, which extrapolates better, or train on that range."
+                f"cannot judge it. Name {option('model', 'preisach')}, which extrapolates better, or train on that range."
             )
             doubted = (*doubted, beyond)
         if won.untried:
-            late = f"{won.untried} of {won.untried + len(trials)} settings were not tried in {budget:g} s (--budget)."
-            doubted = (*doubted, late)
+            untried = f"{won.untried} of {won.untried + len(trials)} settings"
+            doubted = (*doubted, f"{untried} were not tried in {budget:g} s ({option('budget')}).")
         stated = _stated(fit)
     elif isinstance(settings, FractionalSettings):
         fit = fit_fractional(records, rows, settings, progress=progress, **given)

@@ -51,6 +51,9 @@ class StepModel:
     restarted : int
         How many of the last states are set to zero when a communication step begins, which may be divided: what is
         counted from there, as for a mean over the step.
+    residual : int or None
+        State that tells, where ``init`` gives others that are not a number, how many times too large the forces are that
+        are left.
     advice : str
         What to check when a result is not finite; ends the error message.
     provenance : dict
@@ -68,6 +71,7 @@ class StepModel:
     step: ca.Function
     step_limit: str | None = None
     restarted: int = 0
+    residual: int | None = None
     advice: str = "Check the parameters and the inputs."
     provenance: dict[str, str] = field(default_factory=dict)
     tables: Tables | None = None
@@ -179,6 +183,7 @@ class StepModel:
             "description": self.description,
             "step_limit": self.step_limit,
             "restarted": self.restarted,
+            "residual": self.residual,
             "advice": self.advice,
             "provenance": self.provenance,
             "sha256": {name: _digest(function.serialize()) for name, function in self._functions.items()},
@@ -236,6 +241,7 @@ class StepModel:
                 step=step,
                 step_limit=card["step_limit"],
                 restarted=card["restarted"],
+                residual=card["residual"],
                 advice=card["advice"],
                 provenance=card["provenance"],
             )

@@ -1,61 +1,174 @@
-"""Damage, how certain it is, and what finds it: twin, detectors, sensors in the right places.
-
-Made by ``docs/make_front_door.py`` from the table of the command line: change the command, then run ``make goldens``.
-"""
+"""The digital twin of a record: the damage of each zone, and how certain it is."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from os import PathLike
-from typing import TYPE_CHECKING
+import json
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .arguments import AnyPath, Elements, File, NamesWithCommas, NotNegative, Values, assigned, command, with_commas
+from .records import beside, file_of, find_record, name_of
+from .results import INVALID, Result, as_png, typed, zone_coordinates
+from .terminal import stderr
+from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
-    from .results.damage import Campaign, DetectorAssessment, SensorPlacement, TrainedDetector, TwinAnswer, Watching
+    import xarray as xr
+    from gossamer_models.twin import Answer, ResponseRecord
+    from rich.table import Table
+
+logger = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class TwinAnswer(Result):
+    """Damage that a simulation fitted to a record shows.
+
+    Attributes
+    ----------
+    path : Path
+        JSON file of the answer.
+    page : Path or None
+        Its page; None if it could not be written.
+    answer : gossamer_models.twin.Answer
+        The whole answer: validity, doubts, and what else was fitted.
+    compared : str
+        A sentence if only the beginning of the record was compared, else empty.
+    """
+
+    path: Path
+    page: Path | None
+    answer: Answer
+    compared: str
+
+    @property
+    def data(self) -> xr.Dataset:
+        """``damage``, ``deviation`` and ``probability`` [1] by ``zone``, with row and column; ``covariance`` [1]."""
+        import numpy as np
+        import xarray as xr
+
+        answer, ratio, n = self.answer, {"units": "1"}, self.answer.damage.size
+        values = {name: ("zone", getattr(answer, name), ratio) for name in ("damage", "deviation", "probability")}
+        return xr.Dataset(
+            values | {"covariance": (("zone", "other_zone"), answer.covariance, ratio)},
+            coords=zone_coordinates(n) | {"other_zone": np.arange(1, n + 1)},
+            attrs={
+                "valid": int(answer.valid),
+                "chi2_per_sample": answer.chi2_per_sample,
+                "chi2_bound": answer.chi2_bound,
+            },
+        )
+
+    def exit_code(self) -> int:
+        """Return the exit code."""
+        return 0 if self.answer.valid else INVALID
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def written(self) -> list[Path]:
+        """Return answer and page."""
+        return [path for path in (self.path, self.page) if path is not None]
+
+    @property
+    def _verdict(self) -> str:
+        found = self.answer
+        verdict = "valid" if found.valid else "NOT valid"
+        return f"{verdict}: chi2 per sample {found.chi2_per_sample:.3f}, bound {found.chi2_bound:.3f}"
+
+    @property
+    def sentence(self) -> str:
+        """Whether the answer is valid."""
+        return f"{self._verdict.capitalize()}."
+
+    def lines(self) -> list[str]:
+        """Return whether the answer is valid, what else was fitted, and which part of the record was compared."""
+        from .pages.twin import nuisance_cells
+
+        others = nuisance_cells(self.answer)
+        fitted = [f"{name}: {text}" for name, text in others if not name.startswith("pressure[")]
+        return [self._verdict, *fitted, *[self.compared] * bool(self.compared)]
+
+    def doubts(self) -> list[str]:
+        """Return reasons for doubt."""
+        return [f"{text[0].upper()}{text[1:]}." for text in self.answer.doubts]
+
+    def more(self) -> list[str]:
+        """Return reasons for doubt, and which part of the record was compared."""
+        return [*self.doubts(), *[self.compared] * bool(self.compared)]
+
+    def picture(self) -> bytes:
+        """Draw the damage of the zones."""
+        from .pages.twin import damage_chart
+
+        return as_png(damage_chart(self.answer.damage, self.answer.deviation))
+
+    def tables(self) -> list[Table]:
+        """Return a row per zone."""
+        from rich.table import Table
+
+        from .pages.twin import zone_cells
+
+        shown = zone_cells(self.answer)
+        table = Table(*shown.head, title=shown.caption)
+        for row, damage in zip(shown.rows, self.answer.damage, strict=True):
+            table.add_row(*row, style="bold" if damage > 0.0 else "dim")
+        return [table]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the answer."""
+        from .pages.twin import NUISANCE_UNITS
+
+        units = dict.fromkeys(("damage", "deviation", "probability", "covariance"), "1") | NUISANCE_UNITS
+        return {"file": self.path, "page": self.page, **self.answer.as_json(), "units": units}
+
+
+@command
 def twin(
-    record: str | PathLike[str],
+    record: AnyPath,
     *,
-    fit: str | Sequence[str] | None = None,
+    fit: NamesWithCommas | None = None,
     kind: str | None = None,
-    noise: float | None = None,
+    noise: NotNegative | None = None,
     stop: float | None = None,
-    set: Mapping[str, object] | Sequence[str] | None = None,
-    sensor: str | PathLike[str] | None = None,
-    elements_per_side: int = 4,
+    set: Values | None = None,
+    sensor: File | None = None,
+    elements_per_side: Elements = 4,
     order: int = 4,
     sparse: bool = True,
-    out: str | PathLike[str] | None = None,
+    out: File | None = None,
 ) -> TwinAnswer:
     """Fit a simulation to a record: the damage of each zone, with its standard deviation.
 
-    The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or
-    resistance[1] to resistance[4]; empty cells are gaps.
+    The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or resistance[1] to
+    resistance[4]; empty cells are gaps. Results of a run bring the parameters of the membrane and of the sensors along.
 
     Parameters
     ----------
-    record : path
+    record
         Results of a run (results.nc, results.csv or their folder), or a CSV file.
-    fit : str, sequence of str or None
-        What is unknown beside damage: offset, gain, amplitude, frequency, phase, damping, modulus, pressure,
-        with commas between, or none. By default offset for strain and none for resistance.
-    kind : str or None
+    fit
+        What is unknown beside damage: offset, gain, amplitude, frequency, phase, damping, modulus, pressure, with commas
+        between, or none. By default offset for strain and none for resistance.
+    kind
         strain or resistance, where the record has both.
-    noise : float or None
+    noise
         Standard deviation of the noise, 1 or ohm; estimated by default.
-    stop : float or None
+    stop
         Use the record up to this time [s] only; it costs less.
-    set : mapping, sequence of str or None
+    set
         A parameter of the membrane; may be repeated.
-    sensor : path or None
+    sensor
         Artifact of the sensors; the shipped one by default.
-    elements_per_side : int, default 4
+    elements_per_side
         Elements along a side of the twin, a multiple of 4.
-    order : int, default 4
+    order
         Their order; 1 for bilinear ones.
-    sparse : bool, default True
+    sparse
         Drop the zones that the record does not need.
-    out : path or None
+    out
         JSON file to write; twin.json beside the record by default.
 
     Returns
@@ -63,282 +176,57 @@ def twin(
     TwinAnswer
         Damage by zone with its deviation, and whether it is valid; displayed in a notebook.
 
-    Raises
-    ------
-    OrchestratorError
-        As the command does; the message says what to do.
-
     Examples
     --------
     >>> gossamer.twin("out/damaged").data["damage"]
+
+    On the command line::
+
+        gossamer run damaged && gossamer twin out/damaged/results.nc
+
+        gossamer twin measured.csv --fit offset,amplitude,frequency,damping --set pressure_amplitude=9500
     """
-    given = vars()
-    from . import table
-    from .work import damage as work
+    from gossamer_files import replacing
+    from gossamer_models.twin import Twin
+    from gossamer_orchestrator.results.files import TWIN
+    from gossamer_orchestrator.run.progress import ProgressBar
 
-    with table.words_of_python("twin"):
-        return work.twin(**table.values("twin", given))
+    from .pages.twin import twin_page
 
-
-def watch(
-    record: str | PathLike[str],
-    *,
-    window: float = 0.05,
-    kind: str | None = None,
-    noise: float | None = None,
-    false_alarms: float = 1e-05,
-    set: Mapping[str, object] | Sequence[str] | None = None,
-    sensor: str | PathLike[str] | None = None,
-    elements_per_side: int = 4,
-    order: int = 4,
-    out: str | PathLike[str] | None = None,
-) -> Watching:
-    """Watch a record as if it arrived live: an alarm when damage begins, then when and where.
-
-    The record begins, undamaged, when the load sets in.
-
-    Parameters
-    ----------
-    record : path
-        Results of a run (results.nc, results.csv or their folder), or a CSV file.
-    window : float, default 0.05
-        Length of a window [s].
-    kind : str or None
-        strain or resistance, where the record has both.
-    noise : float or None
-        Standard deviation of the noise, 1 or ohm; estimated by default.
-    false_alarms : float, default 1e-05
-        Share of the windows that may raise a false alarm.
-    set : mapping, sequence of str or None
-        A parameter of the membrane; may be repeated.
-    sensor : path or None
-        Artifact of the sensors; the shipped one by default.
-    elements_per_side : int, default 4
-        Elements along a side of the twin, a multiple of 4.
-    order : int, default 4
-        Their order; 1 for bilinear ones.
-    out : path or None
-        JSON file to write; watch.json beside the record by default.
-
-    Returns
-    -------
-    Watching
-        Alarms, onsets and damages, and the score of each window; displayed in a notebook.
-
-    Raises
-    ------
-    OrchestratorError
-        As the command does; the message says what to do.
-
-    Examples
-    --------
-    >>> gossamer.watch("out/damage_begins").report.alarms
-    """
-    given = vars()
-    from . import table
-    from .work import damage as work
-
-    with table.words_of_python("watch"):
-        return work.watch(**table.values("watch", given))
+    source, console = Path(record), stderr()
+    path = beside(source, TWIN) if out is None else json_file(out)
+    keep_inputs([file_of(source), sensor], [out, path])
+    with console.status("reading"):
+        found = find_record(source, kind, noise, stop, assigned(set))
+    logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
+    default = "none" if found.record.kind == "resistance" else "offset"
+    names = with_commas(default if fit is None else fit).split(",")
+    with ProgressBar("fitting", console) as bar:
+        bar.update(text="compiling,")
+        answer = Twin(
+            elements_per_side,
+            order,
+            found.params,
+            sensor=found.sensors(sensor),
+            sensor_parameters=found.sensor_parameters,
+            nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
+            sparse=sparse,
+        ).fit(
+            found.record,
+            report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,"),
+        )
+    logger.info("%d simulations for %d values", answer.simulations, answer.samples)
+    with replacing(path) as unfinished:
+        unfinished.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
+    compared = _compared(source, found.record, answer.record, stop)
+    pages = save_page(lambda: twin_page(name_of(source), answer, compared), path.with_suffix(""))
+    return TwinAnswer(path=path, page=next(iter(pages), None), answer=answer, compared=compared)
 
 
-def campaign(
-    campaign: str | PathLike[str],
-    *,
-    out: str | PathLike[str] | None = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
-) -> Campaign:
-    """Simulate the cases of a campaign: random damage, load, material and sensors.
-
-    The same call again goes on after an interruption; the numbers depend on the file alone.
-
-    Parameters
-    ----------
-    campaign : path
-        A campaign file, or the name of a shipped campaign.
-    out : path or None
-        Folder of the store; out/campaigns/NAME.zarr by default.
-    workers : int or None
-        Processes; all cores by default.
-    scheduler : str or None
-        Run on the Dask cluster of this scheduler, tcp://host:8786.
-
-    Returns
-    -------
-    Campaign
-        What was drawn, and the histories; a path of the store; displayed in a notebook.
-
-    Raises
-    ------
-    OrchestratorError
-        As the command does; the message says what to do.
-
-    Examples
-    --------
-    >>> gossamer.train(gossamer.campaign("training"))
-    """
-    given = vars()
-    from . import table
-    from .work import damage as work
-
-    with table.words_of_python("campaign"):
-        return work.campaign(**table.values("campaign", given))
-
-
-def train(
-    source: str | PathLike[str] | None = None,
-    *,
-    kind: str = "neuro-fuzzy",
-    out: str | PathLike[str] | None = None,
-    window: float | None = None,
-    epochs: int | None = None,
-) -> TrainedDetector:
-    """Train a detector on simulated damage.
-
-    Runs the campaign first if that has not been done, which takes many minutes; the training takes some.
-
-    Parameters
-    ----------
-    source : path or None
-        Folder of a campaign that has been run, a campaign file, a scenario with the membrane to train for, or
-        the name of a shipped one; detector_nominal by default. With --kind thesis: single (default),
-        single_noisy, multiple or multiple_noisy.
-    kind : str, default "neuro-fuzzy"
-        neuro-fuzzy: the thesis' network on indices that are trained; perceptron: two hidden layers; thesis: one
-        of its own trainings, on 16 energies.
-    out : path or None
-        File to write, with its arrays beside it; out/detector/NAME.json by default.
-    window : float or None
-        Length of a window [s]; 0.2532 or what the scenario says.
-    epochs : int or None
-        Passes through the cases; 150 by default.
-
-    Returns
-    -------
-    TrainedDetector
-        Artifact, and its errors on cases that were held out; a path of the artifact; displayed in a notebook.
-
-    Raises
-    ------
-    OrchestratorError
-        As the command does; the message says what to do.
-
-    Examples
-    --------
-    >>> gossamer.build("detector", artifact=gossamer.train("my_scenario.toml"))
-    """
-    given = vars()
-    from . import table
-    from .work import damage as work
-
-    with table.words_of_python("train"):
-        return work.train(**table.values("train", given))
-
-
-def assess_detector(
-    *,
-    artifact: str | PathLike[str] | Sequence[str | PathLike[str]] | None = None,
-    twin: bool = False,
-    cases: int = 400,
-    out: str | PathLike[str] = "out/assessment",
-) -> DetectorAssessment:
-    """Judge detectors, and the twin, under many conditions.
-
-    The same call again goes on after an interruption.
-
-    Parameters
-    ----------
-    artifact : path, sequence of path or None
-        Trained detector: its file, or nominal, wide or single_damage; may be repeated. These three by default.
-    twin : bool, default False
-        The digital twin too, on few records: it takes long.
-    cases : int, default 400
-        Records of each condition; a fifth as many sizes of damage in each zone.
-    out : path, default "out/assessment"
-        Folder of results, pictures and simulations.
-
-    Returns
-    -------
-    DetectorAssessment
-        Errors, false calls and probability of detection; a path of the folder; displayed in a notebook.
-
-    Raises
-    ------
-    OrchestratorError
-        As the command does; the message says what to do.
-
-    Examples
-    --------
-    >>> gossamer.assess_detector(artifact="mine.json", cases=100).data["error_damaged"].sel(condition="clean")
-    """
-    given = vars()
-    from . import table
-    from .work import damage as work
-
-    with table.words_of_python("assess_detector"):
-        return work.assess_detector(**table.values("assess_detector", given))
-
-
-def place_sensors(
-    setup: str | PathLike[str] | None = None,
-    *,
-    mesh: str | PathLike[str] | None = None,
-    count: int = 4,
-    noise: float | None = None,
-    set: Mapping[str, object] | Sequence[str] | None = None,
-    stop: float = 0.3,
-    step: float = 0.0003,
-    points: int = 64,
-    gauge_length: float = 0.0,
-    check: int = 0,
-    out: str | PathLike[str] = "out/placement",
-) -> SensorPlacement:
-    """Choose where strain sensors let damage be found best.
-
-    Parameters
-    ----------
-    setup : path or None
-        The setup of a membrane on a mesh; the square membrane of the thesis by default.
-    mesh : path or None
-        Mesh file in place of the setup's own.
-    count : int, default 4
-        Sensors to choose.
-    noise : float or None
-        Standard deviation of the noise of a sample of strain [1]; by default that of the thesis, uniform from 0
-        to 0.02.
-    set : mapping, sequence of str or None
-        A parameter or input of the membrane; may be repeated.
-    stop : float, default 0.3
-        Length of a record from the moment that the load sets in [s].
-    step : float, default 0.0003
-        Time between samples [s].
-    points : int, default 64
-        Most points among the candidates, four directions at each.
-    gauge_length : float, default 0.0
-        Length of the candidates [m]; 0 at the point.
-    check : int, default 0
-        Fit this many simulated noisy records with each placement, as a check.
-    out : path, default "out/placement"
-        Folder to write.
-
-    Returns
-    -------
-    SensorPlacement
-        Smallest damage that is found by zone, and the sensors; displayed in a notebook.
-
-    Raises
-    ------
-    OrchestratorError
-        As the command does; the message says what to do.
-
-    Examples
-    --------
-    >>> gossamer.place_sensors(count=4, check=40).data["a90"]
-    """
-    given = vars()
-    from . import table
-    from .work import damage as work
-
-    with table.words_of_python("place_sensors"):
-        return work.place_sensors(**table.values("place_sensors", given))
+def _compared(path: Path, given: ResponseRecord, used: ResponseRecord, stop: float | None) -> str:
+    """Say which part of a record was compared; nothing if it is all of it."""
+    if used.samples >= given.samples:
+        return ""
+    whole = f"{'a record of' if stop is None else 'the first'} {given.step * given.samples:.3g} s"
+    later = f"For damage that begins later use 'gossamer watch {typed(path)}'."
+    return f"Compared: 0 to {used.step * used.samples:.3g} s of {whole}. {later}"

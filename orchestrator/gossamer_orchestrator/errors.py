@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from gossamer_files.options import option
+
 
 class OrchestratorError(Exception):
     """Root of every error that the orchestrator raises on purpose."""
@@ -67,7 +69,7 @@ def writing(path: Path, kind: type[OrchestratorError] = OrchestratorError) -> It
     try:
         yield
     except OSError as error:
-        msg = f"cannot write {path}: {error.strerror or error}. Name another place with --out."
+        msg = f"cannot write {path}: {error.strerror or error}. Name another place with {option('out')}."
         raise kind(msg) from error
 
 

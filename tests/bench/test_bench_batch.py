@@ -7,14 +7,14 @@ import pytest
 from gossamer_models.batch import Batch
 from gossamer_models.batch.one_by_one import OneByOne
 from gossamer_models.compensator import compensator_model
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import sensor_model
 
 H = 3e-4
 STRAINS = [f"strain[{k}]" for k in range(1, 5)]
 MODELS = {
-    "membrane, bilinear 8 x 8": (lambda: membrane_model(8, 1, compiled=True), STRAINS, None),
-    "membrane": (lambda: membrane_model(compiled=True), STRAINS, None),
+    "membrane, bilinear 8 x 8": (lambda: membrane_model(square_structure(8, 1)), STRAINS, None),
+    "membrane": (lambda: membrane_model(), STRAINS, None),
     "sensor": (sensor_model, ["resistance"], ("strain", 0.02, 0.01)),
     "exact inverse": (compensator_model, ["strain"], ("resistance", 20.0, 1.0)),
     "estimator": (lambda: compensator_model(method="estimator"), ["strain"], ("resistance", 20.0, 1.0)),
@@ -24,7 +24,7 @@ MODELS = {
 @pytest.mark.parametrize("name", MODELS)
 def test_a_case_and_step(name, measured):
     make, results, signal = MODELS[name]
-    model = make() if measured or signal else membrane_model(4, 1, compiled=True)
+    model = make() if measured or signal else membrane_model(square_structure(4, 1))
     begin = time.perf_counter()
     batch = Batch(model, results, [signal[0]] if signal else [])
     made = time.perf_counter() - begin

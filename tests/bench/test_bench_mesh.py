@@ -13,7 +13,7 @@ from gossamer_fmus.build import build_fmu
 from gossamer_fmus.c_code import TABLES_FILE, sources
 from gossamer_fmus.compiler import fmi_headers
 from gossamer_models.compiler import compile_shared
-from gossamer_models.membrane import mesh_membrane_model, square_structure
+from gossamer_models.membrane import membrane_model, square_structure
 
 PAGE = Path(__file__)
 
@@ -38,7 +38,7 @@ def test_step_with_avx2_without_and_on_a_frame_that_flies(step_cost, measured, t
     for n, order in [(8, 1), (4, 4)] if measured else [(4, 1)]:
         structure, costs = square_structure(n, order), {}
         for frame in (False, True):
-            model = mesh_membrane_model(structure, frame=frame, compiled=True)
+            model = membrane_model(structure, frame=frame, compiled=True)
             path = build_fmu(model, tmp_path / f"{n}{order}{frame}", PAGE, native=True)
             unpacked = Path(fmpy.extract(path, str(path.with_suffix(""))))
             costs["flying" if frame else "chosen"] = step_cost(path, unpacked, (n * order) ** 2)
@@ -59,7 +59,7 @@ def test_step_with_avx2_without_and_on_a_frame_that_flies(step_cost, measured, t
 def test_ten_thousand_elements(step_cost, measured, tmp_path):
     for n in (8, 32, 64, 100) if measured else (4,):
         begin = time.perf_counter()
-        model = mesh_membrane_model(square_structure(n, 1), compiled=True)
+        model = membrane_model(square_structure(n, 1), compiled=True)
         path = build_fmu(model, tmp_path / str(n), PAGE, native=True)
         code = sum(len(text) for name, text in sources(model, "", 2).items() if name != TABLES_FILE)
         built, unpacked = time.perf_counter() - begin, fmpy.extract(path, str(tmp_path / f"unpacked{n}"))

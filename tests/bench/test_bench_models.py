@@ -8,8 +8,10 @@ import pytest
 from gossamer_models import Stepper
 from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import posterior_model
-from gossamer_models.membrane import MembraneEquations, MembraneParams, integrate_implicit, membrane_model
+from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
 from gossamer_models.sensor import sensor_model
+from oracles.statics import integrate_implicit
+from studies.square import SquareEquations
 
 H = 3e-4
 
@@ -22,12 +24,12 @@ def running(model, **start):
 
 def test_membrane_step(cost, measured):
     for name, mesh, target in (("order 4", (4, 4), 150), ("bilinear 8 x 8", (8, 1), 50)):
-        membrane = running(membrane_model(*mesh))
+        membrane = running(membrane_model(square_structure(*mesh)))
         h = 0.5 * membrane.get("max_step")
         explicit = cost(membrane.step, h, repeats=100, batches=15)
         print(f"\nmembrane of {name}, one explicit step: {explicit:.0f} us (target {target})")
     begin, steps = time.perf_counter(), 50 if measured else 1
-    integrate_implicit(MembraneEquations(8, 1), MembraneParams(), steps=steps)
+    integrate_implicit(SquareEquations(square_structure(8, 1)), MembraneParams(), steps=steps)
     implicit = 1e6 * (time.perf_counter() - begin) / steps
     print(f"one implicit step of 3e-4 s: {implicit / (2 * explicit):.0f} times the two explicit ones it stands for")
 

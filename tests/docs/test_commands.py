@@ -6,10 +6,10 @@ import re
 import shlex
 from pathlib import Path
 
-import click
+import gossamer
 import pytest
-import typer
-from gossamer_orchestrator.cli import app
+from gossamer.arguments import COMMANDS, declared
+from gossamer.cli import COMMON, parsed
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -111,7 +111,7 @@ def commands(page):
 
 
 ALL = [(page, words) for page in PAGES for words in commands(page)]
-GOSSAMER = typer.main.get_command(app)
+GOSSAMER = {name.replace("_", "-"): function for name, function in COMMANDS.items()}
 
 
 def test_there_are_commands_to_check():
@@ -124,9 +124,8 @@ def test_a_command_of_a_page_is_one_that_the_program_understands(command):
     _, *words = shlex.split(command)
     if words == ["--help"]:
         return
-    name, *arguments = words
-    context = GOSSAMER.commands[name].make_context(name, arguments)  # refuses what it does not know
-    source = context.params.get("scenario") or context.params.get("campaign") or ""
+    _, given, _ = parsed(words)  # refuses what it does not know
+    source = given.get("scenario") or given.get("campaign") or ""
     if source and not source.startswith("docs/"):
         assert source in {*OF_A_READER, *shipped_scenarios(), *shipped_scenarios("campaign")}
 
@@ -150,8 +149,8 @@ def test_every_command_is_run_by_a_test_or_a_list_says_why_not():
 def test_every_command_of_the_program_is_on_a_page():
     shown = {words[1] for _, words in ALL if words[0] == "gossamer"}
     said = {name for page in PAGES for name in re.findall(r"`gossamer ([\w-]+)", text_of(page))}
-    assert set(GOSSAMER.commands) <= shown | said
-    assert set(GOSSAMER.commands) == set(RUN_BY)
+    assert set(GOSSAMER) <= shown | said
+    assert set(GOSSAMER) == set(RUN_BY)
 
 
 def test_commands_within_sentences_have_options_that_exist():
@@ -160,8 +159,10 @@ def test_commands_within_sentences_have_options_that_exist():
             name, *words = command.split()
             if name.startswith("-") or "|" in command:
                 continue
-            known = {flag for each in GOSSAMER.commands[name].get_params(click.Context(GOSSAMER)) for flag in each.opts}
-            known |= {flag for each in GOSSAMER.commands[name].params for flag in each.secondary_opts}
+            names = [each.replace("_", "-") for each in declared(GOSSAMER[name])]
+            known = {f"--{no}{each}" for each in names for no in ("", "no-")} | {
+                f for each in COMMON.values() for f in each[0]
+            }
             for word in words:
                 assert not word.startswith("--") or word in known | {"--help"}, f"{page}: gossamer {command}"
 
@@ -189,10 +190,7 @@ def test_the_campaign_that_a_page_reads_is_read(tmp_path, monkeypatch):
 
 
 def test_the_page_on_python_names_every_function():
-    import gossamer
-    from gossamer.table import commands as table
-
     section = text_of("docs/python.md")
-    functions = {*table(), "load"}
+    functions = {*COMMANDS, "load"}
     assert functions <= set(gossamer.__all__)
     assert functions <= set(re.findall(r"`(\w+)`", section))

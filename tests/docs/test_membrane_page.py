@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gossamer_models.membrane import MembraneEquations, MembraneParams, static_deflection
-from studies.corrected_bilinear import corrected_bilinear, corrected_equations
+from gossamer_models.membrane import MembraneParams, square_structure
+from oracles.statics import static_deflection
+from studies.corrected_bilinear import corrected_bilinear, corrected_structure
 from studies.mesh_error import DAMAGE, H, distance, first_frequency, histories
+from studies.square import SquareEquations
 
 PAGE = (Path(__file__).parents[2] / "docs" / "membrane.md").read_text(encoding="utf-8")
 
@@ -52,10 +54,10 @@ def test_corrected_elements_have_no_dispersion_of_second_order():
 
 
 def corrected_frequency(n):
-    equations, params = corrected_equations(n), MembraneParams()
+    equations, params = SquareEquations(corrected_structure(n)), MembraneParams()
     z = np.arange(2, equations.n_q, 3)
     K = equations.tangent(0.0, 0.0, 0.0, params.vector()).sparse().toarray()[np.ix_(z, z)]
-    M = MembraneEquations(n, 1).consistent_mass(params).toarray()[np.ix_(z, z)]
+    M = SquareEquations(square_structure(n, 1)).consistent_mass(params).toarray()[np.ix_(z, z)]
     m = equations.node_mass(params)[z]
     inverse = 1.5 * np.diag(1.0 / m) - M / np.outer(m, m) / 2.0
     return np.sqrt(np.linalg.eigvals(inverse @ K).real.min()) / (2.0 * np.pi)
@@ -65,5 +67,5 @@ def test_corrected_elements_run_and_are_stable():
     change = corrected_bilinear(4, DAMAGE[:2], 100, H)
     assert change.shape == (2, 4, 100)
     assert 0.05 < np.abs(change).max() < 0.3
-    q = static_deflection(corrected_equations(8), MembraneParams(), 1e4)
+    q = static_deflection(SquareEquations(corrected_structure(8)), MembraneParams(), 1e4)
     assert q.max() == pytest.approx(0.1395, rel=5e-3)

@@ -3,7 +3,7 @@
 import pytest
 from gossamer_models import Stepper
 from gossamer_models.detector import posterior_model
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 
 STEP = 3e-4
 STRAINS = [f"strain[{i}]" for i in range(1, 5)]
@@ -11,7 +11,10 @@ STRAINS = [f"strain[{i}]" for i in range(1, 5)]
 
 def judged(elements, order, damage):
     """Damages [1] of the zones and ``valid`` after the first window."""
-    membrane, detector = Stepper(membrane_model(elements, order), **damage), Stepper(posterior_model())
+    membrane, detector = (
+        Stepper(membrane_model(square_structure(elements, order)), **damage),
+        Stepper(posterior_model()),
+    )
     membrane.initialize()
     for name in STRAINS:
         detector.set(name, membrane.get(name))

@@ -3,14 +3,13 @@
 import dataclasses
 from itertools import pairwise
 
+import make_synthetic_records
 import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
 from gossamer_models.fitting import read_record
-from make_synthetic_records import app
 from scipy.constants import electron_mass, electron_volt, hbar
 from studies.specimen import SpecimenParams, VirtualSpecimen, dataset, random_reversals
-from typer.testing import CliRunner
 
 CYCLE = 200  # samples: 100 s
 RECORDS = [dataset(1), dataset(2), dataset(3)]
@@ -274,11 +273,10 @@ def test_random_reversals_stay_in_range_and_turn_often():
 # Files
 
 
-def test_files_of_the_datasets_say_what_they_are_and_are_recognised_to_the_bit(tmp_path):
-    result = CliRunner().invoke(app, ["--out", str(tmp_path / "new" / "folder")])
-    assert result.exit_code == 0, result.output
+def test_files_of_the_datasets_say_what_they_are_and_are_recognised_to_the_bit(tmp_path, capsys):
+    make_synthetic_records.main(["--out", str(tmp_path / "new" / "folder")])
     paths = sorted((tmp_path / "new" / "folder").iterdir())
-    assert result.stdout.split() == [str(path) for path in paths]
+    assert capsys.readouterr().out.split() == [str(path) for path in paths]
     for path, wanted in zip(paths, RECORDS, strict=True):
         assert path.name.startswith("synthetic_")
         assert "SYNTHETIC" in path.read_text().splitlines()[0]
@@ -290,9 +288,8 @@ def test_files_of_the_datasets_say_what_they_are_and_are_recognised_to_the_bit(t
 
 def test_a_folder_that_cannot_be_made_is_said_in_one_message(tmp_path):
     (tmp_path / "taken").write_text("")
-    result = CliRunner().invoke(app, ["--out", str(tmp_path / "taken")])
-    assert result.exit_code == 1
-    assert "Name another folder" in result.output
+    with pytest.raises(SystemExit, match="Name another folder"):
+        make_synthetic_records.main(["--out", str(tmp_path / "taken")])
 
 
 # Refusals

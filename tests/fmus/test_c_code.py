@@ -10,12 +10,15 @@ from gossamer_fmus.c_code import sources, with_guid
 from gossamer_fmus.catalogue import MODELS
 from gossamer_fmus.compiler import choose_platforms, fmi_headers, universal
 from gossamer_models import ParameterError, Stepper
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 
 
 def test_the_membranes_two_forms_give_the_same_bits():
     """One is a loop over elements, which compiles well; the other columns, which suit the virtual machine."""
-    both = [Stepper(membrane_model(4, compiled=compiled), pressure_amplitude=2e4) for compiled in (False, True)]
+    both = [
+        Stepper(membrane_model(square_structure(4), compiled=compiled), pressure_amplitude=2e4)
+        for compiled in (False, True)
+    ]
     for stepper in both:
         stepper.set("damage[6]", 0.3)
         stepper.initialize()

@@ -21,7 +21,7 @@ from gossamer_models.membrane import (
     Support,
     Zone,
     make_structure,
-    mesh_membrane_model,
+    membrane_model,
     surface_mesh,
 )
 from oracles.meshes import disc, meshed
@@ -54,7 +54,7 @@ def native(once):
     import fmpy
 
     def fill(folder):
-        model = mesh_membrane_model(drum(3), compiled=True)
+        model = membrane_model(drum(3), compiled=True)
         fmpy.extract(build_fmu(model, folder, Path(__file__), native=True), str(folder / "unpacked"))
 
     return once("native_drum", fill)
@@ -105,9 +105,9 @@ def test_as_c_it_gives_the_numbers_of_the_virtual_machine(order, kind, cells, se
     import fmpy
 
     structure, gas = drum(cells, order, kind, setup), setup.gas is not None
-    fmu = build_fmu(mesh_membrane_model(structure, compiled=True), tmp_path, Path(__file__), native=True)
+    fmu = build_fmu(membrane_model(structure, compiled=True), tmp_path, Path(__file__), native=True)
     instance = Instance(fmu, fmpy.extract(fmu, str(tmp_path / "unpacked")))
-    wanted = excited(Python(mesh_membrane_model(structure)), gas=gas)
+    wanted = excited(Python(membrane_model(structure)), gas=gas)
     assert np.allclose(excited(instance, gas=gas), wanted, rtol=1e-9, atol=1e-13)
     assert np.ptp(wanted[:, 0]) > 1e-4  # it moves
     instance.slave.freeInstance()
@@ -119,7 +119,7 @@ def test_the_baseline_and_avx2_give_the_same_bits(order, tmp_path):
     pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
     import fmpy
 
-    model = mesh_membrane_model(drum(2, order, "quad9" if order == 3 else "triangle"), compiled=True)
+    model = membrane_model(drum(2, order, "quad9" if order == 3 else "triangle"), compiled=True)
     fmu = build_fmu(model, tmp_path, Path(__file__), native=True)
     chosen = Path(fmpy.extract(fmu, str(tmp_path / "chosen")))
     baseline = shutil.copytree(chosen, tmp_path / "baseline")
@@ -176,7 +176,7 @@ def test_a_mesh_that_is_missing_or_damaged_is_refused_by_name(native, tmp_path, 
 
 def test_the_code_does_not_grow_with_the_mesh():
     """All that grows is a file of numbers: 10,000 elements are asked for in 200 KB of C."""
-    small, large = (mesh_membrane_model(drum(cells), compiled=True) for cells in (2, 44))
+    small, large = (membrane_model(drum(cells), compiled=True) for cells in (2, 44))
     sizes = [
         sum(len(text) for name, text in sources(model, "", 2).items() if name != TABLES_FILE)
         for model in (small, large)
@@ -186,6 +186,6 @@ def test_the_code_does_not_grow_with_the_mesh():
 
 
 def test_the_same_mesh_gives_the_same_bytes():
-    one, two = (mesh_membrane_model(drum(2), compiled=True) for _ in range(2))
+    one, two = (membrane_model(drum(2), compiled=True) for _ in range(2))
     assert one.tables.content() == two.tables.content()
     assert one.digest == two.digest

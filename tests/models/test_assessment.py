@@ -182,7 +182,7 @@ def test_the_judge_of_a_detector_says_what_the_detector_says():
 def test_of_a_network_the_last_window_with_a_valid_answer_counts():
     judge = read_judge(Path("nominal"))
     trained = judge.artifact
-    model = membrane_model(compiled=True)
+    model = membrane_model()
     batch = Batch(model, model.elements("strain"))
     first = round(trained.start_time / trained.sampling_step)
     end = first + 2 * trained.samples

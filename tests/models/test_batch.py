@@ -15,7 +15,7 @@ from gossamer_models import GossamerError, InputError, ParameterError, StateErro
 from gossamer_models.batch import Batch
 from gossamer_models.batch import batch as batch_module
 from gossamer_models.compensator import compensator_model
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import sensor_model
 from gossamer_models.variables import input_, local, output, parameter
 from hypothesis import given, settings
@@ -98,7 +98,7 @@ def random_walk(rng, steps, size):
 
 
 def membrane_case(rng):
-    model = membrane_model(4)
+    model = membrane_model(square_structure(4))
     start = {
         "damage": rng.uniform(0.0, 0.5, (CASES, 16)) * (rng.random((CASES, 16)) < 0.3),
         "mass_damping": rng.uniform(0.0, 5.0, CASES),

@@ -33,7 +33,7 @@ from gossamer_models.campaign.chunk import build_kernels, run_chunk
 from gossamer_models.campaign.run import ChunkTask, write_chunk
 from gossamer_models.campaign.store import SCHEMA, VERSION
 from gossamer_models.compensator import compensator_model
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import sensor_model
 
 zarr = pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
@@ -112,7 +112,7 @@ def content(path):
 def test_a_stored_history_is_that_of_the_stepper(whole):
     data = read_campaign(whole).isel(case=[0, 17, 159])
     assert data["case"].to_numpy().tolist() == [0, 17, 159]
-    model = membrane_model(4, 1)
+    model = membrane_model(square_structure(4, 1))
     names = [f"strain[{i}]" for i in range(1, 5)]
     for number in data["case"]:
         case = data.sel(case=number)

@@ -172,7 +172,7 @@ def test_the_shipped_artifact_comes_from_this_membrane_and_this_training():
 def test_damage_that_begins_later_is_found_once_a_window_has_passed(model):
     """Undamaged for three windows, then 40 % in zone 6; estimated by the networks of the periodic response."""
     damage = np.repeat([0.0, 0.4], 3 * SAMPLES)
-    membrane = Batch(membrane_model(compiled=True), STRAINS, ["damage[6]"])
+    membrane = Batch(membrane_model(), STRAINS, ["damage[6]"])
     strains = membrane.run(damage.size, STEP, inputs={"damage[6]": damage}).results
     judge = DetectorJudge(model)
     assert 100 * judge(strains[:, :, : 3 * SAMPLES], STEP).damage[0] == pytest.approx(np.zeros(16), abs=1.0)

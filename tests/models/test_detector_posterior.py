@@ -40,7 +40,7 @@ def model(artifact):
 
 @pytest.fixture(scope="module")
 def membrane():
-    return Batch(membrane_model(compiled=True), STRAINS, [f"damage[{z}]" for z in range(1, 17)])
+    return Batch(membrane_model(), STRAINS, [f"damage[{z}]" for z in range(1, 17)])
 
 
 def random_damage(cases, seed):

@@ -5,7 +5,7 @@ import pytest
 from flight import get, matrix, put
 from gossamer_models import Stepper
 from gossamer_models.hub import hub_model
-from gossamer_models.membrane import MembraneParams, membrane_model
+from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
 from oracles.membrane import energy_function, equations
 
 H = 3e-4
@@ -19,7 +19,10 @@ def reaction(membrane):
 def fly(mass, inertia, seconds, *, extrapolation):
     """Let go of the membrane on a free hub; returns totals, one row per step, and the membrane's own peaks."""
     membrane = Stepper(
-        membrane_model(4, 1, frame=True), mass_damping=0.0, pressure_amplitude=0.0, enclosed_pressure=1.0
+        membrane_model(square_structure(4, 1), frame=True),
+        mass_damping=0.0,
+        pressure_amplitude=0.0,
+        enclosed_pressure=1.0,
     )
     hub = Stepper(hub_model(), mass=mass, extrapolation=extrapolation)
     put(membrane, "mount_position", (0.5, 0.1, 0.2))

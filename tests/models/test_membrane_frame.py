@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flight import get, matrix, put
 from gossamer_models import ConvergenceError, Stepper
-from gossamer_models.membrane import MembraneParams, membrane_model
+from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
 from oracles.membrane import energy_function, equations, membrane, started
 from scipy.integrate import solve_ivp
 
@@ -17,7 +17,7 @@ RATE, FREQUENCY, SHAKE = 3.0, 40.0, np.array([20.0, -10.0, 60.0])  # rad/s, rad/
 
 @pytest.fixture(scope="module")
 def model():
-    return membrane_model(4, 1, frame=True)
+    return membrane_model(square_structure(4, 1), frame=True)
 
 
 def rate(t):

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from gossamer_models import ParameterError, Stepper
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.membrane.law import LAWS, hencky, matrix, neo_hookean, relaxed, st_venant_kirchhoff
 from hypothesis import given
 from hypothesis import strategies as st
@@ -93,13 +93,13 @@ def test_a_slack_membrane_carries_nothing(e1, e2, angle):
     assert stress(relaxed, strained(e1, e2, angle)[0]) == pytest.approx(np.zeros((2, 2)), abs=1e-9 * E)
 
 
-@pytest.mark.parametrize("law", LAWS.values())
+@pytest.mark.parametrize("law", [law.stress for law in LAWS.values()])
 def test_every_law_is_hookes_at_small_tension(law):
     e, _ = strained(2e-6, 1e-6, 0.3)
     assert stress(law, e) == pytest.approx(stress(st_venant_kirchhoff, e), rel=1e-5)
 
 
-@pytest.mark.parametrize("law", LAWS.values())
+@pytest.mark.parametrize("law", [law.stress for law in LAWS.values()])
 def test_the_tangent_of_every_law_is_that_of_hooke_where_both_principal_strains_are_equal(law):
     e = ca.SX.sym("e", 3)
     S = law(matrix([[e[0], e[2]], [e[2], e[1]]]), D, NU)
@@ -111,7 +111,7 @@ def test_the_tangent_of_every_law_is_that_of_hooke_where_both_principal_strains_
 def test_the_prestressed_membrane_finds_its_equilibrium_with_every_law_and_softens_by_henckys():
     deflections = {}
     for law in LAWS:
-        stepper = Stepper(membrane_model(4, 2, law))
+        stepper = Stepper(membrane_model(square_structure(4, 2, law)))
         stepper.set("damage[6]", 0.4)
         stepper.initialize()
         for _ in range(100):
@@ -123,4 +123,4 @@ def test_the_prestressed_membrane_finds_its_equilibrium_with_every_law_and_softe
 
 def test_an_unknown_law_is_refused_by_name():
     with pytest.raises(ParameterError, match=r"no law .neo-hookean.*hencky"):
-        membrane_model(4, 2, "neo-hookean")
+        membrane_model(square_structure(4, 2, "neo-hookean"))

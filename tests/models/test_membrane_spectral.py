@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 from gossamer_models import ParameterError, simulate
-from gossamer_models.membrane import MembraneParams, integrate_implicit, square_mesh, static_deflection
-from gossamer_models.membrane.params import stretch
-from gossamer_models.membrane.quadrature import derivative_matrix, gauss_points, lobatto_points, value_matrix
+from gossamer_models.membrane import MembraneEquations, MembraneParams, square_structure
+from gossamer_models.membrane.element import derivative_matrix, gauss_points, lobatto_points, value_matrix
+from gossamer_models.membrane.gauges import gauge, place_matrix
+from gossamer_models.membrane.square import stretch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.membrane import LOBATTO, equations, membrane, motion, started, vectors
 from oracles.modal import natural_frequencies
+from oracles.statics import integrate_implicit, static_deflection
 
 STRAINS = [f"strain[{k}]" for k in range(1, 5)]
 UNDAMPED = MembraneParams(mass_damping=0.0)
@@ -63,12 +65,13 @@ def test_interpolation_of_a_polynomial_and_its_slope_is_exact(order, seed):
 @settings(max_examples=20, deadline=None)
 @given(x=st.floats(0.0, 1.0), y=st.floats(0.0, 1.0), order=st.sampled_from([1, 3, 4]))
 def test_a_field_of_the_order_of_the_elements_is_read_exactly_anywhere(x, y, order):
-    mesh = square_mesh(4, order)
-    field = (mesh.nodes[:, 0] - 0.3) ** order * (mesh.nodes[:, 1] + 0.2) ** order
-    value, along_x, along_y = (float(mesh.interpolation([(x, y)], along) @ field) for along in ("", "x", "y"))
+    mesh = square_structure(4, order, params=MembraneParams(side_length=1.0)).mesh
+    field, at = (mesh.nodes[:, 0] - 0.3) ** order * (mesh.nodes[:, 1] + 0.2) ** order, np.array([x, y, 0.0])
+    (value,) = place_matrix(mesh, [at]) @ field
+    along_x, along_y = ((gauge(mesh, at, axis, 0.0).lines @ field)[0] for axis in np.eye(3)[:2])
     assert value == pytest.approx((x - 0.3) ** order * (y + 0.2) ** order, abs=1e-14)
-    assert 4 * along_x == pytest.approx(order * (x - 0.3) ** (order - 1) * (y + 0.2) ** order, abs=1e-12)
-    assert 4 * along_y == pytest.approx(order * (x - 0.3) ** order * (y + 0.2) ** (order - 1), abs=1e-12)
+    assert along_x == pytest.approx(order * (x - 0.3) ** (order - 1) * (y + 0.2) ** order, abs=1e-12)
+    assert along_y == pytest.approx(order * (x - 0.3) ** order * (y + 0.2) ** (order - 1), abs=1e-12)
 
 
 def test_the_mass_is_diagonal_by_itself():
@@ -76,7 +79,7 @@ def test_the_mass_is_diagonal_by_itself():
     consistent, lumped = mesh.consistent_mass(params), mesh.lumped_mass(params)
     assert abs(consistent - lumped).max() < 1e-15 * lumped.max()
     whole = 1100.0 * 0.001 * 0.588**2
-    assert square_mesh(4, 4).nodes.shape == (289, 2)
+    assert square_structure().mesh.nodes.shape == (289, 3)
     assert lumped.diagonal()[::3].sum() < whole  # the rest is on the edges
     assert lumped.diagonal()[::3].sum() == pytest.approx(whole * (1.0 - 2.0 * 0.1 / 8.0) ** 2, rel=1e-12)
 
@@ -117,17 +120,19 @@ def test_max_step_stays_below_the_true_limit_of_every_order(order):
 
 @pytest.mark.parametrize("order", [1, 4])
 def test_the_form_for_compilation_gives_the_same_numbers(order):
-    columns, points = equations(4, order), equations(4, order, compiled=True)
+    """Its loop by hand: one element's function, and the sum at its nodes."""
+    columns = equations(4, order)
     rng = np.random.default_rng(0)
     q, damage, p = 0.005 * rng.standard_normal(columns.n_q), rng.uniform(0.0, 0.9, 16), MembraneParams().vector()
-    f, same = (np.asarray(form.force(q, damage, 1e4, p)) for form in (columns, points))
-    np.testing.assert_allclose(f, same, rtol=0.0, atol=1e-13 * np.abs(f).max())
-    u, p = vectors(membrane(4, order), pressure=300.0, **{"damage[3]": 0.4})
-    for a, b in zip(
-        *(m.step(m.init(u, p)[0], u, p, 1e-4) for m in (membrane(4, order), membrane(4, order, compiled=True))),
-        strict=True,
-    ):
-        np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=1e-11, atol=1e-13)
+    f, side = np.asarray(columns.force(q, damage, 1e4, p)).ravel(), 0.588 / 4
+    (loop,) = MembraneEquations(columns.structure, compiled=True).tables.loops
+    x = (columns.places(q) - [0.294, 0.294, 0.0])[columns.structure.order] / side
+    same = np.zeros_like(x)
+    for nodes, shared, own in zip(loop.nodes, loop.shared, loop.own, strict=True):
+        D = 1e7 * 1e-3 * (1.0 - [*damage, 0.0][columns.structure.zone[shared]]) / (1.0 - 0.33**2)
+        each, *_ = loop.function(x[nodes].T.ravel(), [D, 1e4 * side, 0.33], own)
+        same[nodes] += side * np.asarray(each).reshape(3, -1).T
+    np.testing.assert_allclose(f, same.ravel()[: columns.n_q], rtol=0.0, atol=1e-13 * np.abs(f).max())
 
 
 def test_the_prestress_is_found_for_any_damage(model):
@@ -184,4 +189,4 @@ def test_the_default_history_is_close_to_one_of_higher_order(model):
 @pytest.mark.parametrize("order", [0, 13, -1, 2.0, True, "4"])
 def test_an_order_that_there_is_not_is_refused(order):
     with pytest.raises(ParameterError, match="1 for bilinear elements, or 2 to 12"):
-        square_mesh(4, order)
+        square_structure(4, order)

@@ -4,9 +4,10 @@ import casadi as ca
 import numpy as np
 import pytest
 from gossamer_models import InputError, simulate
-from gossamer_models.membrane import MembraneParams, integrate_implicit, static_deflection
+from gossamer_models.membrane import MembraneParams
 from oracles.membrane import energy_function, equations, membrane, motion, started, vectors
 from oracles.modal import natural_frequencies
+from oracles.statics import integrate_implicit, static_deflection
 
 CENTRE = 3 * equations(8).mesh.centre + 2
 

@@ -13,7 +13,7 @@ from gossamer_models.membrane import (
     Support,
     make_structure,
     membrane_model,
-    mesh_membrane_model,
+    square_structure,
     surface_mesh,
 )
 from gossamer_models.mistakes import DescriptionError
@@ -32,12 +32,12 @@ SETUP = Setup(
 
 def flown(setup=SETUP):
     file = meshed([rectangle(SIDE, SIDE)], 8, points=RIM | {"left": lambda x, y, z: x < 1e-9})
-    return mesh_membrane_model(make_structure(setup, surface_mesh(file)), frame=True)
+    return membrane_model(make_structure(setup, surface_mesh(file)), frame=True)
 
 
 def test_it_is_the_square_membrane_on_its_frame():
     """The origin of the mesh is its corner, that of the square membrane its centre."""
-    square, mesh = Stepper(membrane_model(8, 1, frame=True)), Stepper(flown())
+    square, mesh = Stepper(membrane_model(square_structure(8, 1), frame=True)), Stepper(flown())
     for model, corner in ((square, 0.0), (mesh, SIDE / 2)):
         model.set("pressure_amplitude", 1e4)
         model.set("enclosed_pressure", 0.3)

@@ -120,7 +120,7 @@ def test_histories_are_those_of_the_membrane_of_the_twin(square):
     damage[1, [2, 9]] = 0.2, 0.4
     simulation = GaugeSimulation(square, LOAD, STEP, 100)
     x = np.hstack([damage, np.zeros((2, 2))])
-    model = membrane_model(ELEMENTS, ORDER, compiled=True)
+    model = membrane_model(square_structure(ELEMENTS, ORDER))
     twin = Forward(model, MembraneParams()).strain(damage, {}, None, 100, STEP)
     np.testing.assert_allclose(simulation.histories(x, own_gauges(square)), twin, atol=1e-9)
     assert simulation.nuisances == ("amplitude", "damping")

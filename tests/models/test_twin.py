@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer_models import ArtifactError, DataError, ParameterError
-from gossamer_models.membrane import MembraneParams, membrane_model
+from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import ResponseRecord, Twin, make_record, read_table
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
@@ -27,7 +27,7 @@ NOISE = 0.02 / np.sqrt(12.0)  # of the thesis' U(0, 0.02)
 
 @pytest.fixture(scope="module")
 def forward():
-    return Forward(membrane_model(*MESH, compiled=True), MembraneParams(), default_artifact())
+    return Forward(membrane_model(square_structure(*MESH)), MembraneParams(), default_artifact())
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
 from gossamer_models.batch import Batch
-from gossamer_models.membrane import MembraneParams, membrane_model
+from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
 from gossamer_models.sensor import default_artifact, sensor_model
 from gossamer_models.twin.onset import JudgedWindow, OnsetProblem
 from gossamer_models.twin.simulation import Forward
@@ -21,7 +21,7 @@ DAMAGES = [f"damage[{k}]" for k in range(1, 17)]
 @cache
 def strains(onset, zone, depth):
     """Strain of the four sensors, damage beginning at an onset [s]."""
-    batch = Batch(membrane_model(*MESH, compiled=True), [f"strain[{k}]" for k in range(1, 5)], [DAMAGES[zone - 1]])
+    batch = Batch(membrane_model(square_structure(*MESH)), [f"strain[{k}]" for k in range(1, 5)], [DAMAGES[zone - 1]])
     time = STEP * np.arange(1, SAMPLES * WINDOWS + 1)
     history = depth * np.clip((time - onset) / STEP, 0.0, 1.0)
     return batch.run(time.size, STEP, inputs={DAMAGES[zone - 1]: history}).results[0]
@@ -78,7 +78,7 @@ def test_readings_may_be_resistances():
 
 def test_windows_before_the_onset_are_not_simulated_again_and_the_readings_are_the_same():
     forward, sigma, healthy = (
-        Forward(membrane_model(*MESH, compiled=True), MembraneParams()),
+        Forward(membrane_model(square_structure(*MESH)), MembraneParams()),
         np.full(4, NOISE),
         np.zeros(16),
     )

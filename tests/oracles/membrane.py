@@ -12,8 +12,9 @@ from functools import cache
 import casadi as ca
 import numpy as np
 from gossamer_models import Stepper
-from gossamer_models.membrane import MembraneEquations, membrane_model
-from gossamer_models.membrane.params import stretch
+from gossamer_models.membrane import membrane_model, square_structure
+from gossamer_models.membrane.square import stretch
+from studies.square import SquareEquations
 
 LOBATTO = {
     2: ([-1.0, 0.0, 1.0], [1 / 3, 4 / 3, 1 / 3]),
@@ -23,13 +24,13 @@ LOBATTO = {
 
 
 @cache
-def membrane(elements_per_side, order=1, *, compiled=False):
-    return membrane_model(elements_per_side, order, compiled=compiled)
+def membrane(elements_per_side, order=1):
+    return membrane_model(square_structure(elements_per_side, order))
 
 
 @cache
-def equations(elements_per_side, order=1, *, compiled=False):
-    return MembraneEquations(elements_per_side, order, compiled=compiled)
+def equations(elements_per_side, order=1):
+    return SquareEquations(square_structure(elements_per_side, order))
 
 
 def started(model, damage=None, **start):

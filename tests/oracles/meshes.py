@@ -2,7 +2,7 @@
 
 import numpy as np
 from gossamer_models import Stepper
-from gossamer_models.membrane import MeshFile, Setup, make_structure, mesh_membrane_model, surface_mesh
+from gossamer_models.membrane import MeshFile, Setup, make_structure, membrane_model, surface_mesh
 
 # of the 3 x 3 nodes of a cell, row by row: corners counter-clockwise, middles of the sides, middle
 _NINE = [(0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0), (1, 1)]
@@ -101,7 +101,9 @@ def started(file, warn=None, **setup):
     """Return the structure and the running model of a setup on a mesh, in equilibrium; its displacements beside."""
     setup = Setup(**setup)
     structure = make_structure(setup, surface_mesh(file, setup.order))
-    model = Stepper(mesh_membrane_model(structure))
+    model = Stepper(membrane_model(structure))
     model.warn = (lambda text: None) if warn is None else warn
     model.initialize()
-    return structure, model, (model.x[: structure.free.size] + structure.ways.sum(axis=0)).reshape(-1, 3)
+    away = structure.ways.sum(axis=0).reshape(-1, 3)
+    away[structure.moving] += model.x[: 3 * len(structure.moving)].reshape(-1, 3)
+    return structure, model, away

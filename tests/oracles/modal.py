@@ -8,25 +8,25 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse.linalg
 from gossamer_models import ParameterError
-from gossamer_models.membrane import MembraneEquations, MembraneParams
-from gossamer_models.membrane.implicit import Mass
+from gossamer_models.membrane import MembraneParams
 from numpy.typing import ArrayLike, NDArray
+from studies.square import SquareEquations
 
 
 def natural_frequencies(
-    equations: MembraneEquations,
+    equations: SquareEquations,
     params: MembraneParams,
     q: ArrayLike = 0.0,
     damage: ArrayLike = 0.0,
     count: int = 6,
-    mass: Mass = "lumped",
+    mass: str = "lumped",
     highest: bool = False,
 ) -> NDArray[np.float64]:
     r"""Solve :math:`K \varphi = \omega^2 M \varphi` for the lowest or highest undamped frequencies without pressure.
 
     Parameters
     ----------
-    equations : MembraneEquations
+    equations : SquareEquations
         The mesh and its forces.
     params : MembraneParams
         The membrane.

@@ -5,43 +5,17 @@ Symbols: ``F`` deformation gradient, shape (3, 2) for each state.
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
-from gossamer_models.membrane import MembraneEquations, MembraneParams
-from gossamer_models.membrane.params import PARAMETERS
-from gossamer_models.membrane.strain import deformation_gradient_expression
-from gossamer_models.variables import by_name
+from gossamer_models.membrane.gauges import gauge
 from numpy.typing import NDArray
 
 
-def deformation_gradients(
-    equations: MembraneEquations,
-    params: MembraneParams,
-    q: NDArray[np.float64],
-    point: tuple[float, float],
-) -> NDArray[np.float64]:
-    """Evaluate the deformation gradient [1] at a material point for many displacements.
-
-    Parameters
-    ----------
-    equations : MembraneEquations
-        The mesh.
-    params : MembraneParams
-        The membrane.
-    q : ndarray, shape (n, n_q)
-        Displacements [m] of the interior nodes from the homogeneous stretch.
-    point : tuple of float
-        Fractions [1] of the side along x and y.
-
-    Returns
-    -------
-    ndarray, shape (n, 3, 2)
-    """
-    motion, p = ca.MX.sym("q", equations.n_q), ca.MX.sym("p", len(PARAMETERS))
-    x = equations.positions(motion, by_name(PARAMETERS, p))
-    F = ca.Function("F", [motion, p], [ca.vec(deformation_gradient_expression(equations.mesh, x, point))])
-    columns = np.asarray(F(q.T, params.vector()))
-    return np.ascontiguousarray(columns.T.reshape(-1, 2, 3).swapaxes(1, 2))
+def deformation_gradients(equations, q, point):
+    """Evaluate the deformation gradient [1], shape (n, 3, 2), at fractions [1] of the side, for n displacements [m]."""
+    mesh = equations.structure.mesh
+    at = mesh.size * np.array([*point, 0.0])
+    lines = np.concatenate([gauge(mesh, at, axis, 0.0).lines.toarray() for axis in np.eye(3)[:2]])
+    return np.stack([(lines @ equations.places(each)).T for each in q])
 
 
 def nominal_strain(F: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from gossamer_models.membrane import (
     Support,
     Zone,
     make_structure,
-    mesh_membrane_model,
+    membrane_model,
     surface_mesh,
 )
 
@@ -51,4 +51,4 @@ def sail(order: int = 1, squares_left: int = 4, expose: bool = False, **more) ->
 
 def sail_model(**options) -> StepModel:
     """Return its step model."""
-    return mesh_membrane_model(sail(**options))
+    return membrane_model(sail(**options))

@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
+from gossamer.records import find_record
 from gossamer_models import DataError
 from gossamer_models.identify import identify_files
 from gossamer_models.review import judge_files
 from gossamer_models.sensor.artifact import DEFAULT_PATH
 from gossamer_orchestrator import ScenarioError, load_scenario, make_plan
-from gossamer_orchestrator.cli.twin_record import find_record
 
 T = 0.01 * np.arange(101)
 STRAIN = 0.05 * np.abs(np.sin(20.0 * T))

@@ -14,7 +14,7 @@ from gossamer_models.arrays import Matrix, Vector
 from gossamer_models.batch import Batch
 from gossamer_models.fitting import Record
 from gossamer_models.membrane import MembraneParams, membrane_model
-from gossamer_models.membrane.params import stretch
+from gossamer_models.membrane.square import stretch
 from gossamer_models.sensor import SensorArtifact
 from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
 
@@ -46,7 +46,7 @@ def calibrated_sensor() -> tuple[SensorArtifact, float]:
         Its error on the next 0.3 s [% of range].
     """
     load = {"pressure_amplitude": 1.1 * MembraneParams().pressure_amplitude}
-    strain = Batch(membrane_model(compiled=True), ("strain[1]",)).run(STEPS, STEP, load).results[0, 0]
+    strain = Batch(membrane_model(), ("strain[1]",)).run(STEPS, STEP, load).results[0, 0]
     (time, whole), resistance = _mounted(strain, STEP), _resistance(strain, STEP)
     resistance = resistance + NOISE * np.ptp(resistance) * np.random.default_rng(5).standard_normal(resistance.size)
     lines = np.arange(time.size, dtype=int) + 2

@@ -10,6 +10,8 @@ import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from gossamer_files.options import option
+
 from .. import DataError
 from .text import MISSING, bare, is_number, units_only
 from .units import LENGTH, SI, STRAIN, factor
@@ -59,13 +61,13 @@ class Wanted:
 
     def name_one(self) -> str:
         """Return what to do about columns that are not recognised."""
-        return f"Name one (--{self.what})" if self.options else f"Call one {self.what}, and no other"
+        return f"Name one ({option(self.what)})" if self.options else f"Call one {self.what}, and no other"
 
     def state_unit(self, text: str = "") -> str:
         """Return what to do about a unit that it cannot have: of strain, a length is divided by another one first."""
         if self.what == "strain" and LENGTH.fullmatch(text.strip()):
             return "That is a displacement: divide it by the gauge length first, and write the ratio"
-        where = f"(--{self.what}-unit)" if self.options else "in brackets after the column's name"
+        where = f"({option(f'{self.what}_unit')})" if self.options else "in brackets after the column's name"
         return f"State the unit {where}: {UNITS[self.what]}"
 
 
@@ -152,7 +154,7 @@ def find_column(path: Path, header: list[str], line: int, wanted: Wanted) -> Col
         raise DataError(msg)
     if not places:
         which = "no column is recognised as" if wanted.name is None else f"no column {wanted.name!r} for"
-        step = " or give the sampling step (--sampling-step)" if what == "time" and wanted.options else ""
+        step = f" or give the sampling step ({option('sampling_step')})" if what == "time" and wanted.options else ""
         msg = f"{path}, line {line}: {which} {what} among {listed(header)}. {wanted.name_one()}{step}."
         raise DataError(msg)
     place = places[0]

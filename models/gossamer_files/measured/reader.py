@@ -180,8 +180,8 @@ def read_columns(
     path : Path
         Comma, semicolon, tab or space separated.
     choose : callable
-        Returns the columns that are wanted by the cells and the number of a line; raises ``DataError`` if they are not the
-        header.
+        Returns the columns that are wanted, one of text last, by the cells and the number of a line; raises ``DataError`` if
+        they are not the header.
     unreadable : {"kept", "gap", "refused"}
         Cells without a finite number are kept as not a number; or only empty ones and words for a missing value are; or
         none is.
@@ -196,9 +196,12 @@ def read_columns(
     try:
         table = open_table(path, choose)
         columns = choose(table.header, table.header_line)
-        plain = all(c.what != "text" for c in columns)  # a text may be the name of a unit
-        width = len(table.header)
-        values = [array("d") for _ in columns]
+        width, text = len(table.header), next((c.place for c in columns if c.what == "text"), None)
+        read = [
+            (c, array("d"), numbers.read_time if c.what == "time" else numbers.read)
+            for c in columns
+            if c.what != "text"
+        ]
         with path.open(encoding=table.encoding, newline="") as file:
             for k, (line, row) in enumerate(rows_of(table, file)):
                 if any(cell.strip() for cell in row[width:]):
@@ -207,21 +210,23 @@ def read_columns(
                         "between cells with decimal commas, and a name for every column."
                     )
                     raise DataError(msg)
-                if k == 0 and plain and (with_units := read_units(path, line, row, columns)) is not None:
+                # a text may be the name of a unit
+                if k == 0 and text is None and (with_units := read_units(path, line, row, columns)) is not None:
                     columns = with_units
                     continue
                 lines.append(line)
-                for column, c in zip(values, columns, strict=True):
-                    cell = row[c.place] if c.place < len(row) else ""
-                    if c.what == "text":
-                        texts.append(cell.strip())
-                        continue
-                    value = numbers.read_time(cell, line) if c.what == "time" else numbers.read(cell, line)
+                row += [""] * (width - len(row))
+                if text is not None:
+                    texts.append(row[text].strip())
+                for c, column, number in read:
+                    value = number(row[c.place], line)
                     column.append(value)
                     if not math.isfinite(value):
                         unread = unread or row
                         if unreadable != "kept":
-                            _check_gap(path, line, cell, value, c, allowed=unreadable == "gap" and c.what != "time")
+                            _check_gap(
+                                path, line, row[c.place], value, c, allowed=unreadable == "gap" and c.what != "time"
+                            )
     except (OSError, UnicodeError, csv.Error) as error:
         msg = f"cannot read {path}: {reason(error)}. Name a CSV file with a header line."
         raise DataError(msg) from error
@@ -240,7 +245,7 @@ def read_columns(
         table=table,
         columns=columns,
         lines=np.array(lines, dtype=int),
-        values=[c.factor * np.array(column, dtype=np.float64) for c, column in zip(columns, values, strict=True)],
+        values=[columns[k].factor * np.array(column) for k, (_, column, _) in enumerate(read)],
         texts=texts,
         unread=unread,
         comma=bool(numbers.commas),

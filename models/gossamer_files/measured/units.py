@@ -57,7 +57,7 @@ def _factor(text: str, what: str) -> float | None:
         text = pattern.sub(name, text)
     if not ONE_UNIT.fullmatch(text):
         return None
-    registry, errors = _registry()
+    registry, errors = unit_registry()
     try:
         unit = registry.Unit(text)
         if any(angle in str(unit) for angle in ANGLES):
@@ -75,7 +75,7 @@ def is_unit(text: str) -> bool:
         return False
     if any(factor(text, what) is not None for what in SI):
         return True
-    registry, errors = _registry()
+    registry, errors = unit_registry()
     try:
         return ANY_UNIT.fullmatch(text) is not None and registry.Unit(text) is not None
     except errors:
@@ -83,7 +83,7 @@ def is_unit(text: str) -> bool:
 
 
 @cache
-def _registry() -> tuple[Any, tuple[type[Exception], ...]]:
+def unit_registry() -> tuple[Any, tuple[type[Exception], ...]]:
     """Return pint's units and the errors by which it refuses a text; it takes a second, so only a reader makes it."""
     import pint
 

@@ -16,6 +16,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
@@ -23,7 +24,7 @@ from ..fitting.records import Record, strain_range
 from ..replay import Recovered, recover_by_fit
 from ..sensor.artifact import ErrorModel, Tracking
 from ..sensor.fit import PreisachFit, PreisachSettings, fit_preisach
-from .sensors import NOTHING, choose_inverse, choose_sensors, sensor_name
+from .sensors import choose_inverse, choose_sensors, nothing_fitted, sensor_name
 from .trials import FITTED, Bench, Trial, cut, error_on, shortened
 
 LEAST_ERROR = 3e-3  # [1]: below the spacing of the hypotheses an error would choose among them by chance
@@ -31,7 +32,6 @@ APART = 3  # samples over which a rate is taken
 RESTING = 0.05  # of the root mean square rate
 TURNING = 0.5  # of it: a larger change of rate is a turn
 FEWEST, MOST_TURNS = 0.005, 0.05  # [per sample]
-TOO_SHORT = "the training stretch leaves too few samples to judge a compensator by. Name a longer one (--train)."
 OPTIMISM = 1.4  # by which errors grow from the trials, of which the best wins, to records that lie further ahead
 SHARED = 0.5  # of the squares of the errors that the constant part of the stated deviation explains
 TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
@@ -40,6 +40,12 @@ NEAR = 1.1  # of methods whose errors are at most so many times the least one, t
 BUDGET = 60.0  # [s]
 SHARES = (0.4, 0.6, 0.9)  # of the budget that have passed when sensor, direct inverse and compensator are chosen
 Progress = Callable[[float, str], None]
+
+
+def too_short() -> DataError:
+    """Return the refusal of a training stretch."""
+    text = "the training stretch leaves too few samples to judge a compensator by."
+    return DataError(f"{text} Name a longer one ({option('train')}).")
 
 
 def error_model(errors: Sequence[Vector], step: float) -> ErrorModel:
@@ -57,7 +63,7 @@ def error_model(errors: Sequence[Vector], step: float) -> ErrorModel:
     """
     errors = [e for e in errors if e.size > 2 * APART]
     if not errors:
-        raise DataError(TOO_SHORT)
+        raise too_short()
     count = sum(e.size for e in errors)
 
     def correlation(lag: int) -> float:
@@ -231,7 +237,7 @@ def choose_compensator(
         "compensator", order, lambda m: m.text, [judge], until=until, share=(0.7, 0.95), surely=len(first)
     )
     if not found:
-        raise DataError(NOTHING)
+        raise nothing_fitted()
     close = [method for error, method in found if error <= NEAR * found[0][0]]
     best = min(close, key=methods.index)
     # if another method has won, this filter serves whoever builds the FMU filter
@@ -246,7 +252,7 @@ def choose_compensator(
     errors, stated = (np.concatenate(each) / full_scale for each in zip(*ahead, strict=True))
     there = np.isfinite(errors)  # the last ones are not delivered before the trial ends
     if not there.any():
-        raise DataError(TOO_SHORT)
+        raise too_short()
     return best, calibrated(numbers, errors[there], stated[there])
 
 

@@ -10,6 +10,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
@@ -26,10 +27,13 @@ INVERSE_RIDGES, MORE_INVERSE_RIDGES = (1e-1, 1e-3), (3e-1, 1e-2, 1e-4, 1e-5)
 INVERSE_KNOTS = (4, 9)
 COMPARABLE = 1.25  # times the least error: a sensor that predicts worse is not taken for the sake of its compensator
 KINDS = 2  # sensors of different extensions that go on to the choice of the compensator
-NOTHING = (
-    "no model could be fitted to the earlier part of the training stretch, so none can be chosen. Name a longer one "
-    "(--train), or a model (--model)."
-)
+
+
+def nothing_fitted() -> DataError:
+    """Return the refusal of a training stretch to which no model could be fitted."""
+    advice = f"Name a longer one ({option('train')}), or a model ({option('model')})."
+    text = "no model could be fitted to the earlier part of the training stretch, so none can be chosen."
+    return DataError(f"{text} {advice}")
 
 
 def choose_sensors(
@@ -71,7 +75,7 @@ def choose_sensors(
     kinds = product(reversed(EXTENSIONS), (True, False))
     found = ask([_hats(extension, earlier, FIRST_RIDGE) for extension, earlier in kinds], share=(0.0, 0.2))
     if not found:
-        raise DataError(NOTHING)
+        raise nothing_fitted()
     best = _of_different_kinds(found)
     found += ask([_hats(s.extension, s.earlier, ridge) for s in best for ridge in RIDGES], share=(0.2, 0.4))
     corrected: list[PreisachSettings] = []

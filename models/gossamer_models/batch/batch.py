@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..compiler import PACKAGE, has_compiler
-from ..errors import InputError, StateError
+from ..errors import InputError, ParameterError, StateError
 from ..step_model import StepModel
 from . import code
 from .cases import BatchRun, BatchState, Table, count_cases
@@ -39,7 +39,7 @@ class Batch:
     Parameters
     ----------
     model : StepModel
-        Model, created with ``compiled=True`` if it has that option.
+        Model, without tables: a membrane created without ``compiled=True``.
     results : sequence of str
         Outputs and locals to record.
     inputs : sequence of str
@@ -49,6 +49,8 @@ class Batch:
     ------
     InputError
         A name is not that of a result or an input, or comes twice.
+    ParameterError
+        The model has tables, which the lanes cannot loop over.
 
     Notes
     -----
@@ -66,6 +68,9 @@ class Batch:
     """
 
     def __init__(self, model: StepModel, results: Sequence[str], inputs: Sequence[str] = ()) -> None:
+        if model.tables is not None:
+            msg = f"model {model.name!r} has loops over tables, for the C of an FMU. Make it without compiled=True."
+            raise ParameterError(msg)
         p, u, y = model.slices()
         _require(model, results, model.names[y], "result")
         _require(model, inputs, model.names[u], "input")

@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..compensator import compensator_model
-from ..compiler import has_compiler
 from ..membrane import membrane_model
-from ..membrane.params import stretch
+from ..membrane.square import stretch
 from ..mistakes import DescriptionError, Mistake
 from ..sensor import SensorArtifact, default_artifact, sensor_model
 from .cases import Cases, draw_cases, unit_noise
@@ -170,7 +169,7 @@ def build_kernels(campaign: CampaignPlan) -> Kernels:
         A model or its artifact cannot be used.
     """
     mesh = campaign.membrane
-    membrane = membrane_model(mesh.elements_per_side, mesh.order, mesh.law, compiled=has_compiler())
+    membrane = membrane_model(mesh.structure)
     chain, digests = (None, {}) if campaign.chain is None else chain_kernels(campaign.chain)
     return Kernels(
         membrane=Batch(membrane, membrane.elements("strain"), membrane.elements("damage") if campaign.begins else ()),

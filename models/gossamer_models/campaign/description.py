@@ -13,9 +13,7 @@ from functools import lru_cache
 from typing import Literal
 
 from ..membrane import Structure, square_structure
-from ..membrane.mesh import MAX_ORDER, ZONES_PER_SIDE
-from ..membrane.model import INPUTS
-from ..membrane.params import PARAMETERS
+from ..membrane.square import INPUTS, PARAMETERS
 from ..mistakes import DescriptionError, Mistake, disordered, raise_any
 from ..variables import Variable
 
@@ -99,25 +97,21 @@ class Mesh:
 
     elements_per_side: int = 4
     order: int = 4
-    law: Literal["st_venant_kirchhoff", "hencky", "relaxed"] = "st_venant_kirchhoff"
+    law: str = "st_venant_kirchhoff"
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         mistakes = [m for name, value in self.parameters.items() for m in _outside(("parameters", name), value)]
-        if self.elements_per_side < ZONES_PER_SIDE or self.elements_per_side % ZONES_PER_SIDE:
-            text = (
-                f"'elements_per_side' is {self.elements_per_side}. Write a multiple of {ZONES_PER_SIDE}: 4, 8, 12, ..."
-            )
-            mistakes.append(Mistake(("elements_per_side",), text))
-        if not 1 <= self.order <= MAX_ORDER:
-            text = f"'order' is {self.order}. Write 1 for bilinear elements, or 2 to {MAX_ORDER} for spectral ones."
-            mistakes.append(Mistake(("order",), text))
+        try:
+            _ = self.structure
+        except DescriptionError as error:
+            mistakes += error.mistakes
         raise_any(mistakes)
 
     @property
     def structure(self) -> Structure:
         """The membrane, with its zones and sensors."""
-        return _square(self.elements_per_side, self.order)
+        return _square(self.elements_per_side, self.order, self.law)
 
 
 _square = lru_cache(maxsize=8)(square_structure)

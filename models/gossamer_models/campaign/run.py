@@ -23,6 +23,8 @@ from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import TypeVar
 
+from gossamer_files.options import option
+
 from ..errors import GossamerError, StateError
 from .chunk import Kernels, build_kernels, run_chunk
 from .description import CampaignPlan
@@ -183,7 +185,8 @@ def run_campaign(
     seconds = time.perf_counter() - begun
     lost = len(missing_chunks(group, campaign))
     if lost:
-        msg = f"{lost} chunks did not arrive in {path}: the workers see another folder there. Name a shared one with --out."
+        advice = f"Name a shared one with {option('out')}."
+        msg = f"{lost} chunks did not arrive in {path}: the workers see another folder there. {advice}"
         raise CampaignStoppedError(msg)
     remove_leftovers(path)
     return Summary(campaign.count, count_failed(group), simulated, seconds)

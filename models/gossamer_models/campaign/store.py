@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..compensator.estimator import HALF_WIDTHS
@@ -80,7 +81,7 @@ def open_store(path: Path, campaign: CampaignPlan, kernels: Kernels) -> zarr.Gro
     if there != wanted:
         keys = [key for key in {**there, **wanted} if there.get(key) != wanted.get(key)]
         lines = "".join(f"\n  {key}: {_short(there.get(key))} there, {_short(wanted.get(key))} here" for key in keys)
-        msg = f"{path} holds another campaign:{lines}\nName another folder with --out, or delete it."
+        msg = f"{path} holds another campaign:{lines}\nName another folder with {option('out')}, or delete it."
         raise DataError(msg)
     return group
 

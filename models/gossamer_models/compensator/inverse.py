@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
+from gossamer_files.options import option
 
 from ..errors import ParameterError
 from ..modes import phi_1
@@ -135,7 +136,7 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
     if not artifact.exactly_invertible:
         msg = (
             "the output of this sensor may move against the strain, has a gain or a residual network, so it has no exact "
-            f"inverse. {TAKE_THE_FILTER} Or identify the sensor again with --direct-inverse."
+            f"inverse. {TAKE_THE_FILTER} Or identify the sensor again with {option('direct_inverse', True)}."
         )
         raise ParameterError(msg)
     law = SensorLaw(artifact)
@@ -303,7 +304,8 @@ def direct_model(artifact: SensorArtifact) -> StepModel:
     """
     inverse = artifact.inverse
     if inverse is None:
-        msg = "this sensor has no direct inverse. Identify it with --direct-inverse, or take the exact inverse."
+        how = option("direct_inverse", True)
+        msg = f"this sensor has no direct inverse. Identify it with {how}, or take the exact inverse."
         raise ParameterError(msg)
     direct, forward = DirectLaw(inverse), SensorLaw(replace(artifact, inverse=None))
 

@@ -1,42 +1,14 @@
-"""Fields of a settings class that a user may choose; the command ``gossamer identify`` gets its options from them."""
+"""Fields of a settings class that a user may choose, and how a text is read for them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import field
 from typing import Any
 
-Reader = Callable[[str], Any]
 
-
-def option(
-    default: Any,  # noqa: ANN401
-    text: str,
-    *,
-    models: tuple[str, ...] = (),
-    read: Reader | None = None,
-    metavar: str | None = None,
-    least: int | None = None,
-) -> Any:  # noqa: ANN401
-    """Declare a field that is an option of the command.
-
-    Parameters
-    ----------
-    default : object
-        Value of the field if the option is not given.
-    text : str
-        Help of the option.
-    models : tuple of str
-        Models that have the option; all of the settings class if empty.
-    read : callable or None
-        Turns the text of the option into its value; None for a number, a text or a switch, by the type of the field.
-    metavar : str or None
-        Placeholder of the value in the help.
-    least : int or None
-        Smallest value.
-    """
-    metadata = {"help": text, "models": models, "read": read, "metavar": metavar, "least": least}
-    return field(default=default, metadata=metadata)
+def fit_option(default: Any, *models: str) -> Any:  # noqa: ANN401
+    """Declare a field that a user may choose, by default, and the models that have it; all of the settings class if none."""
+    return field(default=default, metadata={"models": models})
 
 
 def numbers(text: str) -> tuple[float, ...]:

@@ -23,11 +23,11 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_files.measured import Column, Measured, Wanted, find_column, of_a_run, passes_midnight, read_columns
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
-from .options import option
 from .records import LONGEST_GAP, Quantity, Record, RecordSummary, gaps_of
 
 MOST_MISSING = 0.05
@@ -52,14 +52,14 @@ class Columns:
         Sort samples by time instead of refusing times that go backwards.
     """
 
-    time: str | None = option(None, "Column of time; recognised if not given.", metavar="NAME")
-    strain: str | None = option(None, "Column of strain.", metavar="NAME")
-    resistance: str | None = option(None, "Column of resistance.", metavar="NAME")
-    time_unit: str | None = option(None, "s, ms, us, min or h.")
-    strain_unit: str | None = option(None, "1, %, permille or ustrain.")
-    resistance_unit: str | None = option(None, "ohm, kohm or Mohm; 1 for a signal.")
-    sampling_step: float | None = option(None, "Time between samples [s] of a record without time.")
-    sort: bool = option(False, "Sort samples by time instead of refusing them.")
+    time: str | None = None
+    strain: str | None = None
+    resistance: str | None = None
+    time_unit: str | None = None
+    strain_unit: str | None = None
+    resistance_unit: str | None = None
+    sampling_step: float | None = None
+    sort: bool = False
 
     def choose(self, path: Path, header: list[str], line: int) -> list[Column]:
         """Return time, unless there is a sampling step, strain and resistance; refuse all unclear ones at once."""
@@ -80,7 +80,7 @@ class Columns:
         if mistakes and self.strain is None and self.resistance is None and of_a_run(header):
             mistakes = [
                 f"{path} is a result of a run, and its sensors are identified already. Name a file that was measured, or "
-                "the columns of one sensor here (--strain, --resistance)."
+                f"the columns of one sensor here ({option('strain')}, {option('resistance')})."
             ]
         if mistakes:
             raise DataError("\n".join(mistakes))
@@ -179,7 +179,7 @@ def read_records(
     """
     weights = [1.0] * len(paths) if weights is None else weights
     if len(weights) != len(paths) or not all(0.0 < weight < np.inf for weight in weights):
-        msg = f"need one positive weight per record (--weights), not {list(weights)} for {len(paths)}"
+        msg = f"need one positive weight per record ({option('weights')}), not {list(weights)} for {len(paths)}"
         raise DataError(msg)
     records, mistakes = list[Record](), list[str]()
     for path, weight in zip(paths, weights, strict=True):
@@ -228,7 +228,7 @@ def _order_times(samples: _Samples, measured: Measured, *, sort: bool) -> None:
     """Average repeated times; sort times that go backwards, or refuse them: to sort across midnight would tear a record."""
     time = samples.columns[0]
     if not sort or passes_midnight(time):
-        measured.check_rising(time, samples.lines, "Sort the record (--sort)")
+        measured.check_rising(time, samples.lines, f"Sort the record ({option('sort', True)})")
     back = np.flatnonzero(np.diff(time) < 0.0)
     if back.size:
         samples.repairs.append(

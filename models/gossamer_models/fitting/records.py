@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from gossamer_files.measured import Column
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Rows, Vector
@@ -95,12 +96,12 @@ class RecordSummary:
             c = each.column
             if c.others:
                 sentences.append(
-                    f"{c.name!r} is taken as {c.what}; {' and '.join(map(repr, c.others))} may be it too (--{c.what})."
+                    f"{c.name!r} is taken as {c.what}; {' and '.join(map(repr, c.others))} may be it too ({option(c.what)})."
                 )
             if c.unit is None and c.what == "strain" and each.highest >= LARGE_STRAIN:
                 sentences.append(
                     f"strain has no unit: read as a ratio, it reaches {each.highest:.0%}. If it is in per cent, give "
-                    "--strain-unit %."
+                    f"{option('strain_unit', '%')}."
                 )
         if self.gaps:
             longest = max(self.gaps, key=lambda gap: gap.seconds)

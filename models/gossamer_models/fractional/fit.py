@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
+from gossamer_files.options import option
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
@@ -230,7 +231,7 @@ def doubts(fit: FractionalFit) -> tuple[str, ...]:
     """Return the assumptions and what the data do not determine, one sentence each."""
     sentences = [_uneven(record) for record in fit.records]
     if any(each.name == "R_0" for each in fit.parameters):
-        advice = "If the sensor was at rest, give the resistance at rest (--rest-resistance)."
+        advice = f"If the sensor was at rest, give the resistance at rest ({option('rest_resistance')})."
         rest, full_scale = fit.rest_resistance, fit.artifact.full_scale_strain
         sentences += [rest_doubt(record, rest, full_scale, RESTED, advice) for record in fit.records]
     loose = [each.name for each in fit.parameters if not each.determined]

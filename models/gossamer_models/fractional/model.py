@@ -24,6 +24,7 @@ from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError
@@ -194,7 +195,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
     if not artifact.can_step:
         msg = (
             f"the fractional {artifact.model} cannot step: its phases need the whole record, so it works offline only. "
-            "Identify the same records with --model fractional-sub-model-1, or preisach."
+            f"Identify the same records with {option('model', 'fractional-sub-model-1')}, or preisach."
         )
         raise ParameterError(msg)
     weights, mass = summed_weights(artifact)

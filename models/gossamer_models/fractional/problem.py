@@ -17,7 +17,7 @@ import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, require
-from ..fitting.options import option
+from ..fitting.options import fit_option
 from ..fitting.records import Record, check_rest, in_equal_steps, strain_range
 from ..fitting.separable import Derivative, SeparableProblem
 from ..modes import PowerLawKernels
@@ -55,10 +55,10 @@ class FractionalSettings:
     FAMILY: ClassVar[str] = "fractional"
 
     model: ModelName
-    terms: int = option(5, "Fractional derivatives or integrals.", least=1)
-    fading: int = option(3, "Fading integrals.", models=("fractional-model-1",), least=0)
-    starts: int = option(12, "Number of starts.", least=1)
-    seed: int = option(0, "Seed of the starts.", least=0)
+    terms: int = fit_option(5)
+    fading: int = fit_option(3, "fractional-model-1")
+    starts: int = fit_option(12)
+    seed: int = fit_option(0)
 
     orders: tuple[float, float] = (0.001, 0.999)
     rates: tuple[float, float] = (1e-4, 10.0)

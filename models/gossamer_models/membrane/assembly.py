@@ -1,196 +1,481 @@
-r"""The membrane's equations of motion in space: elements assembled on a mesh.
+r"""The equations of motion of a membrane: elements assembled on a mesh.
 
-Symbols: ``q`` displacements [m] of the interior nodes from the homogeneously stretched plane, node by node as (x, y, z),
-shape (n_q,); ``damage`` of the 16 zones [1]: Young's modulus of a zone is ``E (1 - damage)``, Section 7.1 of the thesis;
-``pressure`` [Pa]; ``p`` parameters by name; ``f`` nodal forces [N]; ``K`` tangent [N/m]; ``M`` masses [kg]; ``c`` mass
-damping [1/s]; ``x`` node positions from the centre in units of the size of an element [1]::
+Symbols: ``x`` node positions from the membrane's origin [m], node by node as (x, y, z), shape (3 N,), and ``q``
+displacements of the M nodes that move [m], shape (3 M,), both in the order of ``Structure.order``; ``f`` nodal forces [N];
+``D`` = E t/(1 - nu^2) stiffness [N/m], ``t`` thickness [m]; ``shared`` what elements share, by name: one number for all, or
+a column for each of the G combinations, shape (1, G); ``V`` volume of gas [m3]; ``u`` inputs and ``p`` parameters by name.
 
-    M (q'' + c q' + a_base e_z) = f(q, damage, pressure; p)
-
-The undamaged, unloaded membrane rests at ``q = 0`` exactly, since the elements represent a homogeneous stretch.
+All elements of a kind are one expression with a column per element; see ``element``. For compiled code they are loops over
+one element's function instead, and arrays are parts of a table; see ``element_loop``. Equal squares are computed in units of
+their side, in which their reference map is one.
 """
 
 from __future__ import annotations
 
-from functools import cached_property
-from types import SimpleNamespace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
-import scipy.sparse
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from ..variables import by_name
-from .element import element_force, element_force_function, element_mass, element_tangent_function, make_element
-from .law import LAWS
-from .mesh import N_ZONES, dofs, square_mesh
-from .params import PARAMETERS, MembraneParams, stretch
-from .quadrature import lobatto_points
+from ..element_loop import ElementLoop, Tables
+from ..variables import Values
+from .element import Element, Extras, apply, balance, by_axis, element_points, element_tangent_function, tangents
+from .geometry import stiffest
+from .law import Entry, matrix
+from .structure import Elements, Structure
+
+Shared: TypeAlias = dict[str, ca.MX]
+_PER_LENGTH = ("pressure", "absorbed", "mirrored")  # forces by length in the units of an element
+
+
+@dataclass(frozen=True, slots=True)
+class Forces:
+    """What all elements give.
+
+    Attributes
+    ----------
+    f : casadi.MX, shape (3 N,)
+        Load less stress [N].
+    rate : casadi.MX, scalar
+        Bound of the square of the highest angular frequency [1/s2].
+    strain : casadi.MX, scalar
+        Twice the largest principal Green-Lagrange strain [1].
+    compressed : casadi.MX, scalar
+        Share of the area where the smaller principal stress of Hooke's law is below zero [1].
+    """
+
+    f: ca.MX
+    rate: ca.MX
+    strain: ca.MX
+    compressed: ca.MX
 
 
 class MembraneEquations:
-    """Forces, tangent and masses of a membrane on a regular mesh.
+    """Positions, forces, volume and masses of a structure as expressions.
 
     Parameters
     ----------
-    elements_per_side : int
-        Multiple of 4.
-    order : int
-        Order of the elements: 1 for bilinear, 2 and more for spectral ones.
-    law : str
-        Law of the material, one of ``law.LAWS``.
+    structure : Structure
+        The membrane.
     compiled : bool
-        True: write forces as a loop over elements, faster as compiled C. False: as one expression of matrices with a column
-        per element, faster in CasADi's virtual machine. The numbers are the same but for round-off.
+        True: write sums over elements as loops for compiled code. False: as expressions for CasADi's virtual machine.
 
-    Notes
-    -----
-    All elements are the same square. The tangent maps the ``ca.jacobian`` of one element over the mesh. The element works
-    in units of its size, in which the deformation gradient is the parent derivative, and its forces are multiplied by
-    that unit and the thickness.
+    Attributes
+    ----------
+    n_q : int
+        Number of displacements, 3 M.
+    column : casadi.MX or None
+        Table of all arrays but those of the elements, if compiled.
     """
 
-    def __init__(
-        self, elements_per_side: int = 4, order: int = 4, law: str = "st_venant_kirchhoff", *, compiled: bool = False
-    ) -> None:
-        self._compiled = compiled
-        mesh = self.mesh = square_mesh(elements_per_side, order)
-        self.element = make_element(order, law=LAWS[law])
-        self.n_q = 3 * mesh.interior.size
-        self._units_per_side = float(elements_per_side)
-        interior_of = np.full(3 * len(mesh.nodes), self.n_q)
-        interior_of[dofs(mesh.interior)] = np.arange(self.n_q)
-        # element by element: x of its nodes, y, z
-        self._place = (3 * mesh.elements[:, None, :] + np.arange(3)[:, None]).reshape(len(mesh.elements), -1)
-        self._row = interior_of[self._place]  # place in q of each element force, n_q where the edge holds it
-        self.edge = np.setdiff1d(np.arange(len(mesh.nodes)), mesh.interior)
+    def __init__(self, structure: Structure, *, compiled: bool = False) -> None:
+        self.structure, self._compiled = structure, compiled
+        self.n_q = 3 * len(structure.moving)
+        self._rank = np.argsort(structure.order)
+        arrays = _arrays(structure)
+        self._numbers = np.concatenate([*arrays.values()])
+        self.column = ca.MX.sym("t", self._numbers.size) if compiled else None
+        self.arrays = _named(arrays, self.column)
+        self._table = {v.name for v in structure.variables(structure.setup, len(structure.mesh.nodes))}
+        blocks = structure.elements if compiled else ()
+        self._force_loops = [self._force_loop(block, i) for i, block in enumerate(blocks)]
+        enclosing = blocks if structure.setup.gas is not None else ()
+        self._volume_loops = [self._volume_loop(block, i) for i, block in enumerate(enclosing)]
 
-    def positions(self, q: ca.MX, p: SimpleNamespace) -> ca.MX:
-        """Return the positions of all nodes from the centre in units of the size of an element [1], shape (3 nodes,)."""
-        plane = np.column_stack([self.mesh.nodes - 0.5, np.zeros(len(self.mesh.nodes))]) * self._units_per_side
-        x = stretch(p) * ca.MX(ca.DM(plane.reshape(-1)))
-        x[dofs(self.mesh.interior).tolist()] += self._units_per_side / p.side_length * q
-        return x
+    @property
+    def tables(self) -> Tables | None:
+        """What compiled code reads from a file."""
+        return Tables(self._numbers, (*self._force_loops, *self._volume_loops)) if self._compiled else None
 
-    def force_expression(
-        self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: SimpleNamespace, *, everywhere: bool = False
-    ) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """Write the forces [N] on the interior nodes, shape (n_q,), and what ``element_force`` finds over all points.
+    def size(self, p: Values) -> Any:  # noqa: ANN401
+        """Return the factor on all lengths of the mesh [1]."""
+        return p.side_length / self.structure.mesh.size if hasattr(p, "side_length") else 1.0
 
-        Returns
-        -------
-        f : casadi.MX, shape (n_q,)
-            Forces [N]; if ``everywhere``, those on all nodes of the mesh, the edge included, shape (3 nodes,).
-        wave : casadi.MX, scalar
-            Largest rho c^2 [Pa].
-        strain : casadi.MX, scalar
-            Twice the largest principal Green-Lagrange strain [1].
+    def weight(self, p: Values) -> Any:  # noqa: ANN401
+        """Return the factor on all masses of the structure [1]."""
+        return self._ratio(p, "density") * self._ratio(p, "thickness") * self.size(p) ** 2
+
+    def mass(self, p: Values) -> ca.MX:
+        """Return the mass of each node [kg], all nodes, shape (N,)."""
+        return self.weight(p) * self.arrays["mass"]
+
+    def mobility(self, p: Values) -> ca.MX:
+        """Return one over the mass of its node for each displacement, zero where it is held [1/kg], shape (3 M,)."""
+        return 1.0 / self.weight(p) * self.arrays["mobility"]
+
+    def positions(self, q: ca.MX, u: Values, p: Values) -> ca.MX:
+        """Write the positions of all nodes [m], shape (3 N,)."""
+        x = self.size(p) * self.arrays["start"]
+        for i, support in enumerate(self.structure.setup.supports):
+            if support.motion:
+                x += getattr(u if hasattr(u, support.motion) else p, support.motion) * self.arrays[f"way_{i}"]
+        return ca.vertcat(x[: self.n_q] + q, x[self.n_q :])
+
+    def shared(self, u: Values, p: Values, built_in: ca.MX, gas: ca.MX) -> Shared:
+        """Write what elements share, with the built-in pressure and that of the gas [Pa]."""
+        setup, region = self.structure.setup, self.structure.region.tolist()
+
+        def of_region(values: Any) -> Any:  # noqa: ANN401
+            if len(setup.regions) == 1:
+                return values[0]
+            return (ca.MX(ca.DM(values)) if isinstance(values, np.ndarray) else values)[region].T
+
+        def on(acts: NDArray[np.bool_]) -> Any:  # noqa: ANN401
+            return 1.0 if acts.all() else ca.DM(acts.astype(float)).T
+
+        nu, t = (self._material(p, name, of_region) for name in ("poisson_ratio", "thickness"))
+        E = of_region(p.youngs_modulus)
+        left = 1.0
+        if setup.zones:
+            left = 1.0 - ca.vertcat(u.damage, 0.0)[self.structure.zone.tolist()].T  # the last is that of no zone
+        values = {"D": E * left * (t / (1.0 - nu**2)), "nu": nu}
+        pressure, oscillates = ca.MX(0.0), True
+        if self.structure.enclosing.any():
+            pressure += on(self.structure.enclosing) * gas
+        for load, acts in zip(setup.loads, self.structure.loaded, strict=True):
+            if load.kind == "pressure":
+                pressure += on(acts) * (getattr(u, load.name) + (built_in if oscillates else 0.0))
+                oscillates = False
+            elif load.kind == "light":
+                value = on(acts) * getattr(u, load.name)
+                values |= {"absorbed": (1.0 - load.reflectivity) * value, "mirrored": load.reflectivity * value}
+                along = getattr(u, f"{load.name}_direction")
+                direction = ca.vertsplit(along / ca.fmax(ca.norm_2(along), 1e-300))
+                values |= {f"light_{axis}": part for axis, part in zip("xyz", direction, strict=True)}
+        values["pressure"] = pressure
+        if "along" in self.shared_names:
+            S = [of_region(np.array([r.prestress[k] for r in setup.regions])) for k in range(3)]
+            warm = 0.0
+            if any(r.thermal_expansion for r in setup.regions):
+                warm = (
+                    2.0 * of_region(np.array([r.thermal_expansion for r in setup.regions])) * of_region(u.temperature)
+                )
+            for a, name in enumerate(("along", "across")):
+                values[name] = 2.0 * (S[a] - nu * S[1 - a]) / E - warm
+            values["shear"] = 2.0 * (1.0 + nu) * S[2] / E
+        return {name: values[name] for name in self.shared_names}
+
+    @property
+    def shared_names(self) -> tuple[str, ...]:
+        """Name what elements share: always stiffness [N/m] and pressure [Pa], and what else this setup has.
+
+        Poisson's ratio [1]; twice the eigenstrain [1] along the first local axis, along the second and across; pressure of
+        light [Pa], the share that is absorbed and the share that is mirrored, and its direction [1].
         """
-        x, E, nu, load, scale = self._element_arguments(q, damage, pressure, p)
+        setup, found = self.structure.setup, ["D", "pressure"]
+        if np.ptp([r.poisson_ratio for r in setup.regions]) > 0.0 or "poisson_ratio" in self._table:
+            found.append("nu")
+        if any(any(r.prestress) or r.thermal_expansion for r in setup.regions):
+            found += ["along", "across", "shear"]
+        if any(load.kind == "light" for load in setup.loads):
+            found += ["absorbed", "mirrored", "light_x", "light_y", "light_z"]
+        return tuple(found)
+
+    def forces(self, x: ca.MX, shared: Shared, p: Values) -> Forces:
+        r"""Write the nodal forces of stress, follower pressure and light.
+
+        Notes
+        -----
+        The bound of the frequency is that of the element whose own is highest: ``geometry.stiffest`` times the square of
+        the wave speed at its fastest point. With inertia along the surface scaled by k, waves along it are slower by
+        sqrt(k), and transverse ones, whose speed is :math:`\sqrt{S/\rho}`, are not. Where an element is tilted against
+        the normal of a node, that share of its stress moves the node's own inertia. The bound takes the tilt of the
+        reference shape: a surface that turns by more than sqrt(1.8/k) rad against it is beyond the margin of the step.
+        """
+        parts = []
+        for i, block in enumerate(self.structure.elements):
+            unit = (block.geometry.side or 1.0) * self.size(p)
+            own = {name: value * unit if name in _PER_LENGTH else value for name, value in shared.items()}
+            found = self._looped(i, x / unit, own) if self._compiled else self._at_once(block, x / unit, own)
+            parts.append(replace(found, f=unit * found.f))
+        total = parts[0]
+        for part in parts[1:]:
+            rate, strain = ca.fmax(total.rate, part.rate), ca.fmax(total.strain, part.strain)
+            total = Forces(total.f + part.f, rate, strain, total.compressed + part.compressed)
+        area = float(self.structure.areas.sum())
+        return replace(total, rate=self._quickening(p) * total.rate, compressed=total.compressed / area)
+
+    def volume(self, x: ca.MX) -> ca.MX:
+        r"""Write the volume [m3] that the enclosing faces bound: :math:`\tfrac13 \oint x \cdot n\,\mathrm{d}A`.
+
+        Notes
+        -----
+        Of an open surface whose edge stays, its change is that of the volume behind it.
+        """
         if self._compiled:
-            f, wave, strain = self._element_forces(x, E, nu, load)
-        else:
-            positions = ca.vertsplit(x, len(self.element.nodes))
-            f, wave, strain = ca.cse([*element_force(positions, self.element, E, nu, load)])
-        row, size = (self._place, 3 * len(self.mesh.nodes)) if everywhere else (self._row, self.n_q)
-        return scale * sum_at(row.reshape(-1), ca.vec(f), size), ca.mmax(wave), ca.mmax(strain)
+            d = ca.MX.zeros(len(self.shared_names) * len(self.structure.region))  # of which the volume knows nothing
+            return sum(loop.stand_in(x, d) for loop in self._volume_loops)
+        total = ca.MX(0.0)
+        for block in self.structure.elements:
+            flags = ca.repmat(ca.DM(_encloses(self.structure, block)).T, len(block.element.w), 1)
+            total += ca.sum1(ca.sum2(flags * _swept(block.element, self._positions(block, x))))
+        return total
 
-    @cached_property
-    def _element_forces(self) -> ca.Function:
-        """The loop over elements, one object, so that C has its code once."""
-        return element_force_function(self.element).map(len(self.mesh.elements), [False, False, True, True])
+    def gas_mobility(self) -> float:
+        r"""Return :math:`\sum A_i^2/m_i` [m4/kg] of nodes that enclose gas: with its stiffness, a squared frequency."""
+        structure = self.structure
+        areas = np.zeros((len(structure.mesh.nodes), 3))
+        for block in structure.elements:
+            on = structure.enclosing[block.combination]
+            np.add.at(areas, block.nodes[on], block.geometry.node_normals[on])
+        return float(np.sum(structure.free.reshape(-1, 3) * areas**2 / structure.mass[:, None]))
 
-    @cached_property
-    def force(self) -> ca.Function:
-        """``force(q, damage, pressure, p) -> f [N]``, ``p`` as ``MembraneParams.vector``."""
-        symbols, arguments = self._symbols()
-        return ca.Function("force", symbols, [self.force_expression(*arguments)[0]])
+    def tangent(self, x: ca.MX, shared: Shared, p: Values, axes: int) -> ca.MX:
+        """Write ``-df/dx`` [N/m] of the moving nodes along the first axes, sparse, shape (axes M, axes M).
 
-    @cached_property
-    def tangent(self) -> ca.Function:
-        """``tangent(q, damage, pressure, p) -> K = -df/dq`` [N/m], sparse; not symmetric under pressure."""
-        symbols, arguments = self._symbols()
-        return ca.Function("tangent", symbols, [self.tangent_expression(*arguments)])
+        Of a membrane whose elements are equal squares.
+        """
+        block, m = self.structure.elements[0], self.n_q // 3 * axes
+        side = block.geometry.side
+        unit = side * self.size(p) if side else np.nan
+        n, size = block.nodes.shape
+        columns = ca.reshape((x / unit)[_places(self._rank[block.nodes]).reshape(-1).tolist()], -1, n)
+        D, nu, load = (
+            ca.repmat(value, 1, n) if value.is_scalar() else value[:, block.combination.tolist()]
+            for value in (shared["D"], ca.MX(self._nu(shared)), shared["pressure"] * unit)
+        )
+        blocks = element_tangent_function(block.element, axes).map(n, "serial")(columns, D, nu, load)
+        node = self._rank[block.nodes]
+        row = np.where(node < self.n_q // 3, axes * node, m)[:, None, :] + np.arange(axes)[:, None]
+        row = np.minimum(row, m).reshape(n, axes * size)
+        return -_assembled(blocks, row, m)
 
-    def tangent_expression(self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: SimpleNamespace, axes: int = 3) -> ca.MX:
-        """Write the tangent ``K = -df/dq`` [N/m], sparse, shape (n_q axes/3, n_q axes/3), along the first 2 or 3 axes."""
-        x, E, nu, load, scale = self._element_arguments(q, damage, pressure, p)
-        n, size = len(self.mesh.elements), axes * len(self.element.nodes)
-        tangent = element_tangent_function(self.element, axes).map(n, "serial")
-        blocks = tangent(x, E, ca.repmat(nu, 1, n), ca.repmat(load, 1, n))
-        row = self._row[:, :size]
-        row = row // 3 * axes + row % 3
-        return -scale * self._units_per_side / p.side_length * self._assemble(blocks, row, self.n_q * axes // 3)
+    def _ratio(self, p: Values, name: str) -> Any:  # noqa: ANN401
+        """Return a parameter over the number of the setup [1]; 1 if it is none."""
+        return getattr(p, name) / getattr(self.structure.setup.regions[0], name) if hasattr(p, name) else 1.0
 
-    @cached_property
-    def node_area(self) -> Vector:
-        """Share of each interior node in the area of the square [1], shape (n_q / 3,): the weights of Gauss-Lobatto."""
-        return self._node_areas[self.mesh.interior]
+    def _material(self, p: Values, name: str, of_region: Any) -> Any:  # noqa: ANN401
+        if hasattr(p, name):
+            return getattr(p, name)
+        values = np.array([getattr(region, name) for region in self.structure.setup.regions])
+        return float(values[0]) if np.ptp(values) == 0.0 else of_region(values)
 
-    @cached_property
-    def edge_area(self) -> Vector:
-        """Share of each node of ``edge`` in the area of the square [1]."""
-        return self._node_areas[self.edge]
+    def _nu(self, shared: Mapping[str, Entry]) -> Entry:
+        return shared.get("nu", self.structure.setup.regions[0].poisson_ratio)
 
-    @cached_property
-    def _node_areas(self) -> Vector:
-        _, w = lobatto_points(self.mesh.order + 1)
-        area = np.zeros(len(self.mesh.nodes))
-        np.add.at(area, self.mesh.elements.reshape(-1), np.tile(np.kron(w, w), len(self.mesh.elements)))
-        return area / self._units_per_side**2
+    def _quickening(self, p: Values) -> Any:  # noqa: ANN401
+        """Return the factor on the squared frequencies [1], but for the stiffness, of parameters against the setup.
 
-    def node_mass(self, p: SimpleNamespace | MembraneParams) -> Any:  # noqa: ANN401
-        """Return the masses [kg] of the interior nodes, once for each of x, y, z, shape (n_q,)."""
-        return p.density * p.thickness * p.side_length**2 * np.repeat(self.node_area, 3)
+        That of Poisson's ratio is convex, so its chords are above it.
+        """
+        factor = 1.0 / self.weight(p)
+        if not hasattr(p, "poisson_ratio"):
+            return factor
+        at, chords = self.structure.setup.regions[0].poisson_ratio, []
+        for end in (-0.9, 0.499):
+            ratios = [
+                np.max(stiffest(g, np.full(len(g.J), end)) / stiffest(g, np.full(len(g.J), at)))
+                for g in (block.geometry for block in self.structure.elements)
+            ]
+            chords.append(1.0 + (max(ratios) - 1.0) / (end - at) * (p.poisson_ratio - at))
+        return factor * ca.fmax(*chords)
 
-    def inverse_mass(self, p: SimpleNamespace) -> ca.MX:
-        """Return one over ``node_mass`` [1/kg] with a single division, shape (n_q,)."""
-        return 1.0 / (p.density * p.thickness * p.side_length**2) * ca.DM(1.0 / np.repeat(self.node_area, 3))
+    def _at_once(self, block: Elements, x: ca.MX, shared: Shared) -> Forces:
+        """Write the forces of all elements of a kind as one expression."""
+        n, points = len(block.nodes), len(block.element.w)
+        combination = block.combination.tolist()
+        spread = {
+            name: value if ca.MX(value).is_scalar() else ca.repmat(value[:, combination], points, 1)
+            for name, value in shared.items()
+        }
+        limit, tilt = (
+            ca.repmat(ca.DM(value).T, points, 1) if isinstance(value, np.ndarray) else value
+            for value in (_limits(self.structure, block), _tilts(self.structure, block))
+        )
+        T = tangents(self._positions(block, x), block.element)
+        w = ca.repmat(ca.DM(block.element.w), 1, n)
+        P, load, rate, strain, compressed = self._points(T, block.element, w, spread, limit, tilt)
+        f, rate, strain, compressed = ca.cse([balance(P, load, block.element), rate, strain, compressed])
+        f = _sum_at(_places(self._rank[block.nodes]).reshape(-1), ca.vec(f), 3 * len(self._rank))
+        return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum1(ca.sum2(compressed)))
 
-    def lumped_mass(self, p: MembraneParams) -> scipy.sparse.csc_matrix:
-        """Return the diagonal mass matrix [kg] of the interior nodes, shape (n_q, n_q)."""
-        return scipy.sparse.diags(self.node_mass(p), format="csc")
+    def _points(
+        self, T: NDArray[np.object_], element: Element, w: Entry, shared: Mapping[str, Entry], limit: Entry, tilt: Entry
+    ) -> tuple[Any, list[Entry], Entry, Entry, Entry]:
+        """Return what points add: stress, load, bound of the squared frequency [1/s2], twice the strain, area compressed."""
+        extras: dict[str, Any] = {}
+        if "along" in shared:
+            shear = shared["shear"]
+            extras["eigenstrain"] = matrix([[shared["along"], shear], [shear, shared["across"]]])
+        if "absorbed" in shared:
+            light = [shared[f"light_{axis}"] for axis in "xyz"]
+            extras |= {"light": light, "absorbed": shared["absorbed"], "mirrored": shared["mirrored"]}
+        at = element_points(T, element, w, shared["D"], self._nu(shared), shared["pressure"], Extras(**extras))
+        k = self.structure.setup.inplane_mass
+        lighter = tilt + (1.0 - tilt) / k  # one over the factor on the inertia that stress along the surface moves
+        wave = at.wave if k == 1.0 else ca.fmax(at.wave * lighter, at.wave - 1.0 - at.strain)
+        return at.P, at.load, limit * shared["D"] * wave, at.strain, at.compressed
 
-    def consistent_mass(self, p: MembraneParams) -> scipy.sparse.csc_matrix:
-        """Return the mass matrix [kg] by the element's own quadrature, shape (n_q, n_q); diagonal for spectral elements."""
-        m = len(self.element.nodes)
-        by_axis = np.arange(3 * m).reshape(m, 3).T.reshape(-1)
-        block = element_mass(self.element)[np.ix_(by_axis, by_axis)]
-        blocks = np.tile(block, len(self.mesh.elements))
-        unit = p.side_length / self._units_per_side
-        mass = ca.evalf(self._assemble(ca.MX(ca.DM(blocks)), self._row, self.n_q))
-        return p.density * p.thickness * unit**2 * mass.sparse()
+    def _looped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
+        columns = len(self.structure.region)
+        d = [ca.repmat(value, 1, columns) if ca.MX(value).is_scalar() else value for value in shared.values()]
+        f, rate, strain, *rest = self._force_loops[i].stand_in.call([x, ca.vec(ca.vertcat(*d))])
+        return Forces(f, rate, strain, rest[0] if rest else ca.MX(0.0))
 
-    def _symbols(self) -> tuple[list[ca.MX], tuple[ca.MX, ca.MX, ca.MX, SimpleNamespace]]:
-        """Make the arguments of a function: as vectors, and with the parameters by name."""
-        q, damage, pressure = ca.MX.sym("q", self.n_q), ca.MX.sym("damage", N_ZONES), ca.MX.sym("pressure")
-        p = ca.MX.sym("p", len(PARAMETERS))
-        return [q, damage, pressure, p], (q, damage, pressure, by_name(PARAMETERS, p))
+    def _force_loop(self, block: Elements, number: int) -> ElementLoop:
+        """Write the forces of one element of a block as a function, for all of them in a loop.
 
-    def _element_arguments(
-        self, q: ca.MX, damage: ca.MX, pressure: ca.MX, p: SimpleNamespace
-    ) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX, ca.MX]:
-        """Return what ``element_force`` takes, one column per element, and the factor that makes its forces newtons."""
-        x = ca.reshape(self.positions(q, p)[self._place.reshape(-1).tolist()], -1, len(self.mesh.elements))
-        E = (p.youngs_modulus * (1.0 - damage))[self.mesh.zone.tolist()].T
-        unit = p.side_length / self._units_per_side
-        return x, E, p.poisson_ratio, pressure * unit / p.thickness, unit * p.thickness
+        What is equal for all elements is a number in its code, not a table.
+        """
+        names, element = self.shared_names, block.element
+        m, points = block.nodes.shape[1], len(element.w)
+        own: dict[str, Vector] = {}
+        if block.geometry.side is None:
+            own["map"] = _maps(element, len(block.nodes))
+        given = {"limit": _limits(self.structure, block), "tilt": _tilts(self.structure, block)}
+        own |= {name: value[:, None] for name, value in given.items() if isinstance(value, np.ndarray)}
 
-    def _assemble(self, blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
-        """Sum square matrices of all elements, side by side, into a sparse matrix, shape (size, size)."""
-        n, m = rows.shape
-        row = np.repeat(rows.reshape(n, 1, m), m, axis=1).reshape(-1)  # CasADi stores column by column
-        column = np.repeat(rows.reshape(n, m, 1), m, axis=2).reshape(-1)
-        held = (row == size) | (column == size)
-        key, place = np.unique(np.where(held, size**2, column * size + row), return_inverse=True)
-        key = key[key < size**2]
-        pattern = ca.Sparsity.triplet(size, size, (key % size).tolist(), (key // size).tolist())
-        return ca.MX(pattern, sum_at(place, ca.vec(blocks), key.size))
+        T, g, w = ca.SX.sym("T", 6), ca.SX.sym("g", 5 if "map" in own else 0), ca.SX.sym("w")
+        d, alone = ca.SX.sym("d", len(names)), [ca.SX.sym(name) for name in given if name in own]
+        one = {**given, **{symbol.name(): symbol for symbol in alone}}
+        placed = replace(element, J=g[0], J_inverse=matrix([[g[1], g[2]], [g[3], g[4]]])) if "map" in own else element
+        shared = {name: d[i] for i, name in enumerate(names)}
+        P, load, *rest = self._points(by_axis(T), placed, w, shared, one["limit"], one["tilt"])
+        if "compressed_share" not in self._table:
+            rest = rest[:2]
+        symbols = [T, g, w, d, *alone]
+        point = ca.Function("point", symbols, ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), *rest]))
+
+        x = ca.SX.sym("x", 3 * m)
+        at_points = ca.Function("at_points", [x], [ca.horzcat(*tangents(ca.vertsplit(x, m), element).flat).T])
+        P, load = ca.SX.sym("P", 6, points), ca.SX.sym("load", 3, points)
+        forces = balance(by_axis(P), [load[i, :].T for i in range(3)], element)
+        on_nodes = ca.Function("on_nodes", [P, load], [forces])
+
+        table = np.column_stack([*own.values()]) if own else np.zeros((len(block.nodes), 1))  # no table is empty
+        x, d, g = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("d", len(names)), ca.MX.sym("g", table.shape[1])]
+        maps = ca.reshape(g[: 5 * points], 5, points) if "map" in own else ca.MX(0, points)
+        alone = ca.vertsplit(g[table.shape[1] - len(alone) :]) if alone else []
+        all_points = point.map(points, [False, False, False, True, *(True for _ in alone)])
+        P, load, rate, strain, *compressed = all_points(at_points(x), maps, ca.DM(element.w).T, d, *alone)
+        row = ca.SX.sym("row", 1, points)
+        largest = ca.Function("largest", [row], [reduce(ca.fmax, ca.horzsplit(row))])
+        results = [on_nodes(P, load), largest(rate), largest(strain), *map(ca.sum2, compressed)]
+        function = ca.Function(f"element_{number}", symbols, results)
+        return ElementLoop(
+            f"forces_{number}",
+            function.expand() if element.order <= 1 else function,
+            True,
+            ("largest", "largest", "sum")[: len(results) - 1],
+            len(self._rank),
+            len(self.structure.region),
+            self._rank[block.nodes],
+            block.combination,
+            table,
+        )
+
+    def _volume_loop(self, block: Elements, number: int) -> ElementLoop:
+        m = block.nodes.shape[1]
+        x, d, g = ca.SX.sym("x", 3 * m), ca.SX.sym("d", len(self.shared_names)), ca.SX.sym("g")
+        swept = g * ca.sum1(_swept(block.element, ca.vertsplit(x, m)))
+        function = ca.Function(f"swept_{number}", [x, d, g], [swept])
+        own, nodes = _encloses(self.structure, block)[:, None], self._rank[block.nodes]
+        sizes = len(self._rank), len(self.structure.region)
+        return ElementLoop(f"volume_{number}", function, False, ("sum",), *sizes, nodes, block.combination, own)
+
+    def _positions(self, block: Elements, x: ca.MX) -> list[ca.MX]:
+        columns = ca.reshape(x[_places(self._rank[block.nodes]).reshape(-1).tolist()], -1, len(block.nodes))
+        found: list[ca.MX] = ca.vertsplit(columns, block.nodes.shape[1])
+        return found
 
 
-def sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
-    """Sum values at their places, shape (size,), and leave out those at place ``size``: the transpose of indexing."""
-    x = ca.MX.sym("x", size + 1)
-    return ca.jtimes(x[places.tolist()], x, values, True)[:size]
+def _arrays(structure: Structure) -> dict[str, Vector]:
+    """Return the arrays of the expressions by name, all but those of the elements, in the order of the model."""
+    order, moving = structure.order, structure.moving
+    static = [not support.motion for support in structure.setup.supports]
+
+    def of_nodes(values: Vector) -> Vector:
+        return np.asarray(values.reshape(-1, 3)[order].ravel())
+
+    nodes = (structure.mesh.nodes - structure.origin).ravel()
+    found = {
+        "nodes": of_nodes(nodes),
+        "start": of_nodes(nodes + sum(structure.ways[static])),
+        "free": structure.free.reshape(-1, 3)[moving].ravel().astype(float),
+        "mass": structure.mass[order],
+        "stiffness": np.repeat(structure.stiffness[moving], 3),
+        "mobility": (structure.free.reshape(-1, 3) / structure.mass[:, None])[moving].ravel(),
+    }
+    if structure.setup.inplane_mass > 1.0:
+        found["normals"] = structure.normals[moving].ravel()
+    motions = enumerate(structure.setup.supports)
+    found |= {f"way_{i}": of_nodes(structure.ways[i]) for i, support in motions if support.motion}
+    if structure.edge_force.any():
+        found["edge_force"] = of_nodes(structure.edge_force)
+    return found | {f"unit_{name}": of_nodes(force) for name, force in structure.unit_forces.items()}
+
+
+def _named(arrays: dict[str, Vector], column: ca.MX | None) -> dict[str, ca.MX]:
+    """Return the arrays as constants, or as parts of a column that holds them one after another."""
+    if column is None:
+        return {name: ca.MX(ca.DM(array)) for name, array in arrays.items()}
+    ends = np.cumsum([0, *(array.size for array in arrays.values())]).tolist()
+    return dict(zip(arrays, ca.vertsplit(column, ends), strict=True))
+
+
+def _swept(element: Element, positions: list[Entry]) -> Entry:
+    """Return the volume between the origin and each point's share of the surface."""
+    T = tangents(positions, element)
+    at = [apply(element.N, column) for column in positions]
+    w = ca.repmat(ca.DM(element.w), 1, positions[0].shape[1])
+    return w * sum(a * b for a, b in zip(at, np.cross(T[:, 0], T[:, 1]), strict=True)) / 3.0
+
+
+def _limits(structure: Structure, block: Elements) -> Vector | float:
+    """Return the squared frequency [1/s2] of the stiffest motion of each element, at a stiffness of 1 N/m."""
+    regions, of = structure.setup.regions, structure.region[block.combination]
+    nu = np.array([r.poisson_ratio for r in regions])[of]
+    return _number(stiffest(block.geometry, nu) / np.array([r.density * r.thickness for r in regions])[of])
+
+
+def _tilts(structure: Structure, block: Elements) -> Vector | float:
+    """Return the largest squared sine [1] between the normals of each element and those of its nodes."""
+    if structure.setup.inplane_mass == 1.0:
+        return 0.0
+    across = block.geometry.node_normals
+    across = across / np.linalg.norm(across, axis=2, keepdims=True)
+    cosine = np.sum(across * structure.normals[block.nodes], axis=2)
+    return _number(np.max(1.0 - cosine**2, axis=1).clip(0.0))
+
+
+def _number(values: Vector) -> Vector | float:
+    """Return one number for all where they are equal but for rounding."""
+    return float(values.max()) if np.ptp(values) <= 1e-11 * abs(values.max()) else np.asarray(values)
+
+
+def _encloses(structure: Structure, block: Elements) -> Vector:
+    return np.asarray(structure.enclosing[block.combination], dtype=np.float64)
+
+
+def _maps(element: Element, n: int) -> Vector:
+    """Return J and the inverse of the reference map of every point of each element, shape (n, 5 points)."""
+    parts = [element.J, *element.J_inverse.flat]
+    return np.stack([np.asarray(ca.densify(part)).T for part in parts], axis=-1).reshape(n, -1)
+
+
+def _places(nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the places in x of x of the nodes of each element, then y, then z, shape (n, 3 m)."""
+    return (3 * nodes[:, None, :] + np.arange(3)[:, None]).reshape(len(nodes), -1)
+
+
+def _sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
+    """Sum values at their places, shape (size,): the transpose of indexing."""
+    x = ca.MX.sym("x", size)
+    return ca.jtimes(x[places.tolist()], x, values, True)
+
+
+def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
+    """Sum square matrices of all elements, side by side, into a sparse matrix, shape (size, size), without row ``size``."""
+    n, m = rows.shape
+    row = np.repeat(rows.reshape(n, 1, m), m, axis=1).reshape(-1)  # CasADi stores column by column
+    column = np.repeat(rows.reshape(n, m, 1), m, axis=2).reshape(-1)
+    held = (row == size) | (column == size)
+    key, place = np.unique(np.where(held, size**2, column * size + row), return_inverse=True)
+    known = key[key < size**2]
+    pattern = ca.Sparsity.triplet(size, size, (known % size).tolist(), (known // size).tolist())
+    return ca.MX(pattern, _sum_at(place, ca.vec(blocks), len(known) + 1)[: len(known)])

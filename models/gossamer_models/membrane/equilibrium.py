@@ -1,7 +1,10 @@
-r"""Static equilibrium by dynamic relaxation, as part of ``init``.
+r"""Static equilibrium at the start, as part of ``init``: dynamic relaxation, or Newton's method in the plane.
 
 Symbols: ``q`` displacements [m], ``v`` velocities [m/s], ``f`` forces [N], ``m`` masses [kg], ``h`` step [s], ``c`` damping
-[1/s], ``omega`` lowest frequency in play [1/s], ``z`` q, v and f of the step before.
+[1/s], ``omega`` lowest frequency in play [1/s], ``z`` q, v and f of the step before; ``K`` tangent [N/m].
+
+Each returns the displacements and the largest force that is left, over the largest that is accepted; where that is above
+one, the displacements are not a number.
 """
 
 from __future__ import annotations
@@ -9,9 +12,21 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import casadi as ca
+import numpy as np
+
+from ..variables import Values
+from .assembly import MembraneEquations
 
 LEVELS = 5  # at most 10^5 steps
-TOLERANCE = 1e-13  # largest force left on a node, over the scale of forces
+NEWTON_STEPS = 8
+# Accepted are the forces that displacements of so many units in the last place of the positions cause, as sums over elements
+# round; the longer it takes to come there, the more, for some membranes go on too slowly to be waited for.
+FLOOR = 4.0 * np.finfo(float).eps
+PATIENCE = 10.0 ** (6.0 / 10_000)  # factor on what is accepted, after each step
+_MOST = 1e6  # times as much
+PLANE = (
+    1e-11  # accepted of Newton's method, over modulus * thickness * size of an element * stretch^3; round-off is 1e-16
+)
 _STEP = 0.9  # of the stable step
 
 
@@ -20,14 +35,14 @@ def relax(
     q: ca.MX,
     mass: ca.MX,
     given: list[tuple[ca.MX, ca.MX]],
-) -> ca.MX:
+) -> tuple[ca.MX, ca.MX]:
     r"""Write the equilibrium that damped motion reaches from ``q``.
 
     Parameters
     ----------
     balance : callable
-        ``balance(q) -> (f, rate, scale)``: forces [N], zero where held, the bound of the squared highest frequency [1/s2],
-        and the force [N] that ``TOLERANCE`` is a share of.
+        ``balance(q) -> (f, rate, accepted)``: forces [N], zero where held, the bound of the squared highest frequency
+        [1/s2], and the largest f/m [m/s2] that is accepted.
     q : casadi.MX, shape (n,)
         Where to start; stays where it is held.
     mass : casadi.MX, shape (n,)
@@ -38,7 +53,7 @@ def relax(
     Returns
     -------
     casadi.MX, shape (n,)
-        Not a number if the steps are not enough.
+    casadi.MX, scalar
 
     Notes
     -----
@@ -53,16 +68,17 @@ def relax(
     """
     n, symbols, values = q.numel(), [symbol for symbol, _ in given], [value for _, value in given]
     at, v, f_before = z = [ca.MX.sym(name, n) for name in ("q", "v", "f")]
-    h_before, ended = rest = [ca.MX.sym("h"), ca.MX.sym("ended")]
-    f, rate, scale = balance(at)
+    h_before, left, slack = rest = [ca.MX.sym(name) for name in ("h", "left", "slack")]
+    f, rate, accepted = balance(at)
     h = 2.0 * _STEP / ca.sqrt(rate)
     energy = ca.dot(v, mass * v)
     omega2 = -ca.dot(v, f - f_before) / ca.fmax(h_before * energy, 1e-300)
     drag = h * ca.sqrt(ca.fmin(ca.fmax(omega2, 0.0), rate))
-    moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * f / mass
-    over = ca.norm_inf(f) <= TOLERANCE * scale
-    inputs = [*z, *rest, *symbols]
-    step = ca.Function("relaxation_0", inputs, [at + ca.if_else(over, 0.0, h) * moved, moved, f, h, over])
+    a = f / mass
+    moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * a
+    left_now, slack_next = ca.norm_inf(a) / (slack * accepted), ca.fmin(slack * PATIENCE, _MOST)
+    inputs, q_next = [*z, *rest, *symbols], at + ca.if_else(left_now <= 1.0, 0.0, h) * moved
+    step = ca.Function("relaxation_0", inputs, [q_next, moved, f, h, left_now, slack_next])
     kept = ca.Function("relaxation_over", inputs, [*z, *rest])
     for level in range(LEVELS):
         end = [*z, *rest]
@@ -70,6 +86,52 @@ def relax(
             end = step.call([*end, *symbols])
         ten = ca.Function(f"relaxation_ten_{level}", inputs, end)
         unless = ca.Function.if_else(f"relaxation_unless_{level}", kept, ten)
-        step = ca.Function(f"relaxation_{level + 1}", inputs, unless.call([ended, *inputs]))
-    q, _, _, _, ended = step.call([q, ca.MX.zeros(n), ca.MX.zeros(n), 0.0, 0.0, *values])
-    return ca.if_else(ended == 1.0, q, float("nan"))
+        step = ca.Function(f"relaxation_{level + 1}", inputs, unless.call([left <= 1.0, *inputs]))
+    q, _, _, _, left, _ = step.call([q, ca.MX.zeros(n), ca.MX.zeros(n), 0.0, np.inf, 1.0, *values])
+    return ca.if_else(left <= 1.0, q, float("nan")), left
+
+
+def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX, ca.MX]:
+    r"""Write the equilibrium of a plane membrane of equal squares without loads, Section 7.2 of the thesis.
+
+    Parameters
+    ----------
+    equations : MembraneEquations
+        Forces and tangent.
+    u, p : SimpleNamespace
+        Inputs and parameters by name.
+
+    Returns
+    -------
+    casadi.MX, shape (3 M,)
+    casadi.MX, scalar
+
+    Notes
+    -----
+    A fixed number of Newton steps from the place where the supports take all nodes, with sparse LDL factors of the symmetric
+    in-plane tangent, so that the function has no iteration that could run away and can be generated as C.
+    """
+    n = equations.n_q
+    plane = [3 * k + axis for k in range(n // 3) for axis in (0, 1)]
+    given = [(name, ca.MX(value)) for name, value in [*vars(u).items(), *vars(p).items()]]
+    symbols = [ca.MX.sym(name, value.numel()) for name, value in given]
+    names = dict(zip((name for name, _ in given), symbols, strict=True))
+    by_symbol_u, by_symbol_p = (Values(**{name: names[name] for name in vars(part)}) for part in (u, p))
+    table = [] if equations.column is None else [equations.column]
+    q = ca.MX.sym("q", n)
+    shared = equations.shared(by_symbol_u, by_symbol_p, ca.MX(0.0), ca.MX(0.0)) | {"pressure": ca.MX(0.0)}
+    x = equations.positions(q, by_symbol_u, by_symbol_p)
+    f = equations.forces(x, shared, by_symbol_p).f[:n]
+    q_next = q + 0.0
+    q_next[plane] += ca.solve(equations.tangent(x, shared, by_symbol_p, axes=2), f[plane], "ldl")
+    newton = ca.Function("newton", [q, *table, *symbols], [q_next])
+
+    q = ca.MX.zeros(n)
+    for _ in range(NEWTON_STEPS):
+        q = newton(q, *table, *(value for _, value in given))
+    shared = equations.shared(u, p, ca.MX(0.0), ca.MX(0.0)) | {"pressure": ca.MX(0.0)}
+    found = equations.forces(equations.positions(q, u, p), shared, p)
+    size = equations.structure.elements[0].geometry.side * equations.size(p)
+    accepted = PLANE * size * ca.mmax(shared["D"]) * (1.0 + ca.fmax(found.strain, 0.0)) ** 1.5
+    left = ca.norm_inf(found.f[:n]) / accepted
+    return ca.if_else(left <= 1.0, q, float("nan")), left

@@ -1,8 +1,8 @@
 r"""A membrane on a rigid frame that flies: what the frame's motion does to its nodes, and what it does to the frame.
 
-Symbols, for N nodes with a column each, in axes that turn with the frame: ``r`` positions from the frame's origin [m],
-``s = v + w x r`` velocities less that of the origin [m/s], ``v`` velocities relative to the frame, shape (3, N); ``m``
-masses [kg], shape (1, N); ``f`` forces [N]; ``a`` acceleration of the origin less gravity [m/s2], ``w`` angular
+Symbols, for N nodes, in axes that turn with the frame: ``r`` positions from the frame's origin [m], ``s = v + w x r``
+velocities less that of the origin [m/s], ``v`` velocities relative to the frame, ``f`` forces [N], three columns along x, y
+and z, shape (N,); ``m`` masses [kg], shape (N,); ``a`` acceleration of the origin less gravity [m/s2], ``w`` angular
 velocity [rad/s] and ``w_dot`` angular acceleration [rad/s2] of the frame, shape (3,); ``c`` mass damping [1/s], against
 the frame; ``h`` step [s]::
 
@@ -14,14 +14,18 @@ belong to the frame: their mass is reported, to be added to the mass of what car
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeAlias
 
 import casadi as ca
 
-from ..variables import Values, Variable, array, input_, output, parameter
+from ..variables import CAUSALITIES, Values, Variable, array, input_, output, parameter
 
+Columns: TypeAlias = list[ca.MX]  # along x, y and z
 _LETTERS = ("xx", "yy", "zz", "xy", "xz", "yz")
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +43,10 @@ class Mounting:
     place: ca.MX
     axes: ca.MX
 
-    def positions(self, x: ca.MX) -> ca.MX:
-        """Return positions [m] from the frame's origin of those from the membrane's own, in its axes, shape (3, N)."""
-        return x + ca.repmat(ca.mtimes(self.axes.T, self.place), 1, x.shape[1])
+    @property
+    def shift(self) -> ca.MX:
+        """The membrane's own origin from the frame's [m], in the membrane's axes, shape (3,)."""
+        return ca.mtimes(self.axes.T, self.place)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +55,13 @@ class Nodes:
 
     Attributes
     ----------
-    r : casadi.MX, shape (3, N)
+    r : list of casadi.MX, shape (N,)
         Positions [m] from the frame's origin.
-    m : casadi.MX, shape (1, N)
+    m : casadi.MX, shape (N,)
         Masses [kg].
     """
 
-    r: ca.MX
+    r: Columns
     m: ca.MX
 
 
@@ -167,30 +172,27 @@ class FrameStep:
         end = FrameState(w + h * w_dot, w_given, state.impulse, state.elapsed + h)
         return cls(a, middle, w_dot, turn(h / 2.0 * middle), end, h)
 
-    def to_middle(self, r: ca.MX, s: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Return positions [m] and velocities [m/s], before the kick, in the middle of the step."""
-        return ca.mtimes(self.half, r + self.h / 2.0 * s), ca.mtimes(self.half, s)
+    def drift(self, r: Columns, s: Columns) -> tuple[Columns, Columns]:
+        """Return positions [m] and velocities [m/s] half a step later, in the axes of then."""
+        return turned(self.half, [x + self.h / 2.0 * y for x, y in zip(r, s, strict=True)]), turned(self.half, s)
 
-    def kick(self, r: ca.MX, s: ca.MX, pull: ca.MX, damping: ca.MX) -> tuple[ca.MX, ca.MX]:
+    def kick(self, r: Columns, s: Columns, pull: Columns, damping: ca.MX) -> tuple[Columns, Columns]:
         """Return the velocities [m/s] after the kick, and the mean velocity relative to the frame, which the drag goes with.
 
         Parameters
         ----------
-        r, s : casadi.MX, shape (3, N)
-            What ``to_middle`` returns.
-        pull : casadi.MX, shape (3, N)
+        r, s : list of casadi.MX, shape (N,)
+            What ``drift`` returns.
+        pull : list of casadi.MX, shape (N,)
             Forces over masses [m/s2] there.
         damping : casadi.MX, scalar
             Mass damping c [1/s].
         """
-        carried, drag = ca.mtimes(ca.skew(self.w), r), damping * self.h / 2.0
-        push = self.h * (pull - ca.repmat(self.a, 1, r.shape[1]))
-        s_next = ((1.0 - drag) * s + push + 2.0 * drag * carried) / (1.0 + drag)
-        return s_next, (s + s_next) / 2.0 - carried
-
-    def to_end(self, r: ca.MX, s: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Return positions [m] and velocities [m/s] at the end of the step, from those in its middle after the kick."""
-        return ca.mtimes(self.half, r + self.h / 2.0 * s), ca.mtimes(self.half, s)
+        drag = damping * self.h / 2.0
+        keep, gain, along = (1.0 - drag) / (1.0 + drag), self.h / (1.0 + drag), 2.0 * drag / (1.0 + drag)
+        carried = cross([self.w[i] for i in range(3)], r)
+        s_next = [keep * s[i] + gain * (pull[i] - self.a[i]) + along * carried[i] for i in range(3)]
+        return s_next, [(s[i] + s_next[i]) / 2.0 - carried[i] for i in range(3)]
 
     def pass_on(self, reaction: ca.MX) -> tuple[FrameState, ca.MX]:
         """Count what the frame takes in the middle of the step, force [N] and torque [N m], shape (6,).
@@ -210,25 +212,40 @@ class FrameStep:
         return FrameState(state.w, state.w_given, impulse, state.elapsed), mean
 
 
-def moment(r: ca.MX, f: ca.MX) -> ca.MX:
-    r"""Write :math:`\sum r \times f`, shape (3,)."""
-    G = ca.mtimes(r, f.T)
-    return ca.vertcat(G[1, 2] - G[2, 1], G[2, 0] - G[0, 2], G[0, 1] - G[1, 0])
+def turned(E: ca.MX, r: Columns) -> Columns:
+    """Return the columns of vectors that a matrix, shape (3, 3), turns."""
+    return [E[i, 0] * r[0] + E[i, 1] * r[1] + E[i, 2] * r[2] for i in range(3)]
 
 
-def wrench(r: ca.MX, f: ca.MX) -> ca.MX:
-    """Write the sum of forces [N] and their torque about the frame's origin [N m], shape (6,)."""
-    return ca.vertcat(ca.sum2(f), moment(r, f))
+def cross(a: Columns, b: Columns) -> Columns:
+    r"""Return :math:`a \times b` by columns."""
+    return [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
 
 
-def mass_properties(nodes: Nodes) -> tuple[ca.MX, ca.MX, ca.MX]:
-    r"""Write mass [kg], first moment [kg m], shape (3,), and inertia about the frame's origin [kg m2], shape (3, 3)."""
-    S = ca.mtimes(nodes.r, nodes.m.T)
-    G = ca.mtimes(nodes.r * ca.repmat(nodes.m, 3, 1), nodes.r.T)
-    return ca.sum2(nodes.m), S, ca.trace(G) * ca.MX.eye(3) - G
+def total(columns: list[ca.MX]) -> ca.MX:
+    """Sum each of n columns, shape (n,), by halves: that many additions at once, and less round-off than one by one."""
+    rows = ca.horzcat(*columns)
+    odd = ca.MX.zeros(1, len(columns))
+    while rows.shape[0] > 1:
+        half = rows.shape[0] // 2
+        if rows.shape[0] % 2:
+            odd += rows[-1, :]
+        rows = rows[:half, :] + rows[half : 2 * half, :]
+    return (rows + odd).T
 
 
-def frame_results(mount: Mounting, free: Nodes, s: ca.MX, held: Nodes, reaction: ca.MX) -> dict[str, ca.MX]:
+def wrench(r: Columns, f: Columns) -> list[ca.MX]:
+    """Write what sums to force [N] and torque about the frame's origin [N m], six columns."""
+    return [*f, *cross(r, f)]
+
+
+def mass_properties(nodes: Nodes) -> list[ca.MX]:
+    r"""Write what sums to mass [kg], first moment [kg m] and :math:`\sum m r r^T` [kg m2] by ``_LETTERS``, ten columns."""
+    weighted = [nodes.m * x for x in nodes.r]
+    return [nodes.m, *weighted, *(weighted[a] * nodes.r[b] for a, b in _PAIRS)]
+
+
+def frame_results(mount: Mounting, free: Nodes, s: Columns, held: Nodes, reaction: ca.MX) -> dict[str, ca.MX]:
     """Write the results of ``FRAME_OUTPUTS``, in body axes.
 
     Parameters
@@ -237,7 +254,7 @@ def frame_results(mount: Mounting, free: Nodes, s: ca.MX, held: Nodes, reaction:
         Turns to body axes.
     free, held : Nodes
         Nodes that move relative to the frame, and those that do not.
-    s : casadi.MX, shape (3, N)
+    s : list of casadi.MX, shape (N,)
         Velocities [m/s] of the free nodes less that of the frame's origin.
     reaction : casadi.MX, shape (6,)
         Force [N] and torque [N m] that the membrane exerts on the frame, as means over the step, in the membrane's
@@ -245,18 +262,15 @@ def frame_results(mount: Mounting, free: Nodes, s: ca.MX, held: Nodes, reaction:
     """
     A = mount.axes
     results: dict[str, ca.MX] = {"force": ca.mtimes(A, reaction[:3]), "torque": ca.mtimes(A, reaction[3:])}
-    for name, nodes in (("moving", free), ("held", held)):
-        mass, S, J = mass_properties(nodes)
-        results |= {f"{name}_mass": mass, f"{name}_first_moment": ca.mtimes(A, S)}
-        results[f"{name}_inertia"] = _six(ca.mtimes(ca.mtimes(A, J), A.T))
-    momentum = wrench(free.r, s * ca.repmat(free.m, 3, 1))
-    results["momentum"], results["angular_momentum"] = ca.mtimes(A, momentum[:3]), ca.mtimes(A, momentum[3:])
+    moving = total([*mass_properties(free), *wrench(free.r, [free.m * x for x in s])])
+    for name, sums in (("moving", moving), ("held", total(mass_properties(held)))):
+        xx, yy, zz, xy, xz, yz = ca.vertsplit(sums[4:10])
+        G = ca.blockcat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        results |= {f"{name}_mass": sums[0], f"{name}_first_moment": ca.mtimes(A, sums[1:4])}
+        J = ca.mtimes(ca.mtimes(A, ca.trace(G) * ca.MX.eye(3) - G), A.T)
+        results[f"{name}_inertia"] = ca.vertcat(*(J[a, b] for a, b in _PAIRS))
+    results["momentum"], results["angular_momentum"] = ca.mtimes(A, moving[10:13]), ca.mtimes(A, moving[13:])
     return results
-
-
-def _six(J: ca.MX) -> ca.MX:
-    """Return the six numbers of a symmetric matrix in the order of ``_LETTERS``."""
-    return ca.vertcat(*(J["xyz".index(pair[0]), "xyz".index(pair[1])] for pair in _LETTERS))
 
 
 _vector = partial(array, parts=[f"along {axis}" for axis in "xyz"])
@@ -352,3 +366,15 @@ FRAME_OUTPUTS = (
         "Angular momentum about the frame's origin, of the same velocity, in body axes",
     ),
 )
+
+
+def flying(table: Sequence[Variable]) -> tuple[Variable, ...]:
+    """Put the motion of a frame that flies in the place of the acceleration of one that does not, and what it takes."""
+    kinds = {kind: [v for v in table if v.causality == kind] for kind in CAUSALITIES}
+    inputs: list[Variable] = []
+    for v in kinds["input"]:
+        if not v.name.startswith("base_acceleration"):
+            inputs.append(v)
+        elif FRAME_INPUTS[0] not in inputs:
+            inputs += FRAME_INPUTS
+    return (*kinds["parameter"], *FRAME_PARAMETERS, *inputs, *kinds["output"], *FRAME_OUTPUTS, *kinds["local"])

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from ..arrays import Vector
 from ..errors import DataError
-from .quadrature import derivative_matrix, gauss_points, lobatto_points, value_matrix
+from .element import derivative_matrix, gauss_points, lobatto_points, value_matrix
 from .surface import Block, SurfaceMesh
 
 SAMPLES = 5  # of a gauge with a length, Gauss-Legendre
@@ -57,8 +57,17 @@ def gauge(mesh: SurfaceMesh, point: Vector, direction: Vector, length: float) ->
     return Gauge(scipy.sparse.csr_array(np.array(rows)), weights, away)
 
 
-def _line(mesh: SurfaceMesh, point: Vector, direction: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return the weights of a unit line at the place nearest to a point, that place, and the line."""
+def place_matrix(mesh: SurfaceMesh, points: Vector) -> Vector:
+    """Return the weights of the nodes that interpolate at the places nearest to points, shape (points, N)."""
+    matrix = np.zeros((len(points), len(mesh.nodes)))
+    for row, point in zip(matrix, points, strict=True):
+        _, block, k, st, _place = _element_at(mesh, point)
+        row[block.elements[k]] = shape_functions(block.order, st)[0]
+    return matrix
+
+
+def _element_at(mesh: SurfaceMesh, point: Vector) -> tuple[float, Block, int, Vector, Vector]:
+    """Return distance, block, number and parent coordinates of the element nearest to a point, and the place on it."""
     best: tuple[float, Block, int, Vector, Vector] | None = None
     for block in mesh.blocks:
         centres = mesh.nodes[block.elements].mean(axis=1)
@@ -71,7 +80,12 @@ def _line(mesh: SurfaceMesh, point: Vector, direction: Vector) -> tuple[Vector, 
             if distance <= _THERE * mesh.size:  # no other element is nearer
                 break
     assert best is not None  # a mesh has elements
-    _, block, k, st, place = best
+    return best
+
+
+def _line(mesh: SurfaceMesh, point: Vector, direction: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return the weights of a unit line at the place nearest to a point, that place, and the line."""
+    _, block, k, st, place = _element_at(mesh, point)
     _N, D = shape_functions(block.order, st)
     T = D.T @ mesh.nodes[block.elements[k]]  # (2, 3)
     delta = np.linalg.lstsq(T.T, direction / np.linalg.norm(direction), rcond=None)[0]

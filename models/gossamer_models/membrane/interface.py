@@ -7,29 +7,28 @@ from dataclasses import replace
 import numpy as np
 
 from ..variables import Variable, input_, local, output, parameter
-from .frame import FRAME_INPUTS, FRAME_OUTPUTS, FRAME_PARAMETERS
-from .params import PARAMETERS as SQUARE
+from .law import LAWS
 from .setup import Setup
-from .structure import Structure
 
-BUILT_IN = ("mass_damping", "pressure_amplitude", "pressure_frequency", "pressure_phase")
+BUILT_IN = (
+    parameter("mass_damping", "1/s", "Damping force per mass and velocity relative to the base", 20.0, 0.0, 1e4),
+    parameter("pressure_amplitude", "Pa", "Amplitude of the built-in follower pressure", 1e4, 0.0, 1e6),
+    parameter("pressure_frequency", "Hz", "Frequency of the built-in follower pressure", 7.9, 0.0, 1e4),
+    parameter("pressure_phase", "rad", "Phase of the built-in follower pressure when the run begins", 0.0, -1e3, 1e3),
+)
+STRAIN = local("largest_strain", "1", "Largest principal nominal strain", minimum=-1.0, maximum=0.5, nominal=0.1)
+MAX_STEP = local("max_step", "s", "Largest internal step; longer communication steps are divided")
 COMPRESSED = 0.1  # share of the area [1] beyond which a law that carries compression is not valid
 
 
-def mesh_variables(structure: Structure, *, frame: bool = False) -> tuple[Variable, ...]:
-    """Make the table: parameters, inputs, outputs and locals; with the motion of a frame that flies, if asked for."""
-    parameters, inputs, results = _parameters(structure.setup), _inputs(structure.setup), _results(structure)
-    if not frame:
-        return (*parameters, *inputs, *results)
-    inputs = [v for v in inputs if not v.name.startswith("base_acceleration[")]
-    outputs = [v for v in results if v.causality == "output"]
-    places = (*parameters, *FRAME_PARAMETERS, *inputs, *FRAME_INPUTS, *outputs, *FRAME_OUTPUTS)
-    return (*places, *results[len(outputs) :])
+def mesh_variables(setup: Setup, n_nodes: int) -> tuple[Variable, ...]:
+    """Make the table of a setup on a mesh of some nodes: parameters, inputs, outputs and locals."""
+    return (*_parameters(setup), *_inputs(setup), *_outputs(setup), *node_rows(setup, n_nodes), *_locals(setup))
 
 
 def _parameters(setup: Setup) -> list[Variable]:
     starts = {"mass_damping": setup.mass_damping, "pressure_amplitude": 0.0}
-    built_in = [replace(v, start=starts.get(v.name, v.start)) for v in SQUARE if v.name in BUILT_IN]
+    built_in = [replace(v, start=starts.get(v.name, v.start)) for v in BUILT_IN]
     moduli = [
         parameter(
             f"youngs_modulus[{i + 1}]",
@@ -83,8 +82,7 @@ def _inputs(setup: Setup) -> list[Variable]:
     return rows
 
 
-def _results(structure: Structure) -> list[Variable]:
-    setup = structure.setup
+def _outputs(setup: Setup) -> list[Variable]:
     rows = []
     for k, sensor in enumerate(setup.sensors):
         at = ", ".join(f"{x:g}" for x in sensor.point)
@@ -95,15 +93,22 @@ def _results(structure: Structure) -> list[Variable]:
     if setup.gas is not None:
         rows.append(output("gas_pressure", "Pa", "Pressure of the gas over the ambient one", nominal=1e4))
         rows.append(output("volume", "m3", "Volume that the enclosing faces bound", nominal=1.0))
-    if setup.expose:
-        for i in range(len(structure.mesh.nodes)):
-            for a, axis in enumerate("xyz"):
-                rows.append(
-                    local(f"node[{3 * i + a + 1}]", "m", f"Displacement of node {i + 1} along {axis}", nominal=0.1)
-                )
-    largest = 1.0 if setup.law == "relaxed" else COMPRESSED
-    rows += [
-        local("largest_strain", "1", "Largest principal nominal strain", minimum=-1.0, maximum=0.5, nominal=0.1),
+    return rows
+
+
+def node_rows(setup: Setup, n_nodes: int) -> list[Variable]:
+    """Make the rows of the displacements of nodes, if they are exposed."""
+    return [
+        local(f"node[{3 * i + a + 1}]", "m", f"Displacement of node {i + 1} along {axis}", nominal=0.1)
+        for i in range(n_nodes if setup.expose else 0)
+        for a, axis in enumerate("xyz")
+    ]
+
+
+def _locals(setup: Setup) -> list[Variable]:
+    largest = 1.0 if LAWS[setup.law].wrinkles else COMPRESSED
+    return [
+        STRAIN,
         local("displacement_ratio", "1", "Largest displacement over the size", minimum=0.0, maximum=1.0, nominal=0.1),
         local(
             "compressed_share",
@@ -114,6 +119,5 @@ def _results(structure: Structure) -> list[Variable]:
             nominal=0.1,
             advice='Write law = "relaxed" in its setup, so that it wrinkles.',
         ),
-        local("max_step", "s", "Largest internal step; longer communication steps are divided"),
+        MAX_STEP,
     ]
-    return rows

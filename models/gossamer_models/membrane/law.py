@@ -8,6 +8,7 @@ Symbols: ``e`` twice the Green-Lagrange strain, a symmetric 2 x 2 matrix, ``E1 >
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 Entry: TypeAlias = ca.MX  # or ca.SX
 Matrix: TypeAlias = NDArray[np.object_]  # of entries
-Law: TypeAlias = Callable[[Matrix, Entry, Entry], Matrix]
+Stress: TypeAlias = Callable[[Matrix, Entry, Entry], Matrix]
 
 # keeps the direction of the larger principal strain finite where both are equal; 1e-12 relative to a stretch
 _TINY = 1e-24
@@ -105,11 +106,33 @@ def neo_hookean(e: Matrix, D: Entry, nu: Entry) -> Matrix:
     return matrix([[along[0], across], [across, along[1]]])
 
 
-LAWS: dict[str, Law] = {
-    "st_venant_kirchhoff": st_venant_kirchhoff,
-    "hencky": hencky,
-    "neo_hookean": neo_hookean,
-    "relaxed": relaxed,
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A law of the material.
+
+    Attributes
+    ----------
+    stress : callable
+        ``stress(e, D, nu) -> S``.
+    text : str
+        What it does, for a list of laws.
+    linear : bool
+        Whether stress is linear in the Green-Lagrange strain where the membrane is taut.
+    wrinkles : bool
+        Whether it carries no compression.
+    """
+
+    stress: Stress
+    text: str
+    linear: bool = False
+    wrinkles: bool = False
+
+
+LAWS = {
+    "st_venant_kirchhoff": Law(st_venant_kirchhoff, "carries compression", linear=True),
+    "hencky": Law(hencky, "linear in the logarithmic strain"),
+    "neo_hookean": Law(neo_hookean, "rubber"),
+    "relaxed": Law(relaxed, "wrinkles where the membrane would be compressed", linear=True, wrinkles=True),
 }
 
 

@@ -1,33 +1,35 @@
-r"""The membrane as a pure step: what the FMU runs.
+r"""A membrane as a pure step: what the FMU runs.
 
-Symbols: ``q`` displacements [m] of the interior nodes from the stretched plane, ``v`` their velocities [m/s], ``phase`` of
-the built-in pressure [cycles], ``f`` forces [N], ``c`` mass damping [1/s], ``h`` step [s], ``u`` inputs and ``p`` parameters
-by name.
+Symbols: ``q`` displacements [m] and ``v`` velocities [m/s] of the nodes that move, ``phase`` of the built-in pressure
+[cycles], ``f`` forces [N], ``m`` masses [kg], ``c`` mass damping [1/s], ``h`` step [s], ``V`` volume of gas [m3], ``u``
+inputs and ``p`` parameters by name.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ..errors import ParameterError
-from ..shape import SHAPE
+from ..mistakes import Mistake, raise_any
 from ..step_model import StepModel
-from ..variables import Results, Values, input_, local, output
-from .assembly import MembraneEquations
-from .frame import FRAME_INPUTS, FRAME_OUTPUTS, FRAME_PARAMETERS, RESTARTED, FrameState
-from .law import LAWS
-from .mesh import N_ZONES, ZONES_PER_SIDE
-from .mounted import Force, MountedMembrane
-from .params import PARAMETERS
-from .prestress import prestress
-from .shape import square_shape
-from .stability import max_step_expression
-from .strain import SENSOR_POINTS, sensor_strains_expression
+from ..variables import Values
+from .assembly import Forces, MembraneEquations
+from .equilibrium import FLOOR, in_plane, relax
+from .frame import RESTARTED, FrameState, flying
+from .gauges import Gauge
+from .riding import Rider
+from .setup import Setup
+from .shape import SHAPE, membrane_shape
+from .square import square_structure
+from .structure import Structure
 
-GRID_STEPS = 8  # deflections are results on a grid of 7 x 7 points, whatever the mesh
+STEP_FRACTION = 0.6  # of the stable step
+STEPS_PER_CYCLE = 20.0  # of the built-in pressure, at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,45 +38,36 @@ class MembraneState:
 
     Attributes
     ----------
-    q, v : casadi.MX, shape (n,)
-        Displacements [m] of the interior nodes from the stretched plane, node by node, and their velocities [m/s]: relative
-        to the base, but on a frame that flies, less the velocity of the frame's origin.
+    q, v : casadi.MX, shape (3 M,)
+        Displacements [m] beside those of supports that take nodes along, and velocities [m/s].
     phase : casadi.MX, scalar
         Phase of the built-in pressure [cycles].
-    frame : FrameState or casadi.MX of no element
-        What is known of the frame, if it flies.
+    volume : casadi.MX, shape (1,) or (0,)
+        Volume of the gas at the start [m3].
+    frame : FrameState or casadi.MX, shape (0,)
+        What is known of a frame that flies; velocities are those less that of its origin then.
     """
 
     q: ca.MX
     v: ca.MX
     phase: ca.MX
+    volume: ca.MX
     frame: FrameState | ca.MX
 
 
-def membrane_model(
-    elements_per_side: int = 4,
-    order: int = 4,
-    law: str = "st_venant_kirchhoff",
-    *,
-    frame: bool = False,
-    compiled: bool = False,
-) -> StepModel:
-    r"""Build the step model of a prestressed square membrane under pressure, with damage in 16 zones.
+def membrane_model(structure: Structure | None = None, *, frame: bool = False, compiled: bool = False) -> StepModel:
+    r"""Build the step model of a membrane.
 
     Parameters
     ----------
-    elements_per_side : int
-        Multiple of 4, at least 4.
-    order : int
-        Order of the elements: 1 for bilinear, 2 to 12 for spectral ones.
-    law : {"st_venant_kirchhoff", "hencky", "relaxed"}
-        Law of the material. St Venant-Kirchhoff's carries compression, the relaxed one wrinkles instead; Hencky's is linear
-        in the logarithmic strain.
+    structure : Structure or None
+        As from ``make_structure``; None for the square of the thesis.
     frame : bool
-        True: the frame flies. It moves and turns in space, and the membrane returns force and torque on it. False: it moves
-        along the membrane's normal only.
+        True: the supports ride on a frame that moves and turns in space, and the membrane returns force and torque on it.
+        False: the frame is only accelerated.
     compiled : bool
-        True if the step is to become C code rather than to run in CasADi's virtual machine; the numbers are the same.
+        True: arrays are tables and sums over elements are loops, for the C of an FMU. False: all in the expression, for
+        CasADi's virtual machine and for batches. The numbers are the same but for round-off.
 
     Returns
     -------
@@ -83,8 +76,8 @@ def membrane_model(
 
     Raises
     ------
-    ParameterError
-        ``elements_per_side`` does not fit the 4 x 4 damage zones, ``order`` is out of range, or there is no such law.
+    DescriptionError
+        A membrane on a frame with nodes that are held in some directions only, or with scaled inertia.
 
     Notes
     -----
@@ -93,7 +86,7 @@ def membrane_model(
     .. math::
 
         q_{1/2} &= q + \tfrac h2 v, \\
-        v^+ &= \frac{(1 - \tfrac{ch}{2})\,v + h\,(f(q_{1/2}, t + \tfrac h2)/m - a_{base} e_z)}{1 + \tfrac{ch}{2}}, \\
+        v^+ &= \frac{(1 - \tfrac{ch}2)\,v + h\,(f(q_{1/2}, t + \tfrac h2)/m - a_{base})}{1 + \tfrac{ch}2}, \\
         q^+ &= q_{1/2} + \tfrac h2 v^+.
 
     One force evaluation, second order, self-starting, any sequence of steps. With equal steps its half-step positions are
@@ -102,147 +95,214 @@ def membrane_model(
     round-off does not grow with time. ``max_step`` belongs to the middle of the last step, where the forces are evaluated.
     On a frame that flies the step is that of ``frame.FrameStep``.
 
+    It starts at rest in equilibrium, without the built-in pressure. Inertia along the surface may be scaled by a factor k:
+    with n the normals of the reference surface,
+
+    .. math:: a = f/(k m) + (1 - 1/k)\,n\,(n \cdot f)/m.
+
     References
     ----------
     .. [1] T. Belytschko, W. K. Liu, B. Moran, K. Elkhodary, Nonlinear Finite Elements for Continua and Structures,
        2nd ed., Wiley, 2014, Section 6.2.
     .. [2] E. Hairer, C. Lubich, G. Wanner, Acta Numerica 12, 399-450, 2003, doi:10.1017/S0962492902000144.
     """
-    if law not in LAWS:
-        msg = f"there is no law {law!r} of the membrane's material. Choose one of {', '.join(LAWS)}."
-        raise ParameterError(msg)
-    equations = MembraneEquations(elements_per_side, order, law, compiled=compiled)
-    n = equations.n_q
-    normal = ca.DM(np.tile([0.0, 0.0, 1.0], n // 3))
+    structure = square_structure() if structure is None else structure
+    setup, n_nodes = structure.setup, len(structure.mesh.nodes)
+    if frame:
+        raise_any([*_cannot_ride(structure)])
+    equations = MembraneEquations(structure, compiled=compiled)
+    n, t = equations.n_q, equations.arrays
+    table = structure.variables(setup, n_nodes)
+    names = {v.name.partition("[")[0] for v in table}
+    gauges = [_gauge(structure, gauge) for gauge in structure.gauges]
+    probes = {name: ca.sparsify(ca.DM(weights[:, structure.moving])) for name, weights in structure.probes.items()}
 
-    def step(x: MembraneState, u: Values, p: Values, h: ca.MX) -> tuple[MembraneState, Results]:
+    def with_dead_loads(f: ca.MX, u: Values) -> ca.MX:
+        if "edge_force" in t:
+            f += t["edge_force"]
+        for name in structure.unit_forces:
+            f += getattr(u, name) * t[f"unit_{name}"]
+        return f
+
+    def base(u: Values) -> ca.MX:  # acceleration of the base, of the nodes that move
+        a = u.base_acceleration
+        return ca.repmat(ca.vertcat(0.0, 0.0, a) if a.is_scalar() else a, n // 3, 1)
+
+    def mass(p: Values) -> ca.MX:  # once for each of x, y, z of the nodes that move
+        return ca.vec(ca.repmat(equations.mass(p)[: n // 3].T, 3, 1))
+
+    def acceleration(f: ca.MX, u: Values, p: Values) -> ca.MX:
+        k = setup.inplane_mass
+        if k == 1.0:
+            return equations.mobility(p) * f - t["free"] * base(u)
+        a = f / mass(p) - base(u)
+        across = ca.vec(ca.repmat(_products(a, t["normals"]).T, 3, 1))
+        return t["free"] * (a / k + (1.0 - 1.0 / k) * t["normals"] * across)
+
+    def filled(u: Values) -> ca.MX:  # pressure of the gas at its volume of the start, with the ambient one
+        return (setup.gas.pressure + setup.gas.ambient) * u.gas_amount if setup.gas else ca.MX(0.0)
+
+    def all_volume(bounded: ca.MX, start: ca.MX) -> ca.MX:  # with what lies behind an open surface
+        given = setup.gas.volume if setup.gas else None
+        return bounded if given is None else bounded - start + given
+
+    def step(x: MembraneState, u: Values, p: Values, h: ca.MX) -> tuple[MembraneState, dict[str, ca.MX]]:
         phase_half, phase_end = (x.phase + p.pressure_frequency * part for part in (h / 2.0, h))
-        pressure = u.pressure + p.pressure_amplitude * ca.sin(2.0 * np.pi * phase_half)
+        built_in = p.pressure_amplitude * ca.sin(2.0 * np.pi * phase_half)
         drag = p.mass_damping * h / 2.0
         keep, gain = (1.0 - drag) / (1.0 + drag), h / (1.0 + drag)  # two divisions, where one per node would be slow
 
+        def pulled(at: ca.MX) -> tuple[Forces, ca.MX, ca.MX]:
+            if setup.gas is None:
+                found = equations.forces(at, equations.shared(u, p, built_in, ca.MX(0.0)), p)
+                return found, with_dead_loads(found.f, u), ca.MX(0.0)
+            V = all_volume(equations.volume(at), x.volume)
+            inside = filled(u) * (all_volume(x.volume, x.volume) / V) ** setup.gas.exponent
+            gas = inside - setup.gas.ambient
+            found = equations.forces(at, equations.shared(u, p, built_in, gas), p)
+            found = replace(found, rate=found.rate + setup.gas.exponent * inside / V * equations.gas_mobility())
+            return found, with_dead_loads(found.f, u), gas
+
         phase = phase_end - ca.floor(phase_end)
         if frame:
-            ride = MountedMembrane(equations, p).advance(x.q, x.v, x.frame, force(u, p, pressure), u, h)
-            state = MembraneState(ride.q, ride.s, phase, ride.frame)
-            return state, results(ride.q, ride.wave, ride.strain, p) | ride.results
-
+            ride = rider(u, p).advance(x.q, x.v, x.frame, pulled, u, h)
+            state = MembraneState(ride.q, ride.s, phase, x.volume, ride.frame)
+            return state, results(state, u, p, ride.found, ride.gas) | ride.results
         q = x.q + h / 2.0 * x.v  # half a step
-        f, wave, strain = equations.force_expression(q, u.damage, pressure, p)
-        v = keep * x.v + gain * (f * equations.inverse_mass(p) - u.base_acceleration * normal)
+        found, f, gas = pulled(equations.positions(q, u, p))
+        v = keep * x.v + gain * acceleration(f[:n], u, p)
         q = q + h / 2.0 * v  # the other half
+        state = MembraneState(q, v, phase, x.volume, x.frame)
+        return state, results(state, u, p, found, gas)
 
-        return MembraneState(q, v, phase, x.frame), results(q, wave, strain, p)
+    def rider(u: Values, p: Values) -> Rider:
+        return Rider(p, equations.positions(ca.MX.zeros(n), u, p), equations.mass(p), n)
 
-    def init(u: Values, p: Values) -> tuple[MembraneState, Results]:
-        q, wave, strain = prestress(equations, u.damage, p)
+    def init(u: Values, p: Values) -> tuple[MembraneState, dict[str, ca.MX]]:
+        start = filled(u) - (setup.gas.ambient if setup.gas else 0.0)
+        q, left = in_plane(equations, u, p) if structure.starts_in_plane else relaxed(u, p)
+        at, built_in = equations.positions(q, u, p), p.pressure_amplitude * ca.sin(p.pressure_phase)
+        found = equations.forces(at, equations.shared(u, p, built_in, start), p)
         phase = p.pressure_phase / (2.0 * np.pi)
-        phase = phase - ca.floor(phase)
+        # where there is no equilibrium, what is left of the forces is told in the place of the phase
+        phase = ca.if_else(left <= 1.0, phase - ca.floor(phase), left)
+        V = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
         if frame:
-            pressure = u.pressure + p.pressure_amplitude * ca.sin(p.pressure_phase)
-            ride = MountedMembrane(equations, p).start(q, force(u, p, pressure), u)
-            return MembraneState(q, ride.s, phase, ride.frame), results(q, wave, strain, p) | ride.results
-        return MembraneState(q, ca.MX.zeros(n), phase, ca.MX.zeros(0)), results(q, wave, strain, p)
+            ride = rider(u, p).start(q, found, with_dead_loads(found.f, u), start, u)
+            state = MembraneState(q, ride.s, phase, V, ride.frame)
+            return state, results(state, u, p, found, start) | ride.results
+        state = MembraneState(q, ca.MX.zeros(n), phase, V, ca.MX.zeros(0))
+        return state, results(state, u, p, found, start)
 
-    def force(u: Values, p: Values, pressure: ca.MX) -> Force:
-        return lambda q: equations.force_expression(q, u.damage, pressure, p, everywhere=True)
+    def relaxed(u: Values, p: Values) -> tuple[ca.MX, ca.MX]:
+        given = [(ca.MX.sym(name, value.numel()), value) for name, value in [*vars(u).items(), *vars(p).items()]]
+        by_symbol = SimpleNamespace(**{symbol.name(): symbol for symbol, _ in given})
+        if equations.column is not None:
+            given.append((equations.column, equations.column))
+        start = filled(by_symbol) - (setup.gas.ambient if setup.gas else 0.0)
 
-    def results(q: ca.MX, wave: ca.MX, strain: ca.MX, p: Values) -> dict[str, ca.MX]:
-        mesh, deflections = equations.mesh, q[2::3]
-        w = ca.mtimes(mesh.interpolation(GRID)[:, mesh.interior.tolist()], deflections)
-        return {
-            "strain": sensor_strains_expression(mesh, q, p),
-            "deflection": deflections[mesh.centre],
-            "w": w,
-            "largest_strain": ca.sqrt(1.0 + strain) - 1.0,
-            "deflection_ratio": ca.mmax(ca.fabs(w)) / p.side_length,
-            "max_step": max_step_expression(mesh, wave, p),
+        # masses of its own, so that neither a small element nor a stiff region nor inplane_mass delays the others
+        shared = equations.shared(by_symbol, by_symbol, ca.MX(0.0), start)
+        stiffer = ca.mmax(by_symbol.youngs_modulus / ca.DM([r.youngs_modulus for r in setup.regions]))
+        parts = [ca.fabs(shared[name]) for name in ("along", "across", "shear") if name in shared]
+        strained = ca.mmax(sum(parts)) if parts else 0.0
+
+        def balance(q: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+            x = equations.positions(q, by_symbol, by_symbol)
+            found = equations.forces(x, shared, by_symbol)
+            f = with_dead_loads(found.f, by_symbol)[:n]
+            f = f if frame else f - mass(by_symbol) * base(by_symbol)
+            strain = ca.fmax(found.strain, 0.0)
+            rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
+            # as forces grow, and their rounding
+            return t["free"] * f, rate, FLOOR * stiffer * (1.0 + strain) ** 1.5 * ca.norm_inf(x)
+
+        return relax(balance, ca.MX.zeros(n), t["stiffness"], given)
+
+    def results(state: MembraneState, u: Values, p: Values, found: Forces, gas: ca.MX) -> dict[str, ca.MX]:
+        x = equations.positions(state.q, u, p)
+        cycle = 1.0 / ca.fmax(p.pressure_frequency, 1e-300) / STEPS_PER_CYCLE
+        values = {name: ca.mtimes(weights, state.q[2::3]) for name, weights in probes.items()}
+        values |= {
+            "largest_strain": ca.sqrt(1.0 + found.strain) - 1.0,
+            "max_step": ca.fmin(2.0 * STEP_FRACTION / ca.sqrt(found.rate), cycle),
+            "compressed_share": found.compressed,
         }
+        if gauges:
+            values["strain"] = ca.vertcat(*(gauge(x, equations.size(p)) for gauge in gauges))
+        if "deflection_ratio" in names:
+            values["deflection_ratio"] = ca.mmax(ca.fabs(values["w"])) / p.side_length
+        if "displacement" in names or "node" in names:
+            away = x - t["nodes"]
+            values["displacement"] = ca.sqrt(ca.mmax(_products(away, away)))
+            values["displacement_ratio"] = values["displacement"] / structure.mesh.size
+            values["node"] = ca.vec(ca.reshape(away, 3, -1)[:, np.argsort(structure.order).tolist()])
+        if setup.gas is not None:
+            values |= {"gas_pressure": gas, "volume": all_volume(equations.volume(x), state.volume)}
+        return {name: value for name, value in values.items() if name in names}
 
-    variables = (
-        *PARAMETERS,
-        *(FRAME_PARAMETERS if frame else ()),
-        *((*PRESSURE, *FRAME_INPUTS, *DAMAGE) if frame else INPUTS),
-        *OUTPUTS,
-        *(FRAME_OUTPUTS if frame else ()),
-        *LOCALS,
-    )
+    variables = flying(table) if frame else table
     return StepModel.written(
         name="membrane",
-        description="Prestressed square membrane with damage zones, "
-        f"{elements_per_side} x {elements_per_side} elements of order {order}"
-        + ("" if law == "st_venant_kirchhoff" else f", law {law}")
-        + (", on a frame that flies" if frame else ""),
+        description=_description(structure) + ", on a frame that flies" * frame,
         variables=variables,
         init=init,
         step=step,
         step_limit="max_step",
+        resources={SHAPE: membrane_shape(structure, variables)},
         restarted=RESTARTED if frame else 0,
-        resources={SHAPE: square_shape(equations.mesh, variables)},
-        advice="Check the prestress (edge_displacement against side_length), damage, pressure and "
-        + (
-            "the motion of the frame, and that mount_x does not lie along mount_normal"
-            if frame
-            else "base acceleration"
-        )
-        + ": the membrane may be stretched beyond any use, or the damaged prestress equilibrium was not found.",
+        residual=2 * n,
+        advice=_advice(setup, frame),
+        table_column=equations.column,
+        tables=equations.tables,
     )
 
 
-PRESSURE = (
-    input_("pressure", "Pa", "Uniform follower pressure added to the built-in one", 0.0, -1e6, 1e6, nominal=1e4),
-)
-BASE = (
-    input_(
-        "base_acceleration",
-        "m/s2",
-        "Acceleration of the rigid frame, normal to the membrane, that displacements are relative to",
-        0.0,
-        -1e5,
-        1e5,
-        nominal=10.0,
-    ),
-)
-DAMAGE = tuple(
-    input_(
-        f"damage[{k + 1}]",
-        "1",
-        f"Lost fraction of Young's modulus in zone {k + 1} "
-        f"(column {k % ZONES_PER_SIDE + 1} along x, row {k // ZONES_PER_SIDE + 1} along y)",
-        0.0,
-        0.0,
-        0.95,
+def _advice(setup: Setup, frame: bool) -> str:
+    motions = ", ".join(support.motion for support in setup.supports if support.motion)
+    return (
+        f"Check supports{motions and f' ({motions})'}, prestress, loads and damage"
+        + ", the motion of the frame, and that mount_x does not lie along mount_normal" * frame
+        + ": the membrane may be stretched beyond any use, or there is no equilibrium to start from."
     )
-    for k in range(N_ZONES)
-)
-INPUTS = (*PRESSURE, *BASE, *DAMAGE)
-OUTPUTS = (
-    *(
-        output(
-            f"strain[{k + 1}]",
-            "1",
-            f"Nominal strain along y, prestrain included, at x = {3 * X:.0f}/3, y = {3 * Y:.0f}/3 of the side",
-            nominal=0.1,
+
+
+def _cannot_ride(structure: Structure) -> Iterator[Mistake]:
+    held = ~structure.free.reshape(-1, 3)
+    if np.any(held.any(axis=1) != held.all(axis=1)):
+        text = (
+            'on a frame that flies a node is held in all directions or in none. Write fixed = "xyz" for each support.'
         )
-        for k, (X, Y) in enumerate(SENSOR_POINTS)
-    ),
-    output("deflection", "m", "Deflection of the centre", nominal=0.1),
-)
-GRID = [(i / GRID_STEPS, j / GRID_STEPS) for i in range(1, GRID_STEPS) for j in range(1, GRID_STEPS)]
-LOCALS = (
-    *(
-        local(
-            f"w[{round(GRID_STEPS * X)},{round(GRID_STEPS * Y)}]",
-            "m",
-            f"Deflection at {round(GRID_STEPS * X)}/{GRID_STEPS} of the side along x, "
-            f"{round(GRID_STEPS * Y)}/{GRID_STEPS} along y",
-            nominal=0.1,
-        )
-        for X, Y in GRID
-    ),
-    local(
-        "largest_strain", "1", "Largest principal nominal strain of all points", minimum=-1.0, maximum=0.5, nominal=0.1
-    ),
-    local("deflection_ratio", "1", "Largest of the deflections w over the side", minimum=0.0, maximum=1.0, nominal=0.1),
-    local("max_step", "s", "Largest internal step; longer communication steps are divided"),
-)
+        yield Mistake(("supports",), text)
+    if structure.setup.inplane_mass > 1.0:
+        text = "on a frame that flies inertia must be that of the mass. Leave out 'inplane_mass'."
+        yield Mistake(("inplane_mass",), text)
+
+
+def _gauge(structure: Structure, gauge: Gauge) -> Callable[[ca.MX, Any], ca.MX]:
+    r"""Return what writes the mean of :math:`|\partial x/\partial L| - 1` over the samples of a gauge at a size."""
+    lines = gauge.lines[:, structure.order]
+    nodes = np.unique(lines.indices)
+    places = (3 * nodes[:, None] + np.arange(3)).ravel().tolist()
+    matrix, weights = ca.DM(lines[:, nodes].toarray().T), ca.DM(gauge.weights)
+
+    def strain(x: ca.MX, size: Any) -> ca.MX:  # noqa: ANN401
+        became = ca.mtimes(ca.reshape(x[places], 3, -1), matrix) / size
+        return ca.mtimes(ca.sqrt(ca.sum1(became**2)), weights) - 1.0
+
+    return strain
+
+
+def _products(x: ca.MX, y: ca.MX) -> ca.MX:
+    """Return the scalar products of vectors that lie node by node, shape (N,)."""
+    return sum(x[axis::3] * y[axis::3] for axis in range(3))
+
+
+def _description(structure: Structure) -> str:
+    mesh = structure.mesh
+    kinds = {0: "triangles"} | {
+        block.order: f"quadrilaterals of order {block.order}" for block in mesh.blocks if block.order
+    }
+    text = " and ".join(f"{len(block.elements)} {kinds[block.order]}" for block in mesh.blocks)
+    law = "" if structure.setup.law == "st_venant_kirchhoff" else f", law {structure.setup.law}"
+    return f"{structure.setup.title or 'Membrane'}: {mesh.name}, {text}{law}"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Vector
@@ -78,7 +79,7 @@ def read_mesh(path: Path, scale: float = 1.0) -> MeshFile:
         msg = "reading a mesh file needs meshio. Install it with: pip install meshio"
         raise ModuleNotFoundError(msg) from None
     if not path.is_file():
-        msg = f"there is no mesh file {path}. Check --mesh, or the key mesh of the setup."
+        msg = f"there is no mesh file {path}. Check {option('mesh')}, or the key mesh of the setup."
         raise DataError(msg)
     if path.suffix.lower() not in meshio.extension_to_filetypes:
         msg = f"meshio knows no format with the ending {path.suffix!r} of {path.name}. Save it as .msh, .inp or .vtu."

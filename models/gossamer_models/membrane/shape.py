@@ -1,53 +1,109 @@
-"""The shape of the square membrane, for programs that draw it; coordinates from its centre."""
+r"""What a viewer needs to draw a membrane from a state of its model, as a file.
+
+Symbols: ``N`` nodes, ``M`` of them free, ``n`` faces that are drawn, ``S`` ways in which inputs and parameters move nodes,
+``R`` regions, ``K`` sensors. The place of a node is :math:`x = l X + q + \sum_s m_s w_s`: ``nodes`` times the variable
+``size``; the displacements of the nodes in ``moving``, in the state from the place ``q`` on; and ``ways``, each times its
+variable in ``moved_by``.
+"""
 
 from __future__ import annotations
 
+import io
+import json
 from collections.abc import Sequence
 
 import numpy as np
 
-from ..shape import faces_of, shape_file
+from ..arrays import Vector
 from ..variables import Variable
-from .mesh import SquareMesh
-from .strain import SENSOR_POINTS
+from .structure import Structure
+from .surface import Block, Integers
+
+SHAPE = "shape.npz"
+SCHEMA, VERSION = "gossamer.shape", 2
 
 
-def square_shape(mesh: SquareMesh, variables: Sequence[Variable]) -> bytes:
-    """Describe the shape of a membrane whose state begins with the displacements of the interior nodes.
+def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes:
+    """Describe the shape of a membrane.
 
     Parameters
     ----------
-    mesh : SquareMesh
-        Its mesh.
+    structure : Structure
+        The membrane.
     variables : sequence of Variable
-        Table of its model.
+        Table of its model, whose state begins with the displacements of the nodes that move.
+
+    Returns
+    -------
+    bytes
+        An NPZ file, with schema, version and name as JSON in ``card``; the same structure gives the same bytes.
+
+    Notes
+    -----
+    ``nodes`` (N, 3), in units of the size; ``faces`` (n, 4), nodes of quadrilaterals and, with -1 as the last, of
+    triangles; ``element``, ``region`` and ``zone`` (n,) from 0, zone -1 where damage does not act; ``q``, place of the
+    displacements in the state, three for each node in ``moving`` (M,); ``ways`` (S, N, 3) and ``moved_by`` (S,).
+    Numbers of variables, or -1 for none: ``moved_by`` and ``size``, none being 1, and ``youngs_modulus``,
+    ``temperature`` and ``poisson_from`` (R,), which is in place of ``poisson_ratio`` (R,) [1]. Of regions also
+    ``thermal_expansion`` [1/K] (R,), ``prestress`` [Pa] and ``direction`` (R, 3). ``sensor_points``, in units of
+    the size, and ``sensor_directions`` (K, 3).
     """
+    setup, mesh = structure.setup, structure.mesh
     number = {variable.name: i for i, variable in enumerate(variables)}
-    per_element = mesh.order**2
-    nodes = _in_space(mesh.nodes - 0.5)
-    return shape_file(
-        "Square membrane",
-        nodes=nodes,
-        faces=faces_of(mesh.elements, mesh.order).astype(np.int32),
-        element=np.repeat(np.arange(len(mesh.elements)), per_element).astype(np.int32),
-        region=np.zeros(len(mesh.elements) * per_element, dtype=np.int32),
-        zone=np.repeat(mesh.zone, per_element).astype(np.int32),
-        size=number["side_length"],
-        q=0,
-        moving=mesh.interior,
-        ways=2.0 * nodes[None],  # both edges move outwards
-        moved_by=[number["edge_displacement"]],
-        youngs_modulus=[number["youngs_modulus"]],
-        temperature=[-1],
-        poisson_from=[number["poisson_ratio"]],
-        poisson_ratio=[0.0],
-        thermal_expansion=[0.0],
-        prestress=np.zeros((1, 3)),
-        direction=[[1.0, 0.0, 0.0]],
-        sensor_points=_in_space(np.array(SENSOR_POINTS) - 0.5),
-        sensor_directions=np.tile([0.0, 1.0, 0.0], (len(SENSOR_POINTS), 1)),
+    size = mesh.size if "side_length" in number else 1.0
+    faces = [_faces(block) for block in mesh.blocks]
+    combination = np.concatenate(
+        [np.repeat(e.combination, len(f) // len(e.nodes)) for e, f in zip(structure.elements, faces, strict=True)]
     )
+    element = np.concatenate(
+        [np.repeat(b.faces, len(f) // len(b.faces)) for b, f in zip(mesh.blocks, faces, strict=True)]
+    )
+    ways = structure.ways.reshape(-1, len(mesh.nodes), 3)
+    moved = [s for s, way in enumerate(ways) if way.any()]
+    regions = range(len(setup.regions))
+    arrays = {
+        "nodes": (mesh.nodes - structure.origin) / size,
+        "faces": np.concatenate(faces).astype(np.int32),
+        "element": element.astype(np.int32),
+        "region": structure.region[combination].astype(np.int32),
+        "zone": structure.zone[combination].astype(np.int32),
+        "size": number.get("side_length", -1),
+        "q": 0,
+        "moving": structure.moving,
+        "ways": ways[moved],
+        "moved_by": _integers([number.get(setup.supports[s].motion, -1) for s in moved]),
+        "youngs_modulus": _integers(
+            [number.get(f"youngs_modulus[{i + 1}]", number.get("youngs_modulus", -1)) for i in regions]
+        ),
+        "temperature": _integers([number.get(f"temperature[{i + 1}]", -1) for i in regions]),
+        "poisson_from": _integers([number.get("poisson_ratio", -1) for _ in regions]),
+        "poisson_ratio": np.array([region.poisson_ratio for region in setup.regions]),
+        "thermal_expansion": np.array([region.thermal_expansion for region in setup.regions]),
+        "prestress": np.array([region.prestress for region in setup.regions]),
+        "direction": np.array([region.direction for region in setup.regions]),
+        "sensor_points": (_rows([sensor.point for sensor in setup.sensors]) - structure.origin) / size,
+        "sensor_directions": _rows([sensor.direction for sensor in setup.sensors]),
+    }
+    file = io.BytesIO()
+    card = {"schema": SCHEMA, "version": VERSION, "name": setup.title or mesh.name}
+    np.savez(file, card=np.array(json.dumps(card)), **arrays)
+    return file.getvalue()
 
 
-def _in_space(plane: np.ndarray) -> np.ndarray:
-    return np.column_stack([plane, np.zeros(len(plane))])
+def _faces(block: Block) -> Integers:
+    """Return the faces of elements: a triangle, or the quadrilaterals between neighbouring nodes."""
+    if block.order == 0:
+        return np.column_stack([block.elements, np.full(len(block.elements), -1)])
+    side = block.order + 1
+    s, t = np.meshgrid(np.arange(block.order), np.arange(block.order))
+    first = (t * side + s).ravel()
+    corners = np.column_stack([first, first + 1, first + side + 1, first + side])
+    return block.elements[:, corners].reshape(-1, 4)
+
+
+def _integers(values: Sequence[int]) -> Integers:
+    return np.array(values, dtype=np.int64)
+
+
+def _rows(values: Sequence[Sequence[float]]) -> Vector:
+    return np.array(values, dtype=float).reshape(-1, 3)

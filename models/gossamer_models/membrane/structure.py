@@ -6,8 +6,8 @@ combination share modulus, pressure and eigenstrain, so these are computed once 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from ..arrays import Vector
 from ..errors import DataError
 from ..mistakes import DescriptionError, Mistake, raise_any
+from ..variables import Variable
+from .boundary import edge_force, free_displacements, leaking, loose, members_of, unit_force, ways
 from .element import Element
 from .gauges import Gauge, gauge
 from .geometry import Geometry, geometry, stiffest
-from .loads import edge_force, members_of, unit_force
+from .interface import mesh_variables
 from .setup import Setup
-from .supports import free_displacements, leaking, loose, ways
 from .surface import Integers, SurfaceMesh
 
 _FLAT = 1e-9  # J of an element below this share of its mean: no area
@@ -35,25 +36,19 @@ class Elements:
     Attributes
     ----------
     element : Element
-        With a column per element.
+        With a column per element, or, of equal squares, in units of their side.
     nodes : ndarray of int, shape (n, m)
         Nodes of each.
     combination : ndarray of int, shape (n,)
         Which of the G combinations each belongs to.
-    stiffest : ndarray, shape (n,)
-        As ``geometry.stiffest``.
-    areas : ndarray, shape (n,)
-        Reference areas [m2].
-    node_normals : ndarray, shape (n, m, 3)
-        Area of each node along its normal [m2].
+    geometry : Geometry
+        Where they are.
     """
 
     element: Element
     nodes: Integers
     combination: Integers
-    stiffest: Vector
-    areas: Vector
-    node_normals: Vector
+    geometry: Geometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +78,23 @@ class Structure:
     normals : ndarray, shape (N, 3)
         Unit normals of the reference surface.
     ways : ndarray, shape (supports, 3 N)
-        Where each support moves its nodes [m].
+        Where each support moves nodes [m].
     edge_force : ndarray, shape (3 N,)
         Force of the tension along edges [N].
     unit_forces : dict
         Nodal forces per unit of an input [1] or [m2] by the name of a dead load, shape (3 N,).
     gauges : tuple of Gauge
         By sensor.
+    variables : callable
+        ``variables(setup, N) -> table`` of the model without a frame that flies. Numbers of the setup that stand among its
+        parameters are chosen when the membrane starts to run: ``side_length`` (the largest extent of the mesh),
+        ``thickness``, ``density``, ``poisson_ratio``, each of a setup with one region, and the motion of a support.
+    probes : dict
+        Results of the table that are displacements along z, shape (n, N): weights of those of the nodes.
+    origin : ndarray, shape (3,)
+        Place on the mesh [m] of the membrane's own origin.
+    starts_in_plane : bool
+        True: it starts without loads, flat, by Newton's method. False: in equilibrium with its inputs, by relaxation.
     """
 
     setup: Setup
@@ -107,11 +112,25 @@ class Structure:
     edge_force: Vector
     unit_forces: dict[str, Vector]
     gauges: tuple[Gauge, ...]
+    variables: Callable[[Setup, int], tuple[Variable, ...]] = mesh_variables
+    probes: Mapping[str, Vector] = field(default_factory=dict)
+    origin: Vector = field(default_factory=lambda: np.zeros(3))
+    starts_in_plane: bool = False
 
     @property
     def areas(self) -> Vector:
         """Reference areas of all elements [m2], in the order of the faces of the file."""
-        return np.concatenate([block.areas for block in self.elements])
+        return np.concatenate([block.geometry.areas for block in self.elements])
+
+    @cached_property
+    def order(self) -> Integers:
+        """All nodes in the order of the model: first those that move, then those that are held wholly."""
+        return np.argsort(~self.free.reshape(-1, 3).any(axis=1), kind="stable")
+
+    @property
+    def moving(self) -> Integers:
+        """Nodes that move in some direction, in the order of the model's state."""
+        return self.order[: int(self.free.reshape(-1, 3).any(axis=1).sum())]
 
     @property
     def n_zones(self) -> int:
@@ -193,8 +212,8 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         setup=setup,
         mesh=mesh,
         elements=tuple(
-            Elements(found.placed(), block.elements, combination[block.faces], high, found.areas, found.node_normals)
-            for block, found, high in zip(mesh.blocks, measured, highest, strict=True)
+            Elements(found.placed(), block.elements, combination[block.faces], found)
+            for block, found in zip(mesh.blocks, measured, strict=True)
         ),
         region=kinds[:, 0],
         zone=kinds[:, 1],

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..errors import DataError
-from .quadrature import lobatto_points, value_matrix
+from .element import lobatto_points, value_matrix
 from .reading import MeshFile
 
 Integers = NDArray[np.int64]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse
+from gossamer_files.options import option
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
@@ -101,7 +102,7 @@ def candidates(structure: Structure, points: int, gauge_length: float = 0.0, *, 
                 sensors.append(Sensor(point=point, direction=direction, gauge_length=gauge_length))
                 found.append(one)
     if len(found) == before:
-        msg = f"no gauge of {gauge_length:g} m fits on the membrane. Give a shorter --gauge-length."
+        msg = f"no gauge of {gauge_length:g} m fits on the membrane. Give a shorter {option('gauge_length')}."
         raise ParameterError(msg)
     return stacked(tuple(sensors), found, len(mesh.nodes))
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from gossamer_files.options import option
 from scipy.stats import norm
 
 from ..arrays import Matrix, Vector
@@ -106,7 +107,8 @@ def choose(I: Matrix, zones: int, count: int) -> list[int]:
     single one helps, so the best of several ends is taken, each from another of the best first candidates.
     """
     if not 1 <= count <= len(I):
-        msg = f"choose 1 to {len(I)} sensors among {len(I)} candidates, not {count}. Change --count or --points."
+        advice = f"Change {option('count')} or {option('points')}."
+        msg = f"choose 1 to {len(I)} sensors among {len(I)} candidates, not {count}. {advice}"
         raise ParameterError(msg)
     firsts = np.argsort(_mean(_with_each(I, [], zones)), kind="stable")[:STARTS]
     ends = [_exchanged(I, zones, _greedy(I, zones, int(first), count)) for first in firsts]

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_files import replacing
+from gossamer_files.options import option
 
 from ..arrays import Vector
 from ..errors import ParameterError
@@ -135,7 +136,8 @@ def place_sensors(
     if np.ptp(strain, axis=1).max() <= STILL:
         msg = (
             "no strain changes while it is recorded, so it tells nothing. Let the built-in pressure act, for instance "
-            "--set pressure_amplitude=100 --set pressure_frequency=5, on a setup with a load of kind 'pressure'."
+            f"{option('set', 'pressure_amplitude=100')} {option('set', 'pressure_frequency=5')}, on a setup with a "
+            "load of kind 'pressure'."
         )
         raise ParameterError(msg)
     I = information(J, noise)
@@ -165,7 +167,7 @@ def place_sensors(
 def _samples(noise: float, step: float, stop: float) -> int:
     for name, value in (("noise", noise), ("step", step), ("stop", stop)):
         if not 0.0 < value < math.inf:
-            msg = f"--{name} is {value:g}. Write a positive number."
+            msg = f"{option(name)} is {value:g}. Write a positive number."
             raise ParameterError(msg)
     samples = math.floor(stop / step * (1.0 + 1e-12))
     if not 2 <= samples <= 1_000_000:

@@ -11,11 +11,12 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..errors import ConvergenceError, ParameterError
-from ..membrane import Structure, mesh_membrane_model
+from ..membrane import Structure, membrane_model
 from ..step_model import StepModel
 from ..twin.least_squares import DAMAGE_STEP, MOST_DAMAGE, neighbours
 from ..twin.nuisances import BEYOND, LOAD
@@ -67,7 +68,7 @@ class GaugeSimulation:
             msg = "the setup has no zones, so there is no damage to find. Write [[zones]] with groups of faces."
             raise ParameterError(msg)
         bare = replace(structure, setup=replace(structure.setup, sensors=(), expose=True), gauges=())
-        self._model = mesh_membrane_model(bare)
+        self._model = membrane_model(bare)
         self._reference = structure.mesh.nodes
         self.h, self.samples, self.simulations = step, samples, 0
         self._start = self._known(load)
@@ -127,9 +128,8 @@ class GaugeSimulation:
             done += steps
         self.simulations += len(x)
         if not np.isfinite(strain).all():
-            msg = (
-                "the membrane fails while it is simulated. Check supports and prestress, or lower the load with --set."
-            )
+            advice = f"Check supports and prestress, or lower the load with {option('set')}."
+            msg = f"the membrane fails while it is simulated. {advice}"
             raise ConvergenceError(msg)
         return strain
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from gossamer_files import digest
 from gossamer_files.charts import Chart, save_charts
+from gossamer_files.options import option
 
 from ..arrays import Rows, Vector
 from ..artifacts import artifact_schema
@@ -171,7 +172,8 @@ class Judged:
             said.append(f"{name} is a record that the sensor was fitted to: its errors say little of others.")
         said += [*self.elsewhere, *self.clipped, *self.too_sure(), *defeats]
         if defeats and self.scales is None:
-            said.append(f"{name}: its sensor may be mounted or drifted otherwise; find its own scales (--fit-scales).")
+            advice = f"find its own scales ({option('fit_scales', True)})"
+            said.append(f"{name}: its sensor may be mounted or drifted otherwise; {advice}.")
         return tuple(said)
 
 
@@ -279,7 +281,7 @@ def read_sensor(path: Path) -> SensorArtifact:
         msg = f"there is no sensor {path}. Make it with 'gossamer identify', or name another file."
         raise ArtifactError(msg)
     if artifact_schema(path) == "gossamer.fractional":
-        msg = f"{path} holds a fractional model, which recovers no strain. Judge a sensor of --model preisach."
+        msg = f"{path} holds a fractional model, which recovers no strain. Judge a sensor of {option('model', 'preisach')}."
         raise ArtifactError(msg)
     return SensorArtifact.read(path)
 

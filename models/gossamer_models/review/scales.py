@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from gossamer_files.options import option
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError
@@ -56,7 +57,7 @@ def hardly_overlapping(
     if _size(here) < LEAST_OVERLAP * full_scale:
         sentences.append(
             f"strain is {100 * here[0]:.4g} to {100 * here[1]:.4g} %, a small part of the 0 to {100 * full_scale:.4g} % "
-            "that the sensor was identified on. Check the unit (--strain-unit), or name a record of like strain"
+            f"that the sensor was identified on. Check the unit ({option('strain_unit')}), or name a record of like strain"
         )
     here = float(record.resistance.min()), float(record.resistance.max())
     known = min(offset, offset + gain), max(offset, offset + gain)
@@ -65,7 +66,7 @@ def hardly_overlapping(
         sentences.append(
             f"resistance is {here[0]:.5g} to {here[1]:.5g}{unit}, but the sensor was identified on {known[0]:.5g} to "
             f"{known[1]:.5g}{unit} between rest and full scale: the ranges hardly overlap. Check column and unit "
-            "(--resistance, --resistance-unit), or give --fit-scales"
+            f"({option('resistance')}, {option('resistance_unit')}), or give {option('fit_scales', True)}"
         )
     return tuple(f"{record.name}: {sentence}." for sentence in sentences)
 
@@ -123,7 +124,8 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> RelaxingScales:
     """
     where = f"{record.name}, lines {record.lines[rows][0]} to {record.lines[rows][-1]}" if rows.any() else record.name
     if rows.sum() < LEAST_SAMPLES or not np.ptp(output[rows]) > 0.0:
-        msg = f"{where}: no scales can be fitted to {int(rows.sum())} samples. Name a stretch with loading (--stretch)."
+        advice = f"Name a stretch with loading ({option('stretch')})."
+        msg = f"{where}: no scales can be fitted to {int(rows.sum())} samples. {advice}"
         raise DataError(msg)
     t, span = record.time - record.time[0], float(np.ptp(record.time[rows]))
     before = np.exp(-t[:, None] / (span * np.geomspace(SHORTEST_DECAY, 1.0, OFFSET_DECAYS)))
@@ -137,7 +139,7 @@ def fit_scales(output: Vector, record: Record, rows: Rows) -> RelaxingScales:
     if not gain.min() > 0.0:
         msg = (
             f"{where}: the fitted gain falls to {gain.min():.3g}: this record does not follow the sensor. Check its "
-            "columns and units, or name a longer stretch (--stretch)."
+            f"columns and units, or name a longer stretch ({option('stretch')})."
         )
         raise DataError(msg)
     return RelaxingScales(

@@ -11,6 +11,7 @@ from typing import Literal, cast
 
 import numpy as np
 from gossamer_files.measured import Column, Wanted, find_column, listed, named_column, read_columns
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
@@ -66,7 +67,7 @@ def _choose(path: Path, header: list[str], line: int, kind: str | None, count: i
     kinds = [each for each in KINDS if kind in (None, each) and any(match[1] == each for match in indexed.values())]
     if len(kinds) != 1:
         wanted = " or ".join(f"{k}[1] to {k}[{count}]" for k in (KINDS if kind is None else [kind]))
-        it_has = "It has both; say which to take with --kind" if kinds else f"It has {listed(header)}"
+        it_has = f"It has both; say which to take with {option('kind')}" if kinds else f"It has {listed(header)}"
         msg = f"{path}, line {line}: the twin needs the columns time and {wanted}. {it_has}."
         raise DataError(msg)
     columns = [find_column(path, header, line, Wanted(what="time"))]

@@ -18,7 +18,7 @@ from ..batch import Batch
 from ..batch.cases import BatchState
 from ..errors import ParameterError
 from ..membrane import MembraneParams
-from ..membrane.params import stretch
+from ..membrane.square import stretch
 from ..sensor import SensorArtifact, sensor_model
 from ..step_model import StepModel
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, ParameterError
-from ..membrane import MembraneParams, membrane_model
+from ..membrane import MembraneParams, membrane_model, square_structure
 from ..sensor import SensorArtifact
 from .discrepancy import Discrepancy, default_discrepancy
 from .least_squares import MOST_DAMAGE, descend
@@ -158,7 +158,7 @@ class Twin:
             discrepancy = default_discrepancy() if _is_learned(elements_per_side, order, self.params) else None
         self.discrepancy = discrepancy
         Nuisances(self.nuisances, self.params, 0)  # refuses unknown names
-        model = membrane_model(elements_per_side, order, compiled=True)
+        model = membrane_model(square_structure(elements_per_side, order))
         self._forward = Forward(model, self.params, sensor, sensor_parameters)
 
     @property

@@ -16,7 +16,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from ..arrays import Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
-from ..membrane import MembraneParams, membrane_model
+from ..membrane import MembraneParams, membrane_model, square_structure
 from ..sensor import SensorArtifact
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, Minimum, Quadratic, descend
 from .onset import JudgedWindow, OnsetProblem, weigh
@@ -128,7 +128,7 @@ class Watch:
         step: float = 3e-4,
         false_alarms: float = 1e-5,
     ) -> None:
-        model = membrane_model(elements_per_side, order, compiled=True)
+        model = membrane_model(square_structure(elements_per_side, order))
         self._forward = Forward(model, params or MembraneParams(), sensor, sensor_parameters)
         sensors, zones = self._forward.n_sensors, self._forward.n_zones
         self._sigma = np.broadcast_to(np.asarray(noise, dtype=float), (sensors,)).copy()
@@ -144,6 +144,11 @@ class Watch:
         self._scale = 0.0  # nothing seen yet
         self._before: list[JudgedWindow] = []
         self._alarmed = False
+
+    @property
+    def zones(self) -> int:
+        """Number of zones."""
+        return self._forward.n_zones
 
     def advance(self, readings: ArrayLike) -> Window:
         """Judge the next window of readings.

@@ -10,9 +10,9 @@ from gossamer_models.automatic.compare import RIVALS
 from gossamer_models.plots import record_charts
 from gossamer_models.review import Judged
 from gossamer_models.sensor import SensorArtifact
-from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.pages import Page, folded
 
+from ..results import TableText, on_page
 from . import facts
 from .comparison import Comparison, comparison_chart, verdict
 
@@ -20,7 +20,7 @@ CUBIC = RIVALS[0]
 
 
 def assessment_page(
-    judged: Sequence[Judged], sensor: Path, files: Sequence[Path], shown: Sequence[Shown], seconds: float
+    judged: Sequence[Judged], sensor: Path, files: Sequence[Path], shown: Sequence[TableText], seconds: float
 ) -> Page:
     """Return the page of an assessment.
 
@@ -32,7 +32,7 @@ def assessment_page(
         Artifact of the sensor.
     files : sequence of Path
         Files of the records.
-    shown : sequence of Shown
+    shown : sequence of TableText
         Errors and scales.
     seconds : float
         How long it took [s].

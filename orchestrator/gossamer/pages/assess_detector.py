@@ -9,8 +9,9 @@ from gossamer_models.assessment import AssessmentResults
 from gossamer_models.assessment.plots import ZERO, assessment_charts
 from gossamer_models.assessment.results import Row
 from gossamer_models.detector.thesis_tables import TABLES
-from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.pages import Page, folded, table
+
+from ..results import TableText, on_page
 
 MAIN = "noise"  # the condition of the verdict: the thesis' noise on strain, nothing else wrong
 FEW = 30  # records below which a judge's figures are rough
@@ -97,7 +98,7 @@ def _few(found: AssessmentResults) -> list[str]:
     return [f"Few records, so rough figures, and none for the verdict: {'; '.join(parts)}."] if parts else []
 
 
-def condition_table(found: AssessmentResults) -> Shown:
+def condition_table(found: AssessmentResults) -> TableText:
     """Return errors and shares, a row for each judge and condition."""
     head = (
         "detector",
@@ -132,10 +133,10 @@ def condition_table(found: AssessmentResults) -> Shown:
                 _number(f.brier),
             )
         )
-    return Shown(head, rows, CONDITIONS)
+    return TableText(head, rows, CONDITIONS)
 
 
-def detection_table(found: AssessmentResults) -> Shown:
+def detection_table(found: AssessmentResults) -> TableText:
     """Return the probability of detection, a row for each judge, condition and zone; zones without a hit are left out."""
     head = (
         "detector",
@@ -163,7 +164,7 @@ def detection_table(found: AssessmentResults) -> Shown:
         for row in found.detections
         if row.hits or not row.zone
     ]
-    return Shown(head, rows, DETECTIONS)
+    return TableText(head, rows, DETECTIONS)
 
 
 def _facts(found: AssessmentResults) -> str:

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from gossamer_files import digest
 from gossamer_models.fitting import Record
-from gossamer_orchestrator.cli.recognised import HEADINGS, recognised_rows
-from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.pages import table
+
+from ..results import on_page
+from ..sensor_tables import recognised_table
 
 PACKAGES = ("gossamer", "numpy", "scipy", "casadi")
 HOW = (
@@ -27,8 +28,7 @@ def names_of(names: Sequence[str]) -> str:
 
 def read_as(records: Sequence[Record]) -> str:
     """Return what was recognised in the files of records as a table."""
-    rows = [row for record in records for row in recognised_rows(record)]
-    return on_page(Shown(HEADINGS, rows, "Read as"))
+    return on_page(recognised_table(records))
 
 
 def work(files: Mapping[str, str], seconds: float) -> str:

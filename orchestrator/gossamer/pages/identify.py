@@ -15,11 +15,11 @@ from gossamer_models.sensor import RelaxationTerm, SensorArtifact
 from gossamer_models.sensor.fit import PreisachFit
 from gossamer_models.sensor.fit.doubts import parameters
 from gossamer_models.sensor.plots import driven_by, sensor_charts, time_of
-from gossamer_orchestrator.cli.identify_report import error_table, standing_table, trial_table
-from gossamer_orchestrator.cli.tables import on_page
 from gossamer_orchestrator.pages import Page, folded, table
 from gossamer_orchestrator.pages.page import Kind
 
+from ..results import on_page
+from ..sensor_tables import error_table, standing_table, trial_table
 from . import facts
 from .comparison import Comparison, comparison_chart, verdict
 

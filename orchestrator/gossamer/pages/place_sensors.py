@@ -7,9 +7,10 @@ from gossamer_models.placement import Placing
 from gossamer_models.placement.check import MonteCarloCheck
 from gossamer_models.placement.plots import damage_text, placement_charts, placements
 from gossamer_models.twin.least_squares import MOST_DAMAGE
-from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.pages import Page, table
 from gossamer_orchestrator.words import counted
+
+from ..results import TableText, on_page
 
 
 def placement_page(found: Placing, samples: int) -> Page:
@@ -39,7 +40,7 @@ def placement_page(found: Placing, samples: int) -> Page:
     )
 
 
-def zone_table(found: Placing) -> Shown:
+def zone_table(found: Placing) -> TableText:
     """Return the smallest damage that is found, a row for each zone, and the worst."""
     shown = placements(found)
     checked = [(name, p.check) for name, p in shown if p.check is not None]
@@ -56,7 +57,7 @@ def zone_table(found: Placing) -> Shown:
     ]
     rows.append(("worst", "", *(f"{100.0 * p.a90.max():.2f}" for _, p in shown), *("" for _ in checked)))
     caption = "Smallest damage that is found" + (", and deviation at 30 % damage" if checked else "")
-    return Shown(("zone", "group", *head), rows, caption)
+    return TableText(("zone", "group", *head), rows, caption)
 
 
 def check_sentence(name: str, check: MonteCarloCheck) -> str:

@@ -11,8 +11,9 @@ from gossamer_models.assessment import AlwaysZero, Verdicts, reliability, share
 from gossamer_models.assessment.figures import CALL, NOMINAL
 from gossamer_models.assessment.plots import COLORS, reliability_chart
 from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
-from gossamer_orchestrator.cli.tables import Shown, on_page
 from gossamer_orchestrator.pages import Page, table
+
+from ..results import TableText, on_page
 
 ZERO = AlwaysZero.name
 FIRST = "window 1, damaged, "  # records that are drawn case by case
@@ -89,7 +90,7 @@ def thesis_page(name: str, artifact: DetectorArtifact, found: Errors) -> Page:
     )
 
 
-def error_table(found: Errors) -> Shown:
+def error_table(found: Errors) -> TableText:
     """Return the errors on held-out cases, a row for each kind of record."""
     errors = ("all zones", "damaged zones")
     shares = ("in 95 % band", "valid", "false calls", "wrong", "wrong and valid")
@@ -101,7 +102,7 @@ def error_table(found: Errors) -> Shown:
         )
         for kind, row in found.items()
     ]
-    return Shown(("cases", *errors, *shares), rows, "Mean absolute error [% damage]; shares [%]")
+    return TableText(("cases", *errors, *shares), rows, "Mean absolute error [% damage]; shares [%]")
 
 
 def _line(kind: str, row: Mapping[str, float]) -> str:

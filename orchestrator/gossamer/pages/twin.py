@@ -6,11 +6,13 @@ import numpy as np
 from gossamer_files.charts import Chart, band, curve, heat, points, section
 from gossamer_models.arrays import Vector
 from gossamer_models.twin import Answer
-from gossamer_orchestrator.cli.tables import Shown, on_page
-from gossamer_orchestrator.cli.twin_options import NUISANCE_UNITS
 from gossamer_orchestrator.pages import Page, table
 from gossamer_orchestrator.pages.page import Kind
 from gossamer_orchestrator.words import uncertain
+
+from ..results import TableText, on_page
+
+NUISANCE_UNITS = {"phase": "rad", "pressure": "Pa"}  # of what is fitted beside damage; the others are ratios
 
 
 def twin_page(name: str, answer: Answer, compared: str) -> Page:
@@ -52,7 +54,7 @@ def twin_page(name: str, answer: Answer, compared: str) -> Page:
     )
 
 
-def zone_cells(answer: Answer) -> Shown:
+def zone_cells(answer: Answer) -> TableText:
     """Return damage and probability of damage, a row for each zone."""
     rows = [
         (
@@ -64,7 +66,7 @@ def zone_cells(answer: Answer) -> Shown:
         for k in range(len(answer.damage))
     ]
     remarks = ["remark"] if answer.unresolved else []
-    return Shown(("zone", "damage [%]", "P(damaged)", *remarks), rows, "Digital twin")
+    return TableText(("zone", "damage [%]", "P(damaged)", *remarks), rows, "Digital twin")
 
 
 def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:

@@ -21,6 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from gossamer_files.options import option
 from pyssp_standard.ssd import SSD, Component, System
 
 from ..errors import OrchestratorError
@@ -28,7 +29,7 @@ from ..fmi.archive import unpack
 from ..fmi.file import FmuFile
 from ..fmi.types import parse
 from ..fmi.units import conversion
-from ..scenario.graph import find_cycle, sort_components
+from ..scenario.connections import find_cycle, sort_components
 from ..scenario.load import make_scenario
 from ..scenario.schema import Connection, Scenario, Value
 from ..scenario.source import Source
@@ -370,10 +371,10 @@ def _preferred(
     experiments = [fmu.description.defaultExperiment for fmu in network.fmus.values()]
     found = [float(number) for e in experiments if (number := getattr(e, key, None)) is not None]
     numbers = [number for number in found if number > above]
-    option = name.split()[0]
+    named = option(name.split()[0])
     if not numbers:
-        network.files.refuse(f"neither it nor its FMUs state a {name}", f"Name one with --{option}")
+        network.files.refuse(f"neither it nor its FMUs state a {name}", f"Name one with {named}")
     picked = pick(numbers)
-    message = "%s states no %s: %g s is taken, the %s of its FMUs. Another can be named with --%s"
-    logger.warning(message, network.files.name, name, picked, "smallest" if pick is min else "largest", option)
+    message = "%s states no %s: %g s is taken, the %s of its FMUs. Another can be named with %s"
+    logger.warning(message, network.files.name, name, picked, "smallest" if pick is min else "largest", named)
     return picked

@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from gossamer_files import replacing
+from gossamer_files.options import option
 
 from ..errors import FmuError, OrchestratorError, check_path, explain_file, writing
 from ..names import suggest
@@ -121,10 +122,10 @@ def check_target(path: Path, ending: str) -> None:
         It cannot be written there.
     """
     if path.suffix != ending:
-        msg = f"cannot write {path}: its name must end in {ending}. Name another file with --out."
+        msg = f"cannot write {path}: its name must end in {ending}. Name another file with {option('out')}."
         raise OrchestratorError(msg)
     if path.is_dir():
-        msg = f"cannot write {path}: it is a folder. Name a file in it with --out."
+        msg = f"cannot write {path}: it is a folder. Name a file in it with {option('out')}."
         raise OrchestratorError(msg)
 
 

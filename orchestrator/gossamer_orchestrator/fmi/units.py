@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 from fmpy.model_description import BaseUnit
+from gossamer_files.measured.units import unit_registry
 
 POWERS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
@@ -29,40 +30,31 @@ def scale(unit: Any) -> dict[str, float]:  # noqa: ANN401
     return defined
 
 
-_PREFIXES = {"": 0, "n": -9, "u": -6, "m": -3, "c": -2, "h": 2, "k": 3, "M": 6, "G": 9}
-_SYMBOLS = {  # factor, offset and SI exponents
-    "m": (1.0, 0.0, {"m": 1}),
-    "g": (1e-3, 0.0, {"kg": 1}),
-    "s": (1.0, 0.0, {"s": 1}),
-    "A": (1.0, 0.0, {"A": 1}),
-    "K": (1.0, 0.0, {"K": 1}),
-    "rad": (1.0, 0.0, {"rad": 1}),
-    "N": (1.0, 0.0, {"kg": 1, "m": 1, "s": -2}),
-    "Pa": (1.0, 0.0, {"kg": 1, "m": -1, "s": -2}),
-    "bar": (1e5, 0.0, {"kg": 1, "m": -1, "s": -2}),
-    "V": (1.0, 0.0, {"kg": 1, "m": 2, "s": -3, "A": -1}),
-    "ohm": (1.0, 0.0, {"kg": 1, "m": 2, "s": -3, "A": -2}),
-    "Hz": (1.0, 0.0, {"s": -1}),
+_BASES = {
+    "kilogram": "kg",
+    "meter": "m",
+    "second": "s",
+    "ampere": "A",
+    "kelvin": "K",
+    "mole": "mol",
+    "candela": "cd",
+    "radian": "rad",
 }
-_OTHERS = {
-    "1": (1.0, 0.0, {}),
-    "%": (1e-2, 0.0, {}),
-    "min": (60.0, 0.0, {"s": 1}),
-    "h": (3600.0, 0.0, {"s": 1}),
-    "deg": (math.pi / 180.0, 0.0, {"rad": 1}),
-    "degC": (1.0, 273.15, {"K": 1}),
-    "degF": (1.0 / 1.8, 459.67 / 1.8, {"K": 1}),
-}
+_WIDE = 1000.0  # of a unit: apart from 0, so that rounding of an offset does not reach the factor
 
 
 def definition_of(name: str) -> BaseUnit | None:
-    """Return what a common unit is in SI, with a prefix or not; None if it is not known here."""
-    found = _OTHERS.get(name)
-    for prefix, power in _PREFIXES.items():
-        if found is None and name.startswith(prefix) and name[len(prefix) :] in _SYMBOLS:
-            factor, offset, exponents = _SYMBOLS[name[len(prefix) :]]
-            found = factor * 10.0**power, offset, exponents
-    return None if found is None else BaseUnit(factor=found[0], offset=found[1], **found[2])
+    """Return what a unit is in SI, as pint knows it; None if it is none, or no factor and offset convert it."""
+    registry, errors = unit_registry()
+    try:
+        unit = registry.Unit(name)
+        zero, one, many = (registry.Quantity(x, unit).to_base_units() for x in (0.0, 1.0, _WIDE))
+    except errors:
+        return None
+    exponents = {_BASES.get(base, ""): int(power) for base, power in one.unit_items()}
+    offset, factor = zero.magnitude, (many.magnitude - zero.magnitude) / _WIDE
+    linear = math.isclose(one.magnitude, factor + offset, rel_tol=1e-12)
+    return BaseUnit(factor=factor, offset=offset, **exponents) if linear and "" not in exponents else None
 
 
 def conversion(a: Any, b: Any) -> tuple[float, float] | None:  # noqa: ANN401

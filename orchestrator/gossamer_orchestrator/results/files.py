@@ -23,7 +23,7 @@ from gossamer_files import replacing
 
 from ..errors import ResultsError, check_path, writing
 from ..names import split_endpoint
-from .columns import SCHEMA, VERSION, RecordedScalar
+from .dataset import SCHEMA, VERSION, RecordedScalar, arrange
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -181,8 +181,6 @@ def has_rows(path: Path) -> bool:
 
 
 def _load_csv(path: Path) -> xr.Dataset:
-    from .dataset import arrange
-
     with path.open(newline="", encoding="utf-8") as file:
         header = next(csv.reader(file))
     table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)

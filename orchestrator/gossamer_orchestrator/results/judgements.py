@@ -14,8 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..errors import ResultsError
-from .columns import LIKENESS, WATCHED
-from .dataset import find, find_all, is_whole, need
+from .dataset import LIKENESS, WATCHED, find, find_all, is_whole, need
 
 _ROWS = 20_000
 # of a valid judgement, by the interface of the detectors

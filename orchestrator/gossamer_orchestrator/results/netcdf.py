@@ -24,10 +24,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..errors import ResultsError, writing
-from .columns import UNFINISHED, RecordedScalar, group
+from .dataset import UNFINISHED, RecordedScalar, group
 
 if TYPE_CHECKING:
     from scipy.io import netcdf_file
@@ -145,7 +146,7 @@ class GrowingFile:
             there = opened.read(layout.begin)
         first, last = layout.places["ended"], layout.places["divided_steps"] + 4
         if (there[8:first], there[last:]) != (header[8:first], header[last:]) or file.count < count:
-            msg = f"{path} does not fit the state to resume from. Run it from its start, without --resume."
+            msg = f"{path} does not fit the state to resume from. Run it from its start, without {option('resume', True)}."
             raise ResultsError(msg)
         file.cut(count)
         file.end(UNFINISHED, 0.0, 0)

@@ -16,17 +16,9 @@ import numpy as np
 import xarray as xr
 
 from ..fmi.shape import Array, Surface
-from .columns import PLACES
-from .dataset import find_all, is_whole, parameters_of
+from .dataset import PLACES, find_all, is_whole, parameters_of
 from .files import load_results
 from .shapes import load_shapes
-
-SENSORS = (
-    (1, 1),
-    (2, 1),
-    (1, 2),
-    (2, 2),
-)  # places of the sensors of a square in thirds of its side, as it numbers them
 
 
 def side(data: xr.Dataset) -> tuple[float, str]:
@@ -55,10 +47,10 @@ def with_places(data: xr.Dataset, folder: Path | None = None) -> xr.Dataset:
     xarray.Dataset
         The same values. The dimension ``zone`` of what the membrane and the detectors give by zone has coordinates
         ``row``, ``column`` and the centre ``zone_x``, ``zone_y``; the dimension ``sensor`` of the membrane's strain
-        ``sensor_x``, ``sensor_y``; its deflection ``w`` the dimensions ``x`` and ``y``. Of a membrane from a mesh file,
-        zones have the centres ``zone_x``, ``zone_y``, ``zone_z`` of its mesh, and sensors the same three, where the run
-        recorded its shape. What was recorded of some zones or sensors only has no places. Places are in parts of the
-        side, of unit 1, where the results do not say how long it is.
+        ``sensor_x``, ``sensor_y``, where the run recorded its shape; its deflection ``w`` the dimensions ``x`` and
+        ``y``. Of a membrane from a mesh file, zones have the centres ``zone_x``, ``zone_y``, ``zone_z`` of its mesh, and
+        sensors the same three, where the run recorded its shape. What was recorded of some zones or sensors only has no
+        places. Places are in parts of the side, of unit 1, where the results do not say how long it is.
     """
     found = {role: find_all(data, role) for role in ("membrane", "detector")}
     meshes = _meshes(data, folder, found["membrane"])
@@ -79,12 +71,12 @@ def with_places(data: xr.Dataset, folder: Path | None = None) -> xr.Dataset:
         coordinates |= zone_places(width, length, metres)
         coordinates["zone"] = ("zone", np.arange(1, count + 1), {"long_name": "zone"})
     strain = f"{membrane}.strain"
-    if strain in data and len(_places(data[strain])) == 1 and is_whole(data[strain], len(SENSORS)):
-        changed[strain] = _renamed(data[strain], "sensor")
-        coordinates["sensor"] = ("sensor", np.arange(1, len(SENSORS) + 1), {"long_name": "sensor"})
-        for axis, values in zip("xy", zip(*SENSORS, strict=True), strict=True):
-            described = metres | {"long_name": f"{axis} of the sensor"}
-            coordinates[f"sensor_{axis}"] = ("sensor", length / 3.0 * np.array(values), described)
+    if strain in data and len(_places(data[strain])) == 1 and is_whole(data[strain]):
+        changed[strain], gauges = _renamed(data[strain], "sensor"), data[strain].shape[-1]
+        coordinates["sensor"] = ("sensor", np.arange(1, gauges + 1), {"long_name": "sensor"})
+        history = None if folder is None else load_shapes(folder).get(membrane)
+        if history is not None and len(history.surface.sensor_points) == gauges:
+            coordinates |= _coordinates("sensor", "the sensor", history.surface.sensor_points[:, :2])
     heights = f"{membrane}.w"
     if heights in data and len(_places(data[heights])) == 2 and is_whole(data[heights]):
         changed[heights] = _renamed(data[heights], "x", "y")
@@ -136,10 +128,14 @@ def _on_mesh(data: xr.Dataset, folder: Path | None, membrane: str, detectors: li
         ("sensor", "the sensor", [f"{membrane}.strain"], history.surface.sensor_points),
     ):
         if any(name in data and data[name].dims[-1] == dim and is_whole(data[name], len(places)) for name in names):
-            for axis, values in zip("xyz", places.T, strict=True):
-                described = {"units": "m", "long_name": f"{axis} of {what}"}
-                coordinates[f"{dim}_{axis}"] = (dim, values, described)
+            coordinates |= _coordinates(dim, what, places)
     return data.assign_coords(coordinates)
+
+
+def _coordinates(dim: str, what: str, places: Array) -> dict[str, Any]:
+    """Return places [m], shape (n, 2) or (n, 3), as coordinates along a dimension."""
+    axes = zip("xyz"[: places.shape[1]], places.T, strict=True)
+    return {f"{dim}_{axis}": (dim, values, {"units": "m", "long_name": f"{axis} of {what}"}) for axis, values in axes}
 
 
 def _zone_centres(surface: Surface) -> Array:

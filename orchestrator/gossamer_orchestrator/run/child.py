@@ -22,7 +22,7 @@ from typing import Any, BinaryIO
 
 from ..errors import OrchestratorError, ScenarioError, SimulationError
 from ..exchange import open_scenario
-from ..results.columns import group, plan_columns
+from ..results.dataset import group, plan_columns
 from ..results.files import RESUME
 from ..scenario.plan import ComponentPlan, Plan, make_plan
 from ..scenario.schema import MASTERS, Connection, Given, Scenario
@@ -45,13 +45,13 @@ class RunTask:
 
     scenario: Scenario | Path | str
     fmus: Path | str
-    step: float | None
-    stop: float | None
-    values: Mapping[str, Given] | None
-    master: str | None
-    strict: bool
     scratch: Path
     level: int
+    step: float | None = None
+    stop: float | None = None
+    values: Mapping[str, Given] | None = None
+    master: str | None = None
+    strict: bool = False
     out: Path = Path()  # where a run writes its folder by default
     threads: int = 1
     resume: bool = False

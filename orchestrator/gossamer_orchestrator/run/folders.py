@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gossamer_files import unfinished_of
+from gossamer_files.options import option
 
 from ..errors import ResultsError
 from ..results.files import CSV, NETCDF, RESUME
@@ -60,7 +61,7 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         handle = _lock(folder)
     except BlockingIOError:
-        msg = f"another run writes to {folder}. Wait for its end, or name another place with --out."
+        msg = f"another run writes to {folder}. Wait for its end, or name another place with {option('out')}."
         raise ResultsError(msg) from None
     try:
         for name in (NETCDF, CSV, RESUME):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
@@ -327,10 +327,15 @@ class Simulation:
 
     def read(self, *names: str) -> None:
         """Read all variables at the present communication point, of the components named or of all."""
+        for member in self._called_each(names):
+            member.read(full=True)
+
+    def _called_each(self, names: Collection[str] = ()) -> Iterator[Member]:
+        """Give the members, those named or all, that are about to be called one after another, and note that."""
         for member in self.members:
             if not names or member.name in names:
                 self.position[COMPONENT] = member.number
-                member.read(full=True)
+                yield member
         self.position[COMPONENT] = -1
 
     @property
@@ -338,27 +343,14 @@ class Simulation:
         """Channels of all components."""
         return [channel for member in self.members for channel in member.all_channels]
 
-    def serialize(self) -> list[bytes]:
-        """Return the states of all FMUs at the present communication point."""
-        states = []
-        for member in self.members:
-            self.position[COMPONENT] = member.number
-            states.append(member.instance.serialize())
-        self.position[COMPONENT] = -1
-        return states
-
-    def serialize_one(self, name: str) -> bytes:
-        """Return the state of the FMU of one component at the present communication point."""
-        state = self._called(name).instance.serialize()
-        self.position[COMPONENT] = -1
-        return state
+    def serialize(self, *names: str) -> list[bytes]:
+        """Return the states of FMUs at the present communication point, of the components named or of all."""
+        return [member.instance.serialize() for member in self._called_each(names)]
 
     def deserialize(self, states: Sequence[bytes]) -> None:
         """Bring all FMUs to the states that ``serialize`` returned."""
-        for member, state in zip(self.members, states, strict=True):
-            self.position[COMPONENT] = member.number
+        for member, state in zip(self._called_each(), states, strict=True):
             member.instance.deserialize(state)
-        self.position[COMPONENT] = -1
 
     def member(self, name: str) -> Member:
         """Return a member by name."""

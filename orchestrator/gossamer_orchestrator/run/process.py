@@ -16,6 +16,8 @@ import time
 from contextlib import suppress
 from typing import Any
 
+from gossamer_files.options import option
+
 from .. import errors
 from ..errors import OrchestratorError, SimulationError
 from ..processes import end_all, signal_name, start
@@ -127,7 +129,9 @@ class Process:
                 self._explain_death()
                 return
             if limit is not None and now - since > limit and not over:
-                self._kill(self._blame(f"did not return within {limit:g} s", "Give it more time with --limit."))
+                self._kill(
+                    self._blame(f"did not return within {limit:g} s", f"Give it more time with {option('limit')}.")
+                )
                 return
             asked = asked or (now if position[STOP] else 0.0)
             if asked and now - asked > GRACE and not over:

@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..errors import ResultsError, SimulationError, writing
 from ..fmi.shape import Shape, read_shape
 from ..names import split_indices
-from ..results.columns import DETECTOR, WATCHED
+from ..results.dataset import DETECTOR, WATCHED
 from ..results.netcdf import GrowingFile
 from ..results.shapes import SHAPES, UNFINISHED_SHAPES, Frame, create_shapes, pack_frame, reopen_shapes
 from ..scenario.plan import Plan
@@ -154,9 +155,11 @@ class FiniteCheck:
                 value = float(simulation.values[place])
                 text = f"component {component!r} returned {variable} = {value} at t = {simulation.time:.9g} s."
                 if self._strict:
-                    msg = f"{text} Correct its inputs or parameters, or run without --strict."
+                    msg = f"{text} Correct its inputs or parameters, or run without {option('strict', True)}."
                     raise SimulationError(msg, component=component, time=simulation.time)
-                logger.warning("%s What follows from it means nothing; --strict ends the run there.", text)
+                logger.warning(
+                    "%s What follows from it means nothing; %s ends the run there.", text, option("strict", True)
+                )
 
     def end(self, simulation: Simulation) -> None:
         """Do nothing."""
@@ -203,7 +206,7 @@ class ShapeRecorder:
             return
         frame = self._frame(simulation)
         if self._file is None:
-            surfaces = {name: shape.surface(simulation.serialize_one(name)) for name, shape in self._shapes.items()}
+            surfaces = {name: shape.surface(simulation.serialize(name)[0]) for name, shape in self._shapes.items()}
             self._file = create_shapes(self._path, surfaces, simulation.time, frame)
         else:
             self._file.append(pack_frame(simulation.time, frame)[None])
@@ -212,4 +215,4 @@ class ShapeRecorder:
         """Do nothing: the file is whole at any time."""
 
     def _frame(self, simulation: Simulation) -> Frame:
-        return {name: shape.read(simulation.serialize_one(name)) for name, shape in self._shapes.items()}
+        return {name: shape.read(simulation.serialize(name)[0]) for name, shape in self._shapes.items()}

@@ -10,9 +10,10 @@ from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gossamer_files import replacing
+from gossamer_files.options import option
 
 from ..errors import OrchestratorError, ResultsError, check_path, writing
 from ..results import files
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 
 logger = logging.getLogger(__name__)
+_PACKAGE = logging.getLogger(__name__.partition(".")[0])
 
 
 def run_scenario(
@@ -87,7 +89,7 @@ def run_scenario(
     Returns
     -------
     xarray.Dataset
-        As described in ``results.columns``; its attribute ``ended`` is ``complete``, or says which FMU ended it.
+        As described in ``results.dataset``; its attribute ``ended`` is ``complete``, or says which FMU ended it.
 
     Raises
     ------
@@ -209,7 +211,10 @@ def _write_csv(data: xr.Dataset, folder: Path, wanted: bool | None) -> None:
     (folder / files.CSV).unlink(missing_ok=True)  # of an earlier run
     if wanted is None:
         logger.warning(
-            "no %s: it would have %d values, more than %d. --csv writes it.", files.CSV, values, files.CSV_VALUES
+            f"no %s: it would have %d values, more than %d. {option('csv', True)} writes it.",
+            files.CSV,
+            values,
+            files.CSV_VALUES,
         )
 
 
@@ -236,19 +241,15 @@ def validate_scenario(
     scenario: Scenario | Path | str,
     fmus: Path | str,
     *,
-    step: float | None = None,
-    stop: float | None = None,
-    values: Mapping[str, Given] | None = None,
-    master: str | None = None,
     limit: float | None = None,
-    strict: bool = False,
+    **changes: Any,  # noqa: ANN401
 ) -> Outline:
     """Check everything that ``run_scenario`` checks before its first step: the scenario, its FMUs, and that these start.
 
     Parameters
     ----------
-    scenario, fmus, step, stop, values, master, limit, strict
-        As of ``run_scenario``.
+    scenario, fmus, limit, **changes
+        As of ``run_scenario``: ``step``, ``stop``, ``values``, ``master`` and ``strict`` are what may change.
 
     Returns
     -------
@@ -259,31 +260,15 @@ def validate_scenario(
     ScenarioError, FmuError, ResultsError, SimulationError
         As ``run_scenario``.
     """
-    with ExitStack() as stack:
-        temporary = stack.enter_context(scratch())
-        messages = stack.enter_context(Messages())
-        task = RunTask(
-            scenario=scenario,
-            fmus=fmus,
-            step=step,
-            stop=stop,
-            values=values,
-            master=master,
-            strict=strict,
-            scratch=temporary,
-            level=logger.getEffectiveLevel(),
-            only_start=True,
-        )
-        process = stack.enter_context(Process(task))
-        process.watch(limit, None)
-        process.end()
+    with scratch() as temporary, Messages() as messages:
+        level = logger.getEffectiveLevel()
+        task = RunTask(scenario=scenario, fmus=fmus, scratch=temporary, level=level, only_start=True, **changes)
+        with Process(task) as process:
+            process.watch(limit, None)
         if process.error is not None:
             raise process.error
         assert process.outline is not None
         return replace(process.outline, warnings=messages.texts)
-
-
-_PACKAGE = logging.getLogger(__name__.partition(".")[0])
 
 
 class Messages(logging.Handler):

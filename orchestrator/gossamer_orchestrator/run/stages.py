@@ -31,6 +31,7 @@ from concurrent.futures import Executor, as_completed
 from typing import Any, Protocol
 
 import numpy as np
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..errors import SimulationError
@@ -304,7 +305,9 @@ class IteratedGroup:
         if self._strict:
             msg = f"{text} {advice}"
             raise SimulationError(msg, component=source[0], time=time)
-        logger.warning("%s The run goes on with its last values; --strict ends it there. %s", text, advice)
+        logger.warning(
+            "%s The run goes on with its last values; %s ends it there. %s", text, option("strict", True), advice
+        )
 
 
 def nominal(variable: Any) -> float:  # noqa: ANN401

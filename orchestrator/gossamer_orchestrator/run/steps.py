@@ -16,6 +16,7 @@ import logging
 from typing import Protocol
 
 import numpy as np
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..errors import SimulationError
@@ -260,4 +261,4 @@ class ControlledSteps:
             msg = f"{text} {advice}"
             raise SimulationError(msg, component="", time=simulation.time)
         if self._misses == 1:
-            logger.warning("%s The run goes on; --strict ends it there. %s", text, advice)
+            logger.warning("%s The run goes on; %s ends it there. %s", text, option("strict", True), advice)

@@ -24,11 +24,12 @@ from zipfile import BadZipFile
 
 import numpy as np
 from gossamer_files import digest, replacing
+from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..errors import ResultsError, ScenarioError, writing
 from ..processes import shared_memory
-from ..results.columns import attributes, plan_columns
+from ..results.dataset import attributes, plan_columns
 from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF, has_rows
 from ..results.netcdf import GrowingFile, Layout, make_file
 from ..scenario.plan import Plan
@@ -100,11 +101,12 @@ def load_checkpoint(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, A
         msg = (
             f"{', '.join(names)} cannot serialize {'its' if len(names) == 1 else 'their'} state (canSerializeFMUstate), or "
             "has events of its own (event mode, model exchange), so this run cannot be resumed. Run it from its start, "
-            "without --resume."
+            f"without {option('resume', True)}."
         )
         raise ScenarioError(msg)
     if not path.is_file():
-        msg = f"there is no unfinished run in {path.parent} to resume. Run it from its start, without --resume."
+        advice = f"Run it from its start, without {option('resume', True)}."
+        msg = f"there is no unfinished run in {path.parent} to resume. {advice}"
         raise ResultsError(msg)
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -112,7 +114,7 @@ def load_checkpoint(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, A
         card: dict[str, Any] = json.loads(str(arrays.pop("card")))
         known = (card["schema"], card["version"])
     except (OSError, ValueError, KeyError, BadZipFile) as error:
-        msg = f"cannot read {path}: {error}. Run it from its start, without --resume."
+        msg = f"cannot read {path}: {error}. Run it from its start, without {option('resume', True)}."
         raise ResultsError(msg) from error
     if known != (SCHEMA, VERSION):
         msg = f"{path} holds {known[0]!r} version {known[1]}, this program reads {SCHEMA!r} version {VERSION}."
@@ -122,7 +124,8 @@ def load_checkpoint(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, A
     if changed:
         msg = (
             f"{', '.join(changed)} differ{'s' * (len(changed) == 1)} from the unfinished run in {path.parent}. "
-            "Give it what it had, also --step, --stop, --set and --master, or run it from its start, without --resume."
+            f"Give it what it had, also {option('step')}, {option('stop')}, {option('set')} and {option('master')}, or run "
+            f"it from its start, without {option('resume', True)}."
         )
         raise ScenarioError(msg)
     return card, arrays
@@ -179,7 +182,7 @@ def check_space(plan: Plan, folder: Path) -> None:
         msg = (
             f"{scenario.source.where(('record',))}: {len(plan.columns)} scalars at {rows} points take {size / 1e9:.3g} "
             f"GB, and {folder} has {free / 1e9:.3g} GB free. Record fewer variables, or fewer points with 'every', or name "
-            "another place with --out."
+            f"another place with {option('out')}."
         )
         raise ResultsError(msg)
 
@@ -227,7 +230,7 @@ class Stream:
         path = self._folder / UNFINISHED_NETCDF
         if self._resumed is None:
             if (self._folder / RESUME).is_file() or (path.is_file() and has_rows(path)):
-                text = "the unfinished run in %s is replaced by this one. --resume continues a run"
+                text = f"the unfinished run in %s is replaced by this one. {option('resume', True)} continues a run"
                 logger.warning(text, self._folder)
             (self._folder / RESUME).unlink(missing_ok=True)
             self._file = GrowingFile.create(path, header, layout)

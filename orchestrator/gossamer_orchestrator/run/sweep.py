@@ -23,6 +23,7 @@ from typing import TypeAlias
 
 import numpy as np
 from gossamer_files import replacing
+from gossamer_files.options import option
 
 from ..errors import ResultsError, ScenarioError, writing
 from ..results.files import NETCDF, load_results, make_folder
@@ -125,7 +126,7 @@ def make_cases(ranges: Mapping[str, Sequence[Given]]) -> list[Case]:
 def run_case(command: Sequence[str], out: Path, case: Case) -> tuple[int, str]:
     """Run a case in a process of its own, here or on another machine; return its number and how it ended."""
     texts = [f"--set={name}={json.dumps(value)}" for name, value in case.values.items()]
-    module = [sys.executable, "-P", "-m", "gossamer_orchestrator", "--quiet"]
+    module = [sys.executable, "-P", "-m", "gossamer", "--quiet"]
     with subprocess.Popen(
         [*module, *command, *texts, "--out", str(out / case.name)],
         stdin=subprocess.DEVNULL,
@@ -221,7 +222,7 @@ def _keep_plan(out: Path, cases: Sequence[Case], command: Sequence[str]) -> None
     plan = {"command": list(command), "cases": [case.values for case in cases]}
     path = out / PLAN
     if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != plan:
-        msg = f"{out} holds another sweep. Name another folder with --out, or remove it."
+        msg = f"{out} holds another sweep. Name another folder with {option('out')}, or remove it."
         raise ResultsError(msg)
     with writing(path, ResultsError), replacing(path) as new:
         new.write_text(json.dumps(plan), encoding="utf-8")

@@ -1,9 +1,15 @@
-"""Check the connections of a scenario: their ends exist, have the right causality, and agree in their units."""
+"""The connections of a scenario: their ends and units, the loops that they close, and the order in which components step.
+
+Groups that are iterated, and the steps of components, are checked here too.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from typing import TypeVar
 
 from ..fmi.file import FmuFile
 from ..fmi.types import FLOATS
@@ -15,9 +21,16 @@ from .source import Problems
 logger = logging.getLogger(__name__)
 
 
-def check_connections(
-    scenario: Scenario, files: Mapping[str, FmuFile], problems: Problems
-) -> tuple[list[Connection], dict[str, int]]:
+@dataclass(frozen=True)
+class Draft:
+    """A scenario with the FMUs of its components, by name, that is checked: mistakes go to ``problems``."""
+
+    scenario: Scenario
+    files: Mapping[str, FmuFile]
+    problems: Problems
+
+
+def check_connections(draft: Draft) -> tuple[list[Connection], dict[str, int]]:
     """Check the connections.
 
     Returns
@@ -29,22 +42,17 @@ def check_connections(
     """
     right: list[Connection] = []
     fed: dict[str, int] = {}
-    for i, whole in enumerate(scenario.connections):
-        right += [
-            _convert(i, connection, files, problems)
-            for connection in _elements(i, whole, fed, files, problems)
-            if _check_ends(i, connection, fed, scenario, files, problems)
-        ]
+    for i, whole in enumerate(draft.scenario.connections):
+        each = _elements(draft, i, whole, fed)
+        right += [_convert(draft, i, connection) for connection in each if _check_ends(draft, i, connection, fed)]
     return right, fed
 
 
-def _elements(
-    i: int, whole: Connection, fed: dict[str, int], files: Mapping[str, FmuFile], problems: Problems
-) -> list[Connection]:
+def _elements(draft: Draft, i: int, whole: Connection, fed: dict[str, int]) -> list[Connection]:
     """Return a connection of scalars as it is, and one of arrays as one per element."""
     shapes, lists = [], []
     for component, name in ((whole.sender, whole.output), (whole.receiver, whole.input)):
-        fmu = files.get(component)
+        fmu = draft.files.get(component)
         found = fmu.elements(name) if fmu is not None and name not in fmu.variables else []
         lists.append(found)
         shapes.append(split_indices(found[-1])[1] if found else ())
@@ -57,7 +65,7 @@ def _elements(
             f"{whole.origin!r} is {sizes[0]} and {whole.target!r} is {sizes[1]}. "
             f"Connect arrays of one size, or one element, such as {element!r}."
         )
-        problems.add(("connections", i, "to"), text)
+        draft.problems.add(("connections", i, "to"), text)
         for name in lists[1] or [whole.input]:
             fed.setdefault(f"{whole.receiver}.{name}", i)
         return []
@@ -67,15 +75,9 @@ def _elements(
     ]
 
 
-def _check_ends(
-    i: int,
-    connection: Connection,
-    fed: dict[str, int],
-    scenario: Scenario,
-    files: Mapping[str, FmuFile],
-    problems: Problems,
-) -> bool:
+def _check_ends(draft: Draft, i: int, connection: Connection, fed: dict[str, int]) -> bool:
     """Tell whether both ends are there and fit each other, and note what they feed."""
+    files, problems = draft.files, draft.problems
     explained = {
         "from": _explain_endpoint(connection.origin, "output", files),
         "to": _explain_endpoint(connection.target, "input", files),
@@ -91,7 +93,7 @@ def _check_ends(
     if explained["to"]:
         return False
     if connection.target in fed:
-        line = scenario.source.where(("connections", fed[connection.target], "to"))
+        line = problems.source.where(("connections", fed[connection.target], "to"))
         text = f"input {connection.target!r} is connected twice, first at {line}. Remove one of the connections."
         problems.add(("connections", i, "to"), text)
         return False
@@ -136,9 +138,9 @@ def _explain_endpoint(endpoint: str, causality: str, files: Mapping[str, FmuFile
     return None
 
 
-def _convert(i: int, connection: Connection, files: Mapping[str, FmuFile], problems: Problems) -> Connection:
+def _convert(draft: Draft, i: int, connection: Connection) -> Connection:
     """Return a connection that converts units, if both ends have one and the scenario does not convert them itself."""
-    sender, receiver = files[connection.sender], files[connection.receiver]
+    sender, receiver = draft.files[connection.sender], draft.files[connection.receiver]
     a, b = sender.unit_definition(connection.output), receiver.unit_definition(connection.input)
     difference = mismatch(sender.unit(connection.output), a, receiver.unit(connection.input), b)
     if difference is None:
@@ -146,10 +148,199 @@ def _convert(i: int, connection: Connection, files: Mapping[str, FmuFile], probl
     converted = conversion(a, b)
     if converted is None:
         text = f"units of {connection.origin!r} and {connection.target!r}: {difference}. Connect variables of one unit."
-        problems.add(("connections", i, "to"), text)
+        draft.problems.add(("connections", i, "to"), text)
         return connection
     if connection.gain is not None or connection.bias is not None:
         return connection
     gain, bias = converted
     logger.info("%s to %s: units are converted: %s", connection.origin, connection.target, difference)
     return connection.model_copy(update={"gain": gain, "bias": bias or None})
+
+
+Node = TypeVar("Node", bound=Hashable)
+
+
+def find_cycle(edges: Mapping[Node, Iterable[Node]]) -> list[Node]:
+    """Find a cycle of a directed graph.
+
+    Parameters
+    ----------
+    edges : mapping of node to its successors
+        Nodes that only appear as successors need no entry.
+
+    Returns
+    -------
+    list of node
+        The nodes along a cycle, the first one repeated at the end; empty if there is none.
+    """
+    try:
+        TopologicalSorter(edges).prepare()
+    except CycleError as error:
+        cycle: list[Node] = error.args[1]
+        return cycle[::-1]  # the sorter takes successors for predecessors
+    return []
+
+
+def sort_components(names: Iterable[str], edges: Mapping[str, Iterable[str]]) -> list[str]:
+    """Order components so that each stands after those that feed it; ties keep the order of ``names``.
+
+    Within a cycle the first component of ``names`` goes first.
+    """
+    waiting = list(names)
+    order: list[str] = []
+    while waiting:
+        fed = {target for name in waiting for target in edges.get(name, ()) if target != name}
+        ready = next((name for name in waiting if name not in fed), None) or _first_of_a_cycle(waiting, edges)
+        order.append(ready)
+        waiting.remove(ready)
+    return order
+
+
+def _first_of_a_cycle(names: list[str], edges: Mapping[str, Iterable[str]]) -> str:
+    """Return the first component that only those of its own cycle feed."""
+    before = {name: _upstream(name, names, edges) for name in names}
+    return next(name for name in names if all(name in before[other] for other in before[name]))
+
+
+def _upstream(name: str, names: Iterable[str], edges: Mapping[str, Iterable[str]]) -> set[str]:
+    """Find all that feed a component through others of ``names``."""
+    found: set[str] = set()
+    new = {name}
+    while new:
+        new = {other for other in names if not new.isdisjoint(edges.get(other, ()))} - found
+        found |= new
+    return found
+
+
+def sort_grouped(names: Iterable[str], edges: Mapping[str, Iterable[str]], groups: Iterable[list[str]]) -> list[str]:
+    """Order components like ``sort_components``, with those of each group side by side."""
+    inside = {group[0]: group for group in groups}
+    home = {name: first for first, group in inside.items() for name in group}
+    outer: dict[str, list[str]] = {}
+    for name, targets in edges.items():
+        outer.setdefault(home.get(name, name), []).extend(home.get(target, target) for target in targets)
+    order = sort_components(dict.fromkeys(home.get(name, name) for name in names), outer)
+    return [member for name in order for member in sort_components(inside.get(name, [name]), edges)]
+
+
+def order_components(
+    draft: Draft, connections: Iterable[Connection], fed: Mapping[str, int]
+) -> tuple[list[str], list[str]]:
+    """Return the orders of initialization and of stepping, and report orders that are not possible.
+
+    Under Gauss-Seidel a connection from a later to an earlier component delays by one step. That is said where the
+    scenario does not state the order, or where it breaks an algebraic loop. Under Jacobi every connection delays. Within a
+    group nothing delays.
+    """
+    scenario, files, problems = draft.scenario, draft.files, draft.problems
+    groups = [group.components for group in scenario.groups if set(group.components) <= set(files)]
+    pairs = {(connection.sender, connection.receiver) for connection in connections if not connection.delayed}
+    feeds = {name: [other for other in files if (name, other) in pairs] for name in files}
+    start_order = sort_grouped(files, feeds, groups)
+    if scenario.order is not None:
+        _check_stated_order(draft, scenario.order, feeds)
+    order = scenario.order or start_order
+    place = {name: i for i, name in enumerate(order)}
+    iterated = {c.target for c in connections if any({c.sender, c.receiver} <= set(group) for group in groups)}
+    for c in connections if scenario.master == "gauss-seidel" else ():
+        early = place.get(c.sender, len(place)) < place.get(c.receiver, -1)
+        if c.delayed and (early or c.target in iterated):
+            inside, before = (
+                "both ends are in a group, where nothing delays",
+                f"{c.sender!r} steps before {c.receiver!r}",
+            )
+            text = (
+                f"the connection {c.origin} -> {c.target} does not delay: {inside if c.target in iterated else before}."
+            )
+            problems.add(("connections", fed[c.target], "delayed"), f"{text} Remove 'delayed', or change the order.")
+    connections = [c for c in connections if not c.delayed]
+    late = {c.target: c for c in connections if place.get(c.sender, -1) >= place.get(c.receiver, len(order))}
+    delayed = [c for target, c in late.items() if target not in iterated]
+    loop = _find_loop(files, [c for c in connections if c.target not in late.keys() & iterated])
+    if scenario.master == "gauss-seidel" and (loop or scenario.order is None):
+        why = f"algebraic loop {' -> '.join('.'.join(node) for node in loop)}" if loop else "components feed each other"
+        for connection in delayed:
+            logger.warning(
+                "%s: %s: the connection %s -> %s delays by one step. State another 'order', a smaller 'step', or a group",
+                scenario.source.where(("connections", fed[connection.target])),
+                why,
+                connection.origin,
+                connection.target,
+            )
+    return start_order, order
+
+
+def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) -> list[tuple[str, str]]:
+    """Find a circle of signals in which every value depends on itself at the same instant."""
+    signals: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for c in connections:
+        signals.setdefault((c.sender, c.output), []).append((c.receiver, c.input))
+    for name, fmu in files.items():
+        for output, inputs in fmu.feedthrough().items():
+            for source in inputs:
+                signals.setdefault((name, source), []).append((name, output))
+    return find_cycle(signals)
+
+
+def _check_stated_order(draft: Draft, order: list[str], feeds: Mapping[str, list[str]]) -> None:
+    scenario, problems = draft.scenario, draft.problems
+    if scenario.master == "jacobi":
+        problems.add(("order",), "'order' has no meaning for master = \"jacobi\". Remove it.")
+    for name in order:
+        if name not in feeds:
+            problems.add(("order",), f"'order' names a component {name!r} that is not there. {suggest(name, feeds)}")
+    if sorted(order) != sorted(feeds):
+        missing = [name for name in feeds if name not in order]
+        what = f"; missing: {', '.join(missing)}" if missing else ""
+        problems.add(("order",), f"'order' must name every component once{what}.")
+        return
+    for group in scenario.groups:
+        places = [order.index(name) for name in group.components]
+        if max(places) - min(places) >= len(places):
+            text = f"the components of the group {', '.join(group.components)} must stand side by side in 'order'."
+            problems.add(("order",), text)
+
+
+def check_groups(draft: Draft, connections: Iterable[Connection]) -> None:
+    """Report groups that cannot be iterated; the connections are those that are right."""
+    scenario, files, problems = draft.scenario, draft.files, draft.problems
+    if scenario.groups and scenario.master == "jacobi":
+        text = 'a group is stepped one component after another, which master = "jacobi" is not. Remove one of the two.'
+        problems.add(("groups",), text)
+    homes: dict[str, int] = {}
+    for i, group in enumerate(scenario.groups):
+        place = ("groups", i, "components")
+        for name in group.components:
+            if name not in files:
+                problems.add(place, f"there is no component {name!r}. {suggest(name, files)}")
+                continue
+            if name in homes:
+                where = "twice in this group" if homes[name] == i else "in another group, too"
+                problems.add(place, f"component {name!r} stands {where}. Name it once.")
+                continue
+            homes[name] = i
+            if not files[name].interface.canGetAndSetFMUstate:
+                text = f"FMU {files[name].name!r} of component {name!r} cannot restore its state (canGetAndSetFMUstate)"
+                problems.add(place, f"{text}, so its step cannot be repeated. Remove it from the group.")
+        names = set(group.components)
+        if names <= set(files) and not any({c.sender, c.receiver} <= names for c in connections):
+            problems.add(place, "the group's components are not connected to each other. Remove the group.")
+
+
+def check_steps(draft: Draft) -> None:
+    """Report steps of components that do not fit the run, and FMUs that the step control cannot take back."""
+    scenario, files, problems = draft.scenario, draft.files, draft.problems
+    grouped = {name for group in scenario.groups for name in group.components}
+    for name, component in scenario.components.items():
+        place = ("components", name, "every")
+        if scenario.ticks % component.every:
+            text = f"the run has {scenario.ticks} steps, which {component.every} does not divide"
+            problems.add(place, f"{text}. Choose another 'every', 'step' or 'stop'.")
+        if component.every > 1 and name in grouped:
+            problems.add(
+                place, f"component {name!r} is in a group, whose components step together. Remove one of the two."
+            )
+    unable = sorted({file.name for file in files.values() if not file.can_repeat})
+    if scenario.step_control is not None and unable:
+        text = f"{', '.join(unable)} cannot restore its state or vary its step, so its steps cannot be controlled"
+        problems.add(("step_control",), f"{text}. Remove the table, or use a smaller 'step'.")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from gossamer_files import DataError
-from gossamer_files.measured import Column, Wanted, named_column, read_columns
+from gossamer_files.measured import Column, Wanted, factor, named_column, read_columns
 from numpy.typing import NDArray
 
 from ..errors import ScenarioError
@@ -18,8 +18,8 @@ from ..fmi.file import FmuFile
 from ..fmi.types import FLOATS, TEXTS, Value, parse
 from ..fmi.units import conversion, definition_of
 from ..names import split_endpoint, suggest
+from .connections import Draft
 from .schema import Input, Scenario
-from .source import Problems
 
 FILE = "[inputs]"  # stands for a component where a connection has its sender
 TITLE = re.compile(r"(.*?)\s+(?:\[([^\[\]]*)\]|\(([^()]*)\))")  # pressure [kPa]
@@ -59,10 +59,9 @@ class History:
         return self.values[max(place, 0)]  # type: ignore[no-any-return]
 
 
-def read_histories(
-    scenario: Scenario, files: Mapping[str, FmuFile], fed: dict[str, int], problems: Problems
-) -> dict[str, History]:
+def read_histories(draft: Draft, fed: dict[str, int]) -> dict[str, History]:
     """Read the histories of inputs, by ``component.input``, and note in ``fed`` what they feed."""
+    scenario, files, problems = draft.scenario, draft.files, draft.problems
     histories = {}
     for i, given in enumerate(scenario.inputs):
         component, name = split_endpoint(given.target)
@@ -128,6 +127,10 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
             raise ScenarioError(msg)
         gain, bias = converted
         history = gain * np.array(values, dtype=np.float64) + bias
+        if not np.isfinite(history).all():
+            at = times[int(np.argmin(np.isfinite(history)))]
+            msg = f"column {given.column!r} of {path} holds no finite number at {at:g} s. Correct the file."
+            raise ScenarioError(msg)
     _check_range(history, times, fmu, name, path)
     return History(times, history, linear, given.periodic)
 
@@ -139,10 +142,8 @@ def _read_csv(path: Path, given: Input, kind: str) -> tuple[NDArray[np.float64],
     def choose(header: list[str], line: int) -> list[Column]:
         places = [_find(path, line, text, header) for text in (given.time or header[0], given.column)]
         time = named_column(path, header, line, Wanted(what="time"), places[0])
-        return [
-            time,
-            Column(wanted=Wanted(what=what), place=places[1], name=given.column, unit=_divided(header[places[1]])[1]),
-        ]
+        unit = _divided(header[places[1]])[1]
+        return [time, Column(wanted=Wanted(what=what), place=places[1], name=given.column, unit=unit)]
 
     read = read_columns(path, choose)
     read.check_once(read.values[0])
@@ -175,18 +176,13 @@ def _parse_cell(kind: str, text: str) -> Value:
 
 
 def _find(path: Path, line: int, text: str, titles: list[str]) -> int:
+    """Return the place of a column by its title, or by the title without a unit."""
     names = [_divided(title)[0] for title in titles]
-    places = [k for k, title in enumerate(titles) if title == text] or [
-        k for k, name in enumerate(names) if name == text
-    ]
-    if len(places) == 1:
-        return places[0]
-    which = (
-        f"{len(places)} columns are called {text!r}. Rename all but one"
-        if places
-        else (f"there is no column {text!r}. {suggest(text, names)}")
-    )
-    msg = f"{path}, line {line}: {which.rstrip('.')}."
+    for known in (titles, names):
+        if known.count(text) == 1:
+            return known.index(text)
+    several, none = f"several columns are called {text!r}. Rename all but one.", f"there is no column {text!r}. "
+    msg = f"{path}, line {line}: {several if text in names else none + suggest(text, names)}"
     raise DataError(msg)
 
 
@@ -203,8 +199,12 @@ def _read_netcdf(path: Path, given: Input, kind: str) -> tuple[NDArray[np.float6
             msg = f"it has {column.ndim} dimensions, not one"
             raise ValueError(msg)
         times = data[given.time or str(column.dims[0])]
+        clock = str(times.attrs.get("units", "s")).partition(" since ")[0]
+        if (seconds := factor(clock, "time")) is None:
+            msg = f"the unit of {times.name!r} is {clock!r}, which is none of time"
+            raise ValueError(msg)
         values = [_parse_cell(kind, v if isinstance(v, str) else repr(v)) for v in column.values.tolist()]
-        return times.values.astype(np.float64), values, column.attrs.get("units")
+        return seconds * times.values.astype(np.float64), values, column.attrs.get("units")
 
 
 def _unit_conversion(

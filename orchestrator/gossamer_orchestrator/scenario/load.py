@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from gossamer_files.options import option
 from pydantic import ValidationError
 
 from . import schema
@@ -58,7 +59,7 @@ def parse_scenario(
     content = parse_toml(text, name, "scenario")
     given = {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
     return make_scenario(
-        content | given, source=Source(name, text, {(key,): f"--{key}" for key in given}), folder=folder
+        content | given, source=Source(name, text, {(key,): option(key) for key in given}), folder=folder
     )
 
 

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from gossamer_files.options import option
 
 from ..errors import FmuError, OrchestratorError, ScenarioError, check_path, explain_file
 from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
-from .connections import check_connections
-from .graph import check_groups, check_steps, order_components
+from .connections import Draft, check_connections, check_groups, check_steps, order_components
 from .histories import FILE, History, read_histories
 from .schema import Component, Connection, Scenario, Value
 from .source import Location, Problems
@@ -137,18 +137,16 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
     problems.raise_if_any()
     for name in files:
         _refuse_clocks(name, files[name], problems)
-    connections, fed = check_connections(scenario, files, problems)
-    histories = read_histories(scenario, files, fed, problems)
+    draft = Draft(scenario, files, problems)
+    connections, fed = check_connections(draft)
+    histories = read_histories(draft, fed)
     connected = {connection.target for connection in connections} | set(histories)
-    start = {
-        name: start_values(name, component, files[name], connected, set(fed), problems)
-        for name, component in scenario.components.items()
-    }
-    events = _check_events(scenario, files, connected, problems)
-    columns = _check_recording(scenario, files, {c.target for c in connections}, problems)
-    check_groups(scenario, files, connections, problems)
-    check_steps(scenario, files, problems)
-    start_order, order = order_components(scenario, files, connections, fed, problems)
+    start = {name: start_values(draft, name, connected, set(fed)) for name in scenario.components}
+    events = _check_events(draft, connected)
+    columns = _check_recording(draft, {c.target for c in connections})
+    check_groups(draft, connections)
+    check_steps(draft)
+    start_order, order = order_components(draft, connections, fed)
     problems.raise_if_any()
 
     def plan_component(name: str) -> ComponentPlan:
@@ -209,7 +207,7 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict:
         place: Location = ("components", name, "fmu")
         if not component.fmu.endswith(".fmu") and not folder.is_dir():
             text = f"there is no folder {folder} with FMUs. Build them: gossamer build --out {folder}"
-            problems.found.append(f"{scenario.source.name}: {text}, or name their folder with --fmus.")
+            problems.found.append(f"{scenario.source.name}: {text}, or name their folder with {option('fmus')}.")
             continue
         if path not in found:
             literal = scenario.folder / component.fmu
@@ -249,7 +247,11 @@ def _read_file(
         return None
     if not path.is_file():
         near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
-        more = "" if fmu.endswith(".fmu") else " Build the FMUs with 'gossamer build' or name their folder with --fmus."
+        more = (
+            ""
+            if fmu.endswith(".fmu")
+            else f" Build the FMUs with 'gossamer build' or name their folder with {option('fmus')}."
+        )
         if fmu == "estimator":
             more += NO_ESTIMATOR
         problems.add(place, f"there is no FMU {fmu!r} in {path.parent}. {near}{more}")
@@ -263,15 +265,14 @@ def _read_file(
         more = f" .. and {len(file.findings) - 3} more" if len(file.findings) > 3 else ""
         text = f"FMU {fmu!r} is against the rules of FMI: {' '.join(file.findings[:3])}{more}"
         if strict:
-            problems.add(place, f"{text} Correct it, or run it without --strict.")
+            problems.add(place, f"{text} Correct it, or run it without {option('strict', True)}.")
         else:
             logger.warning("%s: %s", problems.source.where(place), text)
     return file
 
 
-def _check_events(
-    scenario: Scenario, files: Mapping[str, FmuFile], connected: set[str], problems: Problems
-) -> dict[int, list[tuple[str, dict[str, Value]]]]:
+def _check_events(draft: Draft, connected: set[str]) -> dict[int, list[tuple[str, dict[str, Value]]]]:
+    scenario, files, problems = draft.scenario, draft.files, draft.problems
     events: dict[int, list[tuple[str, dict[str, Value]]]] = {}
     for i, event in enumerate(scenario.events):
         if event.component not in files:
@@ -304,9 +305,8 @@ def _check_events(
     return dict(sorted(events.items()))
 
 
-def _check_recording(
-    scenario: Scenario, files: Mapping[str, FmuFile], connected: set[str], problems: Problems
-) -> list[tuple[str, str]]:
+def _check_recording(draft: Draft, connected: set[str]) -> list[tuple[str, str]]:
+    scenario, files, problems = draft.scenario, draft.files, draft.problems
     patterns = scenario.record.variables
     every = [
         (c, v, x) for c in scenario.components for v, x in files[c].variables.items() if x.causality != "independent"

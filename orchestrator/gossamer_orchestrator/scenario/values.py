@@ -16,44 +16,40 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any
 
+from gossamer_files.options import option
+
 from ..errors import ScenarioError, check_path
 from ..fmi.file import FmuFile
 from ..fmi.types import FLOATS, RANGES, parse
 from ..names import is_pattern, matches, split_endpoint, split_indices, suggest
+from .connections import Draft
 from .schema import Component, Given, Scenario, Value
 from .source import Location, Problems
 
 logger = logging.getLogger(__name__)
 
 
-def start_values(
-    name: str, component: Component, fmu: FmuFile, connected: set[str], fed: set[str], problems: Problems
-) -> dict[str, Value]:
+def start_values(draft: Draft, name: str, connected: set[str], fed: set[str]) -> dict[str, Value]:
     """Return the parameters and unconnected inputs that a scenario sets of a component.
 
     Parameters
     ----------
-    name, component, fmu : str, Component, FmuFile
+    draft : Draft
+        Receives the mistakes.
+    name : str
         The component.
     connected, fed : set of str
         Inputs ``component.input`` that right connections feed, and that right or wrong ones are meant to feed.
-    problems : Problems
-        Receives the mistakes.
 
     Returns
     -------
     dict
         Values by name.
     """
+    component, fmu, problems = draft.scenario.components[name], draft.files[name], draft.problems
     place: Location = ("components", name)
-    parameters = expand(
-        (*place, "parameters"),
-        component.parameters,
-        fmu,
-        fmu.names("parameter", "structuralParameter"),
-        "parameter",
-        problems,
-    )
+    settable = fmu.names("parameter", "structuralParameter")
+    parameters = expand((*place, "parameters"), component.parameters, fmu, settable, "parameter", problems)
     for key in component.inputs:
         if {f"{name}.{v}" for v in (key, *fmu.elements(key))} & connected:
             text = f"input '{name}.{key}' is connected and given a value. Remove one of the two."
@@ -232,8 +228,8 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
         found = [component for component in components if matches(pattern, component)]
         if not variable or not found:
             what = f"there is no component {pattern!r}" if variable else f"{name!r} is no component.variable"
-            other = f"Use --{name}." if name in OPTIONS else suggest(pattern, [*components, SEED])
-            msg = f"--set {name}: {what}. {other}"
+            other = f"Use {option(name)}." if name in OPTIONS else suggest(pattern, [*components, SEED])
+            msg = f"{option('set', name)}: {what}. {other}"
             raise ScenarioError(msg)
         for component in found:
             path = scenario.fmu_path(component, fmus)
@@ -246,7 +242,7 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
                 places: list[Location] = [
                     ("components", component, table, key) for table in keys for key in keys[table]
                 ]
-                options |= dict.fromkeys(places, f"--set {name}")
+                options |= dict.fromkeys(places, option("set", name))
     title = _title(scenario, changes)
     scenario = scenario.model_copy(update={"components": components, "title": title})
     return scenario.with_source(replace(scenario.source, options=options))
@@ -278,7 +274,7 @@ def _keys(fmu: FmuFile, variable: str, name: str) -> dict[str, list[str]]:
             found[table] = keys
     if not found:
         near = suggest(variable, [*both["parameters"], *both["inputs"]])
-        msg = f"--set {name}: FMU {fmu.name!r} has no parameter and no input {variable!r}. {near}"
+        msg = f"{option('set', name)}: FMU {fmu.name!r} has no parameter and no input {variable!r}. {near}"
         raise ScenarioError(msg)
     return found
 
@@ -286,7 +282,7 @@ def _keys(fmu: FmuFile, variable: str, name: str) -> dict[str, list[str]]:
 def _seeded(scenario: Scenario, seed: Given) -> Scenario:
     """Give all noise and dropouts a seed."""
     if type(seed) is not int or seed < 0:
-        msg = f"--set seed: the seed is a whole number from 0 on, not {seed!r}."
+        msg = f"{option('set', 'seed')}: the seed is a whole number from 0 on, not {seed!r}."
         raise ScenarioError(msg)
     connections = [
         connection.model_copy(

@@ -19,7 +19,7 @@ import signal
 import sys
 from pathlib import Path
 
-from gossamer_orchestrator.cli import app
+from gossamer.cli import main as command_line
 
 CHANGES = ("open", "os.rename", "os.remove", "os.mkdir", "os.truncate")
 LIMITS = (2_000, 30_000, 300_000)  # [byte]
@@ -49,7 +49,7 @@ def run(command, at, limit, report):
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
     code = 0
     try:
-        app(command)
+        command_line(command)
     except SystemExit as end:
         code = int(end.code or 0)
     os.write(report, str(count).encode())

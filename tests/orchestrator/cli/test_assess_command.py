@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+from command_line import invoke
 from gossamer_models.assessment.conditions import Records
 from gossamer_models.campaign import draw_cases
-from gossamer_orchestrator.cli import app
-from typer.testing import CliRunner
 
 
 @pytest.fixture
@@ -19,7 +18,7 @@ def quick(monkeypatch):
 
 
 def test_paths_are_printed_and_tables_stand_on_stderr(quick, tmp_path):
-    result = CliRunner().invoke(app, ["assess-detector", "--cases", "4", "--out", str(tmp_path)])
+    result = invoke(["assess-detector", "--cases", "4", "--out", str(tmp_path)])
     assert result.exit_code == 0
     paths = result.stdout.split()
     assert paths
@@ -30,9 +29,7 @@ def test_paths_are_printed_and_tables_stand_on_stderr(quick, tmp_path):
 
 def test_a_file_that_is_no_detector_is_one_sentence(quick, tmp_path):
     (tmp_path / "other.json").write_text("{}")
-    result = CliRunner().invoke(
-        app, ["assess-detector", "--artifact", str(tmp_path / "other.json"), "--out", str(tmp_path)]
-    )
+    result = invoke(["assess-detector", "--artifact", str(tmp_path / "other.json"), "--out", str(tmp_path)])
     assert result.exit_code == 1
     assert "cannot read the artifact" in result.stderr
     assert "Traceback" not in result.stderr

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import invoke
 from gossamer_models.sensor import Scales, default_artifact
-from gossamer_orchestrator.cli import app
-from typer.testing import CliRunner
 
 
 @pytest.fixture
@@ -25,7 +24,7 @@ def folder(tmp_path):
 def test_another_record_is_read_judged_and_drawn(folder):
     out = folder / "out"
     arguments = [str(folder / name) for name in ("sensor.json", "other.csv")]
-    result = CliRunner().invoke(app, ["assess", *arguments, "--fit-scales", "--out", str(out)])
+    result = invoke(["assess", *arguments, "--fit-scales", "--out", str(out)])
     assert result.exit_code == 0, result.output
     names = ("predicted.csv", "loop.png", "history.png", "residual.png", "strain.png", "strain_residual.png")
     files = [out / name for name in (*(f"other_{name}" for name in names), "report.html")]
@@ -49,7 +48,7 @@ def test_another_record_is_read_judged_and_drawn(folder):
 def test_without_scales_of_its_own_the_record_is_judged_as_it_is(folder):
     arguments = [str(folder / name) for name in ("sensor.json", "other.csv")]
     options = ["--no-pictures", "--out", str(folder / "out"), "--compensator", "exact", "--stretch", "0:60"]
-    result = CliRunner().invoke(app, ["assess", *arguments, *options])
+    result = invoke(["assess", *arguments, *options])
     assert result.exit_code == 0, result.output
     assert "the sensor knows nothing of these records" in " ".join(result.stderr.split())
     assert (folder / "out" / "other_predicted.csv").read_text().splitlines()[1].endswith(",0")
@@ -65,7 +64,7 @@ def test_what_cannot_be_assessed_is_said_in_one_message(folder):
         (["sensor.json", "other.csv", "--stretch", "0:900"], "other.csv ends at 149.5 s"),
     ):
         paths = [str(folder / each) if each.endswith((".json", ".csv")) else each for each in arguments]
-        result = CliRunner().invoke(app, ["assess", *paths, "--out", str(folder / "out")])
+        result = invoke(["assess", *paths, "--out", str(folder / "out")])
         assert (result.exit_code, result.stdout) == (1, "")
         assert message in result.stderr
         assert "Traceback" not in result.output

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
+from gossamer.descriptions import load_campaign
 from gossamer.pages.campaign import campaign_page
 from gossamer_models import campaign as models
 from gossamer_orchestrator import ScenarioError
-from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.campaign_file import load_campaign
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 from reading_pages import read_page, values
-from typer.testing import CliRunner
 
 DOCS = Path(__file__).parents[3] / "docs" / "campaigns.md"
 RIGHT = """
@@ -42,7 +41,7 @@ CHAIN = "[chain]\ncompensator_parameters = { dead_bnd = 1.0 }\n"
 
 @pytest.fixture
 def call():
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])
+    return lambda *arguments: invoke([str(a) for a in arguments])
 
 
 def written(folder: Path, *changes: tuple[str, str], more: str = "") -> Path:

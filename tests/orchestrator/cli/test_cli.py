@@ -10,9 +10,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios
-from typer.testing import CliRunner
 
 COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin", "watch", "report", "view")
 
@@ -22,7 +21,7 @@ GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0
 
 @pytest.fixture
 def call():
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])
+    return lambda *arguments: invoke([str(a) for a in arguments])
 
 
 def test_help_names_every_command_and_each_shows_an_example(call):
@@ -76,7 +75,7 @@ def test_a_process_whose_fmu_broke_ends_in_order(fmus, tmp_path):
     command = [
         sys.executable,
         "-m",
-        "gossamer_orchestrator",
+        "gossamer",
         "run",
         tmp_path / "f.toml",
         "--fmus",
@@ -157,12 +156,11 @@ def test_info_lists_variables(call, fmus):
 
 def test_help_loads_nothing_heavy():
     code = (
-        "import sys, typer.testing, gossamer_orchestrator.cli as c\n"
-        "assert typer.testing.CliRunner().invoke(c.app, ['--help']).exit_code == 0\n"
+        "import sys, gossamer.cli\ntry: gossamer.cli.main(['--help'])\nexcept SystemExit as end: assert not end.code\n"
         "print([m for m in ('fmpy', 'xarray', 'numpy', 'matplotlib', 'casadi', 'pydantic') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    assert done.stdout.splitlines()[-1] == "[]"
 
 
 def test_every_public_name_can_be_imported():

@@ -12,21 +12,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 import xarray as xr
+from command_line import invoke
+from gossamer import FmuInfo
+from gossamer.arguments import COMMANDS
+from gossamer.results import INVALID, Result, as_json, print_tables
+from gossamer.terminal import say
 from gossamer_orchestrator import OrchestratorError, ProgressBar
-from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.command import INVALID, Command, Group, Result, as_json, note, show, stderr
-from gossamer_orchestrator.cli.inspect import variable_table
 from rich.console import Console
-from typer.testing import CliRunner
 
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
 
 
 @pytest.fixture
 def call():
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])
+    return lambda *arguments: invoke([str(a) for a in arguments])
 
 
 @pytest.fixture
@@ -38,11 +38,9 @@ def run(call, fmus, tmp_path):
 
 
 def test_every_command_has_the_common_options(call):
-    group = typer.main.get_command(app)
-    assert isinstance(group, Group)
-    for name, command in group.commands.items():
-        assert isinstance(command, Command), name
-        assert call(name, "--help").stdout.count("--log-file") == 1, name
+    assert len(COMMANDS) == 22
+    for name in COMMANDS:
+        assert call(name.replace("_", "-"), "--help").stdout.count("--log-file") == 1, name
 
 
 def test_json_is_the_only_thing_on_stdout(run, tmp_path):
@@ -76,8 +74,8 @@ def test_a_log_file_is_appended_to_with_what_was_done_and_how_it_ended(run, call
     assert run("--log-file", file).stderr == run().stderr
     assert call("run", "damagd", "--log-file", file).exit_code == 1
     text = file.read_text(encoding="utf-8")
-    assert text.count("INFO gossamer_orchestrator.cli.command: gossamer ") == 2
-    assert text.count("INFO gossamer_orchestrator.cli.command: done in ") == 1
+    assert text.count("INFO gossamer.cli: gossamer ") == 2
+    assert text.count("INFO gossamer.cli: done in ") == 1
     assert "11 communication points" in text
     assert "ScenarioError: there is no scenario file 'damagd'" in text
     assert "cannot write" in call("info", "x.fmu", "--log-file", tmp_path / "none" / "log.txt").stderr
@@ -91,21 +89,15 @@ def test_verbose_says_what_is_done_and_leaves_the_loggers_as_they_were(run):
     assert (logging.getLogger("gossamer_orchestrator").level, list(logging.getLogger().handlers)) == before
 
 
-def test_a_warning_has_the_name_of_its_logger_only_where_all_messages_are_wanted():
-    own = typer.Typer(cls=Group)
-
-    @own.command(cls=Command)
+def test_a_warning_has_the_name_of_its_logger_only_where_all_messages_are_wanted(monkeypatch):
     def warns() -> Result:
+        """Warn."""
         logging.getLogger("gossamer_orchestrator.results").warning("no pictures")
-        return Result({})
+        return Result()
 
-    @own.command(cls=Command)
-    def other() -> Result:
-        return Result({})
-
-    invoke = CliRunner().invoke
-    assert invoke(own, ["warns"]).stderr == "WARNING: no pictures\n"
-    assert "WARNING gossamer_orchestrator.results: no pictures\n" in invoke(own, ["warns", "-v"]).stderr
+    monkeypatch.setitem(COMMANDS, "warns", warns)
+    assert invoke(["warns"]).stderr == "WARNING: no pictures\n"
+    assert "WARNING gossamer_orchestrator.results: no pictures\n" in invoke(["warns", "-v"]).stderr
 
 
 @pytest.mark.parametrize(("valid", "code"), [((1.0, 1.0), 0), ((0.0, 1.0), 0), ((1.0, 0.0), INVALID)])
@@ -116,6 +108,7 @@ def test_an_invalid_last_judgement_has_an_exit_code_of_its_own(call, fmus, tmp_p
     columns = {"detector.damage": (("time", "zone"), damage), "detector.valid": ("time", told)}
     data = xr.Dataset(columns, {"time": time}, {"ended": "complete", "wall_time": 0.1})
     monkeypatch.setattr("gossamer_orchestrator.run.runner.run_scenario", lambda *_, **__: data)
+    monkeypatch.setattr("gossamer_orchestrator.results.places.with_places", lambda data, _: data)
     (tmp_path / "g.toml").write_text(GAIN)
     result = call("run", tmp_path / "g.toml", "--out", tmp_path / "out", "--no-pictures", "--json")
     assert result.exit_code == code, result.stderr
@@ -144,27 +137,39 @@ def test_what_json_cannot_hold_becomes_what_it_can():
     }
 
 
-def test_a_command_prints_its_result_alone_and_an_error_not_as_json():
-    own = typer.Typer(cls=Group)
+class Works(Result):
+    """What a command may say."""
 
-    @own.command(cls=Command)
-    def works() -> Result:
-        show("a path")
-        note("a note")
-        stderr().print("a table")
-        return Result({"time_s": 1.5}, 3)
+    def tables(self):
+        return ["a table"]
 
-    @own.command(cls=Command)
-    def fails() -> Result:
+    def written(self):
+        return [Path("a path")]
+
+    def exit_code(self):
+        return INVALID
+
+    def to_json(self):
+        return {"time_s": 1.5}
+
+
+def test_a_command_prints_its_result_alone_and_an_error_not_as_json(monkeypatch):
+    def works() -> Works:
+        """Work."""
+        say("a note")
+        return Works()
+
+    def fails() -> Works:
+        """Fail."""
         raise OrchestratorError("there is no such thing")
 
-    invoke = CliRunner().invoke
-    plain, asked = invoke(own, ["works"]), invoke(own, ["works", "--json"])
-    assert (plain.exit_code, plain.stdout, plain.stderr) == (3, "a path\n", "a note\na table\n")
-    assert (asked.exit_code, json.loads(asked.stdout), asked.stderr) == (3, {"time_s": 1.5}, "a note\na table\n")
-    assert invoke(own, ["works", "--quiet"]).stderr == ""
-    failed = invoke(own, ["fails", "--json"])
-    assert (failed.exit_code, failed.stdout, failed.stderr) == (1, "", "there is no such thing\n")
+    monkeypatch.setitem(COMMANDS, "works", works)
+    monkeypatch.setitem(COMMANDS, "fails", fails)
+    assert invoke(["works"]) == (3, "a path\n", "a note\na table\n")
+    code, stdout, stderr = invoke(["works", "--json"])
+    assert (code, json.loads(stdout), stderr) == (3, {"time_s": 1.5}, "a note\na table\n")
+    assert invoke(["works", "--quiet"]).stderr == ""
+    assert invoke(["fails", "--json"]) == (1, "", "there is no such thing\n")
 
 
 def test_progress_is_a_line_now_and_then_where_there_is_no_terminal(monkeypatch):
@@ -254,7 +259,8 @@ def test_a_name_in_brackets_is_no_markup():
     file = io.StringIO()
     with ProgressBar("a[/b]", Console(file=file, force_terminal=True, width=120)) as bar:
         bar.update(1.0, 4.0)
-    Console(file=file).print(variable_table("fan: Speed [/s]", []))
+    info = FmuInfo(path=Path("fan.fmu"), name="fan", description="Speed [/s]", fmi="2.0", variables={})
+    print_tables(Console(file=file), info.tables())
     assert "a[/b]" in file.getvalue()
     assert "Speed [/s]" in file.getvalue()
 

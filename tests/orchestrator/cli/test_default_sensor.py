@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
 from gossamer_models import Stepper
 from gossamer_models.fitting import Columns, Record, read_record
 from gossamer_models.identify import settings_for
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.fit import fit_preisach
-from gossamer_orchestrator.cli import app
-from typer.testing import CliRunner
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data" / "nylon_silver"
 needs_data = pytest.mark.skipif(not DATA.exists(), reason=f"measured data are not here: {DATA}")
@@ -40,7 +39,7 @@ def test_the_command_it_states_makes_it_again(tmp_path, monkeypatch):
     out = tmp_path / STATED["command"].rsplit(" ", 1)[1]
     arguments = [*shlex.split(STATED["command"])[:-1], str(out)]
     monkeypatch.setattr(sys, "argv", arguments)
-    result = CliRunner().invoke(app, arguments[1:])
+    result = invoke(arguments[1:])
     assert result.exit_code == 0, result.output
     again, shipped = SensorArtifact.read(out), default_artifact()
     for found, wanted in zip(again.tables(), shipped.tables(), strict=True):

@@ -6,11 +6,10 @@ import shlex
 import fmpy
 import numpy as np
 import pytest
+from command_line import invoke
 from gossamer_models.fitting import read_record
 from gossamer_models.fractional import FractionalArtifact, predict
 from gossamer_models.sensor import SensorArtifact
-from gossamer_orchestrator.cli import app
-from typer.testing import CliRunner
 
 QUICK = ["--modes", "2", "--relaxations", "1", "--starts", "1"]
 
@@ -34,7 +33,7 @@ def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
     """The artifact is named without its ending: the folder beside it has that name."""
     out = tmp_path / "sensor.json"
     options = [*QUICK, "--train", "0:80", "--out", str(out.with_suffix(""))]
-    result = CliRunner().invoke(app, ["identify", str(measured), *options])
+    result = invoke(["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     printed = result.stdout.split()
     assert printed[0] == str(out)
@@ -49,14 +48,14 @@ def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
     assert "without holds, the data do not separate eta" in " ".join(result.stderr.split())
     assert SensorArtifact.read(out).provenance["data"] == "measured.csv"
     assert str(tmp_path) not in out.read_text()
-    built = CliRunner().invoke(app, ["build", "sensor", "compensator", "--artifact", str(out), "--out", str(tmp_path)])
+    built = invoke(["build", "sensor", "compensator", "--artifact", str(out), "--out", str(tmp_path)])
     assert built.exit_code == 0, built.output
     assert (tmp_path / "compensator.fmu").exists()
 
 
 def test_without_options_of_a_model_it_is_chosen_and_build_takes_the_compensator_that_won(measured, tmp_path):
     out = tmp_path / "sensor.json"
-    result = CliRunner().invoke(app, ["identify", str(measured), "--budget", "1", "--out", str(out)])
+    result = invoke(["identify", str(measured), "--budget", "1", "--out", str(out)])
     assert result.exit_code == 0, result.output
     told = " ".join(result.stderr.split())
     for words in (
@@ -76,7 +75,7 @@ def test_without_options_of_a_model_it_is_chosen_and_build_takes_the_compensator
     assert f"gossamer build sensor compensator --artifact {out} --out {tmp_path}" in result.stderr
     arguments = shlex.split(re.search(r"type 'gossamer (build .*)'", result.stderr)[1])
     for more in ([], ["filter"]):  # the command that is printed, and the FMU that the scenario of gossamer new names
-        built = CliRunner().invoke(app, arguments + more)
+        built = invoke(arguments + more)
         assert built.exit_code == 0, built.output
     names = [v.name for v in fmpy.read_model_description(str(tmp_path / "compensator.fmu")).modelVariables]
     assert ("strain_deviation" in names) == (artifact.compensator != "inverse")
@@ -87,7 +86,7 @@ def test_a_record_becomes_a_fractional_sensor_that_runs_as_its_model(measured, t
     out = tmp_path / "fractional.json"
     options = ["--model", "fractional-sub-model-1", "--terms", "2", "--train", "0:80", "--starts", "2", "--seed", "3"]
     options += ["--rest-resistance", "100", "--full-scale", "0.12", "--out", str(out)]
-    result = CliRunner().invoke(app, ["identify", str(measured), *options])
+    result = invoke(["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     names = ("predicted.csv", "loop.png", "history.png", "residual.png")
     files = [out.with_suffix("") / name for name in (*(f"measured_{name}" for name in names), "report.html")]
@@ -106,7 +105,7 @@ def test_a_record_becomes_a_fractional_sensor_that_runs_as_its_model(measured, t
     flags = ["--native"] if kind == "native" else []
     if flags:
         pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
-    built = CliRunner().invoke(app, ["build", "sensor", *flags, "--artifact", str(out), "--out", str(tmp_path)])
+    built = invoke(["build", "sensor", *flags, "--artifact", str(out), "--out", str(tmp_path)])
     assert built.exit_code == 0, built.output
     record = read_record(measured)
     given = np.array(
@@ -126,17 +125,17 @@ def test_a_record_becomes_a_fractional_sensor_that_runs_as_its_model(measured, t
 def test_a_fractional_model_that_needs_the_whole_record_says_so_and_is_not_built(measured, tmp_path):
     out = tmp_path / "offline.json"
     options = ["--terms", "1", "--fading", "1", "--starts", "1", "--no-pictures", "--out", str(out)]
-    result = CliRunner().invoke(app, ["identify", str(measured), "--model", "fractional-model-1", *options])
+    result = invoke(["identify", str(measured), "--model", "fractional-model-1", *options])
     assert result.exit_code == 0, result.output
     told = " ".join(result.stderr.split())
     assert "works offline only: no FMU can be built from it" in told
     assert "gossamer build" not in told
     assert "from the fitted" in told
-    built = CliRunner().invoke(app, ["build", "sensor", "--artifact", str(out), "--out", str(tmp_path)])
+    built = invoke(["build", "sensor", "--artifact", str(out), "--out", str(tmp_path)])
     assert (built.exit_code, built.stdout) == (1, "")
     assert "its phases need the whole record" in built.stderr
     assert "--model fractional-sub-model-1" in built.stderr
-    built = CliRunner().invoke(app, ["build", "compensator", "--artifact", str(out), "--out", str(tmp_path)])
+    built = invoke(["build", "compensator", "--artifact", str(out), "--out", str(tmp_path)])
     assert (built.exit_code, built.stdout) == (1, "")
     assert "has no inverse" in built.stderr
     assert "--model preisach" in built.stderr
@@ -146,7 +145,7 @@ def test_what_a_fractional_fit_assumed_of_steps_and_of_rest_is_said(measured, tm
     lines = measured.read_text().splitlines()
     measured.write_text("\n".join([*lines[:50], *lines[51:]]) + "\n")
     options = ["--model", "fractional-sub-model-1", "--terms", "1", "--starts", "1", "--no-pictures"]
-    result = CliRunner().invoke(app, ["identify", str(measured), *options, "--out", str(tmp_path / "s.json")])
+    result = invoke(["identify", str(measured), *options, "--out", str(tmp_path / "s.json")])
     assert result.exit_code == 0, result.output
     told = " ".join(result.stderr.split())
     assert "samples 0.5 to 1 s apart were brought to steps of 0.5 s" in told
@@ -158,7 +157,7 @@ def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
     out = tmp_path / "sensor.json"
     options = ["--relaxations", "2", "--tau", "3,40", "--exponents", "0.5,1", "--starts", "1", "--no-pictures"]
     options += ["--model", "preisach-hats", "--knots", "4", "--least-slope", "0.3", "--out", str(out)]
-    result = CliRunner().invoke(app, ["identify", str(measured), *options])
+    result = invoke(["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     artifact = SensorArtifact.read(out)
     known = {(3.0, 0.5), (40.0, 1.0)}
@@ -177,7 +176,7 @@ def test_cells_without_numbers_and_a_row_cut_short_are_told_with_the_columns_bef
         lines[line] = ",".join([*lines[line].split(",")[:cells], *[["OL", "n/a"][cells == 1]] * (line in (10, 50))])
     measured.write_text("\n".join(lines) + "\n")
     options = [*QUICK, "--no-pictures", "--out", str(tmp_path / "s.json")]
-    result = CliRunner().invoke(app, ["identify", str(measured), *options])
+    result = invoke(["identify", str(measured), *options])
     assert result.exit_code == 0, result.output
     said = "4 samples without a finite number were left out, the first in line 11: "
     assert result.stderr.count("236 samples of 240 rows") == result.stderr.count(said) == 1
@@ -190,7 +189,7 @@ def test_a_signal_whose_unit_is_not_stated_is_not_called_ohm(measured, tmp_path)
     options = [*QUICK, "--no-pictures", "--out", str(tmp_path / "s.json")]
     told = {}
     for unit in ([], ["--resistance-unit", "1"], ["--resistance-unit", "ohm"]):
-        result = CliRunner().invoke(app, ["identify", str(measured), *options, *unit])
+        result = invoke(["identify", str(measured), *options, *unit])
         assert result.exit_code == 0, result.output
         told[unit[-1] if unit else ""] = " ".join(result.stderr.split())
         header = (tmp_path / "s" / "measured_predicted.csv").read_text().splitlines()[0].split(",")[2]
@@ -209,7 +208,7 @@ def test_a_simple_model_that_recovers_strain_better_is_a_warning_beside_the_comm
     rows = (f"{t},{s},{r}" for (t, s, _), r in zip(cells, ohm, strict=True))
     measured.write_text("\n".join([lines[0], *rows]) + "\n")
     options = ["--modes", "1", "--relaxations", "0", "--starts", "1", "--no-pictures", "--full-scale", "0.13"]
-    result = CliRunner().invoke(app, ["identify", str(measured), *options, "--out", str(tmp_path / "s.json")])
+    result = invoke(["identify", str(measured), *options, "--out", str(tmp_path / "s.json")])
     assert result.exit_code == 0, result.output
     told = " ".join(result.stderr.split())
     warning = (
@@ -246,7 +245,7 @@ def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
         ([str(measured), "--model", "fractional-sub-model-1", "--full-scale", "0.01"], "outside 0 to full scale"),
         ([str(measured), "--model", "fractional-sub-model-1", "--train", "0:5"], "samples are too few"),
     ):
-        result = CliRunner().invoke(app, ["identify", *arguments, "--out", str(tmp_path / "s.json")])
+        result = invoke(["identify", *arguments, "--out", str(tmp_path / "s.json")])
         assert result.exit_code == 1
         assert message in result.stderr
         assert "Traceback" not in result.output
@@ -254,6 +253,6 @@ def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
 
 def test_a_form_that_no_picture_has_is_refused_before_a_record_is_read(tmp_path):
     for command in (["identify"], ["assess", str(tmp_path / "sensor.json")]):
-        result = CliRunner().invoke(app, [*command, str(tmp_path / "measured.csv"), "--format", "gif"])
+        result = invoke([*command, str(tmp_path / "measured.csv"), "--format", "gif"])
         assert result.exit_code == 1
         assert result.stderr == "there are no pictures of form 'gif'. Choose png, svg or pdf.\n"

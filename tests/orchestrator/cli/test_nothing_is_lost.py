@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
+from gossamer.descriptions import load_campaign
 from gossamer_models.campaign import run_campaign
 from gossamer_models.detector import PosteriorArtifact
 from gossamer_models.sensor import SensorArtifact
-from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.campaign_file import load_campaign
 from gossamer_orchestrator.fmi.archive import check_archive
-from typer.testing import CliRunner
 
 CAMPAIGN = "cases = 640\nseed = 3\nstop = 0.06\n[damage]\nzones = [1, 2]\ndepth = [0.3, 0.5]\nhealthy = 0.1\n"
 
@@ -64,7 +63,7 @@ def test_an_output_that_is_an_input_is_refused(record, fmus, command, name):
     Path(f"link{ending}").symlink_to(given)
     out = {"itself": given, "by a detour": f"fmus/../{given}", "by a link": f"link{ending}"}[name]
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
-    result = CliRunner().invoke(app, [*command, out])
+    result = invoke([*command, out])
     assert result.exit_code == 1
     assert "which is an input. Name another place with --out." in result.stderr
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
@@ -74,7 +73,7 @@ def test_a_file_in_the_store_that_is_read_is_refused(tmp_path):
     (tmp_path / "small.zarr").mkdir()
     (tmp_path / "small.zarr/zarr.json").write_text("{}")
     store = str(tmp_path / "small.zarr")
-    result = CliRunner().invoke(app, ["train", store, "--out", f"{store}/zarr.json"])
+    result = invoke(["train", store, "--out", f"{store}/zarr.json"])
     assert result.exit_code == 1
     assert "which is an input" in result.stderr
 
@@ -95,7 +94,7 @@ def prepared(request, record):
         earlier, command = [*TRAIN, "--epochs", "30"], TRAIN
     else:
         earlier, command = [*BUILD, "--native"], BUILD
-    done = subprocess.run([sys.executable, "-m", "gossamer_orchestrator", *earlier], cwd="before", check=False)
+    done = subprocess.run([sys.executable, "-m", "gossamer", *earlier], cwd="before", check=False)
     assert done.returncode == 0
     return command
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import gossamer
 import numpy as np
 import pytest
-from gossamer_orchestrator.cli import app
+from command_line import invoke
 from reading_pages import read_page, values
-from typer.testing import CliRunner
 
 pytest.importorskip("meshio", reason="a mesh file needs the extra mesh")
 
@@ -61,7 +60,7 @@ def setup(tmp_path):
 
 
 def call(*arguments):
-    return CliRunner().invoke(app, ["place-sensors", *(str(a) for a in arguments)])
+    return invoke(["place-sensors", *(str(a) for a in arguments)])
 
 
 def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):

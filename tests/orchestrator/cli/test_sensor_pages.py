@@ -11,14 +11,13 @@ from html import unescape
 import numpy as np
 import pytest
 from browsing import opened
+from command_line import invoke
 from gossamer.pages.comparison import Comparison, verdict
 from gossamer_models.automatic import HERE
 from gossamer_models.fitting.errors import nrmse
 from gossamer_models.sensor import RelaxationTerm, SensorArtifact, default_artifact
 from gossamer_models.sensor.plots import sensor_charts
-from gossamer_orchestrator.cli import app
 from reading_pages import read_page, values
-from typer.testing import CliRunner
 
 QUICK = ["--modes", "2", "--relaxations", "2", "--starts", "1"]
 
@@ -41,7 +40,7 @@ def identified(tmp_path_factory):
     """What the command printed, in a folder with the record, the artifact and the page."""
     folder = tmp_path_factory.mktemp("identified")
     record, out = write_record(folder / "measured.csv", 240, 0), folder / "sensor.json"
-    answer = CliRunner().invoke(app, ["identify", str(record), *QUICK, "--train", "0:120", "--out", str(out)])
+    answer = invoke(["identify", str(record), *QUICK, "--train", "0:120", "--out", str(out)])
     assert answer.exit_code == 0, answer.output
     return folder, answer
 
@@ -53,7 +52,7 @@ def assessed(identified, tmp_path_factory):
     other = write_record(out / "other.csv", 200, 1)
     arguments = ["assess", str(folder / "sensor.json"), str(other), "--fit-scales", "--out", str(out / "judged")]
     arguments += ["--compensator", "exact", "--compensator", "estimator"]
-    answer = CliRunner().invoke(app, arguments)
+    answer = invoke(arguments)
     assert answer.exit_code == 0, answer.output
     return out / "judged", answer
 
@@ -169,7 +168,7 @@ def test_an_assessment_shows_every_compensator_its_band_and_the_fitted_scales(as
 def test_a_fractional_sensor_has_a_table_of_its_parameters_and_no_strain(identified, tmp_path):
     record = identified[0] / "measured.csv"
     options = ["--model", "fractional-sub-model-1", "--terms", "1", "--starts", "1", "--rest-resistance", "100"]
-    answer = CliRunner().invoke(app, ["identify", str(record), *options, "--out", str(tmp_path / "fractional.json")])
+    answer = invoke(["identify", str(record), *options, "--out", str(tmp_path / "fractional.json")])
     assert answer.exit_code == 0, answer.output
     page, charts = read_page(tmp_path / "fractional" / "report.html")
     assert "Strain over time" not in charts
@@ -184,18 +183,18 @@ def test_view_opens_the_page_of_an_artifact_or_of_its_folder(identified, assesse
     seen = []
     monkeypatch.setattr("webbrowser.open", lambda url: seen.append(url) or True)
     for path in (folder / "sensor.json", folder / "sensor", folder / "sensor" / "report.html"):
-        answer = CliRunner().invoke(app, ["view", str(path)])
+        answer = invoke(["view", str(path)])
         assert answer.stdout == f"{folder / 'sensor' / 'report.html'}\n"
-    assert CliRunner().invoke(app, ["view", str(assessed[0])]).exit_code == 0
+    assert invoke(["view", str(assessed[0])]).exit_code == 0
     assert seen == [(folder / "sensor" / "report.html").as_uri()] * 3 + [(assessed[0] / "report.html").as_uri()]
-    answer = CliRunner().invoke(app, ["view", str(folder)])
+    answer = invoke(["view", str(folder)])
     assert (answer.exit_code, answer.stdout) == (1, "")
 
 
 def test_a_page_that_cannot_be_written_leaves_artifact_and_predictions(identified, tmp_path):
     (tmp_path / "sensor" / "report.html").mkdir(parents=True)  # in the way
     record, out = identified[0] / "measured.csv", tmp_path / "sensor.json"
-    answer = CliRunner().invoke(app, ["identify", str(record), *QUICK, "--train", "0:120", "--out", str(out)])
+    answer = invoke(["identify", str(record), *QUICK, "--train", "0:120", "--out", str(out)])
     assert answer.exit_code == 0, answer.output
     assert "report.html was not written" in answer.stderr
     assert "Open " not in answer.stderr
@@ -206,11 +205,11 @@ def test_a_page_that_cannot_be_written_leaves_artifact_and_predictions(identifie
 
 def test_without_pictures_there_is_no_page(identified, tmp_path):
     record, out = identified[0] / "measured.csv", tmp_path / "sensor.json"
-    answer = CliRunner().invoke(app, ["identify", str(record), *QUICK, "--no-pictures", "--out", str(out)])
+    answer = invoke(["identify", str(record), *QUICK, "--no-pictures", "--out", str(out)])
     assert answer.exit_code == 0, answer.output
     assert not (tmp_path / "sensor" / "report.html").exists()
     assert "Open " not in answer.stderr
-    answer = CliRunner().invoke(app, ["view", str(out)])
+    answer = invoke(["view", str(out)])
     assert (answer.exit_code, answer.stdout) == (1, "")
     assert f"{out} has no page" in answer.stderr
 

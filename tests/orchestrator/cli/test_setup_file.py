@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
+from gossamer.descriptions import load_structure
 from gossamer_models import Stepper
 from gossamer_models.membrane import (
     Edge,
@@ -19,14 +21,11 @@ from gossamer_models.membrane import (
     Setup,
     Support,
     Zone,
-    mesh_membrane_model,
+    membrane_model,
     read_mesh,
 )
-from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.setup_file import load_structure
 from gossamer_orchestrator.errors import ScenarioError
 from gossamer_orchestrator.scenario.source import shipped_scenarios
-from typer.testing import CliRunner
 
 meshio = pytest.importorskip("meshio", reason="reading mesh files needs the extra 'mesh'")
 
@@ -121,7 +120,7 @@ def test_all_mistakes_on_the_mesh_are_named_at_once(folder):
 
 def test_the_command_builds_a_shipped_membrane_and_refuses_an_unknown_one(tmp_path):
     def call(*arguments):
-        return CliRunner().invoke(app, [str(a) for a in arguments])
+        return invoke([str(a) for a in arguments])
 
     result = call("build", "membrane", "--setup", "reflector", "--out", tmp_path)
     assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'membrane.fmu'}\n"), result.stderr
@@ -132,17 +131,17 @@ def test_the_command_builds_a_shipped_membrane_and_refuses_an_unknown_one(tmp_pa
     assert "in place of" not in call("build", "membrane", "--out", tmp_path).stderr
     result = call("build", "membrane", "--setup", "reflecter", "--out", tmp_path)
     assert result.exit_code == 1
-    assert "Did you mean 'reflector'" in result.stderr + str(result.exception)
+    assert "Did you mean 'reflector'" in result.stderr
     result = call("build", "membrane", "--mesh", "a.msh", "--out", tmp_path)
     assert result.exit_code == 1
-    assert "need a setup" in result.stderr + str(result.exception)
+    assert "need a setup" in result.stderr
 
 
 @pytest.mark.parametrize("name", ["drum", "reflector", "sail", "tube"])
 def test_every_shipped_membrane_starts_in_equilibrium_and_stays_there(name):
     path = shipped_scenarios("membrane")[name]
     assert path.with_suffix(".msh").stat().st_size < 100_000
-    model = Stepper(mesh_membrane_model(load_structure(path)))
+    model = Stepper(membrane_model(load_structure(path)))
     model.warn = lambda text: None
     model.initialize()
     before = model.get("strain[1]")

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from command_line import invoke
 from gossamer.pages.sweep import sweep_page
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.pages import write_page
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.run.sweep import make_cases
 from reading_pages import read_page, values
-from typer.testing import CliRunner
 
 DEPTHS, GAINS = [0.0, 0.2, 0.4], [1.0, 2.0]
 
@@ -118,13 +117,13 @@ def test_a_page_that_cannot_be_written_is_one_warning(fmus, tmp_path, monkeypatc
     scenario = tmp_path / "s.toml"
     scenario.write_text('step = 0.1\nstop = 0.2\n[components.one]\nfmu = "integrator"\ninputs = { u = 1.0 }\n')
     command = ["sweep", str(scenario), "--fmus", str(fmus), "--out", str(tmp_path / "out"), "--set=one.u=1,2"]
-    done = CliRunner().invoke(app, command)
+    done = invoke(command)
     assert done.stdout.split()[-1] == str(tmp_path / "out/report.html")
     assert f"or type 'gossamer view {tmp_path / 'out'}'." in done.stderr
     page, _ = read_page(tmp_path / "out/report.html")
     assert page.inside["verdict"] == "All 2 cases finished."
     monkeypatch.setattr("gossamer.pages.sweep.read_cases", lambda *_: 1 / 0)
-    again = CliRunner().invoke(app, command)
+    again = invoke(command)
     assert again.exit_code == 0
     assert "report.html" not in again.stdout
     assert again.stderr.count("WARNING") == 1

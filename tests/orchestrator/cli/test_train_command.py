@@ -7,14 +7,13 @@ import math
 
 import gossamer
 import pytest
+from command_line import invoke
+from gossamer.detectors import campaign_of, is_scenario
 from gossamer_models.campaign import CampaignPlan
 from gossamer_models.detector import PosteriorArtifact
-from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.train import _campaign_of, _is_scenario
 from gossamer_orchestrator.errors import ScenarioError
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 from reading_pages import read_page, values
-from typer.testing import CliRunner
 
 SMALL = """
 cases = 640
@@ -32,7 +31,7 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.toml").write_text(SMALL)
     options = ["--window", "0.03", "--epochs", "60"]
-    result = CliRunner().invoke(app, ["train", "small.toml", *options], catch_exceptions=False)
+    result = invoke(["train", "small.toml", *options])
     assert result.exit_code == 0, result.output
     assert "always 0" in result.stderr
     artifact = PosteriorArtifact.read(tmp_path / "out/detector/small.json")
@@ -61,28 +60,28 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
 def test_a_campaign_that_is_too_short_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.toml").write_text(SMALL.replace("640", "64").replace("0.06", "0.03"))
-    result = CliRunner().invoke(app, ["train", "small.toml", "--window", "0.03"])
+    result = invoke(["train", "small.toml", "--window", "0.03"])
     assert result.exit_code == 1
     assert "55 cases of 200 block means have no 128 principal components. Run more cases." in result.output
-    result = CliRunner().invoke(app, ["train", "out/campaigns/small.zarr", "--window", "0.3"])
+    result = invoke(["train", "out/campaigns/small.zarr", "--window", "0.3"])
     assert result.exit_code == 1
     assert "Make its 'stop' longer" in result.output
 
 
 def test_a_scenario_gives_its_membrane_and_windows(tmp_path):
     text = shipped_scenarios()["damaged"].read_text()
-    assert _is_scenario("damaged")
-    assert not _is_scenario("detector_nominal")
+    assert is_scenario("damaged")
+    assert not is_scenario("detector_nominal")
     file = tmp_path / "mine.toml"
     file.write_text(text.replace('fmu = "membrane"\n', 'fmu = "membrane"\nparameters = { pressure_amplitude = 8e3 }\n'))
-    assert _is_scenario(str(file))
-    campaign, _ = _campaign_of(file, CampaignPlan(cases=10))
+    assert is_scenario(str(file))
+    campaign, _ = campaign_of(file, CampaignPlan(cases=10))
     assert campaign.membrane.parameters["pressure_amplitude"] == 8e3
     assert campaign.steps == 3 * 844 + 2
     other = tmp_path / "other.toml"
     other.write_text(text.replace('fmu = "membrane"\n', 'fmu = "elsewhere/plate"\n'))
     with pytest.raises(ScenarioError, match="Write a campaign file"):
-        _campaign_of(other, CampaignPlan(cases=10))
+        campaign_of(other, CampaignPlan(cases=10))
 
 
 def test_the_card_of_the_shipped_detector_states_ranges_and_errors():

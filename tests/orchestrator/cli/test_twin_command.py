@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_models.membrane import MembraneParams, membrane_model
+from command_line import invoke
+from gossamer import TwinAnswer
+from gossamer.damage import _compared
+from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import Answer, ResponseRecord
 from gossamer_models.twin.simulation import Forward
-from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.twin import _compared, zone_table
 from gossamer_orchestrator.results.files import save_results
 from reading_pages import read_page, values
-from typer.testing import CliRunner
 
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
 
@@ -26,12 +26,12 @@ TRUE[5], TRUE[10] = 0.3, 0.15
 
 @pytest.fixture
 def call():
-    return lambda *arguments: CliRunner().invoke(app, ["twin", *(str(a) for a in arguments)])
+    return lambda *arguments: invoke(["twin", *(str(a) for a in arguments)])
 
 
 @pytest.fixture(scope="module")
 def forward():
-    return Forward(membrane_model(4, 1, compiled=True), MembraneParams(mass_damping=30.0), default_artifact())
+    return Forward(membrane_model(square_structure(4, 1)), MembraneParams(mass_damping=30.0), default_artifact())
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +174,10 @@ def test_the_table_has_a_column_of_remarks_only_where_there_is_one():
     known = dict.fromkeys(("damage", "deviation", "probability"), np.zeros(16))
     fields = dict.fromkeys(Answer.__dataclass_fields__) | known
     headings = [
-        [str(column.header) for column in zone_table(Answer(**fields | {"unresolved": zones})).columns]
+        [str(column.header) for column in shown.columns]
         for zones in ((), (3,))
+        for shown in TwinAnswer(
+            path=Path(), page=None, compared="", answer=Answer(**fields | {"unresolved": zones})
+        ).tables()
     ]
     assert headings == [["zone", "damage [%]", "P(damaged)"], ["zone", "damage [%]", "P(damaged)", "remark"]]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 
 import pytest
+from command_line import invoke
+from gossamer_files.options import DASHES, STYLE
 from gossamer_orchestrator import ScenarioError, make_plan, parse_scenario
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.scenario.source import shipped_scenarios
-from typer.testing import CliRunner
 
 SCENARIO = """\
 step = 0.1
@@ -40,7 +40,7 @@ def call(fmus, tmp_path):
         path = tmp_path / "s.toml"
         path.write_text(text)
         arguments = [command, str(path), "--fmus", str(fmus), *options]
-        return CliRunner().invoke(app, arguments + (["--out", str(tmp_path / "out")] if command == "run" else []))
+        return invoke(arguments + (["--out", str(tmp_path / "out")] if command == "run" else []))
 
     return called
 
@@ -60,10 +60,11 @@ def test_a_right_scenario_shows_components_and_converted_units_and_leaves_nothin
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_refused_in_the_words_of_the_plan_of_a_run(call, fmus, mistake):
+def test_a_mistake_is_refused_in_the_words_of_the_plan_of_a_run(call, fmus, mistake, monkeypatch):
     text = SCENARIO.replace(*MISTAKES[mistake])
     assert text != SCENARIO
     checked = call("validate", text)
+    monkeypatch.setenv(STYLE, DASHES)
     with pytest.raises(ScenarioError) as planned:
         make_plan(parse_scenario(text, name="s.toml"), fmus)
     assert (checked.exit_code, checked.stderr) == (1, f"{planned.value}\n")
@@ -91,5 +92,5 @@ def test_options_replace_values_as_those_of_a_run(call):
 def test_shipped_scenarios_can_run(built, name):
     assert name in shipped_scenarios()
     folder = built("native")["sensor"].parent
-    result = CliRunner().invoke(app, ["validate", name, "--fmus", str(folder), "--strict"])
+    result = invoke(["validate", name, "--fmus", str(folder), "--strict"])
     assert result.exit_code == 0, result.stderr

@@ -10,16 +10,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from command_line import invoke
+from gossamer import LiveWatch
+from gossamer.records import find_in_results
 from gossamer_models.batch import Batch
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
-from gossamer_orchestrator.cli import app
-from gossamer_orchestrator.cli.twin_record import find_in_results
-from gossamer_orchestrator.cli.watch import LiveWatch
 from gossamer_orchestrator.results.dataset import make_dataset
 from gossamer_orchestrator.scenario.schema import Recording
 from gossamer_orchestrator.scenario.source import shipped_scenarios
-from typer.testing import CliRunner
 
 STEP, ONSET = 3e-4, 0.2104
 # coarse, so that a window costs little; twin and truth have the same
@@ -29,7 +28,7 @@ MESH = ["--elements-per-side", "4", "--order", "1"]
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Nine windows of noisy strain; zone 6 loses 30 % of its stiffness in the fifth."""
-    batch = Batch(membrane_model(4, 1, compiled=True), [f"strain[{k}]" for k in range(1, 5)], ["damage[6]"])
+    batch = Batch(membrane_model(square_structure(4, 1)), [f"strain[{k}]" for k in range(1, 5)], ["damage[6]"])
     time = STEP * np.arange(1, 1504)
     strain = batch.run(time.size, STEP, inputs={"damage[6]": 0.3 * (time > ONSET)}).results[0]
     strain += np.random.default_rng(1).normal(0.0, 5e-4, strain.shape)
@@ -40,7 +39,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_run_that_is_resumed_is_watched_afterwards():
-    result = CliRunner().invoke(app, ["run", "damaged", "--watch", "--resume"])
+    result = invoke(["run", "damaged", "--watch", "--resume"])
     assert result.exit_code == 1
     assert result.stderr.startswith("--watch must see a run from its start.")
 
@@ -48,7 +47,7 @@ def test_a_run_that_is_resumed_is_watched_afterwards():
 def test_an_alarm_is_printed_and_the_finding_written(record):
     for name in ("results.nc", "report.html"):  # as beside the record of a run
         record.with_name(name).touch()
-    result = CliRunner().invoke(app, ["watch", str(record), *MESH])
+    result = invoke(["watch", str(record), *MESH])
     assert result.exit_code == 0, result.output
     assert "ALARM" in result.stderr
     assert f"The page of the run shows it: type 'gossamer view {record.parent}'." in " ".join(result.stderr.split())
@@ -70,7 +69,7 @@ def test_an_alarm_is_printed_and_the_finding_written(record):
     ],
 )
 def test_options_that_make_no_sense_are_refused(record, options, message):
-    result = CliRunner().invoke(app, ["watch", str(record), *MESH, *options])
+    result = invoke(["watch", str(record), *MESH, *options])
     assert result.exit_code == 1
     assert message in result.stderr
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
+from command_line import invoke
 from fmpy.validation import validate_fmu
 from gossamer_orchestrator import (
     OrchestratorError,
@@ -19,11 +20,9 @@ from gossamer_orchestrator import (
     load_scenario,
     parse_scenario,
 )
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import split_indices
 from gossamer_orchestrator.scenario.source import find_scenario
 from simulated import simulate as simulate_here
-from typer.testing import CliRunner
 
 HOST = Path(__file__).with_name("container_host.py")
 SCENARIO = find_scenario("damaged")
@@ -241,7 +240,7 @@ def test_another_fmi_is_refused(fmus, chain, tmp_path):
 def test_the_command_prints_the_path(fmus, tmp_path):
     (tmp_path / "ring.toml").write_text(RING.format(master='order = ["gain", "Early"]'))
     arguments = ["container", tmp_path / "ring.toml", "--fmus", fmus, "--out", tmp_path / "ring.fmu", "--fmi", 3]
-    result = CliRunner().invoke(app, [str(a) for a in arguments])
+    result = invoke([str(a) for a in arguments])
     assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'ring.fmu'}\n"), result.stderr
     assert result.stderr.startswith("packed: delay, gain (in Python, on ")
     assert fmpy.read_model_description(str(tmp_path / "ring.fmu")).fmiVersion == "3.0"

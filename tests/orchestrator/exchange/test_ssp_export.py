@@ -5,11 +5,10 @@ from __future__ import annotations
 import zipfile
 
 import pytest
+from command_line import invoke
 from gossamer_orchestrator import ScenarioError, export_ssp, make_plan, open_ssp, parse_scenario, run_scenario
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 from state_spaces import state_spaces
-from typer.testing import CliRunner
 
 CHAIN = """
 title = "A chain"
@@ -154,7 +153,7 @@ inputs = {{ u = 1.0, "offset[*]" = 0.0, on = {} }}
 
 def test_the_command_writes_what_run_reads(fmus, tmp_path):
     (tmp_path / "chain.toml").write_text(CHAIN)
-    call = lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])  # noqa: E731
+    call = lambda *arguments: invoke([str(a) for a in arguments])  # noqa: E731
     written = call("export-ssp", tmp_path / "chain.toml", "--fmus", fmus, "--out", tmp_path / "chain.ssp")
     assert (written.exit_code, written.stdout) == (0, f"{tmp_path / 'chain.ssp'}\n"), written.stderr
     assert written.stderr.startswith("packed: integrator, gain (in Python, on ")
@@ -175,7 +174,7 @@ def test_an_ssp_is_not_written_over_its_scenario_nor_under_another_ending_nor_ov
         ("folder.ssp", "it is a folder. Name a file in it with --out."),
     ):
         command = ("export-ssp", path, "--fmus", fmus, "--out", tmp_path / out)
-        result = CliRunner().invoke(app, [str(a) for a in command])
+        result = invoke([str(a) for a in command])
         assert (result.exit_code, result.stdout) == (1, "")
         assert message in result.stderr
         assert "Errno" not in result.stderr
@@ -187,14 +186,14 @@ def test_an_ssp_is_not_run_over_the_results_of_the_scenario_that_it_was_made_of(
     (tmp_path / "chain.toml").write_text(CHAIN)
     export_ssp(parse_scenario(CHAIN, name="chain.toml"), fmus, tmp_path / "chain.ssp")
     for name in ("chain.toml", "chain.ssp"):
-        result = CliRunner().invoke(app, ["run", name, "--fmus", str(fmus), "--no-pictures"])
+        result = invoke(["run", name, "--fmus", str(fmus), "--no-pictures"])
         assert result.exit_code == 0, result.stderr
     assert sorted(path.parent.name for path in (tmp_path / "out").glob("*/results.nc")) == ["chain", "chain_ssp"]
 
 
 def test_a_shipped_scenario_that_ssp_cannot_hold_is_to_be_copied(built):
     folder = str(built("python")["sensor"].parent)
-    refused = CliRunner().invoke(app, ["export-ssp", "damage_begins", "--fmus", folder])
+    refused = invoke(["export-ssp", "damage_begins", "--fmus", folder])
     assert refused.exit_code == 1
     assert ": SSP has no events." in refused.stderr
     assert f"ships with Gossamer as {shipped_scenarios()['damage_begins']}." in refused.stderr

@@ -23,10 +23,10 @@ def test_a_record_is_watched_window_by_window(tmp_path):
     """Twin and truth are the same coarse mesh; zone 6 loses 30 % of its stiffness at 0.0903 s."""
     pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
     from gossamer_models.batch import Batch
-    from gossamer_models.membrane import membrane_model
+    from gossamer_models.membrane import membrane_model, square_structure
 
     step, onset = 3e-4, 0.0903
-    batch = Batch(membrane_model(4, 1, compiled=True), [f"strain[{k}]" for k in range(1, 5)], ["damage[6]"])
+    batch = Batch(membrane_model(square_structure(4, 1)), [f"strain[{k}]" for k in range(1, 5)], ["damage[6]"])
     time = step * np.arange(1, 801)
     strain = batch.run(time.size, step, inputs={"damage[6]": 0.3 * (time > onset)}).results[0]
     strain += np.random.default_rng(1).normal(0.0, 5e-4, strain.shape)

@@ -6,8 +6,8 @@ import logging
 import re
 
 import pytest
+from gossamer.runs import draw
 from gossamer_orchestrator import ResultsError
-from gossamer_orchestrator.cli.run import draw
 from gossamer_orchestrator.results.drawing import SHARES, Drawing
 from gossamer_orchestrator.results.files import NETCDF, save_results
 from gossamer_orchestrator.results.report import save_pictures
@@ -73,7 +73,7 @@ def test_gossamer_plot_draws_the_others_and_then_says_which_picture_failed(data,
 def test_a_page_that_fails_is_a_warning_too_and_keeps_no_picture_from_being_drawn(data, folder, caplog):
     (folder / "report.html").mkdir()  # in the way
     with Drawing() as drawing:
-        assert len(draw(drawing, data, folder, print)) == 5
+        assert len(draw(drawing, data, folder)) == 5
     ((_, level, text),) = caplog.record_tuples
     assert level == logging.WARNING
     assert text.startswith(f"{folder / 'report.html'} was not written: ResultsError: cannot write")

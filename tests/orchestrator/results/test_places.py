@@ -15,6 +15,23 @@ from gossamer_orchestrator.results.shapes import create_shapes
 SIDE = 0.588 + 2 * 0.006
 
 
+def save_shape(folder, **changes):
+    """Write a shape: a square of 1 m beside a triangle of 3 m2, and a face of no zone."""
+    nodes = np.array([[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1], [7, 0, 1], [7, 9, 1]], dtype=float)
+    surface = Surface(
+        nodes=nodes,
+        faces=np.array([[0, 1, 2, 3], [1, 4, 2, -1], [4, 5, 2, -1]]),
+        element=np.arange(3),
+        region=np.zeros(3, dtype=int),
+        zone=np.array([0, 1, -1]),
+        poisson_ratio=np.array([0.3]),
+        direction=np.array([[1.0, 0.0, 0.0]]),
+        **{"sensor_points": np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]]), "sensor_directions": np.ones((2, 3))}
+        | changes,
+    )
+    create_shapes(folder / "shapes.nc", {"membrane": surface}, 0.0, {"membrane": (nodes, np.zeros((1, 3)))})
+
+
 @pytest.fixture
 def whole(data):
     """The made-up results, of a membrane whose size is known."""
@@ -33,14 +50,17 @@ def test_zones_have_rows_and_columns_from_the_corner_x_first(whole):
     assert zone["zone_x"].attrs["units"] == "m"
 
 
-def test_nodes_have_x_and_y_and_sensors_a_place_in_thirds(whole):
-    placed = with_places(whole)
+def test_nodes_have_x_and_y_and_sensors_the_place_that_the_shape_has(whole, tmp_path):
+    thirds = SIDE / 3.0 * np.array([[1, 1, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0]])
+    save_shape(tmp_path, sensor_points=thirds, sensor_directions=thirds)
+    placed = with_places(whole, tmp_path)
     w = placed["membrane.w"]
     assert w.dims == ("time", "x", "y")
     assert w["x"].to_numpy() == pytest.approx(SIDE * np.arange(1, 8) / 8)
     assert float(w.isel(time=2).sel(x=SIDE / 2, y=SIDE / 8, method="nearest")) == whole["membrane.w"][2, 3, 0]
     second = placed["membrane.strain"].sel(sensor=2)
     assert (float(second["sensor_x"]), float(second["sensor_y"])) == pytest.approx((2 * SIDE / 3, SIDE / 3))
+    assert "sensor_x" not in with_places(whole).coords
 
 
 def test_values_names_and_judgements_are_as_before(whole):
@@ -75,19 +95,7 @@ def test_a_membrane_from_a_mesh_has_none_of_the_places_of_a_square(sail, tmp_pat
 
 def test_zones_and_sensors_of_a_mesh_are_where_its_shape_has_them(sail, tmp_path):
     """A square of 1 m beside a triangle of 3 m2, and a face of no zone; so in a sweep, which names no FMUs."""
-    nodes = np.array([[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1], [7, 0, 1], [7, 9, 1]], dtype=float)
-    surface = Surface(
-        nodes=nodes,
-        faces=np.array([[0, 1, 2, 3], [1, 4, 2, -1], [4, 5, 2, -1]]),
-        element=np.arange(3),
-        region=np.zeros(3, dtype=int),
-        zone=np.array([0, 1, -1]),
-        poisson_ratio=np.array([0.3]),
-        direction=np.array([[1.0, 0.0, 0.0]]),
-        sensor_points=np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]]),
-        sensor_directions=np.array([[1.0, 0.0, 0.0]] * 2),
-    )
-    create_shapes(tmp_path / "shapes.nc", {"membrane": surface}, 0.0, {"membrane": (nodes, np.zeros((1, 3)))}).close()
+    save_shape(tmp_path)
     save_results(sail, tmp_path)
     swept = sail.expand_dims(case=[1, 2]).drop_attrs()
     for placed in (with_places(sail, tmp_path), with_places(swept, tmp_path)):

@@ -9,9 +9,9 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
+from command_line import invoke
 from gossamer_files.charts import Chart, Pixels
 from gossamer_orchestrator import ResultsError
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.pages import Page, write_page
 from gossamer_orchestrator.pages.words import unbroken
 from gossamer_orchestrator.results.files import save_results
@@ -23,7 +23,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from long_run import long_run
 from reading_pages import Reader, numbers, with_spaces
-from typer.testing import CliRunner
 
 
 @pytest.fixture
@@ -312,19 +311,19 @@ def test_report_writes_a_page_and_view_opens_it(certain, tmp_path, monkeypatch):
     save_results(certain, tmp_path)
     opened = []
     monkeypatch.setattr("webbrowser.open", lambda url: bool(opened.append(url)))
-    result = CliRunner().invoke(app, ["view", str(tmp_path)])
+    result = invoke(["view", str(tmp_path)])
     assert result.stdout == f"{tmp_path / 'report.html'}\n"
     assert "No browser could be started" in result.stderr
     assert opened == [(tmp_path / "report.html").as_uri()]
     first = (tmp_path / "report.html").read_bytes()
-    result = CliRunner().invoke(app, ["report", str(tmp_path / "results.nc")])
+    result = invoke(["report", str(tmp_path / "results.nc")])
     assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'report.html'}\n")
     assert (tmp_path / "report.html").read_bytes() == first
     (tmp_path / "watch.json").write_text('{"alarms": [0.8], "findings": [], "time": [], "misfit": [], "score": []}')
     os.utime(tmp_path / "watch.json", ns=(0, (tmp_path / "report.html").stat().st_mtime_ns + 1_000_000))
-    assert CliRunner().invoke(app, ["view", str(tmp_path)]).exit_code == 0  # the twin watched it since
+    assert invoke(["view", str(tmp_path)]).exit_code == 0  # the twin watched it since
     assert "The digital twin raised" in (tmp_path / "report.html").read_text(encoding="utf-8")
-    result = CliRunner().invoke(app, ["report", str(tmp_path / "nowhere")])
+    result = invoke(["report", str(tmp_path / "nowhere")])
     assert result.exit_code == 1
     assert "there are no results at" in result.stderr
 
@@ -335,7 +334,7 @@ def test_a_folder_without_results_names_those_below_it_or_beside_it(certain, tmp
     (tmp_path / "out/fmus").mkdir()
 
     def said(*arguments):
-        result = CliRunner().invoke(app, list(arguments))
+        result = invoke(list(arguments))
         assert (result.exit_code, result.stdout) == (1, "")
         return result.stderr
 

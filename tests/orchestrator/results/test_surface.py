@@ -7,10 +7,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from command_line import invoke
 from gossamer_models import Stepper
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_orchestrator import ResultsError
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.fmi.shape import Shape, Surface
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.report.membrane import surface_content
@@ -18,7 +18,6 @@ from gossamer_orchestrator.results.shapes import SLACK, TAUT, WRINKLED, ShapeHis
 from gossamer_orchestrator.results.vtk import export_vtk
 from reading_pages import Reader, content_of, numbers
 from sails import sail_file, sail_model
-from typer.testing import CliRunner
 
 
 def surface(nu: float = 0.3) -> Surface:
@@ -100,7 +99,7 @@ def test_strain_and_marks_are_those_that_the_model_states(pull):
 @pytest.mark.parametrize("frame", [False, True])
 def test_the_shape_of_the_square_is_strained_as_its_sensors_measure(frame):
     """A face is not as small as a sensor, so within a few percent; size and places from the corner are those of the run."""
-    model = membrane_model(8, 2, frame=frame)
+    model = membrane_model(square_structure(8, 2), frame=frame)
     stepper = Stepper(model, side_length=0.4, edge_displacement=0.004, poisson_ratio=0.4)
     stepper.initialize()
     stepper.set("pressure", 3000.0)
@@ -128,9 +127,9 @@ def test_the_shape_of_the_square_is_strained_as_its_sensors_measure(frame):
 
 def test_numbers_of_zones_stand_in_their_zones_and_apart_from_sensors():
     """The sensors of the square are near the middles of zones 6, 7, 10 and 11."""
-    stepper = Stepper(membrane_model(4, 2))
+    stepper = Stepper(membrane_model(square_structure(4, 2)))
     stepper.initialize()
-    drawn = shape_of(membrane_model(4, 2)).surface(stepper.state)
+    drawn = shape_of(membrane_model(square_structure(4, 2))).surface(stepper.state)
     history = ShapeHistory(drawn, np.zeros(1), drawn.nodes[None], np.zeros((1, 1, 3)))
     content = surface_content(history, np.zeros(1, dtype=int))
     size = 0.588 / 4
@@ -150,7 +149,7 @@ def known(data):
 
 def test_paraview_files_hold_places_damage_and_strain(known, tmp_path):
     meshio = pytest.importorskip("meshio", reason="files for ParaView need meshio")
-    model = membrane_model(4, 1)
+    model = membrane_model(square_structure(4, 1))
     stepper, shape = Stepper(model), shape_of(model)
     stepper.initialize()
     history = ShapeHistory(shape.surface(stepper.state), np.array([9.0]), *(x[None] for x in shape.read(stepper.state)))
@@ -159,7 +158,7 @@ def test_paraview_files_hold_places_damage_and_strain(known, tmp_path):
     file = create_shapes(tmp_path / "shapes.nc", {"membrane": history.surface}, 0.0, {"membrane": (still, pair[1])})
     file.append(np.concatenate([[9.0], *(part.ravel() for part in pair)])[None])
     save_results(known, tmp_path)
-    result = CliRunner().invoke(app, ["export-vtk", str(tmp_path)])
+    result = invoke(["export-vtk", str(tmp_path)])
     assert result.stdout == f"{tmp_path / 'vtk/membrane.pvd'}\n"
     sets = ElementTree.parse(tmp_path / "vtk/membrane.pvd").getroot()[0]
     assert [float(each.get("timestep")) for each in sets] == [0.0, 9.0]
@@ -201,7 +200,7 @@ def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
     for time, each in ((4.0, places[1]), (9.0, places[2])):
         file.append(np.concatenate([[time], each.ravel(), np.zeros(3)])[None])
     save_results(data, tmp_path)
-    assert CliRunner().invoke(app, ["report", str(tmp_path)]).exit_code == 0
+    assert invoke(["report", str(tmp_path)]).exit_code == 0
     page = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
     content = content_of(page.unpacked("data"))
     drawn = content["surface"]
@@ -214,8 +213,8 @@ def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
         16,
         24,
     ]  # two nodes of each side around the zone, and around all
-    result = CliRunner().invoke(app, ["plot", str(tmp_path), "--format", "svg", "--out", str(tmp_path / "svg")])
+    result = invoke(["plot", str(tmp_path), "--format", "svg", "--out", str(tmp_path / "svg")])
     names = {line.rpartition("/")[2] for line in result.stdout.splitlines()}
     assert "deflection.svg" in names
     assert (tmp_path / "svg/deflection.svg").read_text(encoding="utf-8").startswith("<?xml")
-    assert CliRunner().invoke(app, ["plot", str(tmp_path), "--format", "bmp"]).exit_code == 1
+    assert invoke(["plot", str(tmp_path), "--format", "bmp"]).exit_code == 1

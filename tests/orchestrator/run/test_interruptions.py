@@ -53,7 +53,7 @@ class Started:
         self.temporary = folder / "temporary"
         self.temporary.mkdir(exist_ok=True)
         (folder / "it.toml").write_text(SCENARIO.format(parameters=parameters))
-        command = [sys.executable, "-m", "gossamer_orchestrator", "run", folder / "it.toml", "--fmus", fmus]
+        command = [sys.executable, "-m", "gossamer", "run", folder / "it.toml", "--fmus", fmus]
         self.process = subprocess.Popen(
             [*map(str, command), "--out", str(self.out), "--no-pictures", *map(str, options)],
             stdout=subprocess.PIPE,

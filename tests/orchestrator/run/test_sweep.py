@@ -8,13 +8,12 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
+from command_line import invoke
 from gossamer_files.charts import draw_panels
 from gossamer_orchestrator import ScenarioError
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.results.report.cases import case_panels
 from gossamer_orchestrator.run.sweep import make_cases, read_ranges
 from matplotlib.figure import Figure
-from typer.testing import CliRunner
 
 SCENARIO = """
 step = 0.1
@@ -31,8 +30,8 @@ def call(fmus, tmp_path):
 
     def sweep(*ranges, out="out", more=()):
         options = [f"--set={each}" for each in ranges]
-        return CliRunner().invoke(
-            app, ["sweep", str(tmp_path / "s.toml"), "--fmus", str(fmus), "--out", str(tmp_path / out), *options, *more]
+        return invoke(
+            ["sweep", str(tmp_path / "s.toml"), "--fmus", str(fmus), "--out", str(tmp_path / out), *options, *more]
         )
 
     return sweep

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from command_line import invoke
 from gossamer_orchestrator import ScenarioError, load_results, make_plan, parse_scenario, run_scenario
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.names import suggest
 from gossamer_orchestrator.scenario.values import changed, read_changes
-from typer.testing import CliRunner
 
 TEXT = """
 step = 0.1
@@ -110,6 +109,6 @@ def test_a_number_beyond_the_last_one_says_how_many_there_are():
 def test_the_command_sets_values(fmus, tmp_path):
     (tmp_path / "s.toml").write_text(SCENARIO)
     options = ["--fmus", str(fmus), "--out", str(tmp_path / "out"), "--no-pictures", "--set", "one.factor=0"]
-    result = CliRunner().invoke(app, ["run", str(tmp_path / "s.toml"), *options])
+    result = invoke(["run", str(tmp_path / "s.toml"), *options])
     assert result.exit_code == 0, result.stderr
     assert load_results(tmp_path / "out")["one.y"].values.tolist() == [5.0] * 4

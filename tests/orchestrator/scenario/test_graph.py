@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from gossamer_orchestrator import make_plan, parse_scenario, run_scenario
-from gossamer_orchestrator.scenario.graph import find_cycle, sort_components
+from gossamer_orchestrator.scenario.connections import find_cycle, sort_components
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -65,10 +65,21 @@ def test_a_history_may_be_periodic(measured):
 
 
 def test_a_history_may_come_from_netcdf_and_in_a_stated_unit(measured, tmp_path):
-    values = xr.DataArray([0.0, 1.0, 2.0], {"t": [0.0, 1.0, 2.0]}, "t", attrs={"units": "MPa"})
-    xr.Dataset({"load": values}).to_netcdf(tmp_path / "measured.nc", engine="scipy")
+    def write(last, unit):
+        values = xr.DataArray([0.0, 1.0, last], {"t": [0.0, 1e3, 2e3]}, "t", attrs={"units": "MPa"})
+        values["t"].attrs["units"] = unit
+        xr.Dataset({"load": values}).to_netcdf(tmp_path / "measured.nc", engine="scipy")
+
+    write(2.0, "ms")
     assert measured(None, file="measured.nc")["gain.y"].values[-1] == pytest.approx(1500.0)
     assert measured(None, 'unit = "hPa"', file="measured.nc")["gain.y"].values[-1] == pytest.approx(0.15)
+    for last, unit, message in (
+        (np.inf, "ms", "no finite number at 2 s"),
+        (2.0, "V", "'t' is 'V', which is none of time"),
+    ):
+        write(last, unit)
+        with pytest.raises(ScenarioError, match=message):
+            measured(None, file="measured.nc", act=make_plan)
 
 
 def test_a_periodic_history_goes_on_before_and_after_its_times():
@@ -100,15 +111,25 @@ def test_truth_values_are_read_as_other_programs_write_them(reference_fmus, tmp_
 
 @pytest.mark.parametrize(("name", "expected"), [
     ("kPa", (1e3, 0.0)), ("degC", (1.0, 273.15)), ("%", (0.01, 0.0)), ("cm", (0.01, 0.0)), ("min", (60.0, 0.0)),
+    ("degF", (5 / 9, 459.67 * 5 / 9)), ("mN", (1e-3, 0.0)),
 ])  # fmt: skip
 def test_common_units_are_known(name, expected):
     unit = definition_of(name)
     assert (unit.factor, unit.offset) == pytest.approx(expected)
-    assert definition_of("parsec") is None
+    assert definition_of("parsnip") is definition_of("dBm") is None
 
 
 REFUSALS = {
-    "no such column": ("t,lode\n0,0\n", "", "there is no column 'load'. Did you mean 'lode'?"),
+    "no such column": (
+        "t,lode\n0,0\n",
+        "",
+        "measured.csv, line 1: there is no column 'load'. Did you mean 'lode'?",
+    ),
+    "two columns": (
+        "t,load [Pa],load [kPa]\n0,0,0\n",
+        "",
+        "line 1: several columns are called 'load'. Rename all but one",
+    ),
     "no number": ("t,load\n0,zero\n", "", "measured.csv, line 2: 'zero' under 'load' is no number"),
     "nothing": ("", "", "cannot read .*measured.csv: it is empty. Name a CSV file"),
     "a short row": ("t,load\n0\n", "", "measured.csv, line 2: there is no value under 'load'. Correct"),

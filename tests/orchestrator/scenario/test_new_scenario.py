@@ -6,11 +6,10 @@ import re
 import tomllib
 
 import pytest
+from command_line import invoke
 from gossamer_orchestrator import judge, load_scenario, make_plan, parse_scenario, run_scenario
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.scenario import schema
-from typer.testing import CliRunner
 
 TABLES = [each for each in vars(schema).values() if isinstance(each, type) and issubclass(each, schema.ScenarioTable)]
 
@@ -18,7 +17,7 @@ TABLES = [each for each in vars(schema).values() if isinstance(each, type) and i
 @pytest.fixture
 def written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, ["new", "mine"])
+    result = invoke(["new", "mine"])
     assert (result.exit_code, result.stdout) == (0, "mine.toml\n"), result.stderr
     return tmp_path / "mine.toml"
 
@@ -54,7 +53,7 @@ def test_it_runs_as_it_is_and_finds_the_damage_that_begins(written, built):
 
 def test_a_file_that_is_there_is_kept(written):
     before = written.read_bytes()
-    result = CliRunner().invoke(app, ["new", "mine.toml"])
+    result = invoke(["new", "mine.toml"])
     assert (result.exit_code, result.stdout) == (1, "")
     assert result.stderr == "mine.toml is there already. Take another name, or remove it.\n"
     assert written.read_bytes() == before
@@ -62,7 +61,7 @@ def test_a_file_that_is_there_is_kept(written):
 
 def test_a_name_may_have_a_hyphen(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, ["new", "scen-1"])
+    result = invoke(["new", "scen-1"])
     assert (result.exit_code, result.stdout) == (0, "scen-1.toml\n"), result.stderr
     assert load_scenario(tmp_path / "scen-1.toml").title.startswith("scen-1: ")
 
@@ -73,7 +72,7 @@ def test_a_name_may_have_a_hyphen(tmp_path, monkeypatch):
 )
 def test_a_name_that_cannot_be_one_is_refused(tmp_path, monkeypatch, name, text):
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, ["new", name])
+    result = invoke(["new", name])
     assert result.exit_code == 1
     assert text in result.stderr
     assert list(tmp_path.iterdir()) == []

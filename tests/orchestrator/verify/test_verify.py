@@ -11,13 +11,12 @@ import sys
 import zipfile
 
 import pytest
+from command_line import invoke
 from gossamer_fmus import build_all, build_fmu
 from gossamer_models.sensor import sensor_model
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.verify import FAILED, NOT_APPLICABLE, PASSED, REMARK, verify
 from gossamer_orchestrator.verify.checks import Finding
 from pythonfmu.builder import FmuBuilder
-from typer.testing import CliRunner
 
 
 def repack(source, target, edit):
@@ -204,14 +203,14 @@ def test_what_follows_a_crash_is_still_checked(tmp_path):
 
 def test_the_command_prints_a_table_and_exits_1_on_a_failure(fmus, tmp_path):
     (tmp_path / "bad.fmu").write_text("no archive")
-    result = CliRunner().invoke(app, ["verify", str(tmp_path / "bad.fmu")])
+    result = invoke(["verify", str(tmp_path / "bad.fmu")])
     assert result.exit_code == 1
     for word in ("bad.fmu", "archive", "failed", "is not an FMU"):
         assert word in result.stdout
 
 
 def test_the_command_prints_json(fmus):
-    result = CliRunner().invoke(app, ["verify", str(fmus / "gain.fmu"), "--json"])
+    result = invoke(["verify", str(fmus / "gain.fmu"), "--json"])
     findings = {f["check"]: f["verdict"] for f in json.loads(result.stdout)[str(fmus / "gain.fmu")]}
     assert findings["steps"] == PASSED
     assert findings["fixed parameter"] == REMARK  # pythonfmu lets a host set anything at any time

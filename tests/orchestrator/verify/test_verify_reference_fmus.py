@@ -5,12 +5,11 @@ from __future__ import annotations
 import zipfile
 
 import pytest
+from command_line import invoke
 from gossamer_orchestrator import FmuFile
-from gossamer_orchestrator.cli import app
 from gossamer_orchestrator.verify import FAILED, PASSED, REMARK, verify
 from gossamer_orchestrator.verify.checks import CHECKS
 from reference.build import NAMES
-from typer.testing import CliRunner
 
 FMUS = [f"{name}{fmi}" for fmi, names in NAMES.items() for name in names]
 QUICK = set(CHECKS) - {"memory"}  # which takes seconds, whatever the FMU
@@ -60,7 +59,7 @@ def test_verify_finds_a_model_description_that_does_not_fit_the_binary(reference
 @pytest.mark.parametrize("name", FMUS)
 def test_info_lists_every_variable_with_its_type(reference_fmus, name, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
-    result = CliRunner().invoke(app, ["info", str(reference_fmus / f"{name}.fmu")])
+    result = invoke(["info", str(reference_fmus / f"{name}.fmu")])
     assert result.exit_code == 0, result.output
     rows = [[cell.strip() for cell in line.split("│")[1:4]] for line in result.output.splitlines() if "│" in line]
     shown = ("structuralParameter", "parameter", "input", "output")

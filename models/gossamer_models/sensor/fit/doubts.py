@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
+from gossamer_files.options import option
 
 from ...arrays import Matrix, Rows, Vector
 from ...fitting.errors import Parameter, alike, covariance, rest_doubt
@@ -15,7 +16,6 @@ DETERMINED = 0.5  # share of a parameter's information that must come from the d
 HOLD_RATE = 0.02  # of the fastest strain rate: slower is a hold
 LEAST_HOLD = 0.05  # of the training stretch
 RESTED = 0.1  # of the range of resistance that counts as another resistance at rest
-REST_ADVICE = "Check it and its unit, or give it (--rest-resistance)."
 APART = 1.1  # ratio of the errors of two starts from which they are in different minima
 RELAXING = 0.3  # share of the squared error from which earlier relaxation is worth a fit
 DECAYS = 20.0, 1.0  # steps and spans: times of the decays that are looked for
@@ -32,7 +32,7 @@ BLOCKS = {
     "c": "exponents of relaxation",
     "y0": "resistance at rest",
 }  # what they are, by name
-FIXED_BY = {"log_tau": "--tau", "c": "--exponents", "y0": "--rest-resistance"}
+FIXED_BY = {"log_tau": "tau", "c": "exponents", "y0": "rest_resistance"}  # options
 
 
 def determination(fit: PreisachFit) -> tuple[Matrix, Matrix]:
@@ -82,7 +82,8 @@ def doubts(fit: PreisachFit, *, chosen: bool = False) -> tuple[str, ...]:
     if not chosen and max(reached[: len(fit.solutions) // 2 + 1]) > APART * reached[0]:
         sentences.append(
             f"The {len(reached)} starts ended at {', '.join(f'{each:.3g}' for each in reached)} % of the fitted range: the "
-            "fit has local minima, and another may be better. Take more starts (--starts), or preisach-hats: it has fewer."
+            f"fit has local minima, and another may be better. Take more starts ({option('starts')}), or "
+            "preisach-hats: it has fewer."
         )
     if fit.settings.earlier:
         sentences.append(
@@ -132,14 +133,15 @@ def _least_rest(fit: PreisachFit) -> str:
     why = " The record does not separate it from what was still relaxing." if fit.settings.earlier else ""
     return (
         f"The fitted resistance at rest, {fit.rest_resistance:.4g}, is the least that is allowed, and a lower one would fit "
-        f"better.{why} Give it (--rest-resistance)."
+        f"better.{why} Give it ({option('rest_resistance')})."
     )
 
 
 def _at_start(fit: PreisachFit, k: int, *, chosen: bool) -> tuple[str, ...]:
     """Say that a record began before the sensor was at rest, or unstrained with another resistance, where it is so."""
     record, rows = fit.records[k], fit.train[k]
-    doubted = rest_doubt(record, fit.rest_resistance, fit.full_scale, RESTED, REST_ADVICE)
+    advice = f"Check it and its unit, or give it ({option('rest_resistance')})."
+    doubted = rest_doubt(record, fit.rest_resistance, fit.full_scale, RESTED, advice)
     share = still_relaxing(record.time[rows], (fit.predicted[k] - record.resistance)[rows])
     if share <= RELAXING:
         return (doubted,)
@@ -147,7 +149,7 @@ def _at_start(fit: PreisachFit, k: int, *, chosen: bool) -> tuple[str, ...]:
     given = lower[fit.names.index("y0[1]")] == upper[fit.names.index("y0[1]")]
     relaxing = (
         f"{record.name} was still relaxing when it began: decays from there explain {share:.0%} of the squared error of "
-        "the fitted stretch. Fit them too (--earlier)."
+        f"the fitted stretch. Fit them too ({option('earlier', True)})."
     )
     return ("" if chosen else relaxing, doubted if given else "")
 
@@ -170,7 +172,9 @@ def _alike(fit: PreisachFit) -> str:
     _, covariances = parameters(fit)
     fixable = np.array([name.split("[")[0] in FIXED_BY for name in fit.names])
     masked = np.where(fixable[:, None] & fixable[None, :] | np.eye(fixable.size, dtype=bool), covariances, 0.0)
-    options = sorted({FIXED_BY[name.split("[")[0]] for name, each in zip(fit.names, fixable, strict=True) if each})
+    options = sorted(
+        {option(FIXED_BY[name.split("[")[0]]) for name, each in zip(fit.names, fixable, strict=True) if each}
+    )
     return alike(fit.names, masked, f"Fix one of them ({' or '.join(options)}).")
 
 

@@ -7,7 +7,7 @@ from math import inf
 from typing import Any, ClassVar, Literal
 
 from ...errors import require
-from ...fitting.options import count_or_auto, number_or_auto, numbers, option
+from ...fitting.options import fit_option
 from ..drives import EXTENSIONS, Drive
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -98,43 +98,19 @@ class PreisachSettings:
 
     FAMILY: ClassVar[str] = "Preisach"
 
-    modes: int = option(7, "Modal functions of mu and of eta.", models=("preisach",), least=1)
-    knots: int = option(9, "Knots of the hat functions along each axis.", models=("preisach-hats",))
-    relaxations: int = option(7, "Relaxation kernels.", least=0)
-    tau: tuple[float, ...] | None = option(
-        None, "Times of the kernels [s], one per relaxation: 3,100. Fitted if not given.", read=numbers, metavar="LIST"
-    )
-    exponents: tuple[float, ...] | None = option(
-        None, "Exponents of the kernels in (0, 1]: 0.5,0.5. Fitted if not given.", read=numbers, metavar="LIST"
-    )
-    extension: str = option(
-        "none",
-        "Added to the thesis' relaxation: "
-        + ", ".join(f"{name} ({each.text})" for name, each in EXTENSIONS.items() if name != "none")
-        + ". Nothing if not given.",
-        metavar="NAME",
-    )
-    ridge: float | Literal["auto"] | None = option(
-        None,
-        "Strength of the regularisation, which prefers small densities and relaxation: a number, or auto to choose it by "
-        "predicting the later parts of the training stretch.",
-        read=number_or_auto,
-        metavar="NUMBER",
-    )
-    earlier: bool = option(False, "The sensor was not at rest when its record began: fit the earlier relaxation too.")
-    direct_inverse: bool = option(False, "Fit a direct inverse from resistance to strain too, for the compensator.")
-    residual: int | Literal["auto"] = option(
-        0,
-        "Correct the sensor by a small network: training steps, or auto to choose them, or none, by predicting the later "
-        "parts of the training stretch. None if not given.",
-        read=count_or_auto,
-        metavar="NUMBER",
-    )
-    least_slope: float = option(
-        0.02, "Least slope, in the output's range per full scale: limits how much the compensator amplifies noise."
-    )
-    starts: int = option(2, "Number of starts.", least=1)
-    seed: int = option(0, "Seed of the starts.", least=0)
+    modes: int = fit_option(7, "preisach")
+    knots: int = fit_option(9, "preisach-hats")
+    relaxations: int = fit_option(7)
+    tau: tuple[float, ...] | None = fit_option(None)
+    exponents: tuple[float, ...] | None = fit_option(None)
+    extension: str = fit_option("none")
+    ridge: float | Literal["auto"] | None = fit_option(None)
+    earlier: bool = fit_option(False)
+    direct_inverse: bool = fit_option(False)
+    residual: int | Literal["auto"] = fit_option(0)
+    least_slope: float = fit_option(0.02)
+    starts: int = fit_option(2)
+    seed: int = fit_option(0)
 
     density: Literal["modal", "hats"] = "modal"
     n_lines: int = 32

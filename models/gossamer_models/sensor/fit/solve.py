@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from gossamer_files.options import option
 from threadpoolctl import threadpool_limits
 
 from ...arrays import Rows, Vector
@@ -98,7 +99,7 @@ def choose_ridge(
             if not any(moves(s.strain[s.train]) for s in parts):
                 msg = (
                     "the strain rests in the first half of the training stretch, so no ridge can be chosen. Give a number "
-                    "(--ridge)."
+                    f"({option('ridge')})."
                 )
                 raise DataError(msg)
             part = replace(regression, stretches=parts)

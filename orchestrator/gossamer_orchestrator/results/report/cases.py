@@ -12,8 +12,7 @@ from gossamer_files.pictures import COLORS
 
 from ...errors import ResultsError
 from ...names import suggest
-from ..columns import WATCHED
-from ..dataset import find_all
+from ..dataset import WATCHED, find_all
 from ..judgements import changes, true_damage
 
 PICTURE = "sweep.png"

@@ -17,10 +17,17 @@ from gossamer_files.pictures import COLORS, GREY
 from ...errors import ResultsError
 from ...fmi.shape import Integers, Surface
 from ..dataset import find, is_whole, need, origins_of, parameters_of
-from ..places import SENSORS, side
+from ..places import side
 from ..shapes import SLACK, TAUT, FaceStrains, ShapeHistory, face_strains
 from .damage import DamageHistory
 from .recorded import Recorded, over_time
+
+SENSORS = (
+    (1, 1),
+    (2, 1),
+    (1, 2),
+    (2, 2),
+)  # places of the sensors of a square in thirds of its side, as it numbers them
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,0 +1,147 @@
+"""How supports hold and move the nodes of a mesh, whether that is enough, and what dead loads pull at them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ..arrays import Vector
+from ..mistakes import Mistake, raise_any
+from .element import derivative_matrix, lobatto_points
+from .geometry import Geometry
+from .setup import Load, Setup
+from .surface import SurfaceMesh, sides_of
+
+
+def free_displacements(setup: Setup, mesh: SurfaceMesh) -> NDArray[np.bool_]:
+    """Return which displacements are not held, shape (3 N,)."""
+    free = np.ones((len(mesh.nodes), 3), dtype=bool)
+    for support in setup.supports:
+        for axis in support.fixed:
+            free[mesh.points[support.group], "xyz".index(axis)] = False
+    return free.ravel()
+
+
+def loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
+    """Find rigid motions of a sheet that no support hinders."""
+    n = len(mesh.nodes)
+    first = np.concatenate([np.repeat(block.elements[:, 0], block.elements.shape[1]) for block in mesh.blocks])
+    every = np.concatenate([block.elements.ravel() for block in mesh.blocks])
+    count, sheet = connected_components(coo_array((np.ones(len(first)), (first, every)), shape=(n, n)), directed=False)
+    names = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
+    held = ~free.reshape(-1, 3)
+    for k in range(count):
+        X = mesh.nodes[sheet == k] - mesh.nodes[sheet == k].mean(axis=0)
+        motions = [np.broadcast_to(axis, X.shape) for axis in np.eye(3)]
+        motions += [np.cross(axis, X) / mesh.size for axis in np.eye(3)]
+        A = np.stack(motions, axis=-1)[held[sheet == k]]
+        strengths, modes = np.linalg.eigh(A.T @ A)
+        if strengths[0] < 1e-18 * len(X):
+            which = f" ({count} sheets: the one around {np.round(mesh.nodes[sheet == k].mean(axis=0), 4).tolist()} m)"
+            text = (
+                f"the supports leave the membrane{which * (count > 1)} free to move "
+                f"{names[int(np.argmax(np.abs(modes[:, 0])))]} as a rigid body. Hold more nodes or directions: [[supports]] "
+                f"with 'group', one of {', '.join(mesh.points) or 'the groups of the mesh'}."
+            )
+            yield Mistake(("supports",), text)
+
+
+def leaking(setup: Setup, mesh: SurfaceMesh, free: NDArray[np.bool_], encloses: NDArray[np.bool_]) -> Iterator[Mistake]:
+    """Find what leaves the volume of the gas undefined: an open surface without a volume, or whose border moves."""
+    if setup.gas is None:
+        return
+    sides = Counter(side for face, side in sides_of(mesh) if encloses[face])
+    border = [side for side, count in sides.items() if count == 1]
+    driven = [bool(support.motion) for support in setup.supports]
+    loose = (free | np.any(ways(setup, mesh)[driven] != 0.0, axis=0)).reshape(-1, 3)
+    if border and setup.gas.volume is None:
+        text = f"the faces that enclose the gas are open along {len(border)} sides. Write 'volume', or close them."
+        yield Mistake(("gas",), text)
+    elif border and np.any(loose[np.unique(np.array([sorted(side) for side in border]))]):
+        text = (
+            "the border of the faces that enclose the gas moves, so their volume is not known. Hold it, or close them."
+        )
+        yield Mistake(("gas",), text)
+
+
+def ways(setup: Setup, mesh: SurfaceMesh) -> Vector:
+    """Return where each support moves its nodes [m], in the directions that it holds, shape (supports, 3 N).
+
+    Where two supports move a node the same way, the first one does.
+
+    Raises
+    ------
+    DescriptionError
+        Two supports move a node to different places.
+    """
+    found = np.zeros((len(setup.supports), len(mesh.nodes), 3))
+    mistakes = []
+    for i, support in enumerate(setup.supports):
+        nodes, centre = mesh.points[support.group], np.array(support.centre)
+        axes = ["xyz".index(axis) for axis in support.fixed]
+        moved = (np.array(support.stretch) - 1.0) * (mesh.nodes[nodes] - centre) + np.array(support.displacement)
+        found[i, nodes[:, None], axes] = moved[:, axes]
+        for j, other in enumerate(setup.supports[:i]):
+            both = (found[i] != 0.0) & (found[j] != 0.0)
+            same = np.isclose(found[i], found[j], rtol=0.0, atol=1e-9 * mesh.size) & (support.motion == other.motion)
+            if np.any(both & ~same):
+                node = int(np.argmax(np.any(both & ~same, axis=1)))
+                text = (
+                    f"{support.group!r} and {other.group!r} move the node at {mesh.nodes[node].tolist()} m to different "
+                    "places. Let one of them move it, or give both the same way and motion."
+                )
+                mistakes.append(Mistake(("supports", i), text))
+            found[i][both] = 0.0
+    raise_any(mistakes)
+    return found.reshape(len(setup.supports), -1)
+
+
+def members_of(mesh: SurfaceMesh, groups: tuple[str, ...]) -> NDArray[np.bool_]:
+    """Return which faces belong to some of the groups; all if there are no groups."""
+    found = np.full(mesh.n_faces, not groups)
+    for group in groups:
+        if group in mesh.faces:
+            found[mesh.faces[group]] = True
+    return found
+
+
+def edge_force(setup: Setup, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:
+    """Return the nodal forces of tension along edges, by the Lobatto rule of their order."""
+    force, normals = np.zeros((len(mesh.nodes), 3)), np.zeros((len(mesh.nodes), 3))
+    inward = _inward(mesh) if setup.edges else {}
+    for block, found in zip(mesh.blocks, measured, strict=True):
+        np.add.at(normals, block.elements, found.node_normals)
+    for edge in setup.edges:
+        for side in mesh.sides[edge.group]:
+            nodes, weights = lobatto_points(len(side))
+            along = derivative_matrix(nodes, nodes) @ mesh.nodes[side]
+            n = normals[side] / np.linalg.norm(normals[side], axis=1, keepdims=True)
+            outward = np.cross(along, n)  # its length is that of the side
+            middle = mesh.nodes[side].mean(axis=0) - inward[frozenset((int(side[0]), int(side[-1])))]
+            outward *= np.sign(np.sum(outward * middle, axis=1, keepdims=True))
+            np.add.at(force, side, edge.tension * weights[:, None] * outward)
+    return force.ravel()
+
+
+def _inward(mesh: SurfaceMesh) -> dict[frozenset[int], Vector]:
+    """Return the middle of an element beside each side, by the corners of the side."""
+    middles = np.concatenate([mesh.nodes[block.elements].mean(axis=1) for block in mesh.blocks])
+    return {side: middles[face] for face, side in sides_of(mesh)}
+
+
+def unit_force(load: Load, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:
+    """Return the nodal forces of a dead load per unit of its input."""
+    force = np.zeros((len(mesh.nodes), 3))
+    if load.kind == "force":
+        nodes = np.unique(np.concatenate([mesh.points[group] for group in load.groups]))
+        force[nodes] = np.array(load.direction) / np.linalg.norm(load.direction)
+        return force.ravel()
+    acts = members_of(mesh, load.groups)
+    for block, found in zip(mesh.blocks, measured, strict=True):
+        np.add.at(force, block.elements, found.node_normals * acts[block.faces][:, None, None])
+    return force.ravel()

@@ -1,0 +1,293 @@
+"""The command ``gossamer``, made from the public functions: their signatures are its options, their docstrings its help.
+
+An answer is paths and values on stdout, or JSON; progress, tables and errors are on stderr.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import logging
+import os
+import shlex
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_origin
+
+import cyclopts
+from docstring_parser import DocstringStyle, parse
+from gossamer_files.options import DASHES, STYLE, option
+from gossamer_orchestrator.errors import OrchestratorError
+
+from .arguments import COMMANDS, Argument, ArgumentError, declared
+from .results import Result, as_json, print_tables
+from .terminal import NO_TERMINAL, TERMINAL, stderr
+
+OURS = ("gossamer_models", "gossamer_fmus", "gossamer_orchestrator", "gossamer")  # loggers
+MORE = "Every command has its own help: gossamer run --help"
+THEMES = ("fmus", "runs", "checks", "sweeps", "files", "sensors", "damage", "watching", "detectors", "placement")
+USAGE, INTERRUPTED = 2, 130  # exit codes
+COMMON = {  # options of all commands: how they are written, and the help
+    "json": (("--json",), bool, "Print the answer as one JSON document."),
+    "quiet": (("--quiet", "-q"), bool, "Print nothing but the answer and errors."),
+    "verbose": (("--verbose", "-v"), bool, "Print what is done, and how long it takes."),
+    "log_file": (
+        ("--log-file",),
+        Path,
+        "Append to this file what --verbose prints, warnings and errors, with times.",
+    ),
+}
+
+for _theme in THEMES:  # in the order in which the help lists their commands
+    import_module(f".{_theme}", __package__)
+
+_log = logging.getLogger(__name__)
+_log_of_errors = logging.getLogger(f"{__name__}.errors")  # to the file only: the message is on stderr already
+
+
+def main(tokens: Sequence[str] | None = None) -> None:
+    """Run the command line; exit with its code."""
+    words = list(sys.argv[1:] if tokens is None else tokens)
+    style = os.environ.get(STYLE)
+    os.environ[STYLE] = DASHES  # processes that this one starts write as it does
+    try:
+        code = _run(words)
+    finally:
+        TERMINAL.quiet, TERMINAL.talks, TERMINAL.typed = False, False, None
+        del os.environ[STYLE]
+        if style is not None:
+            os.environ[STYLE] = style
+    sys.exit(code)
+
+
+def parsed(words: Sequence[str]) -> tuple[str, dict[str, Any], Callable[[], Any] | None]:
+    """Read a command line.
+
+    Returns
+    -------
+    str
+        Name of the command in Python.
+    dict
+        Its arguments and the common options, by name.
+    callable or None
+        What prints a help or the version, where they are wanted.
+
+    Raises
+    ------
+    cyclopts.CycloptsError
+        It has an unknown command, or options that are unknown, missing or of another type.
+    """
+    words = _common_behind(words)
+    app = _app(words[0] if words else "")
+    called, bound, _ = app.parse_args(words, print_error=False, exit_on_error=False)
+    if called.__name__ not in COMMANDS:
+        return "", {}, lambda: called(*bound.args, **bound.kwargs)
+    return called.__name__, dict(bound.arguments), None
+
+
+def _run(words: list[str]) -> int:
+    try:
+        name, given, other = parsed(words)
+    except cyclopts.CycloptsError as error:
+        print(f"{error}\n{MORE}", file=sys.stderr)
+        return USAGE
+    if other is not None:
+        other()
+        return 0
+    common = {each: given.pop(each, None) for each in COMMON}
+    TERMINAL.quiet, TERMINAL.talks, TERMINAL.typed = bool(common["quiet"]), True, words
+    try:
+        with _logging(bool(common["verbose"]), common["log_file"]):
+            found = COMMANDS[name](**given)
+            return _answer(found, bool(common["json"]))
+    except ArgumentError as error:
+        print(error, file=sys.stderr)
+        return USAGE
+    except OrchestratorError as error:
+        for text in (str(error), *getattr(error, "__notes__", ())):
+            print(text, file=sys.stderr)
+        return 1
+    except KeyboardInterrupt as error:
+        for text in (str(error) or "Interrupted.", *getattr(error, "__notes__", ())):
+            print(text, file=sys.stderr)
+        return INTERRUPTED
+
+
+def _answer(found: Any, wants_json: bool) -> int:  # noqa: ANN401
+    """Print what a command found; return its exit code."""
+    if not isinstance(found, Result):  # a file, or several
+        one = isinstance(found, Path)
+        content = {"page" if one and found.suffix == ".html" else "file" if one else "files": found}
+        print(_json(content) if wants_json else "\n".join(map(str, [found] if one else found)))
+        return 0
+    console = stderr()
+    stdout = type(console)(width=None if sys.stdout.isatty() else NO_TERMINAL)
+    if found.TABLES == "stderr":
+        print_tables(console, found.tables())
+    elif found.TABLES == "stdout" and not wants_json:
+        print_tables(stdout, found.tables())
+    for line in found.lines():
+        console.print(line, highlight=False, markup=False)
+    for line in found.doubts():
+        console.print(line, style="bold yellow", highlight=False, markup=False)
+    if wants_json:
+        print(_json(found.to_json()))
+    else:
+        for path in found.written():
+            print(path)
+    for line in found.hints():
+        style = "bold red" if line.startswith("Warning: ") else None
+        console.print(line, style=style, highlight=False, markup=False, soft_wrap=True)
+    return found.exit_code()
+
+
+def _json(content: Any) -> str:  # noqa: ANN401
+    return json.dumps(as_json(content), indent=1, allow_nan=False)
+
+
+def _common_behind(words: Sequence[str]) -> list[str]:
+    """Put options of all commands that stand before the command's name behind it."""
+    left, before = list(words), []
+    flags = {flag for flags, kind, _ in COMMON.values() if kind is bool for flag in flags}
+    while left and (left[0] in flags or left[0].partition("=")[0] == "--log-file"):
+        before.append(left.pop(0))
+        if before[-1] == "--log-file" and left:
+            before.append(left.pop(0))
+    return [*left[:1], *before, *left[1:]]
+
+
+def _app(wanted: str) -> cyclopts.App:
+    """Return all commands, with the options of the one that is wanted."""
+    app = cyclopts.App(
+        name="gossamer",
+        help="Structural health monitoring of gossamer membranes with Functional Mock-up Units.\n\n"
+        "Start with **gossamer demo**, then look at **out/**.",
+        help_epilogue="" if wanted in {name.replace("_", "-") for name in COMMANDS} else MORE,
+        version=version("gossamer"),
+    )
+    for place, (name, function) in enumerate(COMMANDS.items()):
+        flag = name.replace("_", "-")
+
+        def call() -> None:
+            pass
+
+        call.__name__ = name
+        if flag == wanted:
+            call.__signature__ = _signature(function)  # type: ignore[attr-defined]
+        app.command(call, name=flag, help=_help(inspect.getdoc(function) or ""), sort_key=place)
+    return app
+
+
+def _help(text: str) -> str:
+    """Return the help of a command: what stands above its parameters, and its examples of the command line."""
+    about, _, rest = text.partition("\nParameters\n")
+    return f"{about.replace('``', '')}\nFor example:\n{rest.partition('On the command line::')[2]}"
+
+
+def _signature(function: Callable[..., Any]) -> inspect.Signature:
+    """Return the arguments and options of a command as cyclopts reads them."""
+    helps: dict[type | None, dict[str, str]] = {}
+    listed = []
+    group = cyclopts.Group("Options of all commands", sort_key=100)
+    for argument in declared(function).values():
+        about = helps.setdefault(argument.owner, _explained(argument.owner or function))
+        listed.append(_parameter(argument, about[argument.name]))
+    for name, (flags, kind, text) in COMMON.items():
+        how = cyclopts.Parameter(
+            name=flags, help=text, group=group, negative=(), show_default=False, allow_repeating=True
+        )
+        hint, default = Annotated[kind | None, how], None
+        listed.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=hint, default=default))
+    return inspect.Signature(listed)
+
+
+def _explained(owner: Any) -> dict[str, str]:  # noqa: ANN401
+    """Return what the docstring of a function or class says of each parameter or attribute."""
+    found = parse(inspect.getdoc(owner) or "", DocstringStyle.NUMPYDOC)
+    return {each.arg_name: " ".join((each.description or "").split()) for each in found.params}
+
+
+def _parameter(argument: Argument, text: str) -> inspect.Parameter:
+    """Return an argument as cyclopts reads it: the one place that knows how Python's types are written in a shell."""
+    kinds, written = argument.kinds, argument.written
+    kind: Any = next((each for each in (bool, int, float) if each in kinds), str)
+    choices = [each for each in kinds if get_origin(each) is Literal]
+    if choices:
+        (kind,) = choices
+    elif written.many:
+        kind = list[str]
+    elif str in kinds:
+        kind = str
+    hint = kind | None if argument.default is None else kind
+    title = (inspect.getdoc(argument.owner) or "").partition(".")[0] if argument.owner else ""
+    panel = cyclopts.Group(title) if title else "Parameters" if argument.is_option else "Arguments"
+    how = cyclopts.Parameter(
+        help=text,
+        metavar=written.placeholder,
+        negative=None if kind is bool and argument.default is not False else (),
+        converter=_whole if kind is int else None,
+        show_default=argument.default not in (None, False, inspect.Parameter.empty),
+        allow_repeating=True,
+        group=panel,
+    )
+    place = inspect.Parameter.KEYWORD_ONLY if argument.is_option else inspect.Parameter.POSITIONAL_ONLY
+    return inspect.Parameter(argument.name, place, annotation=Annotated[hint, how], default=argument.default)
+
+
+def _whole(_kind: type, tokens: Sequence[cyclopts.Token]) -> int:
+    return int(tokens[0].value)
+
+
+@contextmanager
+def _logging(verbose: bool, file: Path | None) -> Iterator[None]:
+    """Send log messages to stderr, and to a file if there is one, inside the ``with`` block."""
+    root, begun = logging.getLogger(), time.perf_counter()
+    handlers: list[logging.Handler] = [_Stderr(verbose)]
+    if file is not None:
+        handlers.append(_open_log(file))
+    levels = {name: logging.getLogger(name).level for name in OURS}
+    for handler in handlers:
+        root.addHandler(handler)
+    for name in OURS:
+        logging.getLogger(name).setLevel(logging.INFO if verbose or file else logging.WARNING)
+    try:
+        typed = shlex.join(TERMINAL.typed or ())
+        _log.info("gossamer %s, Python %s: %s", version("gossamer"), sys.version.split()[0], typed)
+        yield
+        _log.info("done in %.1f s", time.perf_counter() - begun)
+    except BaseException as error:
+        _log_of_errors.info("ended after %.1f s: %s: %s", time.perf_counter() - begun, type(error).__name__, error)
+        raise
+    finally:
+        for handler in handlers:
+            root.removeHandler(handler)
+            handler.close()
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
+
+
+def _open_log(file: Path) -> logging.Handler:
+    try:
+        handler = logging.FileHandler(file, encoding="utf-8")
+    except OSError as error:
+        msg = f"cannot write {file}: {error.strerror or error}. Name another file with {option('log_file')}."
+        raise OrchestratorError(msg) from error
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    return handler
+
+
+class _Stderr(logging.Handler):
+    """Print messages on what stderr is at that time: a progress bar stands in for it while it is drawn."""
+
+    def __init__(self, verbose: bool) -> None:
+        super().__init__(logging.INFO if verbose else logging.ERROR if TERMINAL.quiet else logging.WARNING)
+        self.setFormatter(logging.Formatter(f"%(levelname)s{' %(name)s' if verbose else ''}: %(message)s"))
+        self.addFilter(lambda record: record.name != _log_of_errors.name)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print(self.format(record), file=sys.stderr)

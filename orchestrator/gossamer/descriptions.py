@@ -1,0 +1,187 @@
+"""Read a TOML file into a dataclass of the models: keys and types are those of the class, mistakes have lines."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from gossamer_files.options import option
+from gossamer_models import campaign, membrane
+from gossamer_models.campaign import CampaignPlan
+from gossamer_models.membrane import Setup, Structure, make_structure, read_mesh, surface_mesh
+from gossamer_models.mistakes import DescriptionError
+from gossamer_orchestrator import ScenarioError
+from gossamer_orchestrator.names import suggest
+from gossamer_orchestrator.scenario.schema import ScenarioTable
+from gossamer_orchestrator.scenario.source import Location, Problems, Source, explain, parse_toml, read_text
+from pydantic import ValidationError, create_model
+
+T = TypeVar("T")
+
+VECTORS = ("prestress", "direction", "displacement", "stretch", "centre", "point")  # arrays of three numbers
+USUAL = {
+    "youngs_modulus": (1e3, 1e13, "Pa"),
+    "density": (1.0, 3e4, "kg/m3"),
+    "thickness": (1e-8, 0.1, "m"),
+}  # of a region
+OF_A_SETUP: dict[str, type] = {
+    "regions": membrane.Region,
+    "zones": membrane.Zone,
+    "supports": membrane.Support,
+    "edges": membrane.Edge,
+    "loads": membrane.Load,
+    "sensors": membrane.Sensor,
+    "gas": membrane.Gas,
+}
+OF_A_CAMPAIGN: dict[str, type] = {
+    "membrane": campaign.Mesh,
+    "damage": campaign.Damage,
+    "vary": campaign.Vary,
+    "noise": campaign.MeasurementNoise,
+    "strain": campaign.Distribution,
+    "resistance": campaign.Distribution,
+    "chain": campaign.Chain,
+}
+
+logger = logging.getLogger(__name__)
+
+
+def read_description(path: Path, what: str, kind: type[T], tables: Mapping[str, type]) -> tuple[T, Source]:
+    """Read and check a file.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file.
+    what : str
+        What it should be, for messages.
+    kind : type
+        The dataclass; its file holds the keys at the top.
+    tables : mapping of str to type
+        Dataclasses by the names of the tables in it, for suggestions.
+
+    Returns
+    -------
+    T
+        The content.
+    Source
+        The text.
+
+    Raises
+    ------
+    ScenarioError
+        The file cannot be read, is not TOML, or has unknown, missing or meaningless keys; one line per mistake.
+    """
+    source = Source(path.name, read_text(path, what))
+    content = parse_toml(source.text, source.name, what)
+    problems = Problems(source)
+    file: Any = create_model("File", __base__=ScenarioTable, content=(kind, ...))
+    try:  # as JSON, so that arrays are tuples and tables are what they are for, while types stay strict
+        found: T = file.model_validate_json(json.dumps({"content": content}, default=str)).content
+    except ValidationError as error:
+        for item in error.errors():
+            place = item["loc"][1:]
+            cause = item.get("ctx", {}).get("error")
+            if isinstance(cause, DescriptionError):
+                _note(cause, problems, place)
+            elif item["type"] == "too_long" or (item["type"] == "missing" and place and isinstance(place[-1], int)):
+                array = place if item["type"] == "too_long" else place[:-1]
+                problems.add(array, f"{array[-1]!r} needs {_shape(item, place)}.")
+            else:
+                problems.add(
+                    place, explain(item["type"], place, item["msg"], item["input"], _known(place, kind, tables))
+                )
+        problems.raise_if_any()
+        raise
+    return found, source
+
+
+@contextmanager
+def locating(source: Source) -> Iterator[None]:
+    """Give the mistakes of a description that show inside the ``with`` block the lines of its file."""
+    try:
+        yield
+    except DescriptionError as error:
+        problems = Problems(source)
+        _note(error, problems)
+        problems.raise_if_any()
+
+
+def load_campaign(path: Path) -> tuple[CampaignPlan, Source]:
+    """Read and check a campaign file, see ``read_description``; the file of its artifact is relative to its folder."""
+    found, source = read_description(path, "campaign", CampaignPlan, OF_A_CAMPAIGN)
+    if found.chain is not None and found.chain.artifact is not None:
+        artifact = str((path.parent / found.chain.artifact).resolve())
+        found = replace(found, chain=replace(found.chain, artifact=artifact))
+    return found, source
+
+
+def load_structure(path: Path, mesh: Path | None = None, *, expose: bool = False) -> Structure:
+    """Read and check a setup and its mesh; warn of numbers that no membrane has, as from a wrong unit.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file.
+    mesh : Path, optional
+        Mesh file, in place of the setup's own.
+    expose : bool
+        Whether the displacement of every node is a variable, whatever the setup says.
+
+    Returns
+    -------
+    Structure
+
+    Raises
+    ------
+    ScenarioError
+        The setup has mistakes, in itself or on this mesh; one line per mistake.
+    DataError
+        The mesh cannot be used.
+    """
+    setup, source = read_description(path, "setup", Setup, OF_A_SETUP)
+    if mesh is None and not setup.mesh:
+        msg = f'{path.name} names no mesh. Write mesh = "sail.msh" at its top, or name the file with {option("mesh")}.'
+        raise ScenarioError(msg)
+    _warn_of_units(setup, source)
+    if expose:
+        setup = replace(setup, expose=True)
+    with locating(source):
+        return make_structure(
+            setup, surface_mesh(read_mesh(mesh or path.parent / setup.mesh, setup.scale), setup.order)
+        )
+
+
+def _warn_of_units(setup: Setup, source: Source) -> None:
+    """Warn of materials that are allowed, and so far from any known one that a unit is probably wrong."""
+    for i, region in enumerate(setup.regions):
+        for name, (low, high, unit) in USUAL.items():
+            if not low <= (value := getattr(region, name)) <= high:
+                where = source.where(("regions", i, name))
+                text = "%s: %r is %g %s; that of a membrane is %g to %g %s. Is it in another unit?"
+                logger.warning(text, where, name, value, unit, low, high, unit)
+
+
+def _note(error: DescriptionError, problems: Problems, place: Location = ()) -> None:
+    for mistake in error.mistakes:
+        advice = f" {suggest(mistake.name, mistake.known)}" if mistake.known else ""
+        problems.add((*place, *mistake.place), mistake.text + advice)
+
+
+def _shape(item: Any, place: Location) -> str:  # noqa: ANN401
+    """Say how many numbers an array needs: pydantic knows it of one that is too long, and the first that one lacks."""
+    size = item["ctx"]["max_length"] if item["type"] == "too_long" else None
+    if size == 2 or (size is None and place[-1] in (0, 1) and place[-2] not in VECTORS):
+        return "two numbers, [low, high]"
+    return "three numbers"
+
+
+def _known(location: Location, kind: type, tables: Mapping[str, type]) -> list[str]:
+    """List the keys of the table around a location."""
+    owner = next((tables[part] for part in reversed(location[:-1]) if part in tables), kind)  # type: ignore[index]
+    return [field.name for field in fields(owner)]

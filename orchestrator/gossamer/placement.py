@@ -1,0 +1,242 @@
+"""Where strain sensors tell most of damage."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gossamer_files.options import option
+
+from .arguments import Count, CountOrNone, File, Folder, NotNegative, Values, assigned, command
+from .records import numbers_by_name
+from .results import Result, TableText, first_of, page_of
+from .terminal import stderr
+from .writing import keep_inputs, save_page
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from gossamer_models.placement import Placement, Placing
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SensorPlacement(Result):
+    """Sensors that were chosen.
+
+    Attributes
+    ----------
+    path : Path
+        The sensors as tables of a setup.
+    result : gossamer_models.placement.Placing
+        Everything that was found.
+    samples : int
+        Of a record.
+    files : list of Path
+        Table, picture, sensors and page.
+    """
+
+    path: Path
+    result: Placing
+    samples: int
+    files: list[Path]
+
+    @property
+    def _placements(self) -> dict[str, Placement]:
+        found = {"own": self.result.own, "chosen": self.result.chosen}
+        return {name: each for name, each in found.items() if each is not None}
+
+    @property
+    def data(self) -> xr.Dataset:
+        """``a90`` and ``deviation`` [1] by ``placement``, "own" and "chosen", and ``zone`` with its ``group``; ``point`` [m]
+        and ``direction`` [1] of each chosen ``sensor`` by ``axis``.
+        """  # noqa: D205
+        import numpy as np
+        import xarray as xr
+
+        placements, sensors = self._placements, self.result.chosen.sensors
+        groups = [zone.group for zone in self.result.structure.setup.zones]
+        ratio = {"units": "1"}
+        by_zone = {
+            name: (("placement", "zone"), [getattr(each, name) for each in placements.values()], ratio)
+            for name in ("a90", "deviation")
+        }
+        return xr.Dataset(
+            by_zone
+            | {
+                "point": (("sensor", "axis"), [each.point for each in sensors], {"units": "m"}),
+                "direction": (("sensor", "axis"), [each.direction for each in sensors], ratio),
+            },
+            coords={
+                "placement": list(placements),
+                "zone": np.arange(1, len(groups) + 1),
+                "group": ("zone", groups),
+                "sensor": np.arange(1, len(sensors) + 1),
+                "axis": list("xyz"),
+            },
+            attrs={"noise": self.result.noise, "samples": self.samples},
+        )
+
+    @property
+    def page(self) -> Path | None:
+        """Its page; None if it could not be written."""
+        return page_of(self.files)
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    @property
+    def sentence(self) -> str:
+        """The smallest damage that is found in the worst zone."""
+        worst = [f"{100.0 * p.a90.max():.3g} % with the {name} sensors" for name, p in self._placements.items()]
+        return f"The worst zone has an a90 of {', '.join(worst)}."
+
+    def lines(self) -> list[str]:
+        """Return what was chosen from what, whether the check agrees, and where the sensors are."""
+        from .pages.place_sensors import check_sentence
+
+        found = self.result
+        lines = [
+            f"{len(found.chosen.sensors)} of {found.candidates} candidates; {self.samples} samples with white noise of "
+            f"deviation {found.noise:.3g}; a90 of 95 % stands for 95 % or more."
+        ]
+        lines += [check_sentence(name, p.check) for name, p in self._placements.items() if p.check is not None]
+        for k, sensor in enumerate(found.chosen.sensors):
+            point, direction = (", ".join(f"{x:.4g}" for x in v) for v in (sensor.point, sensor.direction))
+            lines.append(f"sensor {k + 1}: point ({point}) m, direction ({direction})")
+        return lines
+
+    def picture(self) -> bytes | None:
+        """Return where the sensors are, and the a90 of each zone."""
+        return first_of(self.files, ".png")
+
+    def tables(self) -> list[TableText]:
+        """Return the smallest damage that is found by zone."""
+        from .pages.place_sensors import zone_table
+
+        return [zone_table(self.result)]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return both placements."""
+        found = self.result
+        placements = {
+            name: {
+                "sensors": [
+                    {"point_m": each.point, "direction": each.direction, "gauge_length_m": each.gauge_length}
+                    for each in p.sensors
+                ],
+                "deviation": p.deviation,
+                "a90": p.a90,
+                "check": None if p.check is None else {**asdict(p.check), "agrees": p.check.agrees},
+            }
+            for name, p in self._placements.items()
+        }
+        zones = [zone.group for zone in found.structure.setup.zones]
+        return {"files": self.files, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates}
+
+
+@command
+def place_sensors(
+    setup: File | None = None,
+    *,
+    mesh: File | None = None,
+    count: Count = 4,
+    noise: float | None = None,
+    set: Values | None = None,
+    stop: float = 0.3,
+    step: float = 3e-4,
+    points: Count = 64,
+    gauge_length: NotNegative = 0.0,
+    check: CountOrNone = 0,
+    out: Folder = "out/placement",
+) -> SensorPlacement:
+    """Choose where strain sensors let damage be found best.
+
+    Finds for every zone a90, the damage that is detected in 90 % of cases at 5 % false alarms: with the setup's own
+    sensors, or the four of the thesis, and with the chosen ones. All zones, the load's amplitude, the damping and an offset
+    of each sensor are unknown. Writes a table, a picture, the chosen sensors as tables of a setup, and report.html, the page
+    of the placement.
+
+    Parameters
+    ----------
+    setup
+        The setup of a membrane on a mesh; the square membrane of the thesis by default.
+    mesh
+        Mesh file in place of the setup's own.
+    count
+        Sensors to choose.
+    noise
+        Standard deviation of the noise of a sample of strain [1]; by default that of the thesis, uniform from 0 to 0.02.
+    set
+        A parameter or input of the membrane; may be repeated.
+    stop
+        Length of a record from the moment that the load sets in [s].
+    step
+        Time between samples [s].
+    points
+        Most points among the candidates, four directions at each.
+    gauge_length
+        Length of the candidates [m]; 0 at the point.
+    check
+        Fit this many simulated noisy records with each placement, as a check.
+    out
+        Folder to write.
+
+    Returns
+    -------
+    SensorPlacement
+        Smallest damage that is found by zone, and the sensors; displayed in a notebook.
+
+    Examples
+    --------
+    >>> gossamer.place_sensors(count=4, check=40).data["a90"]
+
+    On the command line::
+
+        gossamer place-sensors --count 4 --check 40
+
+        gossamer place-sensors sail.toml --set pressure_amplitude=2 --set pressure_frequency=0.5 --stop 20 --step 0.02
+    """
+    from gossamer_files import replacing
+    from gossamer_models.membrane import MembraneParams, square_structure
+    from gossamer_models.placement import NOISE, save_picture, sensors_text, write_csv
+    from gossamer_models.placement import place_sensors as place
+    from gossamer_orchestrator import OrchestratorError
+    from gossamer_orchestrator.run.progress import ProgressBar
+
+    from .descriptions import load_structure
+    from .pages.place_sensors import placement_page
+
+    folder, samples = Path(out), round(stop / step)
+    table, picture, sensors = (folder / name for name in ("placement.csv", "placement.png", "sensors.toml"))
+    keep_inputs([setup, mesh], [table, picture, sensors])
+    if setup is None and mesh is not None:
+        msg = f"{option('mesh')} needs a setup. Write: gossamer place-sensors sail.toml --mesh sail.msh"
+        raise OrchestratorError(msg)
+    bar = ProgressBar("place-sensors", stderr())
+    load = {}
+    if setup is None:
+        structure, p = square_structure(), MembraneParams()
+        load = {name: getattr(p, name) for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}
+    else:
+        structure = load_structure(Path(setup), None if mesh is None else Path(mesh))
+    with bar:
+        bar.update(text="compiling,")
+        found = place(
+            structure,
+            load | numbers_by_name(assigned(set), "for instance pressure_amplitude=100"),
+            count,
+            noise=NOISE if noise is None else noise,
+            points=points,
+            step=step,
+            stop=stop,
+            gauge_length=gauge_length,
+            records=check,
+            report=lambda what, done, total: bar.update(done, total, f"{done} of {total} {what},"),
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    write_csv(found, table)
+    save_picture(found, picture)
+    with replacing(sensors) as unfinished:
+        unfinished.write_text(sensors_text(found), encoding="utf-8")
+    files = [table, picture, sensors, *save_page(lambda: placement_page(found, samples), folder)]
+    return SensorPlacement(path=sensors, result=found, samples=samples, files=files)

@@ -1,0 +1,200 @@
+"""What a result has: sentences, tables, a picture, JSON. It prints, draws and serialises itself from them, once."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    from gossamer_files.charts import Chart
+    from rich.console import Console
+    from rich.table import Table
+
+INVALID = 3  # exit code: all went well, and the judgement is not valid
+_WIDTH = 160  # characters of a table in a notebook
+_CODE = '<pre style="white-space:pre;overflow-x:auto;line-height:normal">{code}</pre>'
+
+
+class TableText(NamedTuple):
+    """A table that a command prints and its page holds.
+
+    Attributes
+    ----------
+    head : tuple of str
+        Headings of the columns.
+    rows : sequence of tuple of str
+        Cells.
+    caption : str
+        What it shows.
+    """
+
+    head: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+    caption: str
+
+
+class Result:
+    """What a command found; a subclass says what it has of this.
+
+    The command line prints ``files``, where a subclass has this: what was written, the page last.
+    """
+
+    TABLES: ClassVar[Literal["stdout", "stderr", "told"]] = (
+        "stderr"  # where the command line prints them, if not yet told
+    )
+
+    @property
+    def sentence(self) -> str:
+        """What was found."""
+        return ""
+
+    def exit_code(self) -> int:
+        """Return the exit code of the command."""
+        return 0
+
+    def written(self) -> Sequence[Path]:
+        """Return what was written, in the order in which the command line prints it; the page last."""
+        return getattr(self, "files", ())
+
+    def lines(self) -> list[str]:
+        """Return sentences that the command line prints below the tables."""
+        return []
+
+    def doubts(self) -> list[str]:
+        """Return reasons for doubt."""
+        return []
+
+    def more(self) -> list[str]:
+        """Return what a notebook shows below the first sentence."""
+        return [*self.lines(), *self.doubts()]
+
+    def hints(self) -> list[str]:
+        """Return what to type next, for the command line."""
+        return hints_of(self.written())
+
+    def tables(self) -> Sequence[TableText | Table | str]:
+        """Return tables, or a text where a table would be too long to lay out."""
+        return []
+
+    def picture(self) -> bytes | None:
+        """Return a PNG file."""
+        return None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all as JSON: keys end in the unit (``time_s``), ratios have none, or ``units`` stands beside them."""
+        return {"files": self.written()}
+
+    def __repr__(self) -> str:
+        place = f"{str(self)!r}: " if hasattr(self, "__fspath__") else ""
+        return f"{type(self).__name__}({place}{self.sentence})"
+
+    def __str__(self) -> str:
+        return self.__fspath__() if hasattr(self, "__fspath__") else self.__repr__()
+
+    def _repr_html_(self) -> str:
+        """Return HTML for a notebook that needs nothing else: sentences, tables as ``rich`` prints them, the picture."""
+        from rich.console import Console
+
+        console = Console(record=True, file=io.StringIO(), width=_WIDTH, force_jupyter=False, force_terminal=False)
+        print_tables(console, self.tables())
+        parts = [
+            f"<p><strong>{escape(self.sentence)}</strong></p>",
+            *(f"<p>{escape(each)}</p>" for each in self.more()),
+        ]
+        if console.file.getvalue().strip():  # type: ignore[attr-defined]
+            parts.append(console.export_html(inline_styles=True, code_format=_CODE))
+        if (picture := self.picture()) is not None:
+            coded = base64.b64encode(picture).decode()
+            parts.append(
+                f'<img style="max-width:100%" alt="{escape(self.sentence)}" src="data:image/png;base64,{coded}">'
+            )
+        return f"<div>{''.join(parts)}</div>"
+
+
+def print_tables(console: Console, tables: Iterable[TableText | Table | str]) -> None:
+    """Print tables; those without rows are left out."""
+    from rich.markup import escape as marked
+    from rich.table import Table
+
+    for each in tables:
+        if isinstance(each, TableText):
+            table = Table(*map(marked, each.head), caption=marked(each.caption))
+            for row in each.rows:
+                table.add_row(*map(marked, row))
+            if each.rows:
+                console.print(table)
+        elif isinstance(each, str):
+            console.print(each, markup=False, highlight=False, soft_wrap=True)
+        else:
+            console.print(each)
+
+
+def on_page(shown: TableText) -> str:
+    """Return a table in HTML; nothing without rows."""
+    from gossamer_orchestrator.pages import table
+
+    return table(shown.head, shown.rows, shown.caption, row_heads=False) if shown.rows else ""
+
+
+def hints_of(files: Sequence[Path]) -> list[str]:
+    """Return which page to open, and the command that opens it."""
+    page = page_of(files)
+    return [] if page is None else [f"Open {page}, or type 'gossamer view {typed(page.parent)}'."]
+
+
+def typed(path: Path) -> str:
+    """Return a path as it is typed in a command."""
+    return f'"{path}"' if " " in str(path) else str(path)
+
+
+def page_of(files: Iterable[Path]) -> Path | None:
+    """Return the page among files, if there is one."""
+    from gossamer_orchestrator.pages import PAGE
+
+    return next((path for path in files if path.name == PAGE), None)
+
+
+def first_of(files: Iterable[Path], ending: str) -> bytes | None:
+    """Return the content of the first file that is there of those whose names end so."""
+    path = next((path for path in files if path.name.endswith(ending) and path.is_file()), None)
+    return None if path is None else path.read_bytes()
+
+
+def zone_coordinates(count: int) -> dict[str, Any]:
+    """Return the coordinates of the zones of a square membrane with sides of length 1."""
+    import numpy as np
+    from gossamer_orchestrator.results.places import zone_places
+
+    return zone_places(math.isqrt(count), 1.0, {"units": "1"}) | {"zone": np.arange(1, count + 1)}
+
+
+def as_png(chart: Chart, size: tuple[float, float] = (4.7, 4.4)) -> bytes:
+    """Return a chart, drawn in a size [inch], as a PNG file."""
+    from gossamer_files.charts import draw
+    from gossamer_files.pictures import picture
+
+    target = io.BytesIO()
+    with picture(target, size) as figure:
+        draw(chart, figure.subplots())
+    return target.getvalue()
+
+
+def as_json(value: Any) -> Any:  # noqa: ANN401
+    """Return a value as JSON can hold it: what is not finite is null; paths, arrays and data classes become what fits."""
+    if isinstance(value, Mapping):
+        return {str(name): as_json(each) for name, each in value.items()}
+    if is_dataclass(value):
+        return {each.name: as_json(getattr(value, each.name)) for each in fields(value)}
+    if isinstance(value, list | tuple):
+        return [as_json(each) for each in value]
+    if hasattr(value, "tolist"):
+        return as_json(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if isinstance(value, str | int | None) else str(value)

@@ -1,0 +1,380 @@
+"""The twin beside a record or a run, window by window, until damage begins."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gossamer_files.options import option
+from gossamer_orchestrator.errors import OrchestratorError
+
+from .arguments import AnyPath, Elements, File, NotNegative, Values, assigned, command, expected_errors
+from .records import KnownRecord, beside, file_of, find_in_results, find_record
+from .results import INVALID, Result, as_png, typed, zone_coordinates
+from .terminal import TERMINAL, stderr, talk
+from .writing import keep_inputs
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from gossamer_models.twin import DamageOnset, Watch, Window
+    from gossamer_orchestrator import Simulation
+    from rich.console import Console
+    from rich.table import Table
+
+LEAST_WINDOW = 20  # samples
+ROUNDING = 1e-9
+LARGE = 2.0  # chi2 per sample of a window that the twin does not explain
+FALSE_ALARMS = 1e-5
+FITTING = "fitting onset and damage"
+UNITS = {"alarms": "s", "onset": "s", "onset_deviation": "s", "damage": "1", "deviation": "1", "misfit": "1"}
+
+
+class WatchReport:
+    """Print what the windows say, and keep it.
+
+    Attributes
+    ----------
+    alarmed : bool
+        Whether the last window raised an alarm.
+    alarms : list of float
+        Ends of the windows that raised an alarm [s].
+    findings : list of gossamer_models.twin.DamageOnset
+        Damages that began.
+    times, scores, misfits : list of float
+        End of each window [s], the score of new damage in units of its mean [1], and chi2 per sample [1].
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self.alarmed = False
+        self.alarms: list[float] = []
+        self.findings: list[DamageOnset] = []
+        self.misfits: list[float] = []
+        self.times: list[float] = []
+        self.scores: list[float] = []
+
+    def take(self, judged: Window) -> None:
+        """Print an alarm or a finding."""
+        self.misfits.append(judged.misfit)
+        self.times.append(judged.time)
+        self.scores.append(judged.statistic)
+        self.alarmed = judged.alarm
+        if judged.alarm:
+            self.alarms.append(judged.time)
+            text = f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.3g} times its mean"
+            self._console.print(text, style="bold red", highlight=False)
+        if judged.finding is not None:
+            self.findings.append(judged.finding)
+            self._console.print(_table(judged.finding))
+
+    def end(self, path: Path) -> None:
+        """Print a summary, and write the file."""
+        from gossamer_files import replacing
+
+        self._console.print(self.summary, highlight=False)
+        if self.doubt:
+            self._console.print(self.doubt, style="bold yellow", highlight=False)
+        with replacing(path) as unfinished:
+            unfinished.write_text(json.dumps(self.content, indent=1) + "\n", encoding="utf-8")
+
+    @property
+    def explained(self) -> bool:
+        """Whether the twin explains the last window."""
+        return self.misfits[-1] <= LARGE
+
+    @property
+    def summary(self) -> str:
+        """How many alarms there were."""
+        alarms, windows = len(self.alarms), len(self.misfits)
+        return f"{alarms} alarm{'s' * (alarms != 1)} in {windows} windows"
+
+    @property
+    def doubt(self) -> str:
+        """A sentence if the twin does not explain the last window, else nothing."""
+        if self.explained:
+            return ""
+        return (
+            f"The twin does not explain the last window: chi2 per sample is {self.misfits[-1]:.3g}. Check load, "
+            "damping, sensors and noise. Where there may be damage from the beginning, use 'gossamer twin'."
+        )
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """What is in the file."""
+        findings = [
+            {name: value.tolist() if hasattr(value, "tolist") else value for name, value in asdict(each).items()}
+            for each in self.findings
+        ]
+        content = {"alarms": self.alarms, "findings": findings, "misfit": self.misfits}
+        return content | {"time": self.times, "score": self.scores}
+
+
+def _table(finding: DamageOnset) -> Table:
+    """Return a table of the damaged zones."""
+    from gossamer_orchestrator.results.tables import damage_rows, since
+    from rich.table import Table
+
+    title = since(finding.onset, finding.onset_deviation)
+    table = Table("zone", "damage [%]", title=title, min_width=len(title))
+    for row in damage_rows(finding.damage.tolist(), finding.deviation.tolist()):
+        table.add_row(*row)
+    return table
+
+
+class LiveWatch:
+    """Observer of a run that watches it while it goes on, in the process of the run.
+
+    Parameters
+    ----------
+    out : Path
+        JSON file to write.
+    window : float
+        Length of a window [s].
+    """
+
+    def __init__(self, out: Path, window: float = 0.05) -> None:
+        self._out, self._window, self._quiet = out, window, TERMINAL.quiet
+        self._watching: Watch | None = None
+        self._report: WatchReport | None = None
+        self._due = window * (1.0 - ROUNDING)  # [s] after the start
+        self._forgotten = 0.0  # [s] until where windows are judged; a record counts its time from there
+
+    def begin(self, simulation: Simulation) -> None:
+        """Record what the scenario records."""
+        from gossamer_orchestrator import Recorder
+        from rich.console import Console
+
+        self._out.unlink(missing_ok=True)  # of an earlier run
+        self._recorder = Recorder(simulation.plan)
+        self._recorder.begin(simulation)
+        self._report = WatchReport(Console(stderr=True, quiet=self._quiet))
+
+    def sample(self, simulation: Simulation) -> None:
+        """Judge a window when it is complete, and forget it."""
+        self._recorder.sample(simulation)
+        if simulation.time - simulation.scenario.start < self._due:
+            return
+        report = self._report
+        assert report is not None
+        from gossamer_orchestrator.results.dataset import make_dataset
+
+        with expected_errors():
+            time = self._recorder.time
+            data = make_dataset(
+                simulation.plan, time - self._forgotten, self._recorder.table, master=simulation.scenario.master
+            )
+            found = find_in_results(data, None, None, [])
+            samples = _samples(self._window, found)
+            if self._watching is None:
+                simulation.say("compiling the twin (once)")
+                self._watching = _begin(found, None, 4, 4, FALSE_ALARMS)
+                simulation.say("")
+            if found.record.samples < samples:
+                return
+            if report.alarmed:
+                simulation.say(FITTING)
+            report.take(self._watching.advance(found.record.values[:, :samples]))
+            simulation.say("")
+            rest = time > time[0] + (samples - 0.5) * found.record.step
+            self._forgotten = float(time[rest][0])
+            self._recorder.clear(keep=int(rest.sum()))
+            self._due += samples * found.record.step
+
+    def end(self, simulation: Simulation) -> None:  # noqa: ARG002
+        """Write what was found."""
+        if self._report is not None and self._report.misfits:
+            self._report.end(self._out)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Watching(Result):
+    """What was seen of a record, window by window.
+
+    Attributes
+    ----------
+    path : Path
+        JSON file of what was seen.
+    report : WatchReport
+        ``alarms`` [s], and ``findings``: onset and damages.
+    zones : int
+        Number of zones.
+    """
+
+    path: Path
+    report: WatchReport
+    zones: int
+    TABLES = "told"
+
+    @property
+    def data(self) -> xr.Dataset:
+        """``score`` of new damage and ``misfit``, chi2 per sample [1], over ``time`` [s], the ends of the windows;
+        ``damage`` and ``deviation`` [1] by ``onset`` [s] and ``zone``, with row and column.
+        """  # noqa: D205
+        import numpy as np
+        import xarray as xr
+
+        report, found, ratio, seconds = self.report, self.report.findings, {"units": "1"}, {"units": "s"}
+        by_zone = {name: np.array([getattr(each, name) for each in found]) for name in ("damage", "deviation")}
+        shape = (len(found), self.zones)
+        return xr.Dataset(
+            {"score": ("time", report.scores, ratio), "misfit": ("time", report.misfits, ratio)}
+            | {name: (("onset", "zone"), each.reshape(shape), ratio) for name, each in by_zone.items()}
+            | {"onset_deviation": ("onset", [each.onset_deviation for each in found], seconds)},
+            coords=zone_coordinates(self.zones)
+            | {"time": ("time", report.times, seconds), "onset": ("onset", [each.onset for each in found], seconds)},
+        )
+
+    def exit_code(self) -> int:
+        """Return the exit code."""
+        return 0 if self.report.explained else INVALID
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    @property
+    def sentence(self) -> str:
+        """How many alarms there were, and when."""
+        times = ", ".join(f"{time:.4g} s" for time in self.report.alarms)
+        return f"{self.report.summary}{': at ' * bool(times)}{times}."
+
+    def more(self) -> list[str]:
+        """Return a reason for doubt."""
+        return [self.report.doubt] if self.report.doubt else []
+
+    def written(self) -> list[Path]:
+        """Return the file."""
+        return [self.path]
+
+    def hints(self) -> list[str]:
+        """Return which page shows it."""
+        from gossamer_orchestrator.pages import PAGE
+        from gossamer_orchestrator.results.files import NETCDF, WATCH
+
+        folder = self.path.parent
+        shown = self.path.name == WATCH and (folder / PAGE).is_file() and (folder / NETCDF).is_file()
+        return [f"The page of the run shows it: type 'gossamer view {typed(folder)}'."] if shown else []
+
+    def picture(self) -> bytes | None:
+        """Draw the damage of the zones since the last onset."""
+        from .pages.twin import damage_chart
+
+        last = self.report.findings[-1:]
+        return as_png(damage_chart(last[0].damage, last[0].deviation)) if last else None
+
+    def tables(self) -> list[Table]:
+        """Return what was found at each onset."""
+        return [_table(finding) for finding in self.report.findings]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what was seen."""
+        return {"file": self.path, **self.report.content, "units": UNITS}
+
+
+@command
+def watch(
+    record: AnyPath,
+    *,
+    window: float = 0.05,
+    kind: str | None = None,
+    noise: NotNegative | None = None,
+    false_alarms: float = FALSE_ALARMS,
+    set: Values | None = None,
+    sensor: File | None = None,
+    elements_per_side: Elements = 4,
+    order: int = 4,
+    out: File | None = None,
+) -> Watching:
+    """Watch a record as if it arrived live: raise an alarm when damage begins, then say when and where.
+
+    The record begins, undamaged, when the load sets in. After each window the running twin tests whether damage explains the
+    readings better; one window after an alarm it fits the onset and the damages.
+
+    Parameters
+    ----------
+    record
+        Results of a run (results.nc, results.csv or their folder), or a CSV file.
+    window
+        Length of a window [s].
+    kind
+        strain or resistance, where the record has both.
+    noise
+        Standard deviation of the noise, 1 or ohm; estimated by default.
+    false_alarms
+        Share of the windows that may raise a false alarm.
+    set
+        A parameter of the membrane; may be repeated.
+    sensor
+        Artifact of the sensors; the shipped one by default.
+    elements_per_side
+        Elements along a side of the twin, a multiple of 4.
+    order
+        Their order; 1 for bilinear ones.
+    out
+        JSON file to write; watch.json beside the record by default.
+
+    Returns
+    -------
+    Watching
+        Alarms, onsets and damages, and the score of each window; displayed in a notebook.
+
+    Examples
+    --------
+    >>> gossamer.watch("out/damage_begins").report.alarms
+
+    On the command line::
+
+        gossamer run damage_begins && gossamer watch out/damage_begins
+    """
+    from gossamer_orchestrator.results.files import WATCH
+    from gossamer_orchestrator.run.progress import ProgressBar
+
+    source = Path(record)
+    path = beside(source, WATCH) if out is None else Path(out)
+    keep_inputs([file_of(source), sensor], [path])
+    found = find_record(source, kind, noise, None, assigned(set))
+    samples = _samples(window, found)
+    if 2 * samples > found.record.samples:
+        msg = f"the record has {found.record.samples} samples, less than two windows of {samples}. Record longer."
+        raise OrchestratorError(msg)
+    report, firsts = WatchReport(talk()), range(0, found.record.samples - samples + 1, samples)
+    with ProgressBar("watching", stderr()) as bar:
+        bar.update(aside="compiling")
+        watching = _begin(found, sensor, elements_per_side, order, false_alarms)
+        for done, first in enumerate(firsts):
+            bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,", FITTING if report.alarmed else "")
+            report.take(watching.advance(found.record.values[:, first : first + samples]))
+        bar.update(len(firsts), text=f"{len(firsts)} windows,")
+    report.end(path)
+    return Watching(path=path, report=report, zones=watching.zones)
+
+
+def _samples(window: float, found: KnownRecord) -> int:
+    """Count the samples of a window, and refuse too few."""
+    if not math.isfinite(window):
+        msg = f"{option('window')} is {window:g}. Write a positive number."
+        raise OrchestratorError(msg)
+    samples = round(window / found.record.step)
+    if samples < LEAST_WINDOW:
+        msg = f"a window of {window:g} s is {samples} samples of the record; it needs {LEAST_WINDOW} or more."
+        raise OrchestratorError(msg)
+    return samples
+
+
+def _begin(found: KnownRecord, sensor: AnyPath | None, elements: int, order: int, false_alarms: float) -> Watch:
+    """Start the twin of a record."""
+    import numpy as np
+    from gossamer_models.twin import Watch
+
+    return Watch(
+        np.nan_to_num(found.record.noise_deviation(), nan=1.0),
+        elements,
+        order,
+        found.params,
+        sensor=found.sensors(sensor),
+        sensor_parameters=found.sensor_parameters,
+        step=found.record.step,
+        false_alarms=false_alarms,
+    )

@@ -1,0 +1,94 @@
+"""What commands that write share: inputs are kept, forms and names are checked, the page comes last."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gossamer_files.options import option
+from gossamer_orchestrator.errors import OrchestratorError
+
+if TYPE_CHECKING:
+    from gossamer_orchestrator.pages import Page
+
+logger = logging.getLogger(__name__)
+
+
+def keep_inputs(inputs: Iterable[str | PathLike[str] | None], outputs: Iterable[str | PathLike[str] | None]) -> None:
+    """Refuse to write over what a command reads, under whatever name.
+
+    Parameters
+    ----------
+    inputs, outputs : iterable of path or None
+        Files or folders, by relative paths, links or otherwise; None is passed over.
+
+    Raises
+    ------
+    OrchestratorError
+        An output is an input, or lies in one that is a folder.
+    """
+    read = [Path(path) for path in inputs if path is not None]
+    for output in (Path(path) for path in outputs if path is not None):
+        for given in read:
+            same = output.exists() and given.exists() and output.samefile(given)
+            if same or output.resolve().is_relative_to(given.resolve()):
+                msg = f"{output} would overwrite {given}, which is an input. Name another place with {option('out')}."
+                raise OrchestratorError(msg)
+
+
+def json_file(out: str | PathLike[str]) -> Path:
+    """Return the file that was named for an answer, with an ending: its page is in the folder of its name without it.
+
+    Raises
+    ------
+    OrchestratorError
+        The name is that of a folder, or the page would replace that of a run.
+    """
+    from gossamer_orchestrator.results.files import RECORDED
+
+    path = Path(out)
+    if path.name in ("", ".."):
+        msg = f"cannot write {path}: it is a folder. Name a file in it with {option('out')}."
+        raise OrchestratorError(msg)
+    folder = path.with_suffix("")
+    if any((folder / name).is_file() for name in RECORDED):
+        msg = f"the page of {path} would replace that of the run in {folder}. Name another file with {option('out')}."
+        raise OrchestratorError(msg)
+    return path if path.suffix else path.with_name(f"{path.name}.json")
+
+
+def check_form(form: str) -> None:
+    """Refuse a form that no picture has."""
+    from gossamer_files.pictures import FORMS
+
+    if form not in FORMS:
+        msg = f"there are no pictures of form {form!r}. Choose {', '.join(FORMS[:-1])} or {FORMS[-1]}."
+        raise OrchestratorError(msg)
+
+
+def save_page(describe: Callable[[], Page], folder: Path) -> list[Path]:
+    """Write a page into a folder, the last of what a command writes; return its path.
+
+    Results are on the disk by then. Whatever goes wrong is a warning, and nothing is returned.
+    """
+    from gossamer_orchestrator.pages import PAGE, write_page
+
+    try:
+        return [write_page(describe(), folder / PAGE)]
+    except Exception as error:
+        logger.warning("%s was not written: %s: %s", folder / PAGE, type(error).__name__, error)
+        logger.debug("where it was raised", exc_info=True)
+        return []
+
+
+def kinds_of(paths: Sequence[Path]) -> str:
+    """Say what FMUs run in and on which platforms."""
+    from gossamer_orchestrator.fmi.archive import describe_fmu
+
+    kinds: dict[str, list[str]] = {}
+    for path in dict.fromkeys(paths):
+        kinds.setdefault(describe_fmu(path), []).append(path.stem)
+    return "; ".join(f"{', '.join(names)} ({kind})" for kind, names in kinds.items())

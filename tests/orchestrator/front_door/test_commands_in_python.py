@@ -1,0 +1,150 @@
+"""The functions of ``import gossamer`` are the commands: what they take is explained, checked, and refused by name."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import subprocess
+import sys
+
+import gossamer
+import gossamer_orchestrator
+import numpy as np
+import pytest
+from command_line import invoke
+from gossamer.arguments import COMMANDS, assigned, declared, numbers_of, several
+from gossamer_files.options import option
+
+HEAVY = {
+    "numpy",
+    "xarray",
+    "casadi",
+    "cyclopts",
+    "pydantic",
+    "rich",
+    "matplotlib",
+    "fmpy",
+    "gossamer_models",
+    "gossamer_orchestrator",
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_parameter_is_explained_and_is_an_option(name):
+    function = getattr(gossamer, name)
+    help_of = " ".join(invoke([name.replace("_", "-"), "--help"]).stdout.split())
+    signature = inspect.signature(function).parameters
+    for called, each in declared(function).items():
+        owner = each.owner or function
+        assert re.search(rf"^{called}\n +\S", inspect.getdoc(owner), re.MULTILINE)
+        assert (f"--{called.replace('_', '-')} " if each.is_option else called.upper()) in help_of
+        if called in signature:
+            assert signature[called].default == each.default
+
+
+def test_importing_it_imports_nothing_heavy():
+    script = "import gossamer, sys; dir(gossamer); print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    assert "gossamer" in loaded
+    assert not HEAVY & set(loaded)
+
+
+def test_its_public_names_are_there_and_others_are_not():
+    assert set(COMMANDS) <= set(dir(gossamer))
+    for name in dir(gossamer):
+        assert getattr(gossamer, name).__name__ == name
+    with pytest.raises(AttributeError, match="has no attribute 'fly'"):
+        _ = gossamer.fly
+
+
+def test_its_errors_are_those_of_the_orchestrator():
+    for name in ("OrchestratorError", "ScenarioError", "FmuError", "SimulationError", "ResultsError"):
+        assert getattr(gossamer, name) is getattr(gossamer_orchestrator, name)
+
+
+@pytest.mark.parametrize(
+    ("given", "texts"),
+    [
+        ({"membrane.damage[1]": 0.3, "seed": 2}, ["membrane.damage[1]=0.3", "seed=2"]),
+        ({"a.x": np.float64(0.1), "a.on": True, "a.name": "steel"}, ["a.x=0.1", "a.on=true", "a.name=steel"]),
+        ({"membrane.damage": np.array([0.5, 0.25])}, ["membrane.damage=[0.5, 0.25]"]),
+        ({"a.n": [np.int64(1), 2], "a.m": (1, 2)}, ["a.n=[1, 2]", "a.m=[1, 2]"]),
+        (["seed=2"], ["seed=2"]),
+        ("seed=2", ["seed=2"]),
+    ],
+)
+def test_values_by_name_become_what_the_command_line_writes(given, texts):
+    assert assigned(given) == texts
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (np.linspace(0.0, 0.5, 3), "0.0,0.25,0.5"),
+        (range(1, 4), "1,2,3"),
+        ((0.01, 0.03), "0.01,0.03"),
+        ("0:0.5:6", "0:0.5:6"),
+        (0.3, "0.3"),
+    ],
+)
+def test_what_a_sweep_varies_is_any_sequence(given, text):
+    assert assigned({"a.x": given}, many=True) == [f"a.x={text}"]
+
+
+def test_lists_of_numbers_and_names_may_be_sequences():
+    assert several("sensor") == ["sensor"]
+    assert (
+        numbers_of("scales", (1000, 150, 0.2), "") == numbers_of("scales", "1000,150,0.2", "") == (1000.0, 150.0, 0.2)
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"threads": 0}, "threads is 0. It is at least 1 and at most 64"),
+        ({"threads": 1.5}, "threads is 1.5. Give a whole number"),
+        ({"step": "short"}, "step is 'short'. Give a number"),
+        ({"strict": 1}, "strict is 1. Give True or False"),
+        ({"fmus": None}, "fmus is None. Give a value"),
+        ({"fmus": 3}, "fmus is 3. Give a path"),
+        ({"limit": True}, "limit is True. Give a number"),
+        ({"set": {"a.x": {1}}}, r"\{1\} is no value. Give a number"),
+    ],
+)
+def test_a_wrong_value_is_refused_by_name(wrong, message):
+    with pytest.raises(gossamer.OrchestratorError, match=message):
+        gossamer.run("damaged", **wrong)
+
+
+def test_what_may_be_several_is_refused_by_name_where_it_is_neither_one_nor_several():
+    with pytest.raises(gossamer.OrchestratorError, match=r"fmus is 5\. Give a path"):
+        gossamer.verify(5)
+
+
+def test_a_choice_that_is_not_offered_is_refused_with_those_that_are():
+    with pytest.raises(
+        gossamer.OrchestratorError, match=r"kind is 'big'\. Give 'neuro-fuzzy' or 'perceptron' or 'thesis'"
+    ):
+        gossamer.train(kind="big")
+
+
+def test_an_unknown_option_is_refused_by_python():
+    with pytest.raises(TypeError, match="unexpected keyword argument 'stp'"):
+        gossamer.run("damaged", stp=1.0)
+
+
+def test_errors_name_arguments_as_python_does_and_commands_as_a_shell(tmp_path):
+    path = tmp_path / "measured.csv"
+    path.write_text("n,input,output\n0,0,1\n")
+    with pytest.raises(gossamer_orchestrator.OrchestratorError) as refused:
+        gossamer.identify(path, out=tmp_path / "sensor.json")
+    lines = str(refused.value).splitlines()
+    assert [line.rsplit("Name one ")[1] for line in lines] == [
+        "(time=) or give the sampling step (sampling_step=).",
+        "(strain=).",
+        "(resistance=).",
+    ]
+    assert (option("native", True), option("strain_unit", "%")) == ("native=True", "strain_unit='%'")
+    with pytest.raises(gossamer.OrchestratorError, match=r"Add native=True\.$"):
+        gossamer.build("sensor", fmi=3, out=tmp_path)
+    assert "Add --native.\n" in invoke(["build", "sensor", "--fmi", "3", "--out", tmp_path]).stderr
