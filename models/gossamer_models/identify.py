@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gossamer_files import digest
-from gossamer_files.charts import Chart, save_charts
+from gossamer_files.charts import Chart
 from gossamer_files.options import option
+from gossamer_files.plots import save_charts
 
 from .arrays import Vector
 from .automatic import BUDGET, Standing, Trial, choose, defeats, standings

@@ -176,8 +176,8 @@ def zone_coordinates(count: int) -> dict[str, Any]:
 
 def as_png(chart: Chart, size: tuple[float, float] = (4.7, 4.4)) -> bytes:
     """Return a chart, drawn in a size [inch], as a PNG file."""
-    from gossamer_files.charts import draw
     from gossamer_files.pictures import picture
+    from gossamer_files.plots import draw
 
     target = io.BytesIO()
     with picture(target, size) as figure:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from gossamer_orchestrator.results.drawing import Drawing
     from gossamer_orchestrator.results.judgements import Judgement
-    from gossamer_orchestrator.results.report.verdict import Verdict
+    from gossamer_orchestrator.results.verdict import Verdict
     from rich.table import Table
 
 DEMO = "damage_begins"
@@ -70,7 +70,7 @@ class Run(Result):
     def verdict(self) -> Verdict:
         """What the page of the run says first."""
         from gossamer_orchestrator.results.files import read_watch
-        from gossamer_orchestrator.results.report.verdict import make_verdict
+        from gossamer_orchestrator.results.verdict import make_verdict
 
         return make_verdict(self.data, self.judgements, read_watch(self.folder))
 
@@ -113,7 +113,7 @@ class Run(Result):
     def doubts(self) -> list[str]:
         """Return what is doubtful in judgements and sensors."""
         from gossamer_orchestrator.results.judgements import doubts
-        from gossamer_orchestrator.results.report.verdict import sensor_doubts
+        from gossamer_orchestrator.results.verdict import sensor_doubts
 
         return [*([] if self._windows is None else doubts(self.data, self._windows)), *sensor_doubts(self.data)]
 

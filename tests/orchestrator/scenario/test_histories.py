@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from gossamer_orchestrator import ScenarioError, load_scenario, make_plan, run_scenario
-from gossamer_orchestrator.fmi.units import definition_of
+from gossamer_orchestrator.fmi.types import definition_of
 from gossamer_orchestrator.scenario.histories import History
 
 TEXT = """
