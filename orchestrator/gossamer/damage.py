@@ -187,6 +187,7 @@ def twin(
         gossamer twin measured.csv --fit offset,amplitude,frequency,damping --set pressure_amplitude=9500
     """
     from gossamer_files import replacing
+    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import Twin
     from gossamer_orchestrator.results.files import TWIN
     from gossamer_orchestrator.run.progress import ProgressBar
@@ -204,9 +205,7 @@ def twin(
     with ProgressBar("fitting", console) as bar:
         bar.update(text="compiling,")
         answer = Twin(
-            elements_per_side,
-            order,
-            found.params,
+            square_structure(elements_per_side, order, params=found.params),
             sensor=found.sensors(sensor),
             sensor_parameters=found.sensor_parameters,
             nuisances=tuple(name.strip() for name in names if name.strip() != "none"),

@@ -28,6 +28,9 @@ from .arguments import (
     Numbers,
     call_of,
     command,
+    count_or_auto,
+    number_or_auto,
+    numbers,
     several,
     with_commas,
 )
@@ -448,8 +451,6 @@ def _provenance(given: Mapping[str, Any], paths: Sequence[Path]) -> str:
 
 def _read(name: str, value: Any) -> Any:  # noqa: ANN401
     """Return the value of an option, from its text where it may be one."""
-    from gossamer_models.fitting.options import count_or_auto, number_or_auto, numbers
-
     readers: dict[str, Callable[[str], Any]] = {"ridge": number_or_auto, "residual": count_or_auto}
     readers |= dict.fromkeys(("tau", "exponents", "weights"), numbers)
     if name not in readers:

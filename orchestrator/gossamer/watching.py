@@ -366,13 +366,12 @@ def _samples(window: float, found: KnownRecord) -> int:
 def _begin(found: KnownRecord, sensor: AnyPath | None, elements: int, order: int, false_alarms: float) -> Watch:
     """Start the twin of a record."""
     import numpy as np
+    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import Watch
 
     return Watch(
         np.nan_to_num(found.record.noise_deviation(), nan=1.0),
-        elements,
-        order,
-        found.params,
+        square_structure(elements, order, params=found.params),
         sensor=found.sensors(sensor),
         sensor_parameters=found.sensor_parameters,
         step=found.record.step,
