@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from gossamer_files.charts import draw
+from gossamer_files.plots import draw
 from gossamer_models.sensor.plots import plane_chart
 
 from . import preisach_plane

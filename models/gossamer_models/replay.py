@@ -151,11 +151,7 @@ def sensor_output(artifact: SensorArtifact, full_scale: float, record: Record) -
 
 
 def recover(
-    artifact: SensorArtifact,
-    full_scale: float,
-    record: Record,
-    output: Vector,
-    method: str | None = None,
+    artifact: SensorArtifact, full_scale: float, record: Record, output: Vector, method: str | None = None
 ) -> Recovered:
     """Return the strain that a compensator recovers from a normalised output, starting at rest at the first strain.
 

@@ -10,18 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gossamer_files.options import option
+from gossamer_orchestrator.errors import OrchestratorError, ResultsError
 
 from .arguments import AnyPath, CallLimit, Folder, Threads, Values, assigned, command
 from .fmus import build_fmus
 from .results import INVALID, Result, first_of
-from .terminal import stderr
+from .terminal import progress_bar
 from .writing import save_page
 
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_orchestrator.results.drawing import Drawing
     from gossamer_orchestrator.results.judgements import Judgement
-    from gossamer_orchestrator.results.report.verdict import Verdict
+    from gossamer_orchestrator.results.verdict import Verdict
     from rich.table import Table
 
 DEMO = "damage_begins"
@@ -53,7 +54,6 @@ class Run(Result):
     @cached_property
     def _windows(self) -> list[Judgement] | None:
         """Judgements; None without a detector."""
-        from gossamer_orchestrator import ResultsError
         from gossamer_orchestrator.results.judgements import windows
 
         try:
@@ -70,7 +70,7 @@ class Run(Result):
     def verdict(self) -> Verdict:
         """What the page of the run says first."""
         from gossamer_orchestrator.results.files import read_watch
-        from gossamer_orchestrator.results.report.verdict import make_verdict
+        from gossamer_orchestrator.results.verdict import make_verdict
 
         return make_verdict(self.data, self.judgements, read_watch(self.folder))
 
@@ -113,7 +113,7 @@ class Run(Result):
     def doubts(self) -> list[str]:
         """Return what is doubtful in judgements and sensors."""
         from gossamer_orchestrator.results.judgements import doubts
-        from gossamer_orchestrator.results.report.verdict import sensor_doubts
+        from gossamer_orchestrator.results.verdict import sensor_doubts
 
         return [*([] if self._windows is None else doubts(self.data, self._windows)), *sensor_doubts(self.data)]
 
@@ -233,11 +233,9 @@ def run(
 
         gossamer run my_scenario.toml --resume
     """
-    from gossamer_orchestrator import OrchestratorError
     from gossamer_orchestrator.results.drawing import Drawing
     from gossamer_orchestrator.results.files import CSV, NETCDF, WATCH
     from gossamer_orchestrator.results.places import with_places
-    from gossamer_orchestrator.run.progress import ProgressBar
     from gossamer_orchestrator.run.runner import run_scenario
     from gossamer_orchestrator.scenario.source import find_scenario
     from gossamer_orchestrator.scenario.values import read_changes
@@ -256,7 +254,7 @@ def run(
             path,
             Path(fmus),
             folder,
-            progress=ProgressBar(path.stem, stderr()),
+            progress=progress_bar(path.stem),
             observers=[LiveWatch(folder / WATCH)] if watch else [],
             step=step,
             stop=stop,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gossamer_files.charts import draw, save_charts
+from gossamer_files.plots import draw, save_charts
 from gossamer_models.fitting import Columns, read_record
 from gossamer_models.plots import ModelledRecord, quantity, record_files
 from gossamer_models.replay import Recovered

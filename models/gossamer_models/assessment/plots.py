@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from gossamer_files.charts import (
     Chart,
-    Panels,
     Trace,
     band,
     curve,
@@ -22,11 +21,11 @@ from gossamer_files.charts import (
     names_from_top,
     points,
     rule,
-    save_charts,
     section,
     with_interval,
     words,
 )
+from gossamer_files.plots import Panels, save_charts
 from numpy.typing import ArrayLike
 
 from .figures import CALL, NOMINAL

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gossamer_files.charts import Array, Chart, Panels, Trace, bars, draw_panels, points, section, words
+from gossamer_files.charts import Array, Chart, Trace, bars, points, section, words
 from gossamer_files.pictures import picture
+from gossamer_files.plots import Panels, draw_panels
 
 from ..arrays import Matrix, Vector
 from ..membrane import Structure

@@ -13,8 +13,9 @@ from pathlib import Path
 
 import numpy as np
 from gossamer_files import digest
-from gossamer_files.charts import Chart, save_charts
+from gossamer_files.charts import Chart
 from gossamer_files.options import option
+from gossamer_files.plots import save_charts
 
 from ..arrays import Rows, Vector
 from ..artifacts import artifact_schema

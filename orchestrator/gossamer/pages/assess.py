@@ -92,10 +92,7 @@ def _scales(judged: Judged) -> list[Chart]:
         return []
     linked, y = f"time of {record.name}", "[unit of the resistance]"
     charts = []
-    for name, values, last in (
-        ("gain", scales.gain, scales.last_gain),
-        ("offset", scales.offset, scales.last_offset),
-    ):
+    for name, values, last in (("gain", scales.gain, scales.last_gain), ("offset", scales.offset, scales.last_offset)):
         note, layout = f"{last:.5g} once nothing relaxes any more.", {"showlegend": False}
         text = f"The {name} changes from {values[0]:.5g} to {values[-1]:.5g}; once nothing relaxes, {last:.5g}."
         traces = [curve(name, record.time, values)]

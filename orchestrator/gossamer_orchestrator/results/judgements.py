@@ -17,6 +17,7 @@ from ..errors import ResultsError
 from .dataset import LIKENESS, WATCHED, find, find_all, is_whole, need
 
 _ROWS = 20_000
+MOST_WINDOWS = 5000  # of a page
 # of a valid judgement, by the interface of the detectors
 LEAST_SIMILARITY, LARGEST_MISFIT, LARGEST_RISK = 0.5, 1.0, 0.01
 
@@ -104,6 +105,16 @@ def windows(data: xr.Dataset) -> list[Judgement]:
         )
         for k in range(len(time))
     ]
+
+
+def windows_of(data: xr.Dataset) -> list[Judgement]:
+    """List the windows of the detector, few enough for a page; none if there is no detector."""
+    try:
+        ended = windows(data)
+    except ResultsError:
+        return []
+    stride = -(-len(ended) // MOST_WINDOWS) if ended else 1
+    return ended[::-1][::stride][::-1]
 
 
 def recorded_detector(data: xr.Dataset) -> str:

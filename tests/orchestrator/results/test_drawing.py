@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import re
+import subprocess
+import sys
 
 import pytest
 from gossamer.runs import draw
@@ -37,6 +39,15 @@ def test_they_end_with_a_run_that_has_no_results():
     with pytest.raises(KeyboardInterrupt), Drawing() as drawing:
         raise KeyboardInterrupt
     assert ended(drawing)
+
+
+def test_they_say_nothing_where_the_run_was_killed_while_they_draw(folder):
+    """Nobody reads what they report; the pictures are whole all the same."""
+    code = f"from pathlib import Path; d = Drawing(); d.begin(Path({str(folder)!r}), 1); os._exit(1)"
+    program = f"import os\nfrom gossamer_orchestrator.results.drawing import Drawing\n{code}"
+    killed = subprocess.run([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True, check=False)
+    assert killed.stderr == ""  # read until they have ended
+    assert len(list(folder.glob("*.png"))) == 5
 
 
 def test_what_goes_wrong_in_a_process_is_a_warning(folder, caplog):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from gossamer_orchestrator import ResultsError, judge
 from gossamer_orchestrator.results.judgements import doubts, windows
-from gossamer_orchestrator.results.report.verdict import make_verdict, sensor_doubts
 from gossamer_orchestrator.results.tables import history_table, zone_table
+from gossamer_orchestrator.results.verdict import make_verdict, sensor_doubts
 from gossamer_orchestrator.words import percent, uncertain
 from rich.console import Console
 

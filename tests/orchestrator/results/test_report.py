@@ -16,8 +16,8 @@ from gossamer_orchestrator.pages import Page, write_page
 from gossamer_orchestrator.pages.words import unbroken
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.judgements import windows
+from gossamer_orchestrator.results.readers import StrainError
 from gossamer_orchestrator.results.report import run_page, write_report
-from gossamer_orchestrator.results.report.sensors import StrainError
 from gossamer_orchestrator.words import duration
 from hypothesis import given
 from hypothesis import strategies as st

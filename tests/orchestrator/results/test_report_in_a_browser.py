@@ -118,12 +118,7 @@ def test_a_membrane_on_a_mesh_moves_with_the_slider_in_every_colour(browser, dat
     skin = f"{membrane}.data[0]"
     assert page.evaluate(f"Array.from({skin}.z)") == pytest.approx([0.5] * 5)
     assert page.evaluate(f"{membrane}.data[6].x.length") == 2  # both faces are marked
-    for choice, top in (
-        ("largest strain", -1.0),
-        ("wrinkles", 2.0),
-        ("estimated damage", 20.0),
-        ("true damage", 30.0),
-    ):
+    for choice, top in (("largest strain", -1.0), ("wrinkles", 2.0), ("estimated damage", 20.0), ("true damage", 30.0)):
         page.select_option("[aria-label='Colour of the membrane']", choice)
         page.wait_for_function(f"{skin}.intensitymode === 'cell' && {skin}.intensity.length === 3")
         page.wait_for_function(f"Math.abs(Math.max(...{skin}.intensity) - {top}) < 1e-4")

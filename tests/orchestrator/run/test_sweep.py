@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from command_line import invoke
-from gossamer_files.charts import draw_panels
+from gossamer_files.plots import draw_panels
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.results.report.cases import case_panels
 from gossamer_orchestrator.run.sweep import make_cases, read_ranges

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import xarray as xr
-from gossamer_files.charts import Chart, Panels, Trace, bars, curve, points, save_charts, words
+from gossamer_files.charts import Chart, Trace, bars, curve, points, words
 from gossamer_files.pictures import COLORS
+from gossamer_files.plots import Panels, save_charts
 
 from ...errors import ResultsError
 from ...names import suggest

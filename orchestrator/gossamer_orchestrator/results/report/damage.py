@@ -6,14 +6,26 @@ Only a valid judgement calls a zone damaged, and has the colours of damage. Dama
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from gossamer_files.charts import Array, Chart, Stages, Trace, band, bars, curve, heat, points, rule, words
+from gossamer_files.plots import Panels
 
-from ..dataset import find_all, parameters_of
-from ..judgements import LARGEST_MISFIT, LARGEST_RISK, LEAST_SIMILARITY, changes, true_damage
-from .recorded import MOST_WINDOWS, Recorded, over_time
+from ...errors import ResultsError
+from ..dataset import find, find_all, need, parameters_of
+from ..judgements import (
+    LARGEST_MISFIT,
+    LARGEST_RISK,
+    LEAST_SIMILARITY,
+    MOST_WINDOWS,
+    changes,
+    doubts,
+    judge,
+    true_damage,
+)
+from .recorded import Recorded, over_time
 
 MOST_MARKERS = 300  # more would be a line, and slow
 COLORED = 6  # zones
@@ -320,3 +332,26 @@ def _indices(judged: DamageHistory) -> list[Chart]:
     cells = heat(judged.time, places, (index / index[0]).T, "[1]", colorscale="Cividis")
     note = "One row for each index of the detector; 1 is no change."
     return [over_time("Packet energies over those of the first window", "index", [cells], note=note)]
+
+
+def _damage(run: Recorded) -> Panels:
+    last, judged = judge(run.data), DamageHistory(run)
+    k, known = (
+        int(np.searchsorted(each, last.time + 1e-12, side="right")) - 1 for each in (judged.time, judged.true_time)
+    )
+    charts = zone_charts(judged, [(last.time, k, known)])
+    first = replace(charts[0], title=f"{charts[0].title.removesuffix(' [%]')}, judged at t = {last.time:.4f} s")
+    later = "" if run.ended[-1].valid else doubts(run.data, run.ended)[0]
+    return Panels([replace(first, result=later), *charts[1:]], (5.5 * len(charts), 4.9), len(charts))
+
+
+def _history(run: Recorded) -> Panels:
+    need(run.data, f"{find(run.data, 'detector')}.damage")
+    judged = DamageHistory(run)
+    if len(run.ended) < 2 and len(judged.true_time) < 2:
+        msg = "a single window under constant damage has no history."
+        raise ResultsError(msg)
+    return Panels(history_charts(judged), (9.0, 4.8))
+
+
+PICTURES = {"damage": _damage, "damage_history": _history}  # files

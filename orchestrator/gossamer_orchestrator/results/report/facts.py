@@ -17,7 +17,7 @@ from ...words import counted, recorded
 from ..files import MESSAGES
 from ..judgements import Judgement
 from ..tables import damage_rows, since
-from .verdict import found_zones
+from ..verdict import found_zones
 
 SHOWN_WINDOWS = 60
 SHOWN_MESSAGES = 40

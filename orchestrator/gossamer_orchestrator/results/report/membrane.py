@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gossamer_files.charts import Array, Chart, Trace, curve, heat, points, words
-from gossamer_files.charts.pen import LONGEST_TITLE
 from gossamer_files.pictures import COLORS, GREY
+from gossamer_files.plots import LONGEST_TITLE, Panels
 
 from ...errors import ResultsError
 from ...fmi.shape import Integers, Surface
@@ -355,3 +355,10 @@ def _label(surface: Surface, zone: int) -> tuple[int, Array]:
         return node, np.zeros(3)
     direction = away[np.argmin(distance)] / least if least > 0.0 else np.array([1.0, 0.0, 0.0])
     return node, direction * min(wanted - least, float(np.linalg.norm(np.ptp(places, axis=0))) / 4.0)
+
+
+def _side_by_side(run: Recorded) -> Panels:
+    return Panels([deflection_map(run), deflection_chart(run)], (11.0, 4.4), 2)
+
+
+PICTURES = {"deflection": _side_by_side}  # files

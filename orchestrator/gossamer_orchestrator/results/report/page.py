@@ -12,12 +12,13 @@ from ...errors import ResultsError
 from ...pages import PAGE, Page, folded, table, write_page
 from ...words import counted
 from ..dataset import find_all
+from ..readers import curve_of
+from ..verdict import make_verdict
 from . import facts
 from .damage import DamageHistory, doubt_charts, history_charts, zone_charts
 from .membrane import membrane_charts
-from .recorded import Recorded, curve_of, over_time
+from .recorded import Recorded, over_time
 from .sensors import sensor_charts
-from .verdict import make_verdict
 
 ASSETS = Path(__file__).with_name("assets")
 OTHERS = 24  # curves of what has no picture of its own

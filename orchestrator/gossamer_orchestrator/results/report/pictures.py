@@ -10,19 +10,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
-from gossamer_files.charts import Chart, Panels, draw_panels
 from gossamer_files.pictures import picture
+from gossamer_files.plots import Panels, draw_panels
 
 from ...errors import OrchestratorError, ResultsError, writing
-from ..dataset import compensators, find, need, sensors
-from ..judgements import doubts, judge
 from ..shapes import ShapeHistory
-from .damage import DamageHistory, history_charts, zone_charts
-from .membrane import deflection_chart, deflection_map, plot_shape
+from . import damage, membrane, sensors
 from .recorded import Recorded
-from .sensors import loop_charts, readers_of, strain_charts
 
 logger = logging.getLogger(__name__)
 
@@ -97,7 +92,7 @@ def draw_pictures(
                 if isinstance(made, Panels):
                     draw_panels(replace(made, title=title), figure)
                 else:
-                    plot_shape(made, title, figure)
+                    membrane.plot_shape(made, title, figure)
         except ResultsError as error:
             why_not = str(error)
             with suppress(OSError):
@@ -128,75 +123,9 @@ def _shape(history: ShapeHistory, _: Recorded) -> ShapeHistory:
     return history
 
 
-def _strains(run: Recorded) -> Panels:
-    numbers = _needed(run, compensators(run.data), "compensator", "strain")
-    found = {reader.number: strain_charts(run, reader) for reader in readers_of(run.data) if reader.number in numbers}
-    columns = min(len(found), 2)
-    charts = []
-    for first in range(0, len(found), columns):
-        pair = list(found.items())[first : first + columns]
-        charts += [_numbered(number, own[0]) for number, own in pair]
-        charts += [Chart("")] * (columns - len(pair))
-        charts += [replace(own[1], title=f"Sensor {number}: error", result="") for number, own in pair]
-    return Panels(charts, (11.0, 3.75 * -(-len(found) // columns)), columns, heights=(5, 3))
-
-
-def _sensors(run: Recorded) -> Panels:
-    numbers = _needed(run, sensors(run.data), "sensor", "resistance")
-    readers = [reader for reader in readers_of(run.data) if reader.number in numbers]
-    charts = [_numbered(reader.number, replace(loop_charts(run, reader)[0], steps=None)) for reader in readers]
-    columns = min(len(charts), 2)
-    return Panels(charts, (9.0, 3.5 * -(-len(charts) // columns)), columns)
-
-
-def _needed(run: Recorded, components: dict[int, str], role: str, variable: str) -> dict[int, str]:
-    """Return components whose variable was recorded, and the strain of the membrane at each of them."""
-    if not components:
-        msg = f"there is no {role} 1; there are none."
-        raise ResultsError(msg)
-    strains, *_ = need(
-        run.data, f"{find(run.data, 'membrane')}.strain", *(f"{name}.{variable}" for name in components.values())
-    )
-    if missing := [number for number in components if number not in strains[strains.dims[1]]]:
-        what = f"{strains.name}[{missing[0]}]"
-        msg = f"the results lack {what}. Add it to [record] variables in the scenario and run it again."
-        raise ResultsError(msg)
-    return components
-
-
-def _numbered(number: int, chart: Chart) -> Chart:
-    return replace(chart, title=f"Sensor {number}", result=chart.result.removeprefix(f"sensor {number}, "))
-
-
-def _deflection(run: Recorded) -> Panels:
-    return Panels([deflection_map(run), deflection_chart(run)], (11.0, 4.4), 2)
-
-
-def _damage(run: Recorded) -> Panels:
-    last, judged = judge(run.data), DamageHistory(run)
-    k, known = (
-        int(np.searchsorted(each, last.time + 1e-12, side="right")) - 1 for each in (judged.time, judged.true_time)
-    )
-    charts = zone_charts(judged, [(last.time, k, known)])
-    first = replace(charts[0], title=f"{charts[0].title.removesuffix(' [%]')}, judged at t = {last.time:.4f} s")
-    later = "" if run.ended[-1].valid else doubts(run.data, run.ended)[0]
-    return Panels([replace(first, result=later), *charts[1:]], (5.5 * len(charts), 4.9), len(charts))
-
-
-def _history(run: Recorded) -> Panels:
-    need(run.data, f"{find(run.data, 'detector')}.damage")
-    judged = DamageHistory(run)
-    if len(run.ended) < 2 and len(judged.true_time) < 2:
-        msg = "a single window under constant damage has no history."
-        raise ResultsError(msg)
-    return Panels(history_charts(judged), (9.0, 4.8))
-
-
 # by file name; the slowest first
 PICTURES: dict[str, Callable[[Recorded], Panels | ShapeHistory]] = {
-    "strains": _strains,
-    "sensors": _sensors,
-    "deflection": _deflection,
-    "damage": _damage,
-    "damage_history": _history,
+    **sensors.PICTURES,
+    **membrane.PICTURES,
+    **damage.PICTURES,
 }

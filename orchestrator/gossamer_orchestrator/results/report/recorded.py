@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,37 +15,14 @@ from numpy.typing import NDArray
 from ...errors import ResultsError
 from ..dataset import find_all, is_whole
 from ..files import read_watch
-from ..judgements import Judgement, windows
+from ..judgements import windows_of
+from ..readers import Curve, curve_of
 from ..shapes import ShapeHistory, load_shapes
 
 logger = logging.getLogger(__name__)
 
 FRAMES = 240  # instants of the slider
 NUMBERS = 600_000  # of all frames of the membrane, at most
-MOST_WINDOWS = 5000
-
-Curve = Callable[[xr.Dataset], Array]
-
-
-def curve_of(name: str, place: int | None = None, factor: float = 1.0) -> Curve:
-    """Return a function that reads ``factor`` times a variable, of an array its element ``place`` from 0."""
-
-    def read(part: xr.Dataset) -> Array:
-        values = part[name].to_numpy()
-        values = values if place is None else values.reshape(len(values), -1)[:, place]
-        return factor * np.asarray(values, dtype=float)
-
-    return read
-
-
-def windows_of(data: xr.Dataset) -> list[Judgement]:
-    """List the windows of the detector, few enough for a page; none if there is no detector."""
-    try:
-        ended = windows(data)
-    except ResultsError:
-        return []
-    stride = -(-len(ended) // MOST_WINDOWS) if ended else 1
-    return ended[::-1][::stride][::-1]
 
 
 class Recorded:

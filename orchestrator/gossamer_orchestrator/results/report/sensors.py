@@ -8,166 +8,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import xarray as xr
-from gossamer_files.charts import Array, Chart, Pixels, Stages, band, curve, heat, points
+from gossamer_files.charts import Array, Chart, Stages, band, curve, heat, points
+from gossamer_files.plots import Panels
 
 from ...errors import ResultsError
 from ...words import duration
-from ..dataset import compensators, find_all, origins_of, sensors
-from .recorded import Curve, Recorded, curve_of, over_time
+from ..dataset import compensators, find, need, sensors
+from ..readers import Curve, Reader, StrainError, curve_of, readers_of
+from .recorded import Recorded, over_time
 
 LOOP_ROWS = 2000  # of a loop of resistance over strain
-LEAST_ERROR = 1e-9  # [%] less is round-off
-LEAST_RANGE = 1e-6  # [1] errors in shares of a smaller range say nothing
 LEAST = 64  # samples of a spectrum
 COLUMNS, LINES = 240, 128  # of a spectrogram, at most
 FLOOR = 1e-12  # of an amplitude, so that it has a logarithm
-
-
-@dataclass(frozen=True)
-class StrainError:
-    """How far compensated strain is from the true one of the same time.
-
-    Attributes
-    ----------
-    rms, span : float
-        Root mean square of the error, and range of the true strain [1]; not a number without any.
-    beyond : float
-        Share of the points whose error is above two stated deviations [1]; not a number where none are stated.
-    curve, reach : ndarray
-        Thinned error and two deviations [1]. The last rows have none: their strain is not yet compensated.
-    """
-
-    rms: float
-    span: float
-    beyond: float
-    curve: Array
-    reach: Array | None
-
-    @property
-    def sentence(self) -> str:
-        """Say it in few words: in % of the range, in strain where that hardly changes."""
-        percent = self.span >= LEAST_RANGE
-        size = 100.0 * self.rms / self.span if percent else 100.0 * self.rms
-        shown = "< 1e-9" if size < LEAST_ERROR else f"{size:.2g}" if size < 99.5 else f"{size:.0f}"
-        return f"RMS error {shown} {'% of range' if percent else '% strain'}"
-
-
-class Reader:
-    """A sensor and its compensator, as far as they were recorded.
-
-    Attributes
-    ----------
-    number : int
-        Of the membrane's strain that they read, from 1.
-    sensor, compensator : str
-        Names of the components, empty if there is none.
-    true : tuple of str and int or None, or None
-        Variable that is the true strain, and its place in an array.
-    delay : float
-        How much later than it was the compensated strain is recorded [s].
-    """
-
-    def __init__(self, data: xr.Dataset, number: int, sensor: str, compensator: str) -> None:
-        self.data, self.number, self.sensor, self.compensator = data, number, sensor, compensator
-        self.time: Array = data["time"].to_numpy()
-        self.true = self._true()
-        self.late = self._recorded(f"{compensator}.strain")
-        self.resistance, self.reading = (
-            self._recorded(f"{sensor}.resistance"),
-            self._recorded(f"{compensator}.resistance"),
-        )
-        self.deviation = self._recorded(f"{compensator}.strain_deviation") if self.late else ""
-        stated = self._recorded(f"{compensator}.delay")
-        self.delay = float(data[stated][-1]) if stated else 0.0
-
-    @property
-    def label(self) -> str:
-        """Number and names."""
-        names = ", ".join(filter(None, (self.sensor, self.compensator)))
-        return f"{self.number}: {names}" if names else f"{self.number}"
-
-    @property
-    def rows_late(self) -> int:
-        """How many rows the delay is."""
-        return int(np.searchsorted(self.time, self.time[0] + self.delay - 1e-9)) if self.delay > 0.0 else 0
-
-    @property
-    def strain(self) -> tuple[Curve, int] | None:
-        """The strain of the sensor, and how many rows later than it was it is recorded."""
-        if self.true:
-            return curve_of(*self.true), 0
-        return (curve_of(self.late), self.rows_late) if self.late else None
-
-    def later(self, read: Curve, rows: slice, shift: int) -> Array:
-        """Return what is recorded ``shift`` rows later than some rows; not a number beyond the end."""
-        values = np.full(min(rows.stop, len(self.time)) - rows.start, np.nan)
-        found = read(self.data.isel(time=slice(rows.start + shift, rows.stop + shift)))
-        values[: len(found)] = found
-        return values
-
-    @cached_property
-    def error(self) -> StrainError | None:
-        """The error of the compensated strain, its delay taken out; None where one of both was not recorded."""
-        if not self.true or not self.late:
-            return None
-        pixels, true, shift = Pixels(len(self.time)), curve_of(*self.true), self.rows_late
-        squares, count, low, high, beyond, banded = 0.0, 0, np.inf, -np.inf, 0, 0
-        errors: list[Array] = []
-        reaches: list[Array] = []
-        for rows in pixels.parts():
-            here = true(self.data.isel(time=rows))
-            error = self.later(curve_of(self.late), rows, shift) - here
-            errors.append(pixels.thin(error))
-            squares, count = squares + float(np.nansum(error**2)), count + int(np.isfinite(error).sum())
-            if self.deviation:
-                reach = self.later(curve_of(self.deviation, factor=2.0), rows, shift)
-                reaches.append(pixels.thin(reach))
-                beyond += int((np.abs(error) > reach).sum())
-                banded += int(np.isfinite(error + reach).sum())
-            low, high = min(low, float(np.fmin.reduce(here))), max(high, float(np.fmax.reduce(here)))
-        rms, span = (math.sqrt(squares / count), high - low) if count else (math.nan, math.nan)
-        share = beyond / banded if banded else math.nan
-        return StrainError(rms, span, share, np.concatenate(errors), np.concatenate(reaches) if reaches else None)
-
-    def _recorded(self, name: str) -> str:
-        return name if name in self.data else ""
-
-    def _true(self) -> tuple[str, int | None] | None:
-        """Name what the sensor felt: its own input if a file feeds it, else the membrane's strain."""
-        own, numbers = self._recorded(f"{self.sensor}.strain"), _strain_numbers(self.data)
-        replayed = own and own not in origins_of(self.data)
-        if self.number in numbers and not replayed:
-            return f"{find_all(self.data, 'membrane')[0]}.strain", numbers.index(self.number)
-        return (own, None) if own else None
-
-
-def readers_of(data: xr.Dataset) -> list[Reader]:
-    """List the sensors with their compensators by number; of a membrane alone, its strains."""
-    names: dict[int, dict[str, str]] = {}
-    for role, find in (("sensor", sensors), ("compensator", compensators)):
-        try:
-            found = find(data)
-        except ResultsError:  # there is no membrane
-            found = dict(enumerate(find_all(data, role), start=1))
-        for number, name in found.items():
-            names.setdefault(number, {})[role] = name
-    names = names or {number: {} for number in _strain_numbers(data)}
-    readers = [
-        Reader(data, number, own.get("sensor", ""), own.get("compensator", "")) for number, own in sorted(names.items())
-    ]
-    return [each for each in readers if each.true or each.late or each.resistance or each.reading]
-
-
-def _strain_numbers(data: xr.Dataset) -> list[int]:
-    """List the numbers of the membrane's strains, if they were recorded."""
-    strains = data.get(f"{next(iter(find_all(data, 'membrane')), '')}.strain")
-    return [] if strains is None or strains.ndim != 2 else [int(n) for n in strains[strains.dims[1]].to_numpy()]
 
 
 def sensor_charts(run: Recorded) -> list[Chart]:
@@ -359,3 +216,46 @@ def spectrogram(time: Array, values: Array) -> tuple[Array, Array, Array] | None
 def _usable(time: Array, values: Array) -> bool:
     even = len(time) >= LEAST and np.ptp(np.diff(time)) <= 1e-6 * (time[1] - time[0]) + 1e-12
     return bool(even and np.isfinite(values).all())
+
+
+def _strains(run: Recorded) -> Panels:
+    numbers = _needed(run, compensators(run.data), "compensator", "strain")
+    found = {reader.number: strain_charts(run, reader) for reader in readers_of(run.data) if reader.number in numbers}
+    columns = min(len(found), 2)
+    charts = []
+    for first in range(0, len(found), columns):
+        pair = list(found.items())[first : first + columns]
+        charts += [_numbered(number, own[0]) for number, own in pair]
+        charts += [Chart("")] * (columns - len(pair))
+        charts += [replace(own[1], title=f"Sensor {number}: error", result="") for number, own in pair]
+    return Panels(charts, (11.0, 3.75 * -(-len(found) // columns)), columns, heights=(5, 3))
+
+
+def _sensors(run: Recorded) -> Panels:
+    numbers = _needed(run, sensors(run.data), "sensor", "resistance")
+    readers = [reader for reader in readers_of(run.data) if reader.number in numbers]
+    charts = [_numbered(reader.number, replace(loop_charts(run, reader)[0], steps=None)) for reader in readers]
+    columns = min(len(charts), 2)
+    return Panels(charts, (9.0, 3.5 * -(-len(charts) // columns)), columns)
+
+
+def _needed(run: Recorded, components: dict[int, str], role: str, variable: str) -> dict[int, str]:
+    """Return components whose variable was recorded, and the strain of the membrane at each of them."""
+    if not components:
+        msg = f"there is no {role} 1; there are none."
+        raise ResultsError(msg)
+    strains, *_ = need(
+        run.data, f"{find(run.data, 'membrane')}.strain", *(f"{name}.{variable}" for name in components.values())
+    )
+    if missing := [number for number in components if number not in strains[strains.dims[1]]]:
+        what = f"{strains.name}[{missing[0]}]"
+        msg = f"the results lack {what}. Add it to [record] variables in the scenario and run it again."
+        raise ResultsError(msg)
+    return components
+
+
+def _numbered(number: int, chart: Chart) -> Chart:
+    return replace(chart, title=f"Sensor {number}", result=chart.result.removeprefix(f"sensor {number}, "))
+
+
+PICTURES = {"strains": _strains, "sensors": _sensors}  # files

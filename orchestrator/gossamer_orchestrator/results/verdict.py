@@ -11,16 +11,15 @@ import xarray as xr
 from gossamer_files.charts import Array
 from numpy.typing import ArrayLike
 
-from ...errors import ResultsError
-from ...names import split_endpoint
-from ...pages.page import Kind
-from ...words import counted, percent, uncertain
-from ..dataset import find_all, origins_of, parameters_of
-from ..files import LARGE
-from ..judgements import Judgement, doubts, recorded_detector
-from ..tables import LEAST_SHOWN
-from .recorded import curve_of
-from .sensors import LEAST_RANGE, Reader, readers_of
+from ..errors import ResultsError
+from ..names import split_endpoint
+from ..pages.page import Kind
+from ..words import counted, percent, uncertain
+from .dataset import find_all, origins_of, parameters_of
+from .files import LARGE
+from .judgements import Judgement, doubts, recorded_detector
+from .readers import LEAST_RANGE, Reader, curve_of, readers_of
+from .tables import LEAST_SHOWN
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
 MOST_NAMED = 4  # zones

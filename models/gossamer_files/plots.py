@@ -1,4 +1,4 @@
-"""The pen of files: charts drawn by matplotlib as PNG, SVG or PDF. It knows the traces of the functions of ``chart``."""
+"""The pen of files: charts drawn by matplotlib as PNG, SVG or PDF. It knows the traces of ``charts``."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..pictures import COLORS, GREY, axes_or_new, picture
-from .chart import Array, Chart, Trace
+from .charts import Array, Chart, Trace
+from .pictures import COLORS, GREY, axes_or_new, picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +27,7 @@ SYMBOLS |= {"x": "x", "x-thin-open": "x", "line-ew-open": "_", "line-ns-open": "
 LEAST_SPAN = 1e-4  # of an axis, in shares of the values
 STEPS = [1, 2, 2.5, 5, 10]  # of ticks, but for powers of ten
 LONGEST_TITLE = 120  # characters that fit above a picture
-WORDS_WIDTH = 14  # characters of a line above a picture, for each inch
+WORDS_WIDTH = 12  # characters of a line above a picture, for each inch
 
 
 @dataclass(frozen=True)
@@ -85,15 +85,17 @@ def draw_panels(panels: Panels, figure: Figure) -> None:
     heights = [panels.heights[k % len(panels.heights)] for k in range(rows)]
     grid: Any = {"squeeze": False, "height_ratios": heights, "sharex": shared, "sharey": shared}
     axes = figure.subplots(rows, panels.columns, **grid).ravel()
+    many = shared or len(panels.charts) > 2
     for ax, chart in zip(axes, panels.charts, strict=False):
-        draw(chart, ax, legend=not shared)
+        draw(chart, ax, legend=not many)
         if shared:
             ax.label_outer()
     for ax in axes[len(panels.charts) :]:
         ax.set_axis_off()
-    handles, labels = axes[0].get_legend_handles_labels()
-    if shared and labels:
-        figure.legend(handles, labels, loc="outside right upper")
+    pairs = [zip(*ax.get_legend_handles_labels(), strict=True) for ax in axes]
+    named = {label: handle for some in pairs for handle, label in some}
+    if many and named:
+        figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=min(len(named), 4))
     if panels.title:
         figure.suptitle(shorten(panels.title, LONGEST_TITLE), parse_math=False)
 
@@ -130,8 +132,10 @@ def draw(chart: Chart, ax: Axes | None = None, *, legend: bool = True) -> Axes:
         ax.set_aspect("equal")
     ax.set_xlabel(chart.x, parse_math=False)
     ax.set_ylabel(chart.y, parse_math=False)
-    title = f"{chart.title}: {chart.result}" if chart.result else chart.title
-    ax.set_title(fill(title, int(WORDS_WIDTH * _width(ax))), parse_math=False)
+    said = ": ".join(filter(None, (chart.title, chart.result)))
+    room = int(WORDS_WIDTH * _width(ax))
+    lines = [said] if len(said) <= room else [chart.title, chart.result]
+    ax.set_title("\n".join(fill(line, room) for line in lines if line), parse_math=False)
     if legend:
         _legend(ax)
     return ax
