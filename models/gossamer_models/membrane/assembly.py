@@ -178,8 +178,8 @@ class MembraneEquations:
             found += ["absorbed", "mirrored", "light_x", "light_y", "light_z"]
         return tuple(found)
 
-    def forces(self, x: ca.MX, shared: Shared, p: Values) -> Forces:
-        r"""Write the nodal forces of stress, follower pressure and light.
+    def forces(self, x: ca.MX, shared: Shared, p: Values, *, small: bool = False) -> Forces:
+        r"""Write the nodal forces of stress, follower pressure and light; ``small`` where code matters more than speed.
 
         Notes
         -----
@@ -194,7 +194,10 @@ class MembraneEquations:
             side = block.geometry.side or 1.0
             unit = side * self.size(p)
             own = {name: value * unit if name in _PER_LENGTH else value for name, value in shared.items()}
-            found = self._looped(i, x / unit, own) if self._compiled else self._at_once(block, x / unit, own)
+            if self._compiled:
+                found = self._looped(i, x / unit, own)
+            else:
+                found = self._mapped(i, x / unit, own) if small else self._at_once(block, x / unit, own)
             parts.append(replace(found, f=unit * found.f, compressed=side**2 * found.compressed))
         total = parts[0]
         for part in parts[1:]:
@@ -296,6 +299,18 @@ class MembraneEquations:
         f, rate, strain, compressed = ca.cse([balance(P, load, block.element), rate, strain, compressed])
         f = _sum_at(_places(self._rank[block.nodes]).reshape(-1), ca.vec(f), 3 * len(self._rank))
         return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum1(ca.sum2(compressed)))
+
+    def _mapped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
+        """Write the forces as a map of one element's function, whose C is small and in lanes fast without expansion."""
+        compressed = "compressed_share" in self._table
+        loop = force_loop(self.structure, self._rank, i, self.shared_names, compressed=compressed)
+        places, columns = _places(loop.nodes).reshape(-1), len(self.structure.region)
+        d = [ca.repmat(value, 1, columns) if ca.MX(value).is_scalar() else value for value in shared.values()]
+        elements = ca.reshape(x[places.tolist()], -1, len(loop.nodes))
+        each = loop.function.map(len(loop.nodes))
+        f, rate, strain, *rest = each(elements, ca.vertcat(*d)[:, loop.shared.tolist()], ca.DM(loop.own).T)
+        f = _sum_at(places, ca.vec(f), 3 * len(self._rank))
+        return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum2(rest[0]) if rest else ca.MX(0.0))
 
     def _looped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
         columns = len(self.structure.region)
