@@ -88,21 +88,29 @@ def resistance(damage: Array, mesh: tuple[int, int]) -> Array:
 BILINEAR, DEFAULT, FINER = (8, 1), (4, 4), (4, 8)
 ROWS = {
     "bilinear": Row(
-        "0.15 / 0.65, z 0.8 to 1.2, 0.5 s", lambda d: strain(d, membrane(BILINEAR)), lambda: Twin(*BILINEAR)
+        "0.15 / 0.65, z 0.8 to 1.2, 0.5 s",
+        lambda d: strain(d, membrane(BILINEAR)),
+        lambda: Twin(square_structure(*BILINEAR)),
     ),
     "default": Row(
         "0.15 / 0.65, z 0.8 to 1.2, 2.5 s", lambda d: strain(d, membrane(DEFAULT)), lambda: Twin(discrepancy=None)
     ),
     "default, learned": Row("", lambda d: strain(d, membrane(DEFAULT)), Twin),
-    "all zones": Row("", lambda d: strain(d, membrane(BILINEAR)), lambda: Twin(*BILINEAR, sparse=False)),
-    "clean": Row("0.000", lambda d: strain(d, membrane(BILINEAR), 0.0), lambda: Twin(*BILINEAR), noise=1e-6),
+    "all zones": Row(
+        "", lambda d: strain(d, membrane(BILINEAR)), lambda: Twin(square_structure(*BILINEAR), sparse=False)
+    ),
+    "clean": Row(
+        "0.000", lambda d: strain(d, membrane(BILINEAR), 0.0), lambda: Twin(square_structure(*BILINEAR)), noise=1e-6
+    ),
     "load": Row(
-        "0.3 / 1.5", lambda d: strain(d, membrane(BILINEAR), load=True), lambda: Twin(*BILINEAR, nuisances=LOAD)
+        "0.3 / 1.5",
+        lambda d: strain(d, membrane(BILINEAR), load=True),
+        lambda: Twin(square_structure(*BILINEAR), nuisances=LOAD),
     ),
     "resistance": Row(
         "0.03 / 0.1",
         lambda d: resistance(d, BILINEAR),
-        lambda: Twin(*BILINEAR, sensor=default_artifact(), nuisances=()),
+        lambda: Twin(square_structure(*BILINEAR), sensor=default_artifact(), nuisances=()),
         kind="resistance",
         noise=None,
     ),

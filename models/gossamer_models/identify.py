@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import Field, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -40,9 +40,9 @@ BEYOND = 1.05  # times the largest strain of training
 Fit = PreisachFit | FractionalFit
 Settings = PreisachSettings | FractionalSettings
 
-SETTINGS: dict[type[Settings], dict[str, Callable[..., Settings]]] = {
-    PreisachSettings: {name: partial(PreisachSettings.of, name) for name in PREISACH},
-    FractionalSettings: {f"fractional-{name}": partial(FractionalSettings, model=name) for name in FRACTIONAL},
+MODELS: dict[str, Callable[..., Settings]] = {
+    **{name: partial(PreisachSettings.of, name) for name in PREISACH},
+    **{f"fractional-{name}": partial(FractionalSettings, model=name) for name in FRACTIONAL},
 }
 
 
@@ -96,22 +96,6 @@ class Identified:
         return ModelledRecord(record=record, predicted=predicted, recovered=recovered, first=self.fit.train[k])
 
 
-def options(settings: type) -> list[Field[Any]]:
-    """Return the fields of a settings class that a user may choose, see ``fitting.options.fit_option``."""
-    return [each for each in fields(settings) if "models" in each.metadata]
-
-
-def models_with(name: str) -> tuple[str, ...]:
-    """Return the models that have an option."""
-    return tuple(
-        model
-        for settings, models in SETTINGS.items()
-        for each in options(settings)
-        for model in models
-        if each.name == name and model in (each.metadata["models"] or models)
-    )
-
-
 def settings_for(model: str, **chosen: Any) -> Settings:  # noqa: ANN401
     """Return how to fit a model.
 
@@ -127,21 +111,20 @@ def settings_for(model: str, **chosen: Any) -> Settings:  # noqa: ANN401
     ParameterError
         There is no such model, it has no such option, or the options do not fit together.
     """
-    known = {name: make for models in SETTINGS.values() for name, make in models.items()}
     given = {name: value for name, value in chosen.items() if value is not None}
     if model == AUTO:
         msg = f"auto chooses {', '.join(given) or 'its settings'} itself. Leave them out, or name another model."
         raise ParameterError(msg)
-    if model not in known:
-        msg = f"there is no model {model!r}; choose one of {', '.join((AUTO, *known))}"
+    if model not in MODELS:
+        msg = f"there is no model {model!r}; choose one of {', '.join((AUTO, *MODELS))}"
         raise ParameterError(msg)
     for name in given:
-        others = models_with(name)
+        others = PreisachSettings.OPTIONS.get(name, ()) + FractionalSettings.OPTIONS.get(name, ())
         if model not in others:
             advice = f", or choose {' or '.join(option('model', each) for each in others)}" if others else ""
             msg = f"{model} has no {name.replace('_', ' ')}. Leave {option(name)} out{advice}."
             raise ParameterError(msg)
-    return known[model](**given)
+    return MODELS[model](**given)
 
 
 def identify_files(

@@ -16,9 +16,8 @@ from .errors import DataError
 from .fitting.records import Record, noise_of
 from .sensor import SensorArtifact, sensor_model
 from .sensor.fit import PreisachFit
-from .simulate import simulate
 from .step_model import StepModel
-from .stepper import Stepper
+from .stepper import Stepper, simulate
 
 REACH = 1.005  # strain up to this factor of full scale is clipped, as the sensor does
 MANY_CLIPPED = 0.05  # share of samples at a limit of the range from which their error says too little
@@ -151,11 +150,7 @@ def sensor_output(artifact: SensorArtifact, full_scale: float, record: Record) -
 
 
 def recover(
-    artifact: SensorArtifact,
-    full_scale: float,
-    record: Record,
-    output: Vector,
-    method: str | None = None,
+    artifact: SensorArtifact, full_scale: float, record: Record, output: Vector, method: str | None = None
 ) -> Recovered:
     """Return the strain that a compensator recovers from a normalised output, starting at rest at the first strain.
 

@@ -5,6 +5,7 @@ A command is a function with ``@command``. Its signature and its docstring are t
 
 from __future__ import annotations
 
+import errno
 import inspect
 import json
 import os
@@ -150,10 +151,12 @@ def expected_errors(taken: Container[str] = ("out",)) -> Iterator[None]:
     except OrchestratorError:
         raise
     except (GossamerError, ModuleNotFoundError) as error:
-        raise OrchestratorError("\n".join((str(error), *getattr(error, "__notes__", ())))) from error
+        lacking = isinstance(error, ModuleNotFoundError) and error.name  # none where the sentence is ours
+        text = f"The package {lacking} is missing, which this needs: 'make install' installs all." if lacking else error
+        raise OrchestratorError("\n".join((str(text), *getattr(error, "__notes__", ())))) from error
     except OSError as error:
-        advice = f" Name another place with {option('out')}." if "out" in taken else ""
-        msg = f"cannot use {shortened(error.filename or 'the disk')}: {error.strerror or error}.{advice}"
+        other = f"place with {option('out')}" if "out" in taken and error.errno != errno.ENAMETOOLONG else "one"
+        msg = f"cannot use {shortened(error.filename or 'the disk')}: {error.strerror or error}. Name another {other}."
         raise OrchestratorError(msg) from error
 
 
@@ -279,3 +282,29 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
         return os.fspath(value)
     msg = f"{value!r} is no value. Give a number, a text, True or False, or a list of them."
     raise ArgumentError(msg)
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Read a list of numbers, ``3,100``; raise ``ValueError`` with what to write for anything else."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        msg = "as numbers. Write them with commas: 3,100."
+        raise ValueError(msg) from None
+
+
+def number_or_auto(text: str) -> float | str:
+    """Read a number or the word ``auto``; raise ``ValueError`` with what to write for anything else."""
+    try:
+        return text if text == "auto" else float(text)
+    except ValueError:
+        msg = "as a number. Write one number such as 0.01, or auto."
+        raise ValueError(msg) from None
+
+
+def count_or_auto(text: str) -> int | str:
+    """Read a number of 0 or more or the word ``auto``; raise ``ValueError`` with what to write for anything else."""
+    if text != "auto" and not text.isdecimal():
+        msg = "as a count. Write a whole number such as 40, or auto."
+        raise ValueError(msg)
+    return text if text == "auto" else int(text)

@@ -34,7 +34,7 @@ from gossamer_models.batch import Batch
 from gossamer_models.campaign import Mesh, draw_cases
 from gossamer_models.detector import detector_model
 from gossamer_models.detector.thesis_tables import MULTIPLE_TRAINING, SINGLE_TRAINING, TABLE_7_3, TABLES, as_array
-from gossamer_models.membrane import membrane_model
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.twin import Twin
 from scipy.stats import norm
 
@@ -166,7 +166,7 @@ def test_the_judge_of_a_twin_takes_a_record_that_cannot_be_fitted_for_not_valid(
     clean = next(c for c in conditions(4, COARSE, COARSE, stop=0.06) if c.name == "clean")
     records = make_records(clean, tmp_path, workers=1)
     histories = np.concatenate([records.strain[:1], np.ones((1, 4, 200))])
-    found = TwinJudge(Twin(4, 1))(histories, records.step)
+    found = TwinJudge(Twin(square_structure(4, 1)))(histories, records.step)
     assert found.valid.tolist() == [True, False]
     assert np.abs(found.damage[0] - records.damage[0]).max() < 0.02  # of 5 to 50 %
     assert not found.damage[1].any()

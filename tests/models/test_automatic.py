@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from gossamer_models import DataError
 from gossamer_models.automatic import HERE, Standing, choose, defeats, standings
-from gossamer_models.automatic import choose as compensators
-from gossamer_models.automatic.choose import OPTIMISM, calibrated, error_model, motion
+from gossamer_models.automatic import choice as compensators
+from gossamer_models.automatic.choice import OPTIMISM, calibrated, error_model, motion
 from gossamer_models.automatic.trials import FITTED, Bench, cut, error_on, shortened
 from gossamer_models.compensator.particle import DELAY
 from gossamer_models.identify import settings_for

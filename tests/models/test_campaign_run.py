@@ -15,20 +15,7 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 from gossamer_models import DataError, Stepper, simulate
-from gossamer_models.campaign import (
-    CampaignPlan,
-    CampaignStoppedError,
-    Chain,
-    Damage,
-    Distribution,
-    MeasurementNoise,
-    Mesh,
-    Vary,
-    measured_resistance,
-    measured_strain,
-    read_campaign,
-    run_campaign,
-)
+from gossamer_models import campaign as campaigns
 from gossamer_models.campaign.chunk import build_kernels, run_chunk
 from gossamer_models.campaign.run import ChunkTask, write_chunk
 from gossamer_models.campaign.store import SCHEMA, VERSION
@@ -39,14 +26,14 @@ from gossamer_models.sensor import sensor_model
 zarr = pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
 
 SINGLE = 2.0**-23  # rounding of stored histories, relative
-TINY = CampaignPlan(
+TINY = campaigns.CampaignPlan(
     cases=160,
     seed=5,
     stop=0.03,
     chunk=4,
-    membrane=Mesh(elements_per_side=4, order=1),
-    vary={"pressure_amplitude": Vary(factor=(0.9, 1.1)), "sensor_gain": Vary(range=(0.98, 1.02))},
-    noise=MeasurementNoise(strain=Distribution(uniform=(0.0, 0.02))),
+    membrane=campaigns.Mesh(elements_per_side=4, order=1),
+    vary={"pressure_amplitude": campaigns.Vary(factor=(0.9, 1.1)), "sensor_gain": campaigns.Vary(range=(0.98, 1.02))},
+    noise=campaigns.MeasurementNoise(strain=campaigns.Distribution(uniform=(0.0, 0.02))),
 )
 SCRIPT = """
 import signal
@@ -68,7 +55,7 @@ if __name__ == "__main__":
 def whole(tmp_path_factory):
     """Folder of the tiny campaign, run without a disturbance by one worker."""
     path = tmp_path_factory.mktemp("whole") / "tiny.zarr"
-    run_campaign(TINY, path, workers=1)
+    campaigns.run_campaign(TINY, path, workers=1)
     return path
 
 
@@ -110,7 +97,7 @@ def content(path):
 
 
 def test_a_stored_history_is_that_of_the_stepper(whole):
-    data = read_campaign(whole).isel(case=[0, 17, 159])
+    data = campaigns.read_campaign(whole).isel(case=[0, 17, 159])
     assert data["case"].to_numpy().tolist() == [0, 17, 159]
     model = membrane_model(square_structure(4, 1))
     names = [f"strain[{i}]" for i in range(1, 5)]
@@ -126,7 +113,7 @@ def test_a_stored_history_is_that_of_the_stepper(whole):
 
 
 def test_what_is_stored_says_what_it_is(whole):
-    data = read_campaign(whole)
+    data = campaigns.read_campaign(whole)
     assert dict(data.sizes) == {"case": 160, "sensor": 4, "time": 100, "zone": 16}
     assert data["pressure_amplitude"].attrs["units"] == "Pa"
     assert data["strain"].dtype == np.float32
@@ -135,11 +122,11 @@ def test_what_is_stored_says_what_it_is(whole):
 
 
 def test_workers_chunks_and_their_order_leave_no_trace(whole, tmp_path):
-    run_campaign(TINY, tmp_path / "a.zarr", workers=2)
+    campaigns.run_campaign(TINY, tmp_path / "a.zarr", workers=2)
     assert content(tmp_path / "a.zarr") == content(whole)
-    run_campaign(replace(TINY, chunk=37, cases=100), tmp_path / "b.zarr", workers=1)
-    some = read_campaign(tmp_path / "b.zarr")
-    assert some.equals(read_campaign(whole).isel(case=slice(100)))
+    campaigns.run_campaign(replace(TINY, chunk=37, cases=100), tmp_path / "b.zarr", workers=1)
+    some = campaigns.read_campaign(tmp_path / "b.zarr")
+    assert some.equals(campaigns.read_campaign(whole).isel(case=slice(100)))
 
 
 def test_a_campaign_killed_half_way_goes_on_to_the_same_bits(whole, script, tmp_path):
@@ -150,10 +137,10 @@ def test_a_campaign_killed_half_way_goes_on_to_the_same_bits(whole, script, tmp_
     process.wait()
     begun = finished(path)
     assert begun < TINY.chunks
-    part = read_campaign(path)
+    part = campaigns.read_campaign(path)
     assert 0 < part.sizes["case"] < 160
-    assert part.equals(read_campaign(whole).sel(case=part["case"]))
-    summary = run_campaign(TINY, path, workers=2)
+    assert part.equals(campaigns.read_campaign(whole).sel(case=part["case"]))
+    summary = campaigns.run_campaign(TINY, path, workers=2)
     assert 0 < summary.simulated <= 160 - 4 * begun
     assert content(path) == content(whole)
 
@@ -163,8 +150,8 @@ def test_a_half_written_chunk_is_run_again(whole, tmp_path):
     for name in ("finished/c/3", "strain/c/3/0/0"):
         (path / name).unlink()
     (path / "strain/c/3/0/0.0123.partial").write_bytes(b"half")
-    assert 12 not in read_campaign(path)["case"].to_numpy()
-    assert run_campaign(TINY, path, workers=1).simulated == 4
+    assert 12 not in campaigns.read_campaign(path)["case"].to_numpy()
+    assert campaigns.run_campaign(TINY, path, workers=1).simulated == 4
     assert content(path) == content(whole)
 
 
@@ -177,7 +164,7 @@ def test_a_worker_that_dies_is_replaced(whole, tmp_path):
             killed[0].kill()
 
     killed = []
-    run_campaign(TINY, path, workers=2, progress=kill_once)
+    campaigns.run_campaign(TINY, path, workers=2, progress=kill_once)
     assert killed
     assert content(path) == content(whole)
 
@@ -190,21 +177,21 @@ def test_ctrl_c_keeps_what_is_finished(whole, script, tmp_path):
     errors = process.communicate(timeout=30)[1]
     assert process.returncode != 0
     assert errors.count("Traceback") == 1  # that of the script, none of a worker
-    part = read_campaign(path)
-    assert part.equals(read_campaign(whole).sel(case=part["case"]))
+    part = campaigns.read_campaign(path)
+    assert part.equals(campaigns.read_campaign(whole).sel(case=part["case"]))
 
 
 def test_the_store_of_another_campaign_is_refused_with_the_difference(whole):
-    other = replace(TINY, seed=6, vary={**TINY.vary, "pressure_amplitude": Vary(factor=(0.8, 1.1))})
+    other = replace(TINY, seed=6, vary={**TINY.vary, "pressure_amplitude": campaigns.Vary(factor=(0.8, 1.1))})
     with pytest.raises(DataError, match="holds another campaign") as refused:
-        run_campaign(other, whole)
+        campaigns.run_campaign(other, whole)
     for difference in ("seed: 5 there, 6 here", "vary.pressure_amplitude.factor: [0.9, 1.1] there, [0.8, 1.1] here"):
         assert difference in str(refused.value)
     assert "Name another folder with --out" in str(refused.value)
 
 
 def test_a_title_makes_no_other_campaign(whole):
-    assert run_campaign(replace(TINY, title="the same"), whole).simulated == 0
+    assert campaigns.run_campaign(replace(TINY, title="the same"), whole).simulated == 0
 
 
 @pytest.mark.parametrize(
@@ -217,9 +204,9 @@ def test_a_store_of_another_version_is_refused(whole, tmp_path, key, value, mess
     card["attributes"][key] = value
     (path / "zarr.json").write_text(json.dumps(card))
     with pytest.raises(DataError, match=message):
-        read_campaign(path)
+        campaigns.read_campaign(path)
     with pytest.raises(DataError, match=message):
-        run_campaign(TINY, path)
+        campaigns.run_campaign(TINY, path)
 
 
 def test_numbers_of_another_version_of_gossamer_are_not_continued(whole, tmp_path):
@@ -228,7 +215,7 @@ def test_numbers_of_another_version_of_gossamer_are_not_continued(whole, tmp_pat
     card["attributes"]["identity"]["gossamer"] = "0.0.1"
     (path / "zarr.json").write_text(json.dumps(card))
     with pytest.raises(DataError, match=r"gossamer: 0\.0\.1 there"):
-        run_campaign(TINY, path)
+        campaigns.run_campaign(TINY, path)
 
 
 def test_what_is_no_store_is_refused(tmp_path):
@@ -237,23 +224,23 @@ def test_what_is_no_store_is_refused(tmp_path):
     old.create_array("finished", shape=(4,), dtype="bool")
     for path in (tmp_path, tmp_path / "file", tmp_path / "zarr_2"):
         with pytest.raises(DataError, match="is not the store of a campaign"):
-            run_campaign(TINY, path)
+            campaigns.run_campaign(TINY, path)
     for name in ("nowhere", "zarr_2"):
         with pytest.raises(DataError, match="is not the store of a campaign"):
-            read_campaign(tmp_path / name)
+            campaigns.read_campaign(tmp_path / name)
 
 
 def test_a_folder_that_cannot_be_made_is_said(tmp_path):
     (tmp_path / "file").write_text("text")
     with pytest.raises(OSError, match="File exists"):
-        run_campaign(TINY, tmp_path / "file" / "tiny.zarr")
+        campaigns.run_campaign(TINY, tmp_path / "file" / "tiny.zarr")
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
 def test_a_read_only_folder_is_said(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(PermissionError):
-        run_campaign(TINY, tmp_path / "tiny.zarr")
+        campaigns.run_campaign(TINY, tmp_path / "tiny.zarr")
 
 
 def test_a_full_disk_is_said_and_finished_chunks_stay(whole, tmp_path, monkeypatch):
@@ -263,20 +250,24 @@ def test_a_full_disk_is_said_and_finished_chunks_stay(whole, tmp_path, monkeypat
     long = replace(TINY, stop=0.3, cases=8)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, limits[1]))  # a history does not fit, all else does
     try:
-        with pytest.raises(CampaignStoppedError, match=r"full\.zarr: File too large\. Finished chunks are kept"):
-            run_campaign(long, path, workers=1)
+        with pytest.raises(
+            campaigns.CampaignStoppedError, match=r"full\.zarr: File too large\. Finished chunks are kept"
+        ):
+            campaigns.run_campaign(long, path, workers=1)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert finished(path) == 0
-    assert read_campaign(path).sizes["case"] == 0
-    assert run_campaign(long, path, workers=1).simulated == 8
+    assert campaigns.read_campaign(path).sizes["case"] == 0
+    assert campaigns.run_campaign(long, path, workers=1).simulated == 8
 
 
 def test_a_case_that_breaks_is_marked_and_harms_no_other(tmp_path):
     """A sensor that rests beyond full scale, a strain of 0.5, has no state."""
-    prestrain = {"edge_displacement": Vary(range=(0.1, 0.2))}
-    summary = run_campaign(replace(TINY, cases=8, chain=Chain(), vary=prestrain), tmp_path / "wild.zarr", workers=1)
-    data = read_campaign(tmp_path / "wild.zarr")
+    prestrain = {"edge_displacement": campaigns.Vary(range=(0.1, 0.2))}
+    summary = campaigns.run_campaign(
+        replace(TINY, cases=8, chain=campaigns.Chain(), vary=prestrain), tmp_path / "wild.zarr", workers=1
+    )
+    data = campaigns.read_campaign(tmp_path / "wild.zarr")
     assert (data["failed"] == (data["edge_displacement"] / 0.294 > 0.5)).all()
     assert 0 < summary.failed == int(data["failed"].sum()) < 8
     for history in ("strain", "resistance", "compensated_strain"):
@@ -285,7 +276,7 @@ def test_a_case_that_breaks_is_marked_and_harms_no_other(tmp_path):
 
 def test_a_worker_of_another_version_refuses(whole):
     task = ChunkTask(TINY, pickle.dumps(build_kernels(TINY)), whole, "0.0.1")
-    with pytest.raises(CampaignStoppedError, match=r"this is 0\.0\.1\. Install one version everywhere"):
+    with pytest.raises(campaigns.CampaignStoppedError, match=r"this is 0\.0\.1\. Install one version everywhere"):
         write_chunk(task, 0)
 
 
@@ -301,20 +292,20 @@ def test_a_worker_of_another_machine_compiles_for_itself(whole, tmp_path, monkey
 
 def test_damage_that_begins_leaves_the_history_before_as_it_was():
     """0.0151 s lies in step 51, the first one that damage can change."""
-    sudden = Damage(cases=({6: 0.4},), onset=(0.0151, 0.0151))
+    sudden = campaigns.Damage(cases=({6: 0.4},), onset=(0.0151, 0.0151))
     begun, healthy = (
         run_chunk(asked, build_kernels(asked), 0)["strain"][0]
-        for asked in (replace(TINY, cases=1, damage=damage) for damage in (sudden, Damage(cases=({},))))
+        for asked in (replace(TINY, cases=1, damage=damage) for damage in (sudden, campaigns.Damage(cases=({},))))
     )
     assert (begun[:, :50] == healthy[:, :50]).all()
     assert (begun[:, 60:] != healthy[:, 60:]).mean() > 0.9
 
 
 def test_noise_is_a_function_of_seed_case_and_draw(whole):
-    data = read_campaign(whole)
-    once, fresh = measured_strain(data), measured_strain(data, draw=1)
-    assert once.equals(measured_strain(data))
-    assert once.isel(case=[7, 3]).equals(measured_strain(data.isel(case=[7, 3])))
+    data = campaigns.read_campaign(whole)
+    once, fresh = campaigns.measured_strain(data), campaigns.measured_strain(data, draw=1)
+    assert once.equals(campaigns.measured_strain(data))
+    assert once.isel(case=[7, 3]).equals(campaigns.measured_strain(data.isel(case=[7, 3])))
     noise = (once - data["sensor_gain"] * data["strain"]).to_numpy()
     assert -1e-7 < noise.min() < 1e-5
     assert 0.02 - 1e-5 < noise.max() < 0.02 + 1e-7
@@ -325,7 +316,7 @@ def test_noise_is_a_function_of_seed_case_and_draw(whole):
 
 def test_a_campaign_without_chain_has_no_resistance(whole):
     with pytest.raises(DataError, match=r"has no resistance. Add \[chain\]"):
-        measured_resistance(read_campaign(whole))
+        campaigns.measured_resistance(campaigns.read_campaign(whole))
 
 
 def test_the_chain_is_that_of_the_steppers(tmp_path):
@@ -333,13 +324,13 @@ def test_the_chain_is_that_of_the_steppers(tmp_path):
         TINY,
         cases=3,
         stop=0.015,
-        chain=Chain(),
-        damage=Damage(zones=(1, 1)),
-        noise=MeasurementNoise(resistance=Distribution(normal=1e-3)),
-        vary={"sensor_gain": Vary(range=(0.9, 1.1)), "edge_displacement": Vary(factor=(0.9, 1.1))},
+        chain=campaigns.Chain(),
+        damage=campaigns.Damage(zones=(1, 1)),
+        noise=campaigns.MeasurementNoise(resistance=campaigns.Distribution(normal=1e-3)),
+        vary={"sensor_gain": campaigns.Vary(range=(0.9, 1.1)), "edge_displacement": campaigns.Vary(factor=(0.9, 1.1))},
     )
-    run_campaign(asked, tmp_path / "chain.zarr", workers=1)
-    data = read_campaign(tmp_path / "chain.zarr")
+    campaigns.run_campaign(asked, tmp_path / "chain.zarr", workers=1)
+    data = campaigns.read_campaign(tmp_path / "chain.zarr")
     case, steps, change = data.isel(case=1, sensor=2), np.full(50, TINY.step), 100.0
     own, assumed = float(case["edge_displacement"]) / 0.294, 0.006 / 0.294
     sensor = Stepper(sensor_model(), rest_strain=own)
@@ -349,9 +340,9 @@ def test_the_chain_is_that_of_the_steppers(tmp_path):
     assert case["resistance"].to_numpy() == pytest.approx(resistance, rel=1e-5)
     compensator = Stepper(compensator_model(), rest_strain=assumed)
     compensator.initialize()
-    measured = measured_resistance(data).isel(case=1, sensor=2).to_numpy()
+    measured = campaigns.measured_resistance(data).isel(case=1, sensor=2).to_numpy()
     strain = simulate(compensator, steps, {"resistance": measured}, ["strain"])["strain"]
     assert case["compensated_strain"].to_numpy() == pytest.approx(strain, abs=1e-5)
     assert data["compensated_strain"].attrs["delay"] == 0.0
-    noise = (measured_resistance(data) - data["resistance"]).to_numpy()
+    noise = (campaigns.measured_resistance(data) - data["resistance"]).to_numpy()
     assert noise.std() == pytest.approx(0.001 * change, rel=4 / np.sqrt(2 * noise.size))

@@ -10,7 +10,7 @@ from gossamer_models.fitting.separable import SeparableProblem
 from gossamer_models.fractional import FractionalSettings, FractionalTerm, fit_fractional, predict
 from gossamer_models.fractional.artifact import MODELS
 from gossamer_models.fractional.fit import doubts, random_starts
-from gossamer_models.fractional.problem import RecordColumns, prepare
+from gossamer_models.fractional.problem import FractionalColumns, prepare
 from oracles.fractional import ALL, INTEGRALS, STRAIN, TIME, TURNED, H, record
 from studies.fractional import fit_change, fitted
 from studies.specimen import specimen_record
@@ -43,7 +43,7 @@ def dense(derivative, n):
 def test_derivatives_of_the_columns_are_those_of_finite_differences(model):
     n_fading = 2 if model == "model-1" else 0
     chosen = FractionalSettings(model=model, terms=2, fading=n_fading)
-    columns = RecordColumns(STRAIN / 0.075, H, np.arange(STRAIN.size) < 300, chosen, rest_fitted=False)
+    columns = FractionalColumns(STRAIN / 0.075, H, np.arange(STRAIN.size) < 300, chosen, rest_fitted=False)
     theta = np.array([0.3, 0.8, 0.05, 2.0, 0.7, 1.8][: 2 + 2 * n_fading])
     _, slopes = columns.evaluate(theta)
     for k in range(theta.size):
@@ -159,7 +159,7 @@ def test_the_reduced_jacobian_is_exact_where_the_fit_is():
     """Kaufman's neglect vanishes with the residual."""
     s = STRAIN / 0.075
     change = (predict(INTEGRALS, STRAIN, H) - 1000.0) / 300.0
-    columns = RecordColumns(s, H, EVERYTHING, FractionalSettings(model="sub-model-1", terms=2), rest_fitted=False)
+    columns = FractionalColumns(s, H, EVERYTHING, FractionalSettings(model="sub-model-1", terms=2), rest_fitted=False)
 
     def evaluate(theta):
         Phi, derivatives = columns.evaluate(theta)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer_models import ArtifactError, DataError, ParameterError
-from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
+from gossamer_models.membrane import MembraneParams, square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import ResponseRecord, Twin, make_record, read_table
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
@@ -21,18 +21,19 @@ from scipy.optimize import lsq_linear
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
 
 MESH = (4, 1)  # bilinear elements of one zone each: another membrane, but a fast one
+SQUARE = square_structure(*MESH)
 STEP, STEPS = 3e-4, 600
 NOISE = 0.02 / np.sqrt(12.0)  # of the thesis' U(0, 0.02)
 
 
 @pytest.fixture(scope="module")
 def forward():
-    return Forward(membrane_model(square_structure(*MESH)), MembraneParams(), default_artifact())
+    return Forward(SQUARE, default_artifact())
 
 
 @pytest.fixture(scope="module")
 def twin():
-    return Twin(*MESH, sensor=default_artifact())
+    return Twin(SQUARE, sensor=default_artifact())
 
 
 def damage(**zones):
@@ -67,7 +68,7 @@ def test_without_noise_the_damage_is_exact_and_how_far_it_is_was_said(forward, t
 
 def test_all_zones_at_once_are_exact_without_noise(forward):
     many = np.linspace(0.0, 0.6, 16)[np.random.default_rng(1).permutation(16)]
-    answer = Twin(*MESH, sparse=False).fit(ResponseRecord(step=STEP, values=strain(forward, many), noise=1e-5))
+    answer = Twin(SQUARE, sparse=False).fit(ResponseRecord(step=STEP, values=strain(forward, many), noise=1e-5))
     np.testing.assert_allclose(answer.damage, many, atol=1e-5)
 
 
@@ -95,7 +96,7 @@ def test_noise_is_estimated_from_the_record_itself(forward, twin):
 
 def test_load_and_damping_are_found_with_the_damage(forward):
     values = strain(forward, TWO, 0.02, pressure_amplitude=1.07e4, pressure_frequency=7.7, mass_damping=30.0)
-    twin = Twin(*MESH, nuisances=("offset", "amplitude", "frequency", "damping"))
+    twin = Twin(SQUARE, nuisances=("offset", "amplitude", "frequency", "damping"))
     answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE))
     assert answer.valid
     np.testing.assert_allclose(answer.damage, TWO, atol=0.03)
@@ -107,7 +108,7 @@ def test_load_and_damping_are_found_with_the_damage(forward):
 def test_a_gain_and_a_phase_are_found_with_the_damage(forward):
     values = strain(forward, TWO, pressure_phase=0.06)
     values[2] *= 1.015
-    answer = Twin(*MESH, nuisances=("gain", "phase")).fit(ResponseRecord(step=STEP, values=values, noise=1e-4))
+    answer = Twin(SQUARE, nuisances=("gain", "phase")).fit(ResponseRecord(step=STEP, values=values, noise=1e-4))
     np.testing.assert_allclose(answer.damage, TWO, atol=2e-3)
     assert answer.nuisances["gain[3]"][0] == pytest.approx(1.015, abs=2e-3)
     assert answer.nuisances["phase"][0] == pytest.approx(0.06, abs=2e-3)
@@ -115,9 +116,9 @@ def test_a_gain_and_a_phase_are_found_with_the_damage(forward):
 
 def test_an_unknown_pressure_is_found_with_the_damage(forward):
     """The twin's own load is off; all of the pressure, 10 kPa at 7.9 Hz, is unknown."""
-    answer = Twin(*MESH, nuisances=("pressure",), params=MembraneParams(pressure_phase=np.pi / 3)).fit(
-        ResponseRecord(step=STEP, values=strain(forward, TWO)[:, :300], noise=1e-3)
-    )
+    answer = Twin(
+        square_structure(*MESH, params=MembraneParams(pressure_phase=np.pi / 3)), nuisances=("pressure",)
+    ).fit(ResponseRecord(step=STEP, values=strain(forward, TWO)[:, :300], noise=1e-3))
     assert answer.valid
     np.testing.assert_allclose(answer.damage, TWO, atol=0.03)
 
@@ -142,10 +143,10 @@ def test_a_softer_membrane_is_no_damage_of_all_zones(forward):
     """Young's modulus and equal damage everywhere are the same to a record."""
     record = ResponseRecord(step=STEP, values=strain(forward, np.zeros(16), youngs_modulus=0.97e7), noise=1e-4)
     for sparse in (False, True):
-        answer = Twin(*MESH, sparse=sparse).fit(record)
+        answer = Twin(SQUARE, sparse=sparse).fit(record)
         assert not answer.valid
         assert "Young's modulus" in answer.doubts[-1]
-    answer = Twin(*MESH, nuisances=("modulus",)).fit(record)
+    answer = Twin(SQUARE, nuisances=("modulus",)).fit(record)
     assert answer.valid
     assert not answer.damage.any()
     assert answer.nuisances["modulus"][0] == pytest.approx(0.97, abs=1e-3)
@@ -228,11 +229,11 @@ def test_a_record_without_meaning_is_refused(wrong, message):
 def test_what_the_twin_cannot_fit_is_refused(forward, twin):
     record = ResponseRecord(step=STEP, values=strain(forward, TWO), kind="resistance")
     with pytest.raises(ParameterError, match="has no sensor"):
-        Twin(*MESH).fit(record)
+        Twin(SQUARE).fit(record)
     with pytest.raises(ParameterError, match="sparse=True"):
-        Twin(*MESH, nuisances=("modulus",), sparse=False)
+        Twin(SQUARE, nuisances=("modulus",), sparse=False)
     with pytest.raises(ParameterError, match="no nuisance 'colour'"):
-        Twin(*MESH, nuisances=("colour",))
+        Twin(SQUARE, nuisances=("colour",))
     with pytest.raises(DataError, match="one row for each of 4 sensors"):
         twin.fit(replace(record, values=record.values[:3]))
     with pytest.raises(DataError, match="no sensor has values that move"):
@@ -323,7 +324,7 @@ def test_splines_weigh_by_the_inverse_of_the_covariance():
 def test_what_the_learned_error_does_not_cover_is_neither_compared_nor_simulated(forward):
     length = 45 * SPACING  # 0.15 of 0.18 s
     none = Discrepancy(elements_per_side=4, order=1, length=length, components=np.zeros((1, 4, 48)), provenance={})
-    twin = Twin(*MESH, discrepancy=none)
+    twin = Twin(SQUARE, discrepancy=none)
     values = strain(forward, TWO, 0.02)
     whole, beginning = (
         twin.fit(ResponseRecord(step=STEP, values=part, noise=NOISE))

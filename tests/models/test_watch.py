@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
 from gossamer_models.batch import Batch
-from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
+from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import default_artifact, sensor_model
-from gossamer_models.twin.onset import JudgedWindow, OnsetProblem
 from gossamer_models.twin.simulation import Forward
-from gossamer_models.twin.watch import Watch
+from gossamer_models.twin.watch import JudgedWindow, OnsetProblem, Watch
 
-MESH = (4, 1)  # coarse, so that a window costs little; twin and truth have the same
+SQUARE = square_structure(4, 1)  # coarse, so that a window costs little; twin and truth have the same
 STEP, SAMPLES, WINDOWS = 3e-4, 167, 9
 NOISE = 0.002 / np.sqrt(12.0)  # a tenth of the thesis' noise
 DAMAGES = [f"damage[{k}]" for k in range(1, 17)]
@@ -21,7 +20,7 @@ DAMAGES = [f"damage[{k}]" for k in range(1, 17)]
 @cache
 def strains(onset, zone, depth):
     """Strain of the four sensors, damage beginning at an onset [s]."""
-    batch = Batch(membrane_model(square_structure(*MESH)), [f"strain[{k}]" for k in range(1, 5)], [DAMAGES[zone - 1]])
+    batch = Batch(membrane_model(SQUARE), [f"strain[{k}]" for k in range(1, 5)], [DAMAGES[zone - 1]])
     time = STEP * np.arange(1, SAMPLES * WINDOWS + 1)
     history = depth * np.clip((time - onset) / STEP, 0.0, 1.0)
     return batch.run(time.size, STEP, inputs={DAMAGES[zone - 1]: history}).results[0]
@@ -37,7 +36,7 @@ def noisy(readings, seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_healthy_run_raises_no_alarm(seed):
-    judged = windows(Watch(NOISE, *MESH), noisy(strains(0.0, 1, 0.0), seed))
+    judged = windows(Watch(NOISE, SQUARE), noisy(strains(0.0, 1, 0.0), seed))
     assert not any(window.alarm for window in judged)
     assert np.mean([window.misfit for window in judged]) == pytest.approx(1.0, abs=0.05)
 
@@ -45,7 +44,7 @@ def test_a_healthy_run_raises_no_alarm(seed):
 @pytest.mark.parametrize(("onset", "zone", "depth"), [(0.2104, 6, 0.3), (0.2333, 1, 0.4), (0.26, 11, 0.2)])
 def test_damage_that_begins_is_dated_and_placed(onset, zone, depth):
     """The alarm comes within two windows, onset and damage one window after it."""
-    judged = windows(Watch(NOISE, *MESH), noisy(strains(onset, zone, depth), 4))
+    judged = windows(Watch(NOISE, SQUARE), noisy(strains(onset, zone, depth), 4))
     alarms = [window.time for window in judged if window.alarm]
     assert len(alarms) == 1
     assert 0.0 < alarms[0] - onset < 2 * SAMPLES * STEP
@@ -58,7 +57,7 @@ def test_damage_that_begins_is_dated_and_placed(onset, zone, depth):
 
 def test_a_known_damage_is_no_alarm():
     found = strains(0.0, 6, 0.3)
-    watch = Watch(NOISE, *MESH, damage=0.3 * np.eye(16)[5])
+    watch = Watch(NOISE, SQUARE, damage=0.3 * np.eye(16)[5])
     # the damage of the record sets in with the load, that of the watch before: only the prestress differs
     assert not any(window.alarm for window in windows(watch, noisy(found, 5)))
 
@@ -70,7 +69,7 @@ def test_readings_may_be_resistances():
     sensed = Batch(sensor_model(sensor), ["resistance"], ["strain"])
     resistance = sensed.run(strain.shape[1], STEP, start, {"strain": strain}).results[:, 0]
     readings = resistance + np.random.default_rng(6).normal(0.0, 0.5, resistance.shape)
-    judged = windows(Watch(0.5, *MESH, sensor=sensor), readings)
+    judged = windows(Watch(0.5, SQUARE, sensor=sensor), readings)
     (finding,) = (window.finding for window in judged if window.finding)
     assert finding.onset == pytest.approx(0.2104, abs=5e-4)
     assert finding.damage == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
@@ -78,7 +77,7 @@ def test_readings_may_be_resistances():
 
 def test_windows_before_the_onset_are_not_simulated_again_and_the_readings_are_the_same():
     forward, sigma, healthy = (
-        Forward(membrane_model(square_structure(*MESH)), MembraneParams()),
+        Forward(SQUARE),
         np.full(4, NOISE),
         np.zeros(16),
     )
@@ -99,14 +98,14 @@ def test_windows_before_the_onset_are_not_simulated_again_and_the_readings_are_t
 def test_missing_readings_are_left_out():
     readings = noisy(strains(0.2104, 6, 0.3), 7)
     readings[2, ::5] = np.nan
-    (finding,) = (window.finding for window in windows(Watch(NOISE, *MESH), readings) if window.finding)
+    (finding,) = (window.finding for window in windows(Watch(NOISE, SQUARE), readings) if window.finding)
     assert finding.damage == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
 
 
 @pytest.mark.parametrize("shape", [(3, 100), (4, 10), (100,)])
 def test_windows_of_another_shape_are_refused(shape):
     with pytest.raises(DataError, match="20 or more"):
-        Watch(NOISE, *MESH).advance(np.zeros(shape))
+        Watch(NOISE, SQUARE).advance(np.zeros(shape))
 
 
 @pytest.mark.parametrize("wrong", [{"noise": 0.0}, {"noise": np.nan}, {"step": 0.0}, {"false_alarms": 2.0}])

@@ -21,9 +21,8 @@ from ..arrays import Matrix, Rows
 from ..detector import PosteriorArtifact, detector_model, judge_records, read_detector, shipped_detectors
 from ..detector.thesis_tables import ZONES
 from ..errors import ConvergenceError, DataError
-from ..simulate import simulate
 from ..step_model import StepModel
-from ..stepper import Stepper
+from ..stepper import Stepper, simulate
 
 if TYPE_CHECKING:
     from ..twin import Twin
@@ -205,7 +204,7 @@ class TwinJudge(Judge):
     @property
     def identity(self) -> str:
         """Settings of the twin, and digest of the program that it is part of."""
-        return f"{self.reads} {self.twin.nuisances} {self.twin.sparse} {self.twin.params} {_digest_of_twin()}"
+        return f"{self.reads} {self.twin.nuisances} {self.twin.sparse} {self.twin.parameters} {_digest_of_twin()}"
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Fit every record; one that cannot be fitted is not valid."""

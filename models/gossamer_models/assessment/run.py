@@ -5,6 +5,7 @@ Symbols: ``a`` sizes of single damages [1].
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -85,13 +86,11 @@ def assess(
     )
     put, pairs = conditions(cases, mesh, other), detections(cases, mesh)
     listed = [(table, condition) for table in TABLES for condition in table_conditions(table.damages, mesh)]
-    total, done = len(put) + len(pairs) + len(listed), 0
+    total, done = len(put) + len(pairs) + len(listed), itertools.count()
 
     def begin(what: str) -> None:
-        nonlocal done
         if report is not None:
-            report(what, done, total)
-        done += 1
+            report(what, next(done), total)
 
     for condition in put:
         begin(condition.name)
@@ -111,8 +110,7 @@ def assess(
         records = make_records(condition, folder, workers=workers)
         for judge in _thorough(_readers(judges, records)):
             found.tables.extend(_table(judge, table, condition, records, folder))
-    if report is not None:
-        report("done", total, total)
+    begin("done")
     return found
 
 

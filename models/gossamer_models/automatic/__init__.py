@@ -1,6 +1,6 @@
 """Choice of a sensor and its compensator within the training stretch, and what they must beat."""
 
-from .choose import BUDGET, Chosen, choose
+from .choice import BUDGET, Chosen, choose
 from .compare import HERE, Standing, defeats, standings
 from .trials import Trial
 

@@ -97,10 +97,7 @@ class Standing:
 
 
 def standings(
-    records: Sequence[Record],
-    train: Sequence[Rows],
-    predicted: Sequence[Vector],
-    recovered: Sequence[Vector] | None,
+    records: Sequence[Record], train: Sequence[Rows], predicted: Sequence[Vector], recovered: Sequence[Vector] | None
 ) -> tuple[Standing, ...]:
     """Return the errors of a sensor and of its rivals on every test stretch.
 

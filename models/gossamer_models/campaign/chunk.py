@@ -168,8 +168,7 @@ def build_kernels(campaign: CampaignPlan) -> Kernels:
     GossamerError
         A model or its artifact cannot be used.
     """
-    mesh = campaign.membrane
-    membrane = membrane_model(mesh.structure)
+    membrane = membrane_model(campaign.membrane.structure)
     chain, digests = (None, {}) if campaign.chain is None else chain_kernels(campaign.chain)
     return Kernels(
         membrane=Batch(membrane, membrane.elements("strain"), membrane.elements("damage") if campaign.begins else ()),

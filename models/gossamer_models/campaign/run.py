@@ -14,8 +14,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from importlib.metadata import version
@@ -170,8 +169,8 @@ def run_campaign(
     done = campaign.count - simulated
     begun = time.perf_counter()
     log.info("%d of %d cases are to be simulated, in %d chunks", simulated, campaign.count, len(missing))
-    if progress is not None:
-        progress(done, campaign.count)
+    report = progress or (lambda *_: None)
+    report(done, campaign.count)
     finished = (
         on_cluster(partial(write_chunk, task), missing, scheduler)
         if scheduler
@@ -180,8 +179,7 @@ def run_campaign(
     for chunk in finished:
         done += len(campaign.numbers(chunk))
         log.info("chunk %d is finished after %.1f s", chunk, time.perf_counter() - begun)
-        if progress is not None:
-            progress(done, campaign.count)
+        report(done, campaign.count)
     seconds = time.perf_counter() - begun
     lost = len(missing_chunks(group, campaign))
     if lost:
@@ -245,7 +243,7 @@ def _on_cores(task: ChunkTask, chunks: Sequence[int], workers: int) -> Iterator[
                 left.remove(future.result())
                 deaths = 0
                 yield future.result()
-        except BrokenProcessPool as error:
+        except BrokenExecutor as error:
             deaths += 1
             if deaths == DEATHS:
                 msg = (

@@ -198,7 +198,7 @@ def spread_out(head: ca.MX) -> ca.MX:
 
 
 def judge_records(artifact: PosteriorArtifact, number: int, records: Matrix) -> dict[str, Matrix]:
-    """Judge many records of one window.
+    """Judge many records of one window of a detector.
 
     Parameters
     ----------
@@ -214,13 +214,17 @@ def judge_records(artifact: PosteriorArtifact, number: int, records: Matrix) -> 
     dict
         The fields of ``DamagePosterior``, shape (n, z) or (n,), and ``ratios``, shape (n, 4).
     """
-    window = artifact.windows[number]
+    return records_judged(artifact.windows[number], artifact.block, records)
+
+
+def records_judged(window: PosteriorWindow, block: int, records: Matrix) -> dict[str, Matrix]:
+    """Judge many records of a window with blocks of some samples; see ``judge_records``."""
     M = window.mean.size
     x, noise = ca.MX.sym("x", SENSORS * M), ca.MX.sym("noise", SENSORS)
-    outputs, ratios = judge_window(window, artifact.block, ca.reshape(x, M, SENSORS).T, noise)
+    outputs, ratios = judge_window(window, block, ca.reshape(x, M, SENSORS).T, noise)
     named = {**results_of(outputs), "ratios": ratios}
     judge = ca.Function("judge", [x, noise], list(named.values()))
-    found = judge(block_means(records, artifact.block).reshape(len(records), -1).T, difference_noise(records).T)
+    found = judge(block_means(records, block).reshape(len(records), -1).T, difference_noise(records).T)
     result = {name: np.array(value.T) for name, value in zip(named, found, strict=True)}
     result |= {name: result[name][:, 0] for name in ("misfit", "risk")}
     return result | {"valid": result["valid"][:, 0] > 0.5}

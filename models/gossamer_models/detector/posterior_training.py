@@ -22,7 +22,7 @@ from ..errors import DataError
 from . import posterior_records as records
 from .features import SENSORS, block_means, principal_components
 from .networks import PEAKS
-from .posterior import FLOOR, Features, analyse, deviation, explain, heads_of, judge_records
+from .posterior import FLOOR, Features, analyse, deviation, explain, heads_of, records_judged
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
 from .posterior_fit import NetworkFit
 
@@ -68,24 +68,22 @@ def train_posterior(
     cuts = [
         records.cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)
     ]
-    windows: list[PosteriorWindow] = []
-    losses: list[list[float]] = []
     done = itertools.count(1)
     total = sum((t.epochs + t.decoder_epochs) * max(4 * len(split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
     with threadpool_limits(1):  # small matrices: waking other threads for them costs more than their work
-        for number, cut in enumerate(cuts):
-            report = (lambda: None) if progress is None else (lambda: progress(next(done) / total))
-            window, loss = _train_window(cut, sensing, replace(t, seed=t.seed + number), report)
-            windows.append(window)
-            losses.append(loss)
+        report = (lambda: None) if progress is None else (lambda: progress(next(done) / total))
+        windows, losses = zip(
+            *(_train_window(cut, sensing, replace(t, seed=t.seed + k), report) for k, cut in enumerate(cuts)),
+            strict=True,
+        )
     return PosteriorArtifact(
         start_time=0.0,
         sampling_step=float(campaign["step"]),
         samples=t.samples,
         block=t.block,
-        windows=tuple(windows),
+        windows=windows,
         periodic=data.sizes["time"] > t.windows * t.samples,
-        losses=losses,
+        losses=list(losses),
         trained_over=trained_over(campaign) | {"share of records with a spoilt sensor [1]": [t.spoilt, t.spoilt]},
         provenance={
             "campaign": str(data.attrs["sha256"]),
@@ -196,15 +194,7 @@ def calibrate(
     squares, directions = np.linalg.eigh(left.T @ left / len(left))
     directions = directions.astype(np.float16).astype(float)  # as the file holds them
     window = replace(window, directions=directions, errors=np.sqrt(np.maximum(squares, FLOOR**2)))
-    artifact = PosteriorArtifact(
-        start_time=0.0,
-        sampling_step=1.0,
-        samples=clean.shape[-1],
-        block=block,
-        windows=(window,),
-        periodic=False,
-    )
-    return replace(window, limits=_limits(judge_records(artifact, 0, noisy)["ratios"]))
+    return replace(window, limits=_limits(records_judged(window, block, noisy)["ratios"]))
 
 
 def _with_honest_heads(window: PosteriorWindow, found: Features, d: Matrix) -> PosteriorWindow:

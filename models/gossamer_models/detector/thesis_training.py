@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Vector
-from ..campaign import CampaignPlan, Damage
-from ..campaign.cases import draw_cases
+from ..campaign import CampaignPlan, Damage, draw_cases
 from ..campaign.chunk import build_kernels, run_chunk
 from ..errors import DataError
 from .artifact import DetectorArtifact

@@ -17,11 +17,10 @@ import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, require
-from ..fitting.options import fit_option
 from ..fitting.records import Record, check_rest, in_equal_steps, strain_range
 from ..fitting.separable import Derivative, SeparableProblem
 from ..modes import PowerLawKernels
-from .artifact import FadingTerm, FractionalArtifact, FractionalTerm, ModelName, check_model
+from .artifact import MODELS, FadingTerm, FractionalArtifact, FractionalTerm, ModelName, check_model
 from .model import covering, fading_integral, integral_modes, quadrature, slope_modes, started
 
 
@@ -52,13 +51,16 @@ class FractionalSettings:
         Range of times [s] of the memory.
     """
 
-    FAMILY: ClassVar[str] = "fractional"
+    OPTIONS: ClassVar[dict[str, tuple[str, ...]]] = {  # what a user may choose, and the models that have it
+        **dict.fromkeys(("terms", "starts", "seed"), tuple(f"fractional-{name}" for name in MODELS)),
+        "fading": ("fractional-model-1",),
+    }
 
     model: ModelName
-    terms: int = fit_option(5)
-    fading: int = fit_option(3, "fractional-model-1")
-    starts: int = fit_option(12)
-    seed: int = fit_option(0)
+    terms: int = 5
+    fading: int = 3
+    starts: int = 12
+    seed: int = 0
 
     orders: tuple[float, float] = (0.001, 0.999)
     rates: tuple[float, float] = (1e-4, 10.0)
@@ -102,7 +104,7 @@ class FractionalSettings:
         return 1 + self.terms * (1 if self.model == "sub-model-1" else 2)
 
 
-class RecordColumns:
+class FractionalColumns:
     """Terms of one model on one record.
 
     Parameters
@@ -241,7 +243,7 @@ def prepare(
     changes = [(r.resistance - rest)[kept] for r, kept in zip(even, rows, strict=True)]
     scale = max(float(np.ptp(change)) for change in changes)
     columns = [
-        RecordColumns(r.strain / full_scale, h, kept, settings, rest_fitted=fitted)
+        FractionalColumns(r.strain / full_scale, h, kept, settings, rest_fitted=fitted)
         for r, h, kept in zip(even, steps, rows, strict=True)
     ]
     weights = np.concatenate([np.full(part.size, r.weight) for part, r in zip(changes, records, strict=True)])
@@ -250,7 +252,7 @@ def prepare(
 
 
 def _separable(
-    columns: list[RecordColumns], y: Vector, weights: Vector, settings: FractionalSettings, *, rest_fitted: bool
+    columns: list[FractionalColumns], y: Vector, weights: Vector, settings: FractionalSettings, *, rest_fitted: bool
 ) -> SeparableProblem:
     def evaluate(theta: Vector) -> tuple[Matrix, Callable[[], list[Derivative]]]:
         parts = [each.evaluate(theta) for each in columns]
@@ -270,12 +272,7 @@ def _separable(
     if rest_fitted:
         nonnegative[-1] = restrained[-1] = False
     return SeparableProblem(
-        evaluate,
-        y,
-        weights=weights,
-        nonnegative=nonnegative,
-        restraint=settings.restraint,
-        restrained=restrained,
+        evaluate, y, weights=weights, nonnegative=nonnegative, restraint=settings.restraint, restrained=restrained
     )
 
 

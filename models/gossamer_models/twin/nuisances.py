@@ -7,6 +7,7 @@ and deviation 1; ``c`` coefficients of a pressure that is unknown.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,6 @@ from scipy.interpolate import BSpline
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
-from ..membrane import MembraneParams
 
 # Deviations of the priors: of a logarithm for factors, else in the unit given.
 LOAD = {
@@ -41,8 +41,8 @@ class Nuisances:
     ----------
     kinds : tuple of str
         Some of ``NAMES``.
-    params : MembraneParams
-        Values that factors multiply.
+    parameters : mapping of str to float
+        Of the membrane and its load: values that factors multiply.
     sensors : int
         How many have an offset and a gain of their own.
     length : float
@@ -52,7 +52,7 @@ class Nuisances:
     """
 
     kinds: tuple[str, ...]
-    params: MembraneParams
+    parameters: Mapping[str, float]
     sensors: int
     length: float = 0.0
     pressure_deviation: float = 0.0
@@ -83,15 +83,15 @@ class Nuisances:
         linear = (kind for kind in ("offset", "gain") if kind in self.kinds)
         return self.simulated + tuple(f"{kind}[{k + 1}]" for kind in linear for k in range(self.sensors))
 
-    def parameters(self, z: Matrix) -> dict[str, Vector]:
+    def moved(self, z: Matrix) -> dict[str, Vector]:
         """Return the membrane's parameters that the nuisances set, for rows of z, shape (m, number of nuisances)."""
         given = {}
         for i, name in enumerate(self.simulated):
             if name in LOAD:
                 parameter, deviation = LOAD[name]
-                given[parameter] = getattr(self.params, parameter) * np.exp(deviation * z[:, i])
+                given[parameter] = self.parameters[parameter] * np.exp(deviation * z[:, i])
             elif name == "phase":
-                given["pressure_phase"] = self.params.pressure_phase + PHASE * z[:, i]
+                given["pressure_phase"] = self.parameters["pressure_phase"] + PHASE * z[:, i]
         return given
 
     def pressure(self, z: Matrix, time: Matrix) -> Matrix | None:

@@ -153,4 +153,4 @@ class RecordProblem(LeastSquares):
         pressure = self.nuisances.pressure(z, h * np.arange(1.0, n + 1.0))
         self._report(n * h, self.simulations)
         self.simulations += len(x)
-        return self.forward.strain(x[:, : self.zones], self.nuisances.parameters(z), pressure, n, h)
+        return self.forward.strain(x[:, : self.zones], self.nuisances.moved(z), pressure, n, h)

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,10 +18,9 @@ from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..batch.cases import BatchState
 from ..errors import ParameterError
-from ..membrane import MembraneParams
+from ..membrane import Structure, membrane_model
 from ..membrane.square import stretch
 from ..sensor import SensorArtifact, sensor_model
-from ..step_model import StepModel
 
 WORKERS = os.cpu_count() or 1  # threads of a simulation of many cases
 
@@ -125,10 +125,8 @@ class Forward:
 
     Parameters
     ----------
-    model : StepModel
-        The membrane: parameters or inputs ``damage[1..z]``, results ``strain[1..s]``.
-    params : MembraneParams
-        Membrane and load.
+    structure : Structure
+        Membrane, with the start values of its load.
     sensor : SensorArtifact or None
         Sensor; None if records hold strain only.
     sensor_parameters : mapping of str to float or array_like of shape (s,)
@@ -138,21 +136,23 @@ class Forward:
     ----------
     n_zones, n_sensors : int
         z and s.
+    parameters : dict of float
+        Start values of the membrane's parameters.
     sensors : SensorBank or None
         Sensors, if there are some.
     """
 
     def __init__(
         self,
-        model: StepModel,
-        params: MembraneParams,
+        structure: Structure,
         sensor: SensorArtifact | None = None,
         sensor_parameters: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        self._model, self._start = model, asdict(params)
+        self._model = model = membrane_model(structure)
         self._strains, self._damages = model.elements("strain"), model.elements("damage")
-        self.n_zones, self.n_sensors = len(self._damages), len(self._strains)
-        rest = stretch(params) - 1.0
+        self.n_zones, self.n_sensors = structure.n_zones, structure.n_sensors
+        self.parameters = {v.name: v.start or 0.0 for v in model.variables if v.causality == "parameter"}
+        rest = stretch(SimpleNamespace(**self.parameters)) - 1.0
         self.sensors = None if sensor is None else SensorBank(sensor, self.n_sensors, rest, sensor_parameters)
 
     @cached_property
@@ -196,7 +196,7 @@ class Forward:
         steps, h : int, float
             Samples and the time between them [s].
         """
-        start = {**self._start, **parameters, "damage": damage}
+        start = {**parameters, "damage": damage}
         if pressure is None:
             return self._steady.run(steps, h, start, workers=WORKERS).results
         return self._pressed.run(steps, h, start, {"pressure": pressure}, workers=WORKERS).results
@@ -215,7 +215,7 @@ class Forward:
     def begin(self, damage: Vector, h: float) -> Place:
         """Return the place of rest with a damage, shape (z,) [1]."""
         nothing = dict.fromkeys(self._damages, np.zeros(0))
-        membrane = self._changing.run(0, h, {**self._start, "damage": damage[None]}, nothing)
+        membrane = self._changing.run(0, h, {"damage": damage[None]}, nothing)
         return Place(membrane.state, None if self.sensors is None else self.sensors.rest(membrane.initial[0], h))
 
     def advance(self, place: Place, damage: Matrix, h: float) -> tuple[Matrix, Place]:

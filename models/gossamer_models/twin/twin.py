@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, ParameterError
-from ..membrane import MembraneParams, membrane_model, square_structure
+from ..membrane import MembraneParams, Structure, square_structure
 from ..sensor import SensorArtifact
 from .discrepancy import Discrepancy, default_discrepancy
 from .least_squares import MOST_DAMAGE, descend
@@ -106,10 +106,8 @@ class Twin:
 
     Parameters
     ----------
-    elements_per_side, order : int
-        Mesh, as in ``membrane_model``.
-    params : MembraneParams or None
-        Membrane and load; None for the default.
+    structure : Structure or None
+        Membrane, with the start values of its load; None for the square of the thesis.
     sensor : SensorArtifact or None
         Sensors, for records of resistance.
     sensor_parameters : mapping of str to float or array_like of shape (sensors,)
@@ -129,7 +127,7 @@ class Twin:
     Raises
     ------
     ParameterError
-        There is no such mesh, nuisance or parameter; or ``modulus`` without ``sparse``.
+        There is no such nuisance or parameter; or ``modulus`` without ``sparse``.
 
     Notes
     -----
@@ -139,9 +137,7 @@ class Twin:
 
     def __init__(
         self,
-        elements_per_side: int = 4,
-        order: int = 4,
-        params: MembraneParams | None = None,
+        structure: Structure | None = None,
         *,
         sensor: SensorArtifact | None = None,
         sensor_parameters: Mapping[str, ArrayLike] | None = None,
@@ -152,14 +148,14 @@ class Twin:
         if MODULUS in nuisances and not sparse:
             msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
             raise ParameterError(msg)
-        self.params = MembraneParams() if params is None else params
+        structure = structure or square_structure()
         self.nuisances, self.sparse = tuple(nuisances), sparse
+        Nuisances(self.nuisances, {}, 0)  # refuses unknown names
+        self._forward = Forward(structure, sensor, sensor_parameters)
+        self.parameters = self._forward.parameters
         if discrepancy == "learned":
-            discrepancy = default_discrepancy() if _is_learned(elements_per_side, order, self.params) else None
+            discrepancy = default_discrepancy() if _is_learned(structure, self.parameters) else None
         self.discrepancy = discrepancy
-        Nuisances(self.nuisances, self.params, 0)  # refuses unknown names
-        model = membrane_model(square_structure(elements_per_side, order))
-        self._forward = Forward(model, self.params, sensor, sensor_parameters)
 
     @property
     def zones(self) -> int:
@@ -233,7 +229,7 @@ class Twin:
         """Make the problem of the beginning of a record; its noise is that of all of it."""
         length = record.step * self._compared(record)
         nuisances = Nuisances(
-            self.nuisances, self.params, self._forward.n_sensors, length, self.params.pressure_amplitude
+            self.nuisances, self.parameters, self._forward.n_sensors, length, self.parameters["pressure_amplitude"]
         )
         part = replace(record, values=record.values[:, :samples])
         return RecordProblem(self._forward, part, nuisances, record.noise_deviation(), self.discrepancy, report=report)
@@ -304,11 +300,15 @@ def _early_samples(record: ResponseRecord) -> list[int]:
     return [n for n in lengths if LEAST_SAMPLES <= n < record.samples]
 
 
-def _is_learned(elements_per_side: int, order: int, params: MembraneParams) -> bool:
+def _is_learned(structure: Structure, given: dict[str, float]) -> bool:
     """Tell whether the learned discrepancy holds for a mesh and a membrane."""
-    learned, default, given = default_discrepancy(), asdict(MembraneParams()), asdict(params)
-    ratios = {name: given[name] / default[name] if default[name] else 1.0 + abs(given[name]) for name in given}
-    return (elements_per_side, order) == (learned.elements_per_side, learned.order) and all(
+    learned, default = default_discrepancy(), asdict(MembraneParams())
+    square = square_structure(learned.elements_per_side, learned.order)
+    here, there = structure.mesh.nodes, square.mesh.nodes
+    if structure.setup.law != square.setup.law or here.shape != there.shape or not np.allclose(here, there):
+        return False
+    ratios = {name: given[name] / value if value else 1.0 + abs(given[name]) for name, value in default.items()}
+    return all(
         1.0 / (1.0 + LEARNED.get(name, 1e-9)) <= ratio <= 1.0 + LEARNED.get(name, 1e-9)
         for name, ratio in ratios.items()
     )

@@ -1,12 +1,13 @@
 r"""Watch a running structure: an alarm soon after damage begins, then when it began and where.
 
-Symbols: ``y`` readings of a window; ``r`` residuals in units of the noise, the mean of each sensor removed;
-``J`` their derivatives by the damages; ``A`` = J^T J, ``g`` = J^T r; ``T`` score statistic; ``h`` step [s].
+Symbols: ``s`` sensors, ``z`` zones; ``y`` readings of a window; ``r`` residuals in units of the noise, the mean of each
+sensor removed; ``J`` their derivatives by the damages; ``A`` = J^T J, ``g`` = J^T r; ``T`` score statistic; ``x`` onset
+[steps] and z damages [1] that are fitted after an alarm; ``h`` step [s].
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -14,17 +15,119 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import chi2 as chi2_distribution
 
-from ..arrays import Rows, Vector
+from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
-from ..membrane import MembraneParams, membrane_model, square_structure
+from ..membrane import Structure, square_structure
 from ..sensor import SensorArtifact
-from .least_squares import DAMAGE_STEP, MOST_DAMAGE, Minimum, Quadratic, descend
-from .onset import JudgedWindow, OnsetProblem, weigh
+from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, Minimum, Quadratic, bounded_minimum, descend
 from .search import Box, drop_zones
-from .simulation import WORKERS, Forward
+from .simulation import WORKERS, Forward, Place
 
+ONSETS = 16  # onsets tried
+SHARES = (0.4, 0.7, 1.0)  # of a step of Newton's method
+BEST = 3  # onsets that are refined
 SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
 ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class JudgedWindow:
+    """A window that has been judged.
+
+    Attributes
+    ----------
+    time : float
+        When it began [s].
+    place : Place
+        Where the simulation stood then.
+    y : ndarray, shape (s, n)
+        Readings; not a number where one is missing.
+    expected : ndarray, shape (s, n)
+        Readings of the twin without new damage.
+    """
+
+    time: float
+    place: Place
+    y: Matrix
+    expected: Matrix
+
+
+class OnsetProblem(LeastSquares):
+    """Least squares for damages that begin within some windows.
+
+    Unknowns: the onset [steps] and the z damages since then [1].
+
+    Parameters
+    ----------
+    forward : Forward
+        Simulation.
+    windows : sequence of JudgedWindow
+        Windows one after the other.
+    sigma : ndarray, shape (s,)
+        Noise.
+    before : ndarray, shape (z,)
+        Damage until the onset [1].
+    h : float
+        Step [s].
+    """
+
+    def __init__(
+        self, forward: Forward, windows: Sequence[JudgedWindow], sigma: Vector, before: Vector, h: float
+    ) -> None:
+        self._forward, self._windows, self._sigma, self._before, self._h = forward, windows, sigma, before, h
+        y = np.concatenate([seen.y for seen in windows], axis=1)
+        self._starts = np.cumsum([0, *(seen.y.shape[1] for seen in windows[:-1])])
+        self._present, self._length = np.isfinite(y), y.shape[1]
+        self.y = weigh(y[None], self._present, sigma)[0]
+        self.low, self.simulated = np.zeros(1 + before.size), 1 + before.size
+        self.high = np.r_[y.shape[1] - 1.0, np.full(before.size, MOST_DAMAGE)]
+        self.values = int(self._present.sum()) - len(y)
+        self.prior = np.r_[float(self._length) ** -2, np.ones(before.size)]  # weak: any time, any damage
+        self.steps = np.r_[1.0, np.full(before.size, DAMAGE_STEP)]
+
+    def simulate(self, x: Matrix) -> tuple[Matrix, Place]:
+        """Return readings for rows of unknowns, shape (m, s, n), and the place where the first row ends.
+
+        Windows that end before any onset are not simulated again.
+        """
+        first = int(np.searchsorted(self._starts, x[:, 0].min(), side="right")) - 1
+        steps = np.arange(self._starts[first] + 1, self._length + 1)
+        share = np.clip(steps - x[:, :1], 0.0, 1.0)  # a step in which damage begins has a part of it
+        damage = self._before + share[:, :, None] * (x[:, None, 1:] - self._before)
+        readings, place = self._forward.advance(self._windows[first].place, damage, self._h)
+        expected = [np.repeat(seen.expected[None], len(x), axis=0) for seen in self._windows[:first]]
+        return np.concatenate([*expected, readings], axis=2), place
+
+    def predict(self, x: Matrix) -> Matrix:
+        """Simulate rows of unknowns, shape (m, 1 + z)."""
+        return self.simulate(x)[0]
+
+    def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:  # noqa: ARG002
+        """Weigh readings, shape (m, s n)."""
+        return weigh(predicted, self._present, self._sigma)
+
+    def first_guesses(self, steps: int) -> list[Vector]:
+        """Return some onsets within the first steps, each with damages by one step of Newton's method, best first."""
+        zones = np.arange(self.low.size) > 0
+        onsets = np.linspace(0.0, steps, ONSETS, endpoint=False)
+        guesses = np.column_stack([onsets, np.repeat(self._before[None], ONSETS, axis=0)])
+        for share in (SHARES, (1.0,)):
+            trials = []
+            for point in self.points(guesses):
+                model = self.about(point, zones, self.derivatives(point, zones))
+                d = bounded_minimum(model.A, model.g, -point.x[1:], self.high[1:] - point.x[1:])
+                moves = [np.r_[0.0, part * d] for part in share]
+                trials += [np.clip(point.x + move, self.low, self.high) for move in moves]
+            points = sorted(self.points(np.array(trials)), key=lambda point: point.chi2)
+            guesses = np.array([point.x for point in points[:BEST]])
+        return list(guesses)
+
+
+def weigh(rows: Matrix, present: Rows, sigma: Vector) -> Matrix:
+    """Remove the mean of each sensor from rows, shape (m, s, n), and divide by the noise, shape (m, s n)."""
+    count = np.maximum(present.sum(axis=1), 1)
+    mean = np.where(present, rows, 0.0).sum(axis=2) / count
+    return np.asarray((np.where(present, rows - mean[:, :, None], 0.0) / sigma[:, None]).reshape(len(rows), -1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,10 +183,8 @@ class Watch:
     ----------
     noise : float or array_like, shape (sensors,)
         Standard deviation of the noise of each sensor, in the unit of the readings.
-    elements_per_side, order : int
-        Mesh, as in ``membrane_model``.
-    params : MembraneParams or None
-        Membrane and load; None for the default.
+    structure : Structure or None
+        Membrane, with the start values of its load; None for the square of the thesis.
     damage : array_like, shape (zones,)
         Damage when the load sets in [1].
     sensor : SensorArtifact or None
@@ -118,9 +219,7 @@ class Watch:
     def __init__(
         self,
         noise: ArrayLike,
-        elements_per_side: int = 4,
-        order: int = 4,
-        params: MembraneParams | None = None,
+        structure: Structure | None = None,
         *,
         damage: ArrayLike = 0.0,
         sensor: SensorArtifact | None = None,
@@ -128,8 +227,7 @@ class Watch:
         step: float = 3e-4,
         false_alarms: float = 1e-5,
     ) -> None:
-        model = membrane_model(square_structure(elements_per_side, order))
-        self._forward = Forward(model, params or MembraneParams(), sensor, sensor_parameters)
+        self._forward = Forward(structure or square_structure(), sensor, sensor_parameters)
         sensors, zones = self._forward.n_sensors, self._forward.n_zones
         self._sigma = np.broadcast_to(np.asarray(noise, dtype=float), (sensors,)).copy()
         if not (np.isfinite(self._sigma).all() and (self._sigma > 0.0).all()):

@@ -22,7 +22,7 @@ from pyssp_standard.standard import ModelicaStandard
 
 from ..errors import ScenarioError
 from ..fmi.archive import Kind
-from ..fmi.units import conversion
+from ..fmi.types import conversion
 from ..scenario.schema import Value
 
 STRUCTURE = "SystemStructure.ssd"

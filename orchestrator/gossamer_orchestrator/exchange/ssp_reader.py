@@ -27,8 +27,7 @@ from pyssp_standard.ssd import SSD, Component, System
 from ..errors import OrchestratorError
 from ..fmi.archive import unpack
 from ..fmi.file import FmuFile
-from ..fmi.types import parse
-from ..fmi.units import conversion
+from ..fmi.types import conversion, parse
 from ..scenario.connections import find_cycle, sort_components
 from ..scenario.load import make_scenario
 from ..scenario.schema import Connection, Scenario, Value

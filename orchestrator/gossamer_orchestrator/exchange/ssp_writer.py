@@ -27,7 +27,7 @@ from pyssp_standard.utils import register_namespaces
 
 from ..fmi.archive import check_target, write_archive
 from ..fmi.file import FmuFile
-from ..fmi.units import scale
+from ..fmi.types import scale
 from ..scenario import schema
 from ..scenario.plan import ComponentPlan, Plan, make_plan
 from ..scenario.schema import Scenario

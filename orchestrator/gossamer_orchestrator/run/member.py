@@ -116,7 +116,7 @@ class OutputsOfType:
         self._place = slice(begin, begin + len(names))
         self._kind = instance.fmu.variables[names[0]].type
         self._port = instance.value_port(self._kind, names)
-        self._told = False
+        self._warned = False
 
     def read(self) -> None:
         """Read them into the store."""
@@ -126,8 +126,8 @@ class OutputsOfType:
         if self._kind in TEXTS:
             return
         self._store.values[self._place] = values
-        if not self._told and self._kind in EXCHANGED_EXACTLY and max(map(abs, values)) > LARGEST_EXACT:
-            self._told = True
+        if not self._warned and self._kind in EXCHANGED_EXACTLY and max(map(abs, values)) > LARGEST_EXACT:
+            self._warned = True
             name = f"{self._instance.name}.{self._names[0]}"
             logger.warning(
                 "%s is larger than 2^53: components receive it exactly, results hold the nearest float", name

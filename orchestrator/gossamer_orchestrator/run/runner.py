@@ -129,7 +129,7 @@ def run_scenario(
             resume=resume,
             observers=_pickled(observers),
         )
-        earlier, begun = _said_by_twin(folder), time.perf_counter()
+        earlier, begun = _files_of_twin(folder), time.perf_counter()
         process = stack.enter_context(Process(task))
         import xarray  # noqa: F401 (takes a second, while the other process starts)
 
@@ -165,8 +165,8 @@ def run_scenario(
         return data.load() if out is None else data
 
 
-def _said_by_twin(folder: Path) -> dict[Path, int]:
-    """Return what the twin said of the results in a folder: files, and when they were written [ns]."""
+def _files_of_twin(folder: Path) -> dict[Path, int]:
+    """Return the files that the twin wrote of the results in a folder, and when [ns]."""
     from ..pages import PAGE
 
     said = [folder / files.WATCH, folder / files.TWIN, folder / Path(files.TWIN).stem / PAGE]
@@ -178,7 +178,7 @@ def _settle(
 ) -> float | None:
     """Finish the netCDF file; return the time of its last row, None without any.
 
-    What the twin said of an earlier run goes with its results, unless it was written anew since.
+    What the twin wrote of an earlier run goes with its results, unless it was written anew since.
     """
     unfinished = folder / files.UNFINISHED_NETCDF
     if process.shared is None:
@@ -196,7 +196,7 @@ def _settle(
     if not (isinstance(error, ResultsError) and (folder / files.NETCDF).exists()):
         unfinished.replace(folder / files.NETCDF)
         settle_shapes(folder, kept=True)
-        for path, written in _said_by_twin(folder).items():
+        for path, written in _files_of_twin(folder).items():
             if earlier.get(path) == written:
                 path.unlink()
     return last

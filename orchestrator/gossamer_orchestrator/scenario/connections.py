@@ -12,8 +12,7 @@ from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
 from ..fmi.file import FmuFile
-from ..fmi.types import FLOATS
-from ..fmi.units import conversion, mismatch
+from ..fmi.types import FLOATS, conversion, mismatch
 from ..names import split_endpoint, split_indices, suggest
 from .schema import Connection, Scenario
 from .source import Problems

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import ScenarioError
 from ..fmi.file import FmuFile
-from ..fmi.types import FLOATS, TEXTS, Value, parse
-from ..fmi.units import conversion, definition_of
+from ..fmi.types import FLOATS, TEXTS, Value, conversion, definition_of, parse
 from ..names import split_endpoint, suggest
 from .connections import Draft
 from .schema import Input, Scenario

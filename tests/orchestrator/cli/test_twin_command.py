@@ -9,7 +9,7 @@ import xarray as xr
 from command_line import invoke
 from gossamer import TwinAnswer
 from gossamer.damage import _compared
-from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
+from gossamer_models.membrane import MembraneParams, square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import Answer, ResponseRecord
 from gossamer_models.twin.simulation import Forward
@@ -31,7 +31,7 @@ def call():
 
 @pytest.fixture(scope="module")
 def forward():
-    return Forward(membrane_model(square_structure(4, 1)), MembraneParams(mass_damping=30.0), default_artifact())
+    return Forward(square_structure(4, 1, params=MembraneParams(mass_damping=30.0)), default_artifact())
 
 
 @pytest.fixture(scope="module")
@@ -176,8 +176,6 @@ def test_the_table_has_a_column_of_remarks_only_where_there_is_one():
     headings = [
         [str(column.header) for column in shown.columns]
         for zones in ((), (3,))
-        for shown in TwinAnswer(
-            path=Path(), page=None, compared="", answer=Answer(**fields | {"unresolved": zones})
-        ).tables()
+        for shown in TwinAnswer(files=[Path()], compared="", answer=Answer(**fields | {"unresolved": zones})).tables()
     ]
     assert headings == [["zone", "damage [%]", "P(damaged)"], ["zone", "damage [%]", "P(damaged)", "remark"]]

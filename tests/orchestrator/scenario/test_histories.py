@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from gossamer_orchestrator import ScenarioError, load_scenario, make_plan, run_scenario
-from gossamer_orchestrator.fmi.units import definition_of
+from gossamer_orchestrator.fmi.types import definition_of
 from gossamer_orchestrator.scenario.histories import History
 
 TEXT = """
@@ -120,11 +120,7 @@ def test_common_units_are_known(name, expected):
 
 
 REFUSALS = {
-    "no such column": (
-        "t,lode\n0,0\n",
-        "",
-        "measured.csv, line 1: there is no column 'load'. Did you mean 'lode'?",
-    ),
+    "no such column": ("t,lode\n0,0\n", "", "measured.csv, line 1: there is no column 'load'. Did you mean 'lode'?"),
     "two columns": (
         "t,load [Pa],load [kPa]\n0,0,0\n",
         "",

@@ -49,11 +49,7 @@ class RelativeScale:
 
 
 def align(
-    records: tuple[Record, ...],
-    train: tuple[Rows, ...],
-    settings: PreisachSettings | None = None,
-    *,
-    full_scale: float,
+    records: tuple[Record, ...], train: tuple[Rows, ...], settings: PreisachSettings | None = None, *, full_scale: float
 ) -> tuple[tuple[Record, ...], tuple[RelativeScale, ...]]:
     """Return records at the scale of the first one, weighted by their noise, and the scale of each.
 

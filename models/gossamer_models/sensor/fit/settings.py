@@ -7,13 +7,9 @@ from math import inf
 from typing import Any, ClassVar, Literal
 
 from ...errors import require
-from ...fitting.options import fit_option
 from ..drives import EXTENSIONS, Drive
 
-PRESETS: dict[str, dict[str, Any]] = {
-    "preisach": {},
-    "preisach-hats": {"density": "hats", "density_ridge": 3e-3},
-}
+PRESETS: dict[str, dict[str, Any]] = {"preisach": {}, "preisach-hats": {"density": "hats", "density_ridge": 3e-3}}
 MODELS = tuple(PRESETS)
 
 
@@ -96,21 +92,26 @@ class PreisachSettings:
         How to fit a direct inverse, where there is one.
     """
 
-    FAMILY: ClassVar[str] = "Preisach"
+    OPTIONS: ClassVar[dict[str, tuple[str, ...]]] = {  # what a user may choose, and the models that have it
+        **dict.fromkeys(("relaxations", "tau", "exponents", "extension", "ridge", "earlier", "direct_inverse"), MODELS),
+        **dict.fromkeys(("residual", "least_slope", "starts", "seed"), MODELS),
+        "modes": ("preisach",),
+        "knots": ("preisach-hats",),
+    }
 
-    modes: int = fit_option(7, "preisach")
-    knots: int = fit_option(9, "preisach-hats")
-    relaxations: int = fit_option(7)
-    tau: tuple[float, ...] | None = fit_option(None)
-    exponents: tuple[float, ...] | None = fit_option(None)
-    extension: str = fit_option("none")
-    ridge: float | Literal["auto"] | None = fit_option(None)
-    earlier: bool = fit_option(False)
-    direct_inverse: bool = fit_option(False)
-    residual: int | Literal["auto"] = fit_option(0)
-    least_slope: float = fit_option(0.02)
-    starts: int = fit_option(2)
-    seed: int = fit_option(0)
+    modes: int = 7
+    knots: int = 9
+    relaxations: int = 7
+    tau: tuple[float, ...] | None = None
+    exponents: tuple[float, ...] | None = None
+    extension: str = "none"
+    ridge: float | Literal["auto"] | None = None
+    earlier: bool = False
+    direct_inverse: bool = False
+    residual: int | Literal["auto"] = 0
+    least_slope: float = 0.02
+    starts: int = 2
+    seed: int = 0
 
     density: Literal["modal", "hats"] = "modal"
     n_lines: int = 32
