@@ -4,6 +4,10 @@ from gossamer_orchestrator import ResultsError as ResultsError
 from gossamer_orchestrator import ScenarioError as ScenarioError
 from gossamer_orchestrator import SimulationError as SimulationError
 
+from .assessing import Assessment as Assessment
+from .assessing import DetectorAssessment as DetectorAssessment
+from .assessing import assess as assess
+from .assessing import assess_detector as assess_detector
 from .checks import Validation as Validation
 from .checks import Verification as Verification
 from .checks import validate as validate
@@ -11,9 +15,7 @@ from .checks import verify as verify
 from .damage import TwinAnswer as TwinAnswer
 from .damage import twin as twin
 from .detectors import Campaign as Campaign
-from .detectors import DetectorAssessment as DetectorAssessment
 from .detectors import TrainedDetector as TrainedDetector
-from .detectors import assess_detector as assess_detector
 from .detectors import campaign as campaign
 from .detectors import train as train
 from .files import container as container
@@ -33,9 +35,7 @@ from .runs import Run as Run
 from .runs import demo as demo
 from .runs import load as load
 from .runs import run as run
-from .sensors import Assessment as Assessment
 from .sensors import Identification as Identification
-from .sensors import assess as assess
 from .sensors import identify as identify
 from .sweeps import Sweep as Sweep
 from .sweeps import sweep as sweep

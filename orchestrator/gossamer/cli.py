@@ -30,7 +30,19 @@ from .terminal import NO_TERMINAL, TERMINAL, stderr
 
 OURS = ("gossamer_models", "gossamer_fmus", "gossamer_orchestrator", "gossamer")  # loggers
 MORE = "Every command has its own help: gossamer run --help"
-THEMES = ("fmus", "runs", "checks", "sweeps", "files", "sensors", "damage", "watching", "detectors", "placement")
+THEMES = (
+    "fmus",
+    "runs",
+    "checks",
+    "sweeps",
+    "files",
+    "sensors",
+    "assessing",
+    "damage",
+    "watching",
+    "detectors",
+    "placement",
+)
 USAGE, INTERRUPTED = 2, 130  # exit codes
 COMMON = {  # options of all commands: how they are written, and the help
     "json": (("--json",), bool, "Print the answer as one JSON document."),
@@ -98,7 +110,7 @@ def _run(words: list[str]) -> int:
         return USAGE
     if other is not None:
         other()
-        return 0
+        return 0 if words else USAGE
     common = {each: given.pop(each, None) for each in COMMON}
     TERMINAL.quiet, TERMINAL.talks, TERMINAL.typed = bool(common["quiet"]), True, words
     try:
@@ -138,7 +150,7 @@ def _answer(found: Any, wants_json: bool) -> int:  # noqa: ANN401
     if wants_json:
         print(_json(found.to_json()))
     else:
-        for path in found.written():
+        for path in found.files:
             print(path)
     for line in found.hints():
         style = "bold red" if line.startswith("Warning: ") else None
@@ -233,10 +245,13 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
         converter=_whole if kind is int else None,
         show_default=argument.default not in (None, False, inspect.Parameter.empty),
         allow_repeating=True,
+        required=argument.default is inspect.Parameter.empty,
         group=panel,
     )
-    place = inspect.Parameter.KEYWORD_ONLY if argument.is_option else inspect.Parameter.POSITIONAL_ONLY
-    return inspect.Parameter(argument.name, place, annotation=Annotated[hint, how], default=argument.default)
+    if argument.is_option or not written.many:
+        place = inspect.Parameter.KEYWORD_ONLY if argument.is_option else inspect.Parameter.POSITIONAL_ONLY
+        return inspect.Parameter(argument.name, place, annotation=Annotated[hint, how], default=argument.default)
+    return inspect.Parameter(argument.name, inspect.Parameter.VAR_POSITIONAL, annotation=Annotated[str, how])
 
 
 def _whole(_kind: type, tokens: Sequence[cyclopts.Token]) -> int:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from .arguments import AnyPath, Elements, File, NamesWithCommas, NotNegative, Values, assigned, command, with_commas
 from .records import beside, file_of, find_record, name_of
-from .results import INVALID, Result, as_png, typed, zone_coordinates
-from .terminal import stderr
+from .results import INVALID, Saved, as_png, typed, zone_coordinates
+from .terminal import progress_bar, stderr
 from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
@@ -23,23 +23,19 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class TwinAnswer(Result):
+class TwinAnswer(Saved):
     """Damage that a simulation fitted to a record shows.
 
     Attributes
     ----------
-    path : Path
-        JSON file of the answer.
-    page : Path or None
-        Its page; None if it could not be written.
+    files : list of Path
+        JSON file of the answer, and its page if it could be written.
     answer : gossamer_models.twin.Answer
         The whole answer: validity, doubts, and what else was fitted.
     compared : str
         A sentence if only the beginning of the record was compared, else empty.
     """
 
-    path: Path
-    page: Path | None
     answer: Answer
     compared: str
 
@@ -64,13 +60,6 @@ class TwinAnswer(Result):
     def exit_code(self) -> int:
         """Return the exit code."""
         return 0 if self.answer.valid else INVALID
-
-    def __fspath__(self) -> str:
-        return str(self.path)
-
-    def written(self) -> list[Path]:
-        """Return answer and page."""
-        return [path for path in (self.path, self.page) if path is not None]
 
     @property
     def _verdict(self) -> str:
@@ -190,7 +179,6 @@ def twin(
     from gossamer_models.membrane import square_structure
     from gossamer_models.twin import Twin
     from gossamer_orchestrator.results.files import TWIN
-    from gossamer_orchestrator.run.progress import ProgressBar
 
     from .pages.twin import twin_page
 
@@ -202,7 +190,7 @@ def twin(
     logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
     default = "none" if found.record.kind == "resistance" else "offset"
     names = with_commas(default if fit is None else fit).split(",")
-    with ProgressBar("fitting", console) as bar:
+    with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
         answer = Twin(
             square_structure(elements_per_side, order, params=found.params),
@@ -219,7 +207,7 @@ def twin(
         unfinished.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
     compared = _compared(source, found.record, answer.record, stop)
     pages = save_page(lambda: twin_page(name_of(source), answer, compared), path.with_suffix(""))
-    return TwinAnswer(path=path, page=next(iter(pages), None), answer=answer, compared=compared)
+    return TwinAnswer(files=[path, *pages], answer=answer, compared=compared)
 
 
 def _compared(path: Path, given: ResponseRecord, used: ResponseRecord, stop: float | None) -> str:

@@ -3,45 +3,38 @@
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gossamer_files.options import option
+from gossamer_orchestrator.errors import OrchestratorError, ScenarioError
 
-from .arguments import Address, AnyPath, Cases, Count, File, Files, Folder, Seconds, command, several
-from .results import Result, TableText, first_of, page_of
-from .terminal import stderr
+from .arguments import Address, AnyPath, Count, File, Folder, Seconds, command
+from .results import Saved, TableText, by_label
+from .terminal import progress_bar
 from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.assessment import AssessmentResults
     from gossamer_models.campaign import CampaignPlan, Summary
     from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
 
 Method = Literal["neuro-fuzzy", "perceptron", "thesis"]
 NOMINAL = "detector_nominal"
 DRIFT = 2  # steps that cover how the phase of the load drifts from window to window
-TWIN_RECORDS, TWIN_SIZES = 6, 3  # records of a condition, sizes of damage in each zone that the twin has time for
-UNITS = {"error_all": "% damage", "error_damaged": "% damage", "a50": "1", "a90": "1", "a90_95": "1"}
-PERCENT = ("all_zones", "damaged_zones", "error_all", "error_damaged")  # the others are ratios
 
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Campaign(Result):
+class Campaign(Saved):
     """Many simulations.
 
     Attributes
     ----------
-    folder : Path
-        The store.
-    page : Path or None
-        Its page; None if it could not be written.
+    files : list of Path
+        The store, and its page if it could be written.
     title : str
         Of the campaign.
     summary : gossamer_models.campaign.Summary
@@ -51,18 +44,9 @@ class Campaign(Result):
         until it is used.
     """
 
-    folder: Path
-    page: Path | None
     title: str
     summary: Summary
     data: xr.Dataset
-
-    def __fspath__(self) -> str:
-        return str(self.folder)
-
-    def written(self) -> list[Path]:
-        """Return store and page."""
-        return [path for path in (self.folder, self.page) if path is not None]
 
     @property
     def sentence(self) -> str:
@@ -79,12 +63,12 @@ class Campaign(Result):
 
     def more(self) -> list[str]:
         """Return how many cases broke, and where the store is."""
-        return [*self.doubts(), f"The store is {self.folder}."]
+        return [*self.doubts(), f"The store is {self}."]
 
     @property
     def size(self) -> int:
         """Size of the store [byte]."""
-        return sum(each.stat().st_size for each in self.folder.rglob("*") if each.is_file())
+        return sum(each.stat().st_size for each in self.path.rglob("*") if each.is_file())
 
     def tables(self) -> list[TableText]:
         """Return what was simulated."""
@@ -97,7 +81,7 @@ class Campaign(Result):
         """Return what was simulated."""
         s = self.summary
         found = {"cases": s.cases, "simulated": s.simulated, "failed": s.failed, "wall_time_s": s.seconds}
-        return {"store": self.folder, "page": self.page, **found, "size_bytes": self.size}
+        return {"store": self.path, "page": self.page, **found, "size_bytes": self.size}
 
 
 @command
@@ -140,7 +124,6 @@ def campaign(
         gossamer campaign my_campaign.toml --out out/mine.zarr --scheduler tcp://192.168.0.5:8786
     """
     from gossamer_models.campaign import read_campaign, run_campaign
-    from gossamer_orchestrator.run.progress import ProgressBar
     from gossamer_orchestrator.scenario.source import find_scenario
 
     from .descriptions import load_campaign, locating
@@ -149,7 +132,7 @@ def campaign(
     file = find_scenario(str(campaign), "campaign")
     store = Path("out/campaigns") / f"{file.stem}.zarr" if out is None else Path(out)
     keep_inputs([file], [store])
-    bar = ProgressBar(file.stem, stderr())
+    bar = progress_bar(file.stem)
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
     wanted, source = load_campaign(file)
     try:
@@ -169,42 +152,31 @@ def campaign(
     title = wanted.title or file.stem
     # not inside the store, where programs that read Zarr would warn of it
     folder = store.with_suffix("") if store.suffix else store.with_name(f"{store.name}_page")
-    page = page_of(save_page(lambda: campaign_page(title, read_campaign(store), summary), folder))
-    return Campaign(folder=store, page=page, title=title, summary=summary, data=read_campaign(store))
+    pages = save_page(lambda: campaign_page(title, read_campaign(store), summary), folder)
+    return Campaign(files=[store, *pages], title=title, summary=summary, data=read_campaign(store))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class TrainedDetector(Result):
+class TrainedDetector(Saved):
     """A detector that was trained.
 
     Attributes
     ----------
-    path : Path
-        Its artifact.
-    page : Path or None
-        Its page; None if it could not be written.
+    files : list of Path
+        Its artifact, and its page if it could be written.
     artifact : gossamer_models.detector.PosteriorArtifact or DetectorArtifact
         What was trained, and over which ranges; the latter of the thesis.
     held_out : dict of str to dict of str to float
         Errors by kind of record, as ``data`` has them.
     """
 
-    path: Path
-    page: Path | None
     artifact: PosteriorArtifact | DetectorArtifact
     held_out: dict[str, dict[str, float]]
 
     @property
     def data(self) -> xr.Dataset:
         """Errors by kind of record, ``cases``: see ``gossamer_models.assessment.figures``."""
-        return _by(("cases",), (((kind,), row) for kind, row in self.held_out.items()))
-
-    def __fspath__(self) -> str:
-        return str(self.path)
-
-    def written(self) -> list[Path]:
-        """Return artifact and page."""
-        return [path for path in (self.path, self.page) if path is not None]
+        return by_label(("cases",), (((kind,), row) for kind, row in self.held_out.items()))
 
     @property
     def sentence(self) -> str:
@@ -279,8 +251,6 @@ def train(
 
         gossamer train multiple_noisy --kind thesis
     """
-    from gossamer_orchestrator import OrchestratorError
-
     if kind == "thesis":
         if window is not None or epochs is not None:
             given = f"{option('window')} and {option('epochs')}"
@@ -292,7 +262,6 @@ def train(
     from gossamer_models.assessment.figures import errors, held_out_verdicts
     from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior
-    from gossamer_orchestrator.run.progress import ProgressBar
 
     from .pages.train import training_page
 
@@ -306,7 +275,7 @@ def train(
     logger.info("%s: %d cases, windows of %d samples, %d epochs", name, data.sizes["case"], samples, training.epochs)
     end = "" if kind == "neuro-fuzzy" else f"_{kind}"
     path = path or Path("out/detector") / f"{name}{end}.json"
-    with ProgressBar("training", stderr()) as bar:
+    with progress_bar("training") as bar:
         artifact = train_posterior(data, training, lambda done: bar.update(done, 1.0))
     made = f"gossamer train {name} --kind {kind} --epochs {training.epochs}"
     made += f" --window {window:g}" if window is not None else ""
@@ -317,14 +286,13 @@ def train(
         provenance={"command": made, **artifact.provenance},
     )
     artifact.write(path)
-    page = page_of(save_page(lambda: training_page(name, artifact, judged), path.with_suffix("")))
-    return TrainedDetector(path=path, page=page, artifact=artifact, held_out=artifact.held_out)
+    pages = save_page(lambda: training_page(name, artifact, judged), path.with_suffix(""))
+    return TrainedDetector(files=[path, *pages], artifact=artifact, held_out=artifact.held_out)
 
 
 def _data(source: str) -> tuple[xr.Dataset, str, float | None]:
     """Return the campaign of a source, run if need be, its name, and the length of a window that a scenario states [s]."""
     from gossamer_models.campaign import read_campaign, run_campaign
-    from gossamer_orchestrator.run.progress import ProgressBar
     from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios
 
     from .descriptions import load_campaign, locating
@@ -340,7 +308,7 @@ def _data(source: str) -> tuple[xr.Dataset, str, float | None]:
         file = find_scenario(source, "campaign")
         wanted, text = load_campaign(file)
     path = Path("out/campaigns") / f"{file.stem}.zarr"
-    with locating(text), ProgressBar("simulating damage", stderr()) as bar:
+    with locating(text), progress_bar("simulating damage") as bar:
         run_campaign(wanted, path, progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"))
     return read_campaign(path), file.stem, length
 
@@ -356,7 +324,7 @@ def is_scenario(source: str) -> bool:
 
 def campaign_of(file: Path, nominal: CampaignPlan) -> tuple[CampaignPlan, float | None]:
     """Return the nominal campaign with the membrane and the windows of a scenario, and the length of a window [s]."""
-    from gossamer_orchestrator import ScenarioError, load_scenario
+    from gossamer_orchestrator import load_scenario
 
     scenario = load_scenario(file)
     found = [c for c in scenario.components.values() if Path(c.fmu).stem == "membrane"]
@@ -381,9 +349,7 @@ def campaign_of(file: Path, nominal: CampaignPlan) -> tuple[CampaignPlan, float 
 def _train_thesis(name: str, out: AnyPath | None) -> TrainedDetector:
     from gossamer_models.assessment.figures import thesis_errors
     from gossamer_models.detector.thesis_training import TRAININGS, train_detector
-    from gossamer_orchestrator import OrchestratorError
     from gossamer_orchestrator.names import suggest
-    from gossamer_orchestrator.run.progress import ProgressBar
 
     from .pages.train import thesis_page
 
@@ -391,177 +357,12 @@ def _train_thesis(name: str, out: AnyPath | None) -> TrainedDetector:
         msg = f"the thesis has no training {name!r}. {suggest(name, TRAININGS)}"
         raise OrchestratorError(msg)
     path = Path("out/detector") / f"{name}_damage.json" if out is None else json_file(out)
-    with ProgressBar("simulating and training", stderr()):
+    with progress_bar("simulating and training"):
         artifact = train_detector(TRAININGS[name])
         artifact.write(path)
         found = thesis_errors(artifact, noisy=TRAININGS[name].noisy)
     rows: dict[str, dict[str, float]] = {}
     for cases, (ours, printed) in found.items():
         rows |= {cases: ours, f"{cases}: the thesis": printed}
-    page = page_of(save_page(lambda: thesis_page(name, artifact, rows), path.with_suffix("")))
-    return TrainedDetector(path=path, page=page, artifact=artifact, held_out=rows)
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class DetectorAssessment(Result):
-    """Detectors that were judged under many conditions.
-
-    Attributes
-    ----------
-    result : gossamer_models.assessment.AssessmentResults
-        Everything that was found.
-    files : list of Path
-        Results, pictures and page.
-    """
-
-    result: AssessmentResults
-    files: list[Path]
-
-    @property
-    def data(self) -> xr.Dataset:
-        """By ``detector`` and ``condition``: ``error_all``, ``error_damaged`` [%], shares [1] with the bounds ``_low`` and
-        ``_high`` of their 95 % intervals, and the other figures of ``gossamer_models.assessment.Figures``.
-        """  # noqa: D205
-        rows = (((row.judge, row.condition), _figures(row.figures)) for row in self.result.rows)
-        return _by(("detector", "condition"), rows)
-
-    @property
-    def detections(self) -> xr.Dataset:
-        """Probability of detection by ``detector``, ``condition`` and ``zone``, 0 for all zones together: ``a50``, ``a90``,
-        ``a90_95`` [1], the ``threshold`` of a call and the share of ``false_calls`` [1].
-        """  # noqa: D205
-        names = ("a50", "a90", "a90_95", "threshold")
-        rows = (
-            (
-                (row.judge, row.condition, row.zone),
-                {name: getattr(row, name) for name in names} | {"false_calls": row.false_calls.value},
-            )
-            for row in self.result.detections
-        )
-        return _by(("detector", "condition", "zone"), rows)
-
-    @property
-    def page(self) -> Path | None:
-        """Its page; None if it could not be written."""
-        return page_of(self.files)
-
-    def __fspath__(self) -> str:
-        return str(self.files[0].parent)
-
-    @property
-    def sentence(self) -> str:
-        """How many detectors and conditions there are."""
-        from gossamer_orchestrator.words import counted
-
-        sizes = self.data.sizes
-        return f"{counted(sizes['detector'], 'detector')} under {sizes['condition']} conditions."
-
-    def more(self) -> list[str]:
-        """Return where the files are."""
-        return [f"Files are in {self}."]
-
-    def picture(self) -> bytes | None:
-        """Return errors under each condition."""
-        return first_of(self.files, "errors.png")
-
-    def tables(self) -> list[TableText]:
-        """Return errors by condition, and probabilities of detection."""
-        from .pages.assess_detector import condition_table, detection_table
-
-        return [condition_table(self.result), detection_table(self.result)]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return everything."""
-        found = self.result
-        return {"files": self.files, "conditions": found.rows, "detections": found.detections, "units": UNITS}
-
-
-@command
-def assess_detector(
-    *,
-    artifact: Files | None = None,
-    twin: bool = False,
-    cases: Cases = 400,
-    out: Folder = "out/assessment",
-) -> DetectorAssessment:
-    """Judge detectors, and the twin, under many conditions.
-
-    Simulates records under many conditions (noise, load, material, sensors, another mesh), asks every detector for the
-    damage, and compares: errors, false calls, reliability of stated deviations, confusion of zones, and the probability of
-    detection against size with a90/95 of each zone, after MIL-HDBK-1823A. Called again, it goes on after an interruption:
-    finished simulations are kept, and so is what the twin said.
-
-    Parameters
-    ----------
-    artifact
-        Trained detector: its file, or nominal, wide or single_damage; may be repeated. These three by default.
-    twin
-        The digital twin too, on few records: it takes long.
-    cases
-        Records of each condition; a fifth as many sizes of damage in each zone.
-    out
-        Folder of results, pictures and simulations.
-
-    Returns
-    -------
-    DetectorAssessment
-        Errors, false calls and probability of detection; a path of the folder; displayed in a notebook.
-
-    Examples
-    --------
-    >>> gossamer.assess_detector(artifact="mine.json", cases=100).data["error_damaged"].sel(condition="clean")
-
-    On the command line::
-
-        gossamer assess-detector
-
-        gossamer assess-detector --artifact mine.json --twin --cases 100 --out out/mine
-    """
-    from gossamer_models.assessment import AlwaysZero, assess, read_judge, shipped_judges, twin_judges, write_assessment
-    from gossamer_models.assessment.plots import save_pictures
-    from gossamer_orchestrator.run.progress import ProgressBar
-
-    from .pages.assess_detector import assessment_page
-
-    folder, artifacts = Path(out), [Path(path) for path in several(artifact)]
-    keep_inputs(artifacts, (folder / name for name in ("assessment.json", "assessment.npz")))
-    with ProgressBar("assessment", stderr()) as bar:
-        bar.update(text="reading detectors,")
-        judges = [read_judge(path) for path in artifacts] if artifacts else shipped_judges()
-        twins = twin_judges(TWIN_RECORDS, TWIN_SIZES) if twin else ()
-
-        def report(what: str, done: int, total: int) -> None:
-            bar.update(done, total, f"{what}: {done} of {total},")
-
-        found = assess([AlwaysZero(), *judges, *twins], folder / "simulations", cases=cases, report=report)
-        files = [*write_assessment(found, folder), *save_pictures(found, folder)]
-    return DetectorAssessment(result=found, files=files + save_page(lambda: assessment_page(found), folder))
-
-
-def _figures(figures: Any) -> dict[str, float]:  # noqa: ANN401
-    """Return figures of merit by name; of a share its value, and its bounds as ``_low`` and ``_high``."""
-    found: dict[str, float] = {}
-    for name in (each.name for each in fields(figures)):
-        value = getattr(figures, name)
-        if hasattr(value, "low"):
-            found |= {name: value.value, f"{name}_low": value.low, f"{name}_high": value.high}
-        else:
-            found[name] = value
-    return found
-
-
-def _by(dims: tuple[str, ...], rows: Iterable[tuple[tuple[Any, ...], Mapping[str, float]]]) -> xr.Dataset:
-    """Return rows of values by name along their keys, in the order of the rows; not a number where there is none."""
-    import numpy as np
-    import xarray as xr
-
-    listed = list(rows)
-    labels = {dim: list(dict.fromkeys(key[k] for key, _ in listed)) for k, dim in enumerate(dims)}
-    arrays: dict[str, Any] = {}
-    for key, values in listed:
-        place = tuple(labels[dim].index(label) for dim, label in zip(dims, key, strict=True))
-        for name, value in values.items():
-            empty = np.full([len(each) for each in labels.values()], math.nan)
-            arrays.setdefault(name.replace(" ", "_"), empty)[place] = value
-    units = {name: {"units": "%" if name in PERCENT else "1"} for name in arrays}
-    return xr.Dataset({name: (dims, values, units[name]) for name, values in arrays.items()}, coords=labels)
+    pages = save_page(lambda: thesis_page(name, artifact, rows), path.with_suffix(""))
+    return TrainedDetector(files=[path, *pages], artifact=artifact, held_out=rows)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gossamer_files.options import option
+from gossamer_orchestrator.errors import ResultsError, ScenarioError
 
 from .arguments import AnyPath, File, FmiVersion, Folder, Form, command
 from .terminal import say
@@ -49,7 +50,6 @@ def new(name: AnyPath) -> Path:
 
         gossamer new mine && gossamer build && gossamer run mine.toml
     """
-    from gossamer_orchestrator import ScenarioError
     from gossamer_orchestrator.scenario.source import write_new
 
     path = Path(name) if str(name).endswith(".toml") else Path(f"{name}.toml")
@@ -137,7 +137,6 @@ def newest_page(results: Path) -> Path:
     ResultsError
         There is neither a page nor results of a run.
     """
-    from gossamer_orchestrator import ResultsError
     from gossamer_orchestrator.pages import PAGE
     from gossamer_orchestrator.results.files import RECORDED, WATCH
 
@@ -347,7 +346,6 @@ def _write(
 @contextmanager
 def _naming_shipped(path: Path) -> Iterator[None]:
     """Say where a shipped scenario is, which is not to be changed, below what is wrong with it."""
-    from gossamer_orchestrator import ScenarioError
     from gossamer_orchestrator.scenario.source import shipped_scenarios
 
     try:

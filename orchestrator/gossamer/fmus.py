@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gossamer_files.options import option
+from gossamer_orchestrator.errors import FmuError
 
 from .arguments import File, FmiVersion, Folder, Name, Names, Numbers, command, numbers_of, several
 from .results import Result
@@ -37,12 +38,7 @@ class Fmus(Result, dict[str, Path]):
 
     def __init__(self, paths: dict[str, Path], *, fmi: int, native: bool) -> None:
         super().__init__(paths)
-        self.fmi, self.native = fmi, native
-
-    @property
-    def files(self) -> list[Path]:
-        """The paths."""
-        return list(self.values())
+        self.fmi, self.native, self.files = fmi, native, list(paths.values())
 
     @property
     def sentence(self) -> str:
@@ -156,8 +152,6 @@ def build(
 
         gossamer build detector --artifact wide --out somewhere
     """
-    from gossamer_orchestrator import FmuError
-
     wanted = several(names)
     if frame and "membrane" not in wanted:
         msg = f"{option('frame', True)} puts the membrane on a frame: name it, as in 'gossamer build membrane --frame'."
@@ -173,6 +167,8 @@ def build(
         structure = load_structure(
             find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh), expose=expose
         )
+        for remark in structure.remarks:
+            say(remark)
     elif mesh is not None or expose:
         given = f"{option('mesh')} and {option('expose', True)}"
         msg = f"{given} need a setup of material and supports. Name its file with {option('setup')}."
@@ -196,7 +192,6 @@ def build(
 def build_fmus(folder: Path, names: Sequence[str] = (), **options: Any) -> dict[str, Path]:  # noqa: ANN401
     """Build FMUs into a folder, those of the chain if none is named, and say what is replaced by something else."""
     from gossamer_fmus import CHAIN, NAMES, build_all
-    from gossamer_orchestrator import FmuError
     from gossamer_orchestrator.names import suggest
 
     for name in names:
@@ -223,7 +218,7 @@ def build_fmus(folder: Path, names: Sequence[str] = (), **options: Any) -> dict[
 
 def _description(path: Path) -> str:
     """Return what an FMU says that it is; nothing if there is none that can be read."""
-    from gossamer_orchestrator import FmuError, FmuFile
+    from gossamer_orchestrator import FmuFile
 
     try:
         return (FmuFile(path, validate=False).description.description or "") if path.is_file() else ""

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gossamer_files.options import option
+from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import Count, CountOrNone, File, Folder, NotNegative, Values, assigned, command
 from .records import numbers_by_name
-from .results import Result, TableText, first_of, page_of
-from .terminal import stderr
+from .results import Result, TableText, first_of
+from .terminal import progress_bar
 from .writing import keep_inputs, save_page
 
 if TYPE_CHECKING:
@@ -75,11 +76,6 @@ class SensorPlacement(Result):
             },
             attrs={"noise": self.result.noise, "samples": self.samples},
         )
-
-    @property
-    def page(self) -> Path | None:
-        """Its page; None if it could not be written."""
-        return page_of(self.files)
 
     def __fspath__(self) -> str:
         return str(self.path)
@@ -200,8 +196,6 @@ def place_sensors(
     from gossamer_models.membrane import MembraneParams, square_structure
     from gossamer_models.placement import NOISE, save_picture, sensors_text, write_csv
     from gossamer_models.placement import place_sensors as place
-    from gossamer_orchestrator import OrchestratorError
-    from gossamer_orchestrator.run.progress import ProgressBar
 
     from .descriptions import load_structure
     from .pages.place_sensors import placement_page
@@ -212,7 +206,7 @@ def place_sensors(
     if setup is None and mesh is not None:
         msg = f"{option('mesh')} needs a setup. Write: gossamer place-sensors sail.toml --mesh sail.msh"
         raise OrchestratorError(msg)
-    bar = ProgressBar("place-sensors", stderr())
+    bar = progress_bar("place-sensors")
     load = {}
     if setup is None:
         structure, p = square_structure(), MembraneParams()

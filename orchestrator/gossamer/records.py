@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gossamer_files.options import option
+from gossamer_orchestrator.errors import OrchestratorError, ResultsError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -73,7 +74,7 @@ def find_record(
     from gossamer_files.measured import header_of, of_a_run
     from gossamer_models.membrane import MembraneParams
     from gossamer_models.twin import read_table
-    from gossamer_orchestrator import OrchestratorError, load_results
+    from gossamer_orchestrator import load_results
 
     if kind not in (None, *KINDS):
         msg = f"{option('kind')} is {kind!r}. Write strain or resistance."
@@ -140,7 +141,6 @@ def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[
     import numpy as np
     from gossamer_models.membrane import square_structure
     from gossamer_models.twin import make_record
-    from gossamer_orchestrator import ResultsError
     from gossamer_orchestrator.results import dataset
 
     time = data["time"].to_numpy().astype(float)
@@ -175,7 +175,6 @@ def _parameters(data: xr.Dataset, component: str) -> dict[str, float]:
 
 
 def _assigned(texts: Sequence[str], known: Mapping[str, float]) -> dict[str, float]:
-    from gossamer_orchestrator import OrchestratorError
     from gossamer_orchestrator.names import suggest
 
     given = numbers_by_name(texts, "NAME=VALUE")
@@ -188,8 +187,6 @@ def _assigned(texts: Sequence[str], known: Mapping[str, float]) -> dict[str, flo
 
 def numbers_by_name(texts: Sequence[str], example: str) -> dict[str, float]:
     """Read numbers by name, ``NAME=VALUE`` each."""
-    from gossamer_orchestrator import OrchestratorError
-
     found = {}
     for text in texts:
         name, _, value = text.partition("=")

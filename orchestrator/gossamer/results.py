@@ -6,17 +6,19 @@ import base64
 import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 if TYPE_CHECKING:
+    import xarray as xr
     from gossamer_files.charts import Chart
     from rich.console import Console
     from rich.table import Table
 
 INVALID = 3  # exit code: all went well, and the judgement is not valid
+_PERCENT = ("all_zones", "damaged_zones", "error_all", "error_damaged")  # the others are ratios
 _WIDTH = 160  # characters of a table in a notebook
 _CODE = '<pre style="white-space:pre;overflow-x:auto;line-height:normal">{code}</pre>'
 
@@ -42,12 +44,23 @@ class TableText(NamedTuple):
 class Result:
     """What a command found; a subclass says what it has of this.
 
-    The command line prints ``files``, where a subclass has this: what was written, the page last.
+    Attributes
+    ----------
+    files : sequence of Path
+        What was written, in the order in which the command line prints it; the page last.
     """
 
+    files: Sequence[Path] = ()
     TABLES: ClassVar[Literal["stdout", "stderr", "told"]] = (
         "stderr"  # where the command line prints them, if not yet told
     )
+
+    @property
+    def page(self) -> Path | None:
+        """The page; None where none was written."""
+        from gossamer_orchestrator.pages import PAGE
+
+        return next((path for path in self.files if path.name == PAGE), None)
 
     @property
     def sentence(self) -> str:
@@ -57,10 +70,6 @@ class Result:
     def exit_code(self) -> int:
         """Return the exit code of the command."""
         return 0
-
-    def written(self) -> Sequence[Path]:
-        """Return what was written, in the order in which the command line prints it; the page last."""
-        return getattr(self, "files", ())
 
     def lines(self) -> list[str]:
         """Return sentences that the command line prints below the tables."""
@@ -76,7 +85,8 @@ class Result:
 
     def hints(self) -> list[str]:
         """Return what to type next, for the command line."""
-        return hints_of(self.written())
+        page = self.page
+        return [] if page is None else [f"Open {page}, or type 'gossamer view {typed(page.parent)}'."]
 
     def tables(self) -> Sequence[TableText | Table | str]:
         """Return tables, or a text where a table would be too long to lay out."""
@@ -88,7 +98,7 @@ class Result:
 
     def to_json(self) -> dict[str, Any]:
         """Return all as JSON: keys end in the unit (``time_s``), ratios have none, or ``units`` stands beside them."""
-        return {"files": self.written()}
+        return {"files": self.files}
 
     def __repr__(self) -> str:
         place = f"{str(self)!r}: " if hasattr(self, "__fspath__") else ""
@@ -117,6 +127,21 @@ class Result:
         return f"<div>{''.join(parts)}</div>"
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Saved(Result):
+    """A result that is a path: that of the first of its files."""
+
+    files: Sequence[Path]
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.files[0]
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+
 def print_tables(console: Console, tables: Iterable[TableText | Table | str]) -> None:
     """Print tables; those without rows are left out."""
     from rich.markup import escape as marked
@@ -142,22 +167,9 @@ def on_page(shown: TableText) -> str:
     return table(shown.head, shown.rows, shown.caption, row_heads=False) if shown.rows else ""
 
 
-def hints_of(files: Sequence[Path]) -> list[str]:
-    """Return which page to open, and the command that opens it."""
-    page = page_of(files)
-    return [] if page is None else [f"Open {page}, or type 'gossamer view {typed(page.parent)}'."]
-
-
 def typed(path: Path) -> str:
     """Return a path as it is typed in a command."""
     return f'"{path}"' if " " in str(path) else str(path)
-
-
-def page_of(files: Iterable[Path]) -> Path | None:
-    """Return the page among files, if there is one."""
-    from gossamer_orchestrator.pages import PAGE
-
-    return next((path for path in files if path.name == PAGE), None)
 
 
 def first_of(files: Iterable[Path], ending: str) -> bytes | None:
@@ -183,6 +195,23 @@ def as_png(chart: Chart, size: tuple[float, float] = (4.7, 4.4)) -> bytes:
     with picture(target, size) as figure:
         draw(chart, figure.subplots())
     return target.getvalue()
+
+
+def by_label(dims: tuple[str, ...], rows: Iterable[tuple[tuple[Any, ...], Mapping[str, float]]]) -> xr.Dataset:
+    """Return rows of values by name along their keys, in the order of the rows; not a number where there is none."""
+    import numpy as np
+    import xarray as xr
+
+    listed = list(rows)
+    labels = {dim: list(dict.fromkeys(key[k] for key, _ in listed)) for k, dim in enumerate(dims)}
+    arrays: dict[str, Any] = {}
+    for key, values in listed:
+        place = tuple(labels[dim].index(label) for dim, label in zip(dims, key, strict=True))
+        for name, value in values.items():
+            empty = np.full([len(each) for each in labels.values()], math.nan)
+            arrays.setdefault(name.replace(" ", "_"), empty)[place] = value
+    units = {name: {"units": "%" if name in _PERCENT else "1"} for name in arrays}
+    return xr.Dataset({name: (dims, values, units[name]) for name, values in arrays.items()}, coords=labels)
 
 
 def as_json(value: Any) -> Any:  # noqa: ANN401

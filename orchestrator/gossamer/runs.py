@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gossamer_files.options import option
+from gossamer_orchestrator.errors import OrchestratorError, ResultsError
 
 from .arguments import AnyPath, CallLimit, Folder, Threads, Values, assigned, command
 from .fmus import build_fmus
 from .results import INVALID, Result, first_of
-from .terminal import stderr
+from .terminal import progress_bar
 from .writing import save_page
 
 if TYPE_CHECKING:
@@ -53,7 +54,6 @@ class Run(Result):
     @cached_property
     def _windows(self) -> list[Judgement] | None:
         """Judgements; None without a detector."""
-        from gossamer_orchestrator import ResultsError
         from gossamer_orchestrator.results.judgements import windows
 
         try:
@@ -233,11 +233,9 @@ def run(
 
         gossamer run my_scenario.toml --resume
     """
-    from gossamer_orchestrator import OrchestratorError
     from gossamer_orchestrator.results.drawing import Drawing
     from gossamer_orchestrator.results.files import CSV, NETCDF, WATCH
     from gossamer_orchestrator.results.places import with_places
-    from gossamer_orchestrator.run.progress import ProgressBar
     from gossamer_orchestrator.run.runner import run_scenario
     from gossamer_orchestrator.scenario.source import find_scenario
     from gossamer_orchestrator.scenario.values import read_changes
@@ -256,7 +254,7 @@ def run(
             path,
             Path(fmus),
             folder,
-            progress=ProgressBar(path.stem, stderr()),
+            progress=progress_bar(path.stem),
             observers=[LiveWatch(folder / WATCH)] if watch else [],
             step=step,
             stop=stop,

@@ -8,23 +8,17 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import (
-    GROUPS,
     Budget,
-    Count,
-    CountOrNone,
     File,
     Files,
-    Folder,
     Form,
     Name,
-    Names,
-    NumberOrAuto,
     Numbers,
     call_of,
     command,
@@ -34,147 +28,27 @@ from .arguments import (
     several,
     with_commas,
 )
-from .results import Result, TableText, first_of, hints_of, page_of, print_tables
-from .sensor_tables import UNITS, assessment_tables, error_table, recognised_table, standing_table, trial_table
-from .terminal import TERMINAL, stderr, talk
+from .fit_options import ColumnOptions, FitOptions
+from .results import Saved, TableText, first_of
+from .sensor_tables import UNITS, error_table, histories, standing_table, tell_recognised, trial_table
+from .terminal import TERMINAL, progress_bar
 from .writing import check_form, json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.fitting import Record
     from gossamer_models.identify import Identified
-    from gossamer_models.review import Judged
-    from gossamer_orchestrator.run.progress import ProgressBar
 
 SHOWN = 6  # trials of each stage, the best ones
 
 logger = logging.getLogger(__name__)
 
 
-class RecordColumns(TypedDict, total=False):
-    """Columns of the records.
-
-    Attributes
-    ----------
-    time
-        Column of time; recognised if not given.
-    strain
-        Column of strain.
-    resistance
-        Column of resistance.
-    time_unit
-        s, ms, us, min or h.
-    strain_unit
-        1, %, permille or ustrain.
-    resistance_unit
-        ohm, kohm or Mohm; 1 for a signal.
-    sampling_step
-        Time between samples [s] of a record without time.
-    sort
-        Sort samples by time instead of refusing them.
-    """
-
-    time: Name | None
-    strain: Name | None
-    resistance: Name | None
-    time_unit: str | None
-    strain_unit: str | None
-    resistance_unit: str | None
-    sampling_step: float | None
-    sort: bool
-
-
-class PreisachOptions(TypedDict, total=False):
-    """Options of the Preisach models.
-
-    Attributes
-    ----------
-    modes
-        Of preisach: modal functions of mu and of eta. 7 if not given.
-    knots
-        Of preisach-hats: knots of the hat functions along each axis. 9 if not given.
-    relaxations
-        Relaxation kernels. 7 if not given.
-    tau
-        Times of the kernels [s], one per relaxation: 3,100. Fitted if not given.
-    exponents
-        Exponents of the kernels in (0, 1]: 0.5,0.5. Fitted if not given.
-    extension
-        Added to the thesis' relaxation: falling (falling strain excites relaxation too), gain (loading changes the gauge
-        factor), reversing (both, with either sign: carbon black). Nothing if not given.
-    ridge
-        Strength of the regularisation, which prefers small densities and relaxation: a number, or auto to choose it by
-        predicting the later parts of the training stretch.
-    earlier
-        The sensor was not at rest when its record began: fit the earlier relaxation too.
-    direct_inverse
-        Fit a direct inverse from resistance to strain too, for the compensator.
-    residual
-        Correct the sensor by a small network: training steps, or auto to choose them, or none, by predicting the later parts
-        of the training stretch. None if not given.
-    least_slope
-        Least slope, in the output's range per full scale: limits how much the compensator amplifies noise. 0.02 if not
-        given.
-    """
-
-    modes: Count | None
-    knots: int | None
-    relaxations: CountOrNone | None
-    tau: Numbers | None
-    exponents: Numbers | None
-    extension: Name | None
-    ridge: NumberOrAuto | None
-    earlier: bool
-    direct_inverse: bool
-    residual: NumberOrAuto | None
-    least_slope: float | None
-
-
-class FractionalOptions(TypedDict, total=False):
-    """Options of the fractional models.
-
-    Attributes
-    ----------
-    terms
-        Fractional derivatives or integrals. 5 if not given.
-    fading
-        Of fractional-model-1: fading integrals. 3 if not given.
-    """
-
-    terms: Count | None
-    fading: CountOrNone | None
-
-
-class CommonOptions(TypedDict, total=False):
-    """Options of all models.
-
-    Attributes
-    ----------
-    starts
-        Number of starts. 2 for the Preisach models and 12 for the fractional models if not given.
-    seed
-        Seed of the starts. 0 if not given.
-    """
-
-    starts: Count | None
-    seed: CountOrNone | None
-
-
-class FitOptions(RecordColumns, CommonOptions, PreisachOptions, FractionalOptions):
-    """Columns of the records, and options of the models."""
-
-
-GROUPS[FitOptions] = (CommonOptions, RecordColumns, PreisachOptions, FractionalOptions)
-
-
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Identification(Result):
+class Identification(Saved):
     """A sensor that was identified.
 
     Attributes
     ----------
-    path : Path
-        Its artifact.
     result : gossamer_models.identify.Identified
         Fit, errors and remarks.
     model : str
@@ -185,11 +59,9 @@ class Identification(Result):
         The artifact, predictions, pictures and page.
     """
 
-    path: Path
     result: Identified
     model: str
     rest: str
-    files: list[Path]
 
     @property
     def records(self) -> dict[str, xr.Dataset]:
@@ -204,16 +76,8 @@ class Identification(Result):
             for name, found in self.result.recovered_of(k).items():
                 known |= {name: found.strain} | ({} if found.deviation is None else {"deviation": found.deviation})
             columns = {name: ("time", values, {"units": "1"}) for name, values in known.items()}
-            records[record.name] = _histories(record, predicted).assign(columns)
+            records[record.name] = histories(record, predicted).assign(columns)
         return records
-
-    @property
-    def page(self) -> Path | None:
-        """Page of the identification; None where none was written."""
-        return page_of(self.files)
-
-    def __fspath__(self) -> str:
-        return str(self.path)
 
     @property
     def sentence(self) -> str:
@@ -246,7 +110,7 @@ class Identification(Result):
         build = shlex.join(["gossamer", "build", *names, "--artifact", str(self), "--out", str(self.path.parent)])
         can_build = isinstance(artifact, SensorArtifact) or artifact.can_step
         told = [f"To build its FMUs, type '{build}'."] if can_build else []
-        return [*told, *(f"Warning: {text}" for text in self._warnings), *hints_of(self.files)]
+        return [*told, *(f"Warning: {text}" for text in self._warnings), *super().hints()]
 
     def picture(self) -> bytes | None:
         """Return the first picture of resistance over strain."""
@@ -347,7 +211,7 @@ def identify(
     format
         Of the pictures: png, svg or pdf.
     **options
-        Columns of the records, see ``RecordColumns``, and options of the models, see ``PreisachOptions``,
+        Columns of the records, see ``ColumnOptions``, and options of the models, see ``PreisachOptions``,
         ``FractionalOptions`` and ``CommonOptions``.
 
     Returns
@@ -373,7 +237,6 @@ def identify(
     from gossamer_models.automatic import BUDGET
     from gossamer_models.fitting import Columns
     from gossamer_models.identify import AUTO, identify_files, save_pictures, save_predictions, settings_for
-    from gossamer_orchestrator.run.progress import ProgressBar
 
     from .pages.identify import identification_page
 
@@ -382,7 +245,7 @@ def identify(
     check_form(format)
     begun = time.perf_counter()
     chosen = {name: _read(name, value) for name, value in options.items() if value is not None and value is not False}
-    columns = {name: chosen.pop(name) for name in RecordColumns.__annotations__ if name in chosen}
+    columns = {name: chosen.pop(name) for name in ColumnOptions.__annotations__ if name in chosen}
     model = model or ("preisach" if chosen else AUTO)
     if model == AUTO and chosen:
         what = f"{option('model', AUTO)} chooses {', '.join(chosen)} itself."
@@ -393,10 +256,14 @@ def identify(
         msg = f"{what} Leave one of the two out."
         raise OrchestratorError(msg)
     settings: Any = AUTO if model == AUTO else settings_for(model, **chosen)
-    with ProgressBar(
-        "identify", stderr(), remaining=False
-    ) as bar:  # its share counts settings, which take unlike times
-        say, advance = _progress(bar, moves=model == AUTO)
+    with progress_bar("identify", remaining=False) as bar:  # its share counts settings, which take unlike times
+
+        def tell(text: str, share: float | None = None) -> None:
+            logger.info("%s", text)
+            bar.update(text=f"{text},")
+            if share is not None and model == AUTO:
+                bar.update(share, 1.0)
+
         result = identify_files(
             paths,
             columns=Columns(**columns),
@@ -405,9 +272,9 @@ def identify(
             settings=settings,
             budget=BUDGET if budget is None else budget,
             command=_provenance(given, [*paths, Path(out)]),
-            progress=say,
-            advance=advance,
-            recognised=_tell_recognised,
+            progress=tell,
+            advance=lambda share, text: tell(text, share),
+            recognised=tell_recognised,
             train=train,
             full_scale=full_scale,
             own_scales=own_scales,
@@ -423,22 +290,7 @@ def identify(
         written += save_page(
             lambda: identification_page(result, artifact, paths, rest, seconds), artifact.with_suffix("")
         )
-    return Identification(path=artifact, result=result, model=model, rest=rest, files=written)
-
-
-def _progress(bar: ProgressBar, *, moves: bool) -> tuple[Callable[[str], None], Callable[[float, str], None]]:
-    """Return what to call with a sentence, and with the share that is done and a sentence."""
-
-    def say(text: str) -> None:
-        logger.info("%s", text)
-        bar.update(text=f"{text},")
-
-    def advance(share: float, text: str) -> None:
-        say(text)
-        if moves:
-            bar.update(share, 1.0)
-
-    return say, advance
+    return Identification(result=result, model=model, rest=rest, files=written)
 
 
 def _provenance(given: Mapping[str, Any], paths: Sequence[Path]) -> str:
@@ -461,208 +313,3 @@ def _read(name: str, value: Any) -> Any:  # noqa: ANN401
     except ValueError as error:
         msg = f"cannot read {option(name)} {text!r} {error}"
         raise OrchestratorError(msg) from None
-
-
-def _tell_recognised(records: Sequence[Record]) -> None:
-    """Tell columns, units, ranges, sampling and gaps of records, how they were repaired, and what a user should confirm."""
-    console = talk()
-    print_tables(console, [recognised_table(records)])
-    for record in records:
-        confirm = [f"{record.name}: {text}" for text in (record.summary.remarks if record.summary else ())]
-        for text in (*record.repaired, *confirm):
-            console.print(text, style="yellow", markup=False)
-            if not TERMINAL.talks and text in confirm:
-                logger.info("%s", text)
-
-
-def _histories(record: Record, predicted: Any) -> xr.Dataset:  # noqa: ANN401
-    """Return a record and its predicted resistance over time."""
-    import xarray as xr
-
-    unit = record.unit or "not stated"
-    columns = {
-        "strain": (record.strain, "1"),
-        "resistance": (record.resistance, unit),
-        "predicted": (predicted, unit),
-    }
-    return xr.Dataset(
-        {name: ("time", values, {"units": unit}) for name, (values, unit) in columns.items()},
-        coords={"time": ("time", record.time, {"units": "s", "long_name": "time"})},
-        attrs={"record": record.name},
-    )
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Assessment(Result):
-    """A sensor that was judged on other records.
-
-    Attributes
-    ----------
-    judged : tuple of gossamer_models.review.Judged
-        One for each record.
-    stretch : str
-        First stretch of each record.
-    files : list of Path
-        Predictions, pictures and page.
-    """
-
-    judged: tuple[Judged, ...]
-    stretch: str
-    files: list[Path]
-
-    @property
-    def records(self) -> dict[str, xr.Dataset]:
-        """By the name of the record: strain [1], resistance and predicted resistance (in ohm, unless the file states a
-        signal or no unit) over ``time`` [s]; recovered strain and its stated deviation [1] by ``compensator``.
-        """  # noqa: D205
-        import numpy as np
-
-        records = {}
-        for each in self.judged:
-            unknown = np.full(each.record.time.shape, np.nan)
-            deviations = [unknown if one.deviation is None else one.deviation for one in each.recovered.values()]
-            found = {"recovered": [one.strain for one in each.recovered.values()], "deviation": deviations}
-            by = {name: (("compensator", "time"), np.array(values), {"units": "1"}) for name, values in found.items()}
-            data = _histories(each.record, each.predicted).assign(by)
-            records[each.record.name] = data.assign_coords(compensator=list(each.recovered))
-        return records
-
-    @property
-    def page(self) -> Path | None:
-        """Page of the assessment; None where none was written."""
-        return page_of(self.files)
-
-    @property
-    def sentence(self) -> str:
-        """The errors."""
-        each = [
-            f"{one.forward(one.stretches().get('judged', one.first)):.3g} % for {one.record.name}"
-            for one in self.judged
-        ]
-        return f"The resistance is predicted with an error (NRMSE) of {', '.join(each)}."
-
-    def more(self) -> list[str]:
-        """Return what was found out about the sensor."""
-        return [text for each in self.judged for text in each.sentences()]
-
-    def doubts(self) -> list[str]:
-        """Return what was found out about the sensor, but for the repairs of its records, which were told before."""
-        told = {text for each in self.judged for text in each.record.repaired}
-        return [text for text in self.more() if text not in told]
-
-    def picture(self) -> bytes | None:
-        """Return the first picture of resistance over strain."""
-        return first_of(self.files, "_loop.png")
-
-    def tables(self) -> list[TableText]:
-        """Return the errors, and the scales where they were fitted."""
-        return assessment_tables(self.judged, self.stretch)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the errors: NRMSE over the range of the record [%]."""
-        errors = [
-            {
-                "record": judged.record.name,
-                "stretch": name,
-                "samples": int(rows.sum()),
-                "resistance_nrmse_percent": judged.forward(rows),
-                "resistance_nrmse_of_cubic_percent": judged.forward(rows, judged.cubic),
-                "strain_nrmse_percent": {
-                    kind: judged.strain(rows, found.strain) for kind, found in judged.recovered.items()
-                },
-                "strain_nrmse_of_cubic_percent": judged.strain(rows, judged.cubic_strain),
-                "stated_over_true_deviation": {kind: judged.deviation_ratio(rows, kind) for kind in judged.recovered},
-            }
-            for judged in self.judged
-            for name, rows in judged.stretches().items()
-        ]
-        return {"files": self.files, "errors": errors, "remarks": self.more()}
-
-
-@command
-def assess(
-    sensor: File,
-    files: Files,
-    *,
-    compensator: Names | None = None,
-    fit_scales: bool = False,
-    stretch: str = "50%",
-    out: Folder = "out/assessed",
-    pictures: bool = True,
-    format: Form = "png",
-    **columns: Unpack[RecordColumns],
-) -> Assessment:
-    """Judge an identified sensor on other records, without fitting it.
-
-    Says first what it read: columns, units, ranges, sampling, gaps, repairs, and where a record leaves the full scale of the
-    sensor: it is judged up to there. Writes predicted and recovered values as CSV, pictures, and report.html, the page to
-    look at. Beside the sensor stands a static cubic, which is fitted to the first stretch of each record.
-
-    Parameters
-    ----------
-    sensor
-        Artifact of an identification.
-    files
-        CSV files with a header line, one record each.
-    compensator
-        What recovers strain; may be repeated: inverse (its direct one where it has one), exact, estimator, filter. The one
-        that the artifact names by default.
-    fit_scales
-        Find gain, offset and what was still relaxing of each record in its first stretch, and judge the rest: for a sensor
-        that was mounted again, is warmer, or has drifted.
-    stretch
-        First stretch of each record: 0:200 for seconds, 50% for a leading part.
-    out
-        Folder of predictions, pictures and page.
-    pictures
-        Draw pictures, and write report.html, the page of them all.
-    format
-        Of the pictures: png, svg or pdf.
-    **columns
-        Columns of the records, see ``RecordColumns``.
-
-    Returns
-    -------
-    Assessment
-        Errors and records; displayed in a notebook.
-
-    Examples
-    --------
-    >>> gossamer.assess("out/mine/sensor.json", "other.csv", fit_scales=True)
-
-    On the command line::
-
-        gossamer assess sensor.json other.csv
-
-        gossamer assess sensor.json other.csv third.csv --fit-scales --stretch 0:200
-
-        gossamer assess sensor.json other.csv --compensator inverse --compensator estimator --out out/mine
-    """
-    from gossamer_models.fitting import Columns
-    from gossamer_models.replay import table_path
-    from gossamer_models.review import judge_files, save_judged
-    from gossamer_orchestrator.run.progress import ProgressBar
-
-    from .pages.assess import assessment_page
-
-    artifact, paths, folder = Path(sensor), [Path(path) for path in several(files)], Path(out)
-    keep_inputs([artifact, *paths], [folder, *(table_path(folder, each.name) for each in paths)])
-    check_form(format)
-    begun = time.perf_counter()
-    with ProgressBar("assess", stderr()) as bar:
-        judged = judge_files(
-            artifact,
-            paths,
-            columns=Columns(**columns),
-            compensators=tuple(several(compensator)),
-            own_scales=fit_scales,
-            stretch=stretch,
-            recognised=_tell_recognised,
-            progress=lambda text: bar.update(text=text),
-        )
-        seconds = time.perf_counter() - begun
-        written = save_judged(judged, folder, pictures=pictures, form=format)
-    if pictures:
-        shown = assessment_tables(judged, stretch)
-        written += save_page(lambda: assessment_page(judged, artifact, paths, shown, seconds), folder)
-    return Assessment(judged=judged, stretch=stretch, files=written)

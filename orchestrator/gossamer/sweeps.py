@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from .arguments import Address, AnyPath, Count, Folder, Name, Ranges, assigned, command
 from .results import Result
-from .terminal import stderr
+from .terminal import progress_bar
 from .writing import keep_inputs, save_page
 
 if TYPE_CHECKING:
@@ -157,7 +157,6 @@ def sweep(
     import xarray as xr
     from gossamer_orchestrator.results.places import with_places
     from gossamer_orchestrator.results.report.cases import save_cases
-    from gossamer_orchestrator.run.progress import ProgressBar
     from gossamer_orchestrator.run.sweep import (
         TABLE,
         combine,
@@ -188,7 +187,7 @@ def sweep(
         *options,
     ]
     spread = partial(on_cores, workers=workers) if scheduler is None else partial(_on_cluster, scheduler=scheduler)
-    bar = ProgressBar(path.stem, stderr())
+    bar = progress_bar(path.stem)
     try:
         with bar:
             ended = run_sweep(

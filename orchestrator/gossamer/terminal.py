@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gossamer_orchestrator import ProgressBar
     from rich.console import Console
 
 NO_TERMINAL = 160  # columns
@@ -43,6 +44,13 @@ def stderr() -> Console:
     from rich.console import Console
 
     return Console(stderr=True, quiet=TERMINAL.quiet, width=None if sys.stderr.isatty() else NO_TERMINAL)
+
+
+def progress_bar(label: str, *, remaining: bool = True) -> ProgressBar:
+    """Return a bar on that console."""
+    from gossamer_orchestrator import ProgressBar
+
+    return ProgressBar(label, stderr(), remaining=remaining)
 
 
 def talk() -> Console:

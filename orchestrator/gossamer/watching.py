@@ -13,8 +13,8 @@ from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import AnyPath, Elements, File, NotNegative, Values, assigned, command, expected_errors
 from .records import KnownRecord, beside, file_of, find_in_results, find_record
-from .results import INVALID, Result, as_png, typed, zone_coordinates
-from .terminal import TERMINAL, stderr, talk
+from .results import INVALID, Saved, as_png, typed, zone_coordinates
+from .terminal import TERMINAL, progress_bar, talk
 from .writing import keep_inputs
 
 if TYPE_CHECKING:
@@ -190,12 +190,12 @@ class LiveWatch:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Watching(Result):
+class Watching(Saved):
     """What was seen of a record, window by window.
 
     Attributes
     ----------
-    path : Path
+    files : list of Path
         JSON file of what was seen.
     report : WatchReport
         ``alarms`` [s], and ``findings``: onset and damages.
@@ -203,7 +203,6 @@ class Watching(Result):
         Number of zones.
     """
 
-    path: Path
     report: WatchReport
     zones: int
     TABLES = "told"
@@ -231,9 +230,6 @@ class Watching(Result):
         """Return the exit code."""
         return 0 if self.report.explained else INVALID
 
-    def __fspath__(self) -> str:
-        return str(self.path)
-
     @property
     def sentence(self) -> str:
         """How many alarms there were, and when."""
@@ -243,10 +239,6 @@ class Watching(Result):
     def more(self) -> list[str]:
         """Return a reason for doubt."""
         return [self.report.doubt] if self.report.doubt else []
-
-    def written(self) -> list[Path]:
-        """Return the file."""
-        return [self.path]
 
     def hints(self) -> list[str]:
         """Return which page shows it."""
@@ -329,7 +321,6 @@ def watch(
         gossamer run damage_begins && gossamer watch out/damage_begins
     """
     from gossamer_orchestrator.results.files import WATCH
-    from gossamer_orchestrator.run.progress import ProgressBar
 
     source = Path(record)
     path = beside(source, WATCH) if out is None else Path(out)
@@ -340,7 +331,7 @@ def watch(
         msg = f"the record has {found.record.samples} samples, less than two windows of {samples}. Record longer."
         raise OrchestratorError(msg)
     report, firsts = WatchReport(talk()), range(0, found.record.samples - samples + 1, samples)
-    with ProgressBar("watching", stderr()) as bar:
+    with progress_bar("watching") as bar:
         bar.update(aside="compiling")
         watching = _begin(found, sensor, elements_per_side, order, false_alarms)
         for done, first in enumerate(firsts):
@@ -348,7 +339,7 @@ def watch(
             report.take(watching.advance(found.record.values[:, first : first + samples]))
         bar.update(len(firsts), text=f"{len(firsts)} windows,")
     report.end(path)
-    return Watching(path=path, report=report, zones=watching.zones)
+    return Watching(files=[path], report=report, zones=watching.zones)
 
 
 def _samples(window: float, found: KnownRecord) -> int:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from command_line import invoke
+from gossamer.cli import parsed
 from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios
 
 COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin", "watch", "report", "view")
@@ -176,3 +177,35 @@ def test_shipped_scenarios_are_found_by_name():
     assert {"damaged", "damage_begins"} <= set(shipped_scenarios())
     assert find_scenario("damaged").name == "damaged.toml"
     assert find_scenario("damaged.toml").is_file()
+
+
+LONG = "run|validate|info|view|plot|export-vtk|new|twin|watch|campaign|train|assess sensor.json|identify|place-sensors"
+LONG += "|demo --out|assess-detector --artifact|build sensor --out|build membrane --setup|container"
+
+
+@pytest.mark.parametrize("command", LONG.split("|"))
+def test_a_path_that_no_system_has_is_one_sentence(call, command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, stdout, stderr = call(*command.split(), 4400 * "a")
+    assert (code, stdout) == (1, "")
+    assert "name too long" in stderr.lower()
+    assert "Traceback" not in stderr
+
+
+@pytest.mark.parametrize("command", [["train"], ["campaign", "small.toml", "--out"]])
+def test_a_zarr_store_of_version_2_is_no_campaign(call, command, tmp_path, monkeypatch):
+    pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text("cases = 2\nstop = 0.003\n[membrane]\nelements_per_side = 4\norder = 1\n")
+    Path("two.zarr").mkdir()
+    Path("two.zarr/.zgroup").write_text('{"zarr_format": 2}')
+    result = call(*command, "two.zarr")
+    assert result.exit_code == 1
+    assert result.stderr.endswith(
+        "two.zarr is not the store of a campaign. Name its folder, or another one for a new campaign.\n"
+    )
+
+
+def test_names_may_stand_before_behind_and_between_options():
+    _, given, _ = parsed(["build", "sensor", "--out", "o", "filter", "--platform", "all", "hub"])
+    assert given == {"names": ("sensor", "filter", "hub"), "out": "o", "platform": ["all"]}

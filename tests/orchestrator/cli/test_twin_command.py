@@ -176,8 +176,6 @@ def test_the_table_has_a_column_of_remarks_only_where_there_is_one():
     headings = [
         [str(column.header) for column in shown.columns]
         for zones in ((), (3,))
-        for shown in TwinAnswer(
-            path=Path(), page=None, compared="", answer=Answer(**fields | {"unresolved": zones})
-        ).tables()
+        for shown in TwinAnswer(files=[Path()], compared="", answer=Answer(**fields | {"unresolved": zones})).tables()
     ]
     assert headings == [["zone", "damage [%]", "P(damaged)"], ["zone", "damage [%]", "P(damaged)", "remark"]]

@@ -1,0 +1,123 @@
+"""Options of commands that read measured records, declared once for all of them."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+from .arguments import GROUPS, Count, CountOrNone, Name, NumberOrAuto, Numbers
+
+
+class ColumnOptions(TypedDict, total=False):
+    """Columns of the records.
+
+    Attributes
+    ----------
+    time
+        Column of time; recognised if not given.
+    strain
+        Column of strain.
+    resistance
+        Column of resistance.
+    time_unit
+        s, ms, us, min or h.
+    strain_unit
+        1, %, permille or ustrain.
+    resistance_unit
+        ohm, kohm or Mohm; 1 for a signal.
+    sampling_step
+        Time between samples [s] of a record without time.
+    sort
+        Sort samples by time instead of refusing them.
+    """
+
+    time: Name | None
+    strain: Name | None
+    resistance: Name | None
+    time_unit: str | None
+    strain_unit: str | None
+    resistance_unit: str | None
+    sampling_step: float | None
+    sort: bool
+
+
+class PreisachOptions(TypedDict, total=False):
+    """Options of the Preisach models.
+
+    Attributes
+    ----------
+    modes
+        Of preisach: modal functions of mu and of eta. 7 if not given.
+    knots
+        Of preisach-hats: knots of the hat functions along each axis. 9 if not given.
+    relaxations
+        Relaxation kernels. 7 if not given.
+    tau
+        Times of the kernels [s], one per relaxation: 3,100. Fitted if not given.
+    exponents
+        Exponents of the kernels in (0, 1]: 0.5,0.5. Fitted if not given.
+    extension
+        Added to the thesis' relaxation: falling (falling strain excites relaxation too), gain (loading changes the gauge
+        factor), reversing (both, with either sign: carbon black). Nothing if not given.
+    ridge
+        Strength of the regularisation, which prefers small densities and relaxation: a number, or auto to choose it by
+        predicting the later parts of the training stretch.
+    earlier
+        The sensor was not at rest when its record began: fit the earlier relaxation too.
+    direct_inverse
+        Fit a direct inverse from resistance to strain too, for the compensator.
+    residual
+        Correct the sensor by a small network: training steps, or auto to choose them, or none, by predicting the later parts
+        of the training stretch. None if not given.
+    least_slope
+        Least slope, in the output's range per full scale: limits how much the compensator amplifies noise. 0.02 if not
+        given.
+    """
+
+    modes: Count | None
+    knots: int | None
+    relaxations: CountOrNone | None
+    tau: Numbers | None
+    exponents: Numbers | None
+    extension: Name | None
+    ridge: NumberOrAuto | None
+    earlier: bool
+    direct_inverse: bool
+    residual: NumberOrAuto | None
+    least_slope: float | None
+
+
+class FractionalOptions(TypedDict, total=False):
+    """Options of the fractional models.
+
+    Attributes
+    ----------
+    terms
+        Fractional derivatives or integrals. 5 if not given.
+    fading
+        Of fractional-model-1: fading integrals. 3 if not given.
+    """
+
+    terms: Count | None
+    fading: CountOrNone | None
+
+
+class CommonOptions(TypedDict, total=False):
+    """Options of all models.
+
+    Attributes
+    ----------
+    starts
+        Number of starts. 2 for the Preisach models and 12 for the fractional models if not given.
+    seed
+        Seed of the starts. 0 if not given.
+    """
+
+    starts: Count | None
+    seed: CountOrNone | None
+
+
+class FitOptions(ColumnOptions, CommonOptions, PreisachOptions, FractionalOptions):
+    """Columns of the records, and options of the models."""
+
+
+GROUPS[FitOptions] = (CommonOptions, ColumnOptions, PreisachOptions, FractionalOptions)
