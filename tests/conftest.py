@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
-LONG = ("test_wheel", "test_newest_python", "test_notebooks", "test_tutorials", "test_campaign_cluster", "test_bench")
+LONG = ("test_wheel", "test_notebooks", "test_tutorials", "test_campaign_cluster", "test_bench")
 KINDS = {"python": {}, "native": {"native": True}, "native FMI 3": {"native": True, "fmi": 3}}
 
 

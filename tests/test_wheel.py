@@ -1,7 +1,8 @@
-"""The wheel works where nothing else of Gossamer is, with the packages of a lock file alone: in environments of its own."""
+"""Gossamer works in environments of its own: as a wheel with the packages of a lock file alone, and on the newest Python."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -17,13 +18,26 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("gossamer_files", "gossamer_models", "gossamer_fmus", "gossamer_orchestrator", "gossamer")
 SCRIPTS = Path(sysconfig.get_path("scripts", vars={"base": "."})).name
+PYTHONS = ("3.13", "3.12", "3.11")  # as the README says, newest first
 LOCKS = {"light": ("constraints-light.txt",), "demo": ("constraints-light.txt", "ziglang"), "all": ("constraints.txt",)}
 
 
-def run(folder, *command, **options):
+def run(folder, *command, warnings="default", **options):
     """Run a command in a folder without this checkout on any path."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    environment["PYTHONWARNINGS"] = warnings
     return subprocess.run(command, cwd=folder, env=environment, check=True, text=True, **options)
+
+
+def build_run_and_fit(folder, gossamer, **options):
+    """Build FMUs, run them, and let the twin find the damage."""
+    for words in (["build"], ["build", "membrane", "--order", "1"], ["run", "damaged", "--stop", "0.024"]):
+        run(folder, gossamer, *words, stdout=subprocess.DEVNULL, **options)
+    assert (folder / "out/damaged/report.html").is_file()
+    twin = [gossamer, "twin", "out/damaged", "--elements-per-side", "4", "--order", "1", "--json"]
+    answer = json.loads(run(folder, *twin, stdout=subprocess.PIPE, **options).stdout)
+    assert answer["valid"]
+    assert answer["damage"][0] == pytest.approx(0.4, abs=0.02)
 
 
 def packages(*sources):
@@ -101,11 +115,7 @@ def test_the_light_install_runs_identifies_and_fits_the_twin(installed, tmp_path
     for absent in ("ziglang", "cmake", "dask", "zarr", "meshio", "nbformat"):
         with pytest.raises(subprocess.CalledProcessError):
             run(tmp_path, commands / "python", "-c", f"import {absent}", stderr=subprocess.DEVNULL)
-    for options in ((), ("membrane", "--order", "1")):
-        run(tmp_path, commands / "gossamer", "build", *options, stdout=subprocess.DEVNULL)
-    run(tmp_path, commands / "gossamer", "run", "damaged", "--stop", "0.024", stdout=subprocess.DEVNULL)
-    assert (tmp_path / "out/damaged/report.html").is_file()
-
+    build_run_and_fit(tmp_path, commands / "gossamer")
     time = np.arange(0.0, 60.0, 0.5)
     strain = 0.02 * (1.0 - np.cos(0.3 * time))
     record = np.column_stack([time, strain, 100.0 + 500.0 * strain + 20.0 * np.sqrt(strain)])
@@ -116,7 +126,34 @@ def test_the_light_install_runs_identifies_and_fits_the_twin(installed, tmp_path
     )
     assert (tmp_path / "mine/report.html").is_file()
 
-    twin = [commands / "gossamer", "twin", "out/damaged", "--elements-per-side", "4", "--order", "1", "--json"]
-    answer = json.loads(run(tmp_path, *twin, capture_output=True).stdout)
-    assert answer["valid"]
-    assert answer["damage"][0] == pytest.approx(0.4, abs=0.02)
+
+def newest():
+    """Return the newest Python of the README on this machine and its version: from the path, or among those of pyenv."""
+    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    for version in PYTHONS:
+        for python in (f"python{version}", *pyenv.glob(f"{version}.*/bin/python")):
+            try:
+                subprocess.run([python, "-c", "import ensurepip, venv"], capture_output=True, check=True)
+            except (OSError, subprocess.CalledProcessError):  # not there, or a name of pyenv without its Python
+                continue
+            return python, version
+    return sys.executable, "{}.{}".format(*sys.version_info)
+
+
+def test_the_newest_python_builds_runs_and_fits_without_a_warning(tmp_path):
+    """With the light packages, in an environment that is kept in ``build`` as long as these stay the same."""
+    python, version = newest()
+    if version == "{}.{}".format(*sys.version_info):
+        pytest.skip(f"all tests run on Python {version}, the newest on this machine")
+    lock = ROOT / "constraints-light.txt"
+    depends_on = hashlib.sha256(lock.read_bytes() + (ROOT / "pyproject.toml").read_bytes())
+    folder = ROOT / f"build/python{version}_{depends_on.hexdigest()[:12]}"
+    if not (folder / "complete").exists():
+        subprocess.run([python, "-m", "venv", "--clear", folder], check=True)
+        pip = [folder / "bin/python", "-m", "pip", "install", "--quiet", "--no-compile", "--no-deps"]
+        done = subprocess.run([*pip, "--require-hashes", "-r", lock], capture_output=True, text=True, check=False)
+        if done.returncode:
+            pytest.skip(f"the packages for Python {version} cannot be installed: {done.stderr[-300:]}")
+        subprocess.run([*pip, "--no-build-isolation", "--editable", ROOT], check=True)
+        (folder / "complete").touch()
+    build_run_and_fit(tmp_path, folder / "bin/gossamer", warnings="error")

@@ -45,8 +45,9 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
     here = Path(__file__).parent / "native"
     files = {name: (here / name).read_bytes() for name in (f"fmi{fmi}.c", "stepper.h", "state.h")}
     functions = [model.init, model.step]
-    if model.tables is None:
-        functions += [derivative(model), initial_derivative(model)]
+    expression = model if model.tables is None else model.expression and model.expression()
+    if expression is not None:
+        functions += [derivative(expression), initial_derivative(expression)]
     generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 1})
     for function in [*functions, *(loop.stand_in for loop in (model.tables.loops if model.tables else ()))]:
         generator.add(function)
@@ -119,6 +120,7 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function], tab
         "SIZE_W": max(1, *(f.sz_w() for f in functions)),
         "STEP_LIMIT": -1 if model.step_limit is None else model.names.index(model.step_limit),
         "HAS_LOOPS": int(model.tables is not None),
+        "HAS_DERIVATIVES": int(model.tables is None or model.expression is not None),
         "HAS_TABLES": int("TABLES_FILE" in tables),
     } | tables
     lines = [

@@ -200,7 +200,7 @@ def _root(model: StepModel, *, native: bool, **attributes: str) -> ET.Element:
 def _capabilities(model: StepModel, fmi: FmiVersion, *, native: bool) -> dict[str, bool]:
     # FMI defines derivatives for continuous outputs only.
     derivatives = native and any(v.causality == "output" and not v.discrete for v in model.variables)
-    derivatives &= model.tables is None  # loops over elements have none
+    derivatives &= model.tables is None or model.expression is not None  # loops over elements have none
     if fmi == 3:
         return {
             "canHandleVariableCommunicationStepSize": True,

@@ -60,6 +60,8 @@ class StepModel:
         Where identified or trained numbers come from.
     tables : element_loop.Tables or None
         Arrays that both functions take as one more input; such a model is for compiled code only.
+    expression : callable or None
+        Of a model with tables: returns the same model without, of which derivatives can be taken.
     resources : dict
         Files by name that an FMU of the model carries beside it, for programs that draw it; no part of ``card``.
     """
@@ -75,6 +77,7 @@ class StepModel:
     advice: str = "Check the parameters and the inputs."
     provenance: dict[str, str] = field(default_factory=dict)
     tables: Tables | None = None
+    expression: Callable[[], StepModel] | None = None
     resources: dict[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -151,7 +151,9 @@ def expected_errors(taken: Container[str] = ("out",)) -> Iterator[None]:
     except OrchestratorError:
         raise
     except (GossamerError, ModuleNotFoundError) as error:
-        raise OrchestratorError("\n".join((str(error), *getattr(error, "__notes__", ())))) from error
+        lacking = isinstance(error, ModuleNotFoundError) and error.name  # none where the sentence is ours
+        text = f"The package {lacking} is missing, which this needs: 'make install' installs all." if lacking else error
+        raise OrchestratorError("\n".join((str(text), *getattr(error, "__notes__", ())))) from error
     except OSError as error:
         other = f"place with {option('out')}" if "out" in taken and error.errno != errno.ENAMETOOLONG else "one"
         msg = f"cannot use {shortened(error.filename or 'the disk')}: {error.strerror or error}. Name another {other}."

@@ -245,10 +245,13 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
         converter=_whole if kind is int else None,
         show_default=argument.default not in (None, False, inspect.Parameter.empty),
         allow_repeating=True,
+        required=argument.default is inspect.Parameter.empty,
         group=panel,
     )
-    place = inspect.Parameter.KEYWORD_ONLY if argument.is_option else inspect.Parameter.POSITIONAL_ONLY
-    return inspect.Parameter(argument.name, place, annotation=Annotated[hint, how], default=argument.default)
+    if argument.is_option or not written.many:
+        place = inspect.Parameter.KEYWORD_ONLY if argument.is_option else inspect.Parameter.POSITIONAL_ONLY
+        return inspect.Parameter(argument.name, place, annotation=Annotated[hint, how], default=argument.default)
+    return inspect.Parameter(argument.name, inspect.Parameter.VAR_POSITIONAL, annotation=Annotated[str, how])
 
 
 def _whole(_kind: type, tokens: Sequence[cyclopts.Token]) -> int:

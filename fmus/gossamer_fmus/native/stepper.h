@@ -238,9 +238,7 @@ static bool integrate(Stepper *s, double h, double limit, bool with_derivative) 
     s->arg[1] = values + FIRST_INPUT;
     s->arg[2] = values;
     s->arg[3] = &part;
-#if HAS_LOOPS
-    s->arg[4] = tables;
-#else
+#if HAS_DERIVATIVES
     if (with_derivative) {
       s->arg[4] = s->dx;
       s->arg[5] = s->du;
@@ -255,6 +253,7 @@ static bool integrate(Stepper *s, double h, double limit, bool with_derivative) 
       s->arg[3] = &part;
     }
 #endif
+    if (HAS_LOOPS) s->arg[4] = tables;
     s->res[0] = s->next;
     s->res[1] = s->next + N_STATES;
     if (step(s->arg, s->res, s->iw, s->w, 0)) s->next[0] = NAN;
@@ -305,7 +304,7 @@ static bool stepper_seed(Stepper *s, size_t index, double rate) {
    beginning with the inputs as they stand; before the first step, change of the initial results. Leaves the state
    alone. */
 static bool stepper_derivative(Stepper *s) {
-#if HAS_LOOPS
+#if !HAS_DERIVATIVES
   return refuse(s, "model '%s' has no derivatives, as its description says", MODEL_NAME);
 #else
   if (s->state.mode == INSTANTIATED) return wrong_call(s, "taking a derivative");

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -29,6 +30,7 @@ from .square import square_structure
 from .structure import Structure
 
 STEP_FRACTION = 0.6  # of the stable step
+MOST_DIFFERENTIATED = 1000  # nodes, of which an expression without loops is still of a size that compiles
 STEPS_PER_CYCLE = 20.0  # of the built-in pressure, at least
 
 
@@ -255,7 +257,13 @@ def membrane_model(structure: Structure | None = None, *, frame: bool = False, c
         advice=_advice(setup, frame),
         table_column=equations.column,
         tables=equations.tables,
+        expression=partial(membrane_model, structure, frame=frame) if _is_differentiable(structure) else None,
     )
+
+
+def _is_differentiable(structure: Structure) -> bool:
+    """Return whether C holds derivatives too: of a mesh that is not too large, whose start is no iteration."""
+    return bool(structure.starts_in_plane and len(structure.mesh.nodes) <= MOST_DIFFERENTIATED)
 
 
 def _advice(setup: Setup, frame: bool) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from command_line import invoke
+from gossamer.cli import parsed
 from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios
 
 COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin", "watch", "report", "view")
@@ -203,3 +204,8 @@ def test_a_zarr_store_of_version_2_is_no_campaign(call, command, tmp_path, monke
     assert result.stderr.endswith(
         "two.zarr is not the store of a campaign. Name its folder, or another one for a new campaign.\n"
     )
+
+
+def test_names_may_stand_before_behind_and_between_options():
+    _, given, _ = parsed(["build", "sensor", "--out", "o", "filter", "--platform", "all", "hub"])
+    assert given == {"names": ("sensor", "filter", "hub"), "out": "o", "platform": ["all"]}

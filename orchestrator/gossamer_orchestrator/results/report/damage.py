@@ -137,7 +137,7 @@ def _cells(judged: DamageHistory, k: int, known: int) -> list[Trace]:
     for z in range(judged.zones):
         bar = k >= 0 and np.isfinite(judged.deviation[k, z])
         parts = [f"<i>{z + 1}</i>", "–" if values is None else f"<b>{values[z]:.1f}</b>"]
-        parts += [f"± {judged.deviation[k, z]:.1f}"] * bool(bar)
+        parts += [f"± {judged.deviation[k, z]:.1f}"] if bar else []
         parts += [f"true {true[z]:.0f}"] if true is not None and judged.time.size and true[z] > 0.0 else []
         texts.append("<br>".join(parts))
     shown = np.zeros(judged.zones) if values is None else values
