@@ -12,9 +12,8 @@ from .errors import (
     ParameterError,
     StateError,
 )
-from .simulate import simulate
 from .step_model import StepModel
-from .stepper import Stepper
+from .stepper import Stepper, simulate
 from .variables import Variable
 
 __all__ = [

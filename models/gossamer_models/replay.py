@@ -16,9 +16,8 @@ from .errors import DataError
 from .fitting.records import Record, noise_of
 from .sensor import SensorArtifact, sensor_model
 from .sensor.fit import PreisachFit
-from .simulate import simulate
 from .step_model import StepModel
-from .stepper import Stepper
+from .stepper import Stepper, simulate
 
 REACH = 1.005  # strain up to this factor of full scale is clipped, as the sensor does
 MANY_CLIPPED = 0.05  # share of samples at a limit of the range from which their error says too little

@@ -1,4 +1,4 @@
-"""Run a ``StepModel``: set inputs, step, read results.
+"""Run a ``StepModel``: set inputs, step, read results; and run one over records of its inputs.
 
 Symbols: ``x`` state, ``values`` all variables in table order (parameters, inputs, outputs, locals), ``h`` step [s].
 CasADi's virtual machine evaluates the model in buffers that are prepared once, so memory does not grow with the number of
@@ -12,11 +12,11 @@ import logging
 import math
 import struct
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import ConvergenceError, InputError, ParameterError, StateError
 from .step_model import StepModel
@@ -309,6 +309,45 @@ class Stepper:
             stopped = f" It stopped where forces are {left:.3g} times the rounding of their sums." if left > 1.0 else ""
             msg = f"{what} of model {self.model.name!r} gave a result that is not finite.{stopped} {self.model.advice}"
             raise ConvergenceError(msg)
+
+
+def simulate(
+    stepper: Stepper, steps: ArrayLike, inputs: Mapping[str, ArrayLike], results: Sequence[str]
+) -> dict[str, NDArray[np.float64]]:
+    """Advance an initialized model step by step.
+
+    Parameters
+    ----------
+    stepper : Stepper
+        Instance to advance; afterwards it is at the end of the last step.
+    steps : array_like, shape (n,)
+        Length of every step [s].
+    inputs : mapping of str to array_like, shape (n,)
+        Inputs at the end of every step by name; others stay as they are.
+    results : sequence of str
+        Variables to record.
+
+    Returns
+    -------
+    dict of ndarray, shape (n,)
+        The variables after every step, by name.
+
+    Raises
+    ------
+    GossamerError
+        What ``Stepper.set_values`` and ``Stepper.step`` raise.
+    """
+    lengths = np.asarray(steps, dtype=float).tolist()
+    places = [stepper.index(name) for name in inputs]
+    recorded = [stepper.index(name) for name in results]
+    rows = np.column_stack([np.asarray(column, dtype=float) for column in inputs.values()]) if inputs else None
+    table = np.empty((len(lengths), len(recorded)))
+    for k, h in enumerate(lengths):
+        if rows is not None:
+            stepper.set_values(places, rows[k].tolist())
+        stepper.step(h)
+        table[k] = stepper.get_values(recorded)
+    return dict(zip(results, table.T.copy(), strict=True))
 
 
 def _range(variable: Variable) -> tuple[float, float]:

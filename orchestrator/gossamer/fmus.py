@@ -167,6 +167,8 @@ def build(
         structure = load_structure(
             find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh), expose=expose
         )
+        for remark in structure.remarks:
+            say(remark)
     elif mesh is not None or expose:
         given = f"{option('mesh')} and {option('expose', True)}"
         msg = f"{given} need a setup of material and supports. Name its file with {option('setup')}."

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 from gossamer_models.batch import Batch
-from gossamer_models.batch.one_by_one import OneByOne
+from gossamer_models.batch.batch import OneByOne
 from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import sensor_model

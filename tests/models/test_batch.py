@@ -362,3 +362,9 @@ def test_a_kernel_that_is_gone_is_refused(own_cache):
         file.unlink()
     with pytest.raises(StateError, match="Make the Batch on this machine"):
         pickle.loads(content)
+
+
+def test_a_model_of_loops_over_tables_is_refused():
+    """Its lanes would run what stands in for the loops in the expression."""
+    with pytest.raises(ParameterError, match="without compiled=True"):
+        Batch(membrane_model(square_structure(4, 1), compiled=True), ["deflection"])

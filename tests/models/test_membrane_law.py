@@ -1,6 +1,10 @@
 """Laws of the membrane's material, against their energies and closed forms."""
 
+import re
+from pathlib import Path
+
 import casadi as ca
+import gossamer
 import numpy as np
 import pytest
 from gossamer_models import ParameterError, Stepper
@@ -9,6 +13,8 @@ from gossamer_models.membrane.law import LAWS, hencky, matrix, neo_hookean, rela
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
+
+ROOT = Path(__file__).parents[2]
 
 E, NU = 1e7, 0.33
 D = E / (1.0 - NU**2)
@@ -124,3 +130,20 @@ def test_the_prestressed_membrane_finds_its_equilibrium_with_every_law_and_softe
 def test_an_unknown_law_is_refused_by_name():
     with pytest.raises(ParameterError, match=r"no law .neo-hookean.*hencky"):
         membrane_model(square_structure(4, 2, "neo-hookean"))
+
+
+def test_every_law_is_in_the_help_and_in_the_pages():
+    """One registry, ``LAWS``: what ``build`` offers, and what pages of setups, campaigns and the FMU say."""
+    pages = [ROOT / "docs" / "setup.md", ROOT / "docs" / "campaigns.md", ROOT / "fmus" / "membrane" / "README.md"]
+    texts = [(gossamer.build.__doc__ or ""), *(page.read_text(encoding="utf-8") for page in pages)]
+    for text in texts:
+        assert not [law for law in LAWS if law not in text], text[:60]
+
+
+def test_no_constant_of_the_square_is_left_outside_its_setup():
+    """Number, names and places of zones and sensors are those of a structure."""
+    words = re.compile(r"\b(N_ZONES|SENSOR_POINTS|N_SENSORS|ZONES_PER_SIDE|GRID_STEPS)\b")
+    for folder in ("models", "fmus", "orchestrator"):
+        for file in (ROOT / folder).rglob("*.py"):
+            found = words.search(file.read_text(encoding="utf-8"))
+            assert found is None or file.name == "square.py", f"{file.relative_to(ROOT)}: {found}"

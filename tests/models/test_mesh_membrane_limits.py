@@ -1,13 +1,27 @@
 """Where a membrane on a mesh could go wrong without a word: scaled inertia, stiff gas, shared nodes, loose sheets."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from gossamer_models.membrane import Gas, Load, Region, Sensor, Setup, Support, make_structure, surface_mesh
+from gossamer.descriptions import load_structure
+from gossamer_models import Stepper
+from gossamer_models.membrane import (
+    Gas,
+    Load,
+    Region,
+    Sensor,
+    Setup,
+    Support,
+    make_structure,
+    membrane_model,
+    surface_mesh,
+)
 from gossamer_models.mistakes import DescriptionError
 from oracles.meshes import meshed, rectangle, started, tube
 
+SHIPPED = Path(__file__).parents[2] / "orchestrator" / "membranes"
 FILM = Region(youngs_modulus=2.5e9, poisson_ratio=0.34, density=1400.0, thickness=25e-6, prestress=(1e6, 1e6, 0.0))
 RIM = (Support(group="rim"),)
 ON_RIM = {"rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > 1.0 - 1e-9)}
@@ -146,3 +160,51 @@ def test_a_setup_that_would_mean_something_else_is_refused(wrong, message):
 def test_a_support_that_would_do_nothing_is_refused(wrong, message):
     with pytest.raises(DescriptionError, match=message):
         Support(group="rim", **wrong)
+
+
+def torus(n, m, kind="quad", order=1, **setup):
+    """A torus of radii 1 m and 0.3 m, held at one end."""
+
+    def patch(s, t):
+        a, b = 2.0 * np.pi * s, 2.0 * np.pi * t
+        return (1.0 + 0.3 * np.cos(b)) * np.cos(a), (1.0 + 0.3 * np.cos(b)) * np.sin(a), 0.3 * np.sin(b)
+
+    points = {"end": lambda x, y, z: x > 1.3 - 1e-9, "far": lambda x, y, z: x < -1.3 + 1e-9}
+    points["side"] = lambda x, y, z: y > 1.3 - 1e-9
+    held = (Support(group="end"), Support(group="far", fixed="yz"), Support(group="side", fixed="z"))
+    film = Region(youngs_modulus=1e9, poisson_ratio=0.3, density=1400.0, thickness=1e-4)
+    file = meshed([patch], (n, m), kind=kind, points=points)
+    return make_structure(Setup(order=order, regions=(film,), supports=held, **setup), surface_mesh(file, order))
+
+
+def test_what_chords_take_of_the_volume_of_a_torus_is_told():
+    """Of 2 pi^2 R r^2, by 92 x 16 and by 24 x 8 quadrilaterals; those of 9 nodes lose a thousandth."""
+    exact = 2.0 * np.pi**2 * 0.3**2
+    for n, m in ((92, 16), (24, 8)):
+        structure = torus(n, m)
+        assert structure.chord_error == pytest.approx(1.0 - structure.volume / exact, rel=0.2)
+        volume, advice = structure.remarks
+        assert volume == f"The surface encloses {structure.volume:.6g} m3."
+        assert "9 nodes" in advice
+    assert torus(24, 8, "quad9", 2).volume == pytest.approx(exact, rel=1e-3)
+    assert len(torus(24, 8, "quad9", 2).remarks) == 1
+
+
+def test_a_torus_of_nine_nodes_and_the_shipped_sail_of_order_4_start(tmp_path):
+    """Both were refused: their sums of forces round above a fixed share of the stiffness."""
+    path = tmp_path / "sail.toml"
+    path.write_text("order = 4\n" + (SHIPPED / "sail.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    for structure in (torus(24, 8, "quad9", 2, gas=Gas(pressure=1e3)), load_structure(path, SHIPPED / "sail.msh")):
+        model = Stepper(membrane_model(structure))
+        model.warn = lambda text: None
+        model.initialize()
+        assert 1e-3 < model.get("largest_strain") < 0.05
+
+
+def test_a_film_that_is_hardly_strained_is_not_said_to_wrinkle():
+    """Squeezed by 1e-8 it is compressed everywhere, and nothing depends on it; by 1e-5 it is said."""
+    shares, slack = [], replace(FILM, prestress=(0.0, 0.0, 0.0))
+    for squeeze in (1e-8, 1e-5):
+        held = (Support(group="rim", stretch=(1.0 - squeeze, 1.0 - squeeze, 1.0)),)
+        shares.append(started(sheet(4), regions=(slack,), supports=held)[1].get("compressed_share"))
+    assert shares == pytest.approx([0.0, 1.0])

@@ -42,6 +42,8 @@ REFUSED = {
     "zones overlap": ({"zones": (Zone(group="west"), Zone(group="most"))}, "has another zone already"),
     "faces without material": ({"regions": (replace(FILM, group="west"),)}, "8 of 16 faces have no material"),
     "loose": ({"supports": ()}, "free to move along x as a rigid body"),
+    "gas in nothing that holds": ({"supports": (), "gas": Gas(pressure=1.0)}, "free to move along x as a rigid body"),
+    "no such law": ({"law": "neo-hookean"}, "no law 'neo-hookean'.*Known: st_venant_kirchhoff, hencky, neo_hookean"),
     "turns": ({"supports": (Support(group="left"),)}, "free to move about y"),
     "sensor away": (
         {"sensors": (Sensor(point=(2.0, 0.5, 0.0), direction=(1.0, 0.0, 0.0)),)},

@@ -17,8 +17,10 @@ from gossamer_models.replay import Recovered, clipped_strain, recover, sensor_ou
 from gossamer_models.review import fit_scales, judge_files, save_judged
 from gossamer_models.review.scales import SHORTEST_DECAY
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
-from gossamer_models.simulate import simulate
+from gossamer_models.stepper import simulate
 from oracles.records import record, zigzag
+
+pytestmark = pytest.mark.usefixtures("dashes")
 
 FULL, REST, RISE = 0.2, 1000.0, 300.0
 

@@ -21,9 +21,8 @@ from ..arrays import Matrix, Rows
 from ..detector import PosteriorArtifact, detector_model, judge_records, read_detector, shipped_detectors
 from ..detector.thesis_tables import ZONES
 from ..errors import ConvergenceError, DataError
-from ..simulate import simulate
 from ..step_model import StepModel
-from ..stepper import Stepper
+from ..stepper import Stepper, simulate
 
 if TYPE_CHECKING:
     from ..twin import Twin

@@ -66,7 +66,7 @@ class BatchRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class CaseTable:
     """Variables that the cases of a model are given, in the model's order.
 
     Attributes
@@ -188,7 +188,7 @@ class Table:
 
 
 def count_cases(
-    table: Table, start: Mapping[str, ArrayLike], inputs: Mapping[str, ArrayLike], before: int | None
+    table: CaseTable, start: Mapping[str, ArrayLike], inputs: Mapping[str, ArrayLike], before: int | None
 ) -> int:
     """Return how many cases are given: all that are not given for every case alike agree on it.
 

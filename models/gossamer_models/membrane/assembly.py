@@ -5,16 +5,15 @@ displacements of the M nodes that move [m], shape (3 M,), both in the order of `
 ``D`` = E t/(1 - nu^2) stiffness [N/m], ``t`` thickness [m]; ``shared`` what elements share, by name: one number for all, or
 a column for each of the G combinations, shape (1, G); ``V`` volume of gas [m3]; ``u`` inputs and ``p`` parameters by name.
 
-All elements of a kind are one expression with a column per element; see ``element``. For compiled code they are loops over
-one element's function instead, and arrays are parts of a table; see ``element_loop``. Equal squares are computed in units of
-their side, in which their reference map is one.
+Damage of a zone takes its share of Young's modulus, Section 7.1 of the thesis. All elements of a kind are one expression
+with a column per element; see ``element``. For compiled code they are loops over one element's function instead, and arrays
+are parts of a table; see ``loops``. Equal squares are computed in units of their side, where their reference map is one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -22,11 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from ..element_loop import ElementLoop, Tables
+from ..element_loop import Tables
 from ..variables import Values
-from .element import Element, Extras, apply, balance, by_axis, element_points, element_tangent_function, tangents
+from .element import balance, element_tangent_function, tangents
 from .geometry import stiffest
-from .law import Entry, matrix
+from .law import Entry
+from .loops import at_points, encloses, force_loop, limits, swept, tilts, volume_loop
 from .structure import Elements, Structure
 
 Shared: TypeAlias = dict[str, ca.MX]
@@ -82,10 +82,12 @@ class MembraneEquations:
         self.column = ca.MX.sym("t", self._numbers.size) if compiled else None
         self.arrays = _named(arrays, self.column)
         self._table = {v.name for v in structure.variables(structure.setup, len(structure.mesh.nodes))}
-        blocks = structure.elements if compiled else ()
-        self._force_loops = [self._force_loop(block, i) for i, block in enumerate(blocks)]
+        blocks = range(len(structure.elements) if compiled else 0)
+        compressed = "compressed_share" in self._table
+        own = structure, self._rank
+        self._force_loops = [force_loop(*own, i, self.shared_names, compressed=compressed) for i in blocks]
         enclosing = blocks if structure.setup.gas is not None else ()
-        self._volume_loops = [self._volume_loop(block, i) for i, block in enumerate(enclosing)]
+        self._volume_loops = [volume_loop(*own, i, self.shared_names) for i in enclosing]
 
     @property
     def tables(self) -> Tables | None:
@@ -189,10 +191,11 @@ class MembraneEquations:
         """
         parts = []
         for i, block in enumerate(self.structure.elements):
-            unit = (block.geometry.side or 1.0) * self.size(p)
+            side = block.geometry.side or 1.0
+            unit = side * self.size(p)
             own = {name: value * unit if name in _PER_LENGTH else value for name, value in shared.items()}
             found = self._looped(i, x / unit, own) if self._compiled else self._at_once(block, x / unit, own)
-            parts.append(replace(found, f=unit * found.f))
+            parts.append(replace(found, f=unit * found.f, compressed=side**2 * found.compressed))
         total = parts[0]
         for part in parts[1:]:
             rate, strain = ca.fmax(total.rate, part.rate), ca.fmax(total.strain, part.strain)
@@ -212,8 +215,8 @@ class MembraneEquations:
             return sum(loop.stand_in(x, d) for loop in self._volume_loops)
         total = ca.MX(0.0)
         for block in self.structure.elements:
-            flags = ca.repmat(ca.DM(_encloses(self.structure, block)).T, len(block.element.w), 1)
-            total += ca.sum1(ca.sum2(flags * _swept(block.element, self._positions(block, x))))
+            flags = ca.repmat(ca.DM(encloses(self.structure, block)).T, len(block.element.w), 1)
+            total += ca.sum1(ca.sum2(flags * swept(block.element, self._positions(block, x))))
         return total
 
     def gas_mobility(self) -> float:
@@ -285,98 +288,20 @@ class MembraneEquations:
         }
         limit, tilt = (
             ca.repmat(ca.DM(value).T, points, 1) if isinstance(value, np.ndarray) else value
-            for value in (_limits(self.structure, block), _tilts(self.structure, block))
+            for value in (limits(self.structure, block), tilts(self.structure, block))
         )
         T = tangents(self._positions(block, x), block.element)
         w = ca.repmat(ca.DM(block.element.w), 1, n)
-        P, load, rate, strain, compressed = self._points(T, block.element, w, spread, limit, tilt)
+        P, load, rate, strain, compressed = at_points(self.structure.setup, T, block.element, w, spread, limit, tilt)
         f, rate, strain, compressed = ca.cse([balance(P, load, block.element), rate, strain, compressed])
         f = _sum_at(_places(self._rank[block.nodes]).reshape(-1), ca.vec(f), 3 * len(self._rank))
         return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum1(ca.sum2(compressed)))
-
-    def _points(
-        self, T: NDArray[np.object_], element: Element, w: Entry, shared: Mapping[str, Entry], limit: Entry, tilt: Entry
-    ) -> tuple[Any, list[Entry], Entry, Entry, Entry]:
-        """Return what points add: stress, load, bound of the squared frequency [1/s2], twice the strain, area compressed."""
-        extras: dict[str, Any] = {}
-        if "along" in shared:
-            shear = shared["shear"]
-            extras["eigenstrain"] = matrix([[shared["along"], shear], [shear, shared["across"]]])
-        if "absorbed" in shared:
-            light = [shared[f"light_{axis}"] for axis in "xyz"]
-            extras |= {"light": light, "absorbed": shared["absorbed"], "mirrored": shared["mirrored"]}
-        at = element_points(T, element, w, shared["D"], self._nu(shared), shared["pressure"], Extras(**extras))
-        k = self.structure.setup.inplane_mass
-        lighter = tilt + (1.0 - tilt) / k  # one over the factor on the inertia that stress along the surface moves
-        wave = at.wave if k == 1.0 else ca.fmax(at.wave * lighter, at.wave - 1.0 - at.strain)
-        return at.P, at.load, limit * shared["D"] * wave, at.strain, at.compressed
 
     def _looped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
         columns = len(self.structure.region)
         d = [ca.repmat(value, 1, columns) if ca.MX(value).is_scalar() else value for value in shared.values()]
         f, rate, strain, *rest = self._force_loops[i].stand_in.call([x, ca.vec(ca.vertcat(*d))])
         return Forces(f, rate, strain, rest[0] if rest else ca.MX(0.0))
-
-    def _force_loop(self, block: Elements, number: int) -> ElementLoop:
-        """Write the forces of one element of a block as a function, for all of them in a loop.
-
-        What is equal for all elements is a number in its code, not a table.
-        """
-        names, element = self.shared_names, block.element
-        m, points = block.nodes.shape[1], len(element.w)
-        own: dict[str, Vector] = {}
-        if block.geometry.side is None:
-            own["map"] = _maps(element, len(block.nodes))
-        given = {"limit": _limits(self.structure, block), "tilt": _tilts(self.structure, block)}
-        own |= {name: value[:, None] for name, value in given.items() if isinstance(value, np.ndarray)}
-
-        T, g, w = ca.SX.sym("T", 6), ca.SX.sym("g", 5 if "map" in own else 0), ca.SX.sym("w")
-        d, alone = ca.SX.sym("d", len(names)), [ca.SX.sym(name) for name in given if name in own]
-        one = {**given, **{symbol.name(): symbol for symbol in alone}}
-        placed = replace(element, J=g[0], J_inverse=matrix([[g[1], g[2]], [g[3], g[4]]])) if "map" in own else element
-        shared = {name: d[i] for i, name in enumerate(names)}
-        P, load, *rest = self._points(by_axis(T), placed, w, shared, one["limit"], one["tilt"])
-        if "compressed_share" not in self._table:
-            rest = rest[:2]
-        symbols = [T, g, w, d, *alone]
-        point = ca.Function("point", symbols, ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), *rest]))
-
-        x = ca.SX.sym("x", 3 * m)
-        at_points = ca.Function("at_points", [x], [ca.horzcat(*tangents(ca.vertsplit(x, m), element).flat).T])
-        P, load = ca.SX.sym("P", 6, points), ca.SX.sym("load", 3, points)
-        forces = balance(by_axis(P), [load[i, :].T for i in range(3)], element)
-        on_nodes = ca.Function("on_nodes", [P, load], [forces])
-
-        table = np.column_stack([*own.values()]) if own else np.zeros((len(block.nodes), 1))  # no table is empty
-        x, d, g = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("d", len(names)), ca.MX.sym("g", table.shape[1])]
-        maps = ca.reshape(g[: 5 * points], 5, points) if "map" in own else ca.MX(0, points)
-        alone = ca.vertsplit(g[table.shape[1] - len(alone) :]) if alone else []
-        all_points = point.map(points, [False, False, False, True, *(True for _ in alone)])
-        P, load, rate, strain, *compressed = all_points(at_points(x), maps, ca.DM(element.w).T, d, *alone)
-        row = ca.SX.sym("row", 1, points)
-        largest = ca.Function("largest", [row], [reduce(ca.fmax, ca.horzsplit(row))])
-        results = [on_nodes(P, load), largest(rate), largest(strain), *map(ca.sum2, compressed)]
-        function = ca.Function(f"element_{number}", symbols, results)
-        return ElementLoop(
-            f"forces_{number}",
-            function.expand() if element.order <= 1 else function,
-            True,
-            ("largest", "largest", "sum")[: len(results) - 1],
-            len(self._rank),
-            len(self.structure.region),
-            self._rank[block.nodes],
-            block.combination,
-            table,
-        )
-
-    def _volume_loop(self, block: Elements, number: int) -> ElementLoop:
-        m = block.nodes.shape[1]
-        x, d, g = ca.SX.sym("x", 3 * m), ca.SX.sym("d", len(self.shared_names)), ca.SX.sym("g")
-        swept = g * ca.sum1(_swept(block.element, ca.vertsplit(x, m)))
-        function = ca.Function(f"swept_{number}", [x, d, g], [swept])
-        own, nodes = _encloses(self.structure, block)[:, None], self._rank[block.nodes]
-        sizes = len(self._rank), len(self.structure.region)
-        return ElementLoop(f"volume_{number}", function, False, ("sum",), *sizes, nodes, block.combination, own)
 
     def _positions(self, block: Elements, x: ca.MX) -> list[ca.MX]:
         columns = ca.reshape(x[_places(self._rank[block.nodes]).reshape(-1).tolist()], -1, len(block.nodes))
@@ -416,46 +341,6 @@ def _named(arrays: dict[str, Vector], column: ca.MX | None) -> dict[str, ca.MX]:
         return {name: ca.MX(ca.DM(array)) for name, array in arrays.items()}
     ends = np.cumsum([0, *(array.size for array in arrays.values())]).tolist()
     return dict(zip(arrays, ca.vertsplit(column, ends), strict=True))
-
-
-def _swept(element: Element, positions: list[Entry]) -> Entry:
-    """Return the volume between the origin and each point's share of the surface."""
-    T = tangents(positions, element)
-    at = [apply(element.N, column) for column in positions]
-    w = ca.repmat(ca.DM(element.w), 1, positions[0].shape[1])
-    return w * sum(a * b for a, b in zip(at, np.cross(T[:, 0], T[:, 1]), strict=True)) / 3.0
-
-
-def _limits(structure: Structure, block: Elements) -> Vector | float:
-    """Return the squared frequency [1/s2] of the stiffest motion of each element, at a stiffness of 1 N/m."""
-    regions, of = structure.setup.regions, structure.region[block.combination]
-    nu = np.array([r.poisson_ratio for r in regions])[of]
-    return _number(stiffest(block.geometry, nu) / np.array([r.density * r.thickness for r in regions])[of])
-
-
-def _tilts(structure: Structure, block: Elements) -> Vector | float:
-    """Return the largest squared sine [1] between the normals of each element and those of its nodes."""
-    if structure.setup.inplane_mass == 1.0:
-        return 0.0
-    across = block.geometry.node_normals
-    across = across / np.linalg.norm(across, axis=2, keepdims=True)
-    cosine = np.sum(across * structure.normals[block.nodes], axis=2)
-    return _number(np.max(1.0 - cosine**2, axis=1).clip(0.0))
-
-
-def _number(values: Vector) -> Vector | float:
-    """Return one number for all where they are equal but for rounding."""
-    return float(values.max()) if np.ptp(values) <= 1e-11 * abs(values.max()) else np.asarray(values)
-
-
-def _encloses(structure: Structure, block: Elements) -> Vector:
-    return np.asarray(structure.enclosing[block.combination], dtype=np.float64)
-
-
-def _maps(element: Element, n: int) -> Vector:
-    """Return J and the inverse of the reference map of every point of each element, shape (n, 5 points)."""
-    parts = [element.J, *element.J_inverse.flat]
-    return np.stack([np.asarray(ca.densify(part)).T for part in parts], axis=-1).reshape(n, -1)
 
 
 def _places(nodes: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -98,7 +98,7 @@ def ways(setup: Setup, mesh: SurfaceMesh) -> Vector:
                 mistakes.append(Mistake(("supports", i), text))
             found[i][both] = 0.0
     raise_any(mistakes)
-    return found.reshape(len(setup.supports), -1)
+    return found.reshape(len(setup.supports), mesh.nodes.size)
 
 
 def members_of(mesh: SurfaceMesh, groups: tuple[str, ...]) -> NDArray[np.bool_]:

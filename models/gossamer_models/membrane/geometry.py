@@ -63,6 +63,14 @@ class Geometry:
         weighted = (self.J * self.element.w)[..., None] * self.normal
         return np.asarray(np.einsum("npi,pm->nmi", weighted, values(self.element)))
 
+    def tilts(self, normals: Vector) -> Vector:
+        """Return the largest squared sine between the normals of each element and those of its nodes [1], shape (n,).
+
+        Those of the nodes are unit vectors, shape (n, m, 3).
+        """
+        across = self.node_normals / np.linalg.norm(self.node_normals, axis=2, keepdims=True)
+        return np.asarray(np.max(1.0 - np.sum(across * normals, axis=2) ** 2, axis=1).clip(0.0))
+
     @cached_property
     def side(self) -> float | None:
         """Side of the elements [m] if all are the same square, else None."""

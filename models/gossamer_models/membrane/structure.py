@@ -6,6 +6,7 @@ combination share modulus, pressure and eigenstrain, so these are computed once 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,12 +21,14 @@ from ..variables import Variable
 from .boundary import edge_force, free_displacements, leaking, loose, members_of, unit_force, ways
 from .element import Element
 from .gauges import Gauge, gauge
-from .geometry import Geometry, geometry, stiffest
+from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
 from .setup import Setup
-from .surface import Integers, SurfaceMesh
+from .surface import Integers, SurfaceMesh, sides_of
 
 _FLAT = 1e-9  # J of an element below this share of its mean: no area
+_EDGE = 0.2  # squared sine of a tilt [1] from which on the surface has an edge
+_CHORDS = 0.01  # of which more is remarked on
 _FAR = 1e-3  # how far a sensor may be from the surface, shares of its size
 
 
@@ -131,6 +134,43 @@ class Structure:
     def moving(self) -> Integers:
         """Nodes that move in some direction, in the order of the model's state."""
         return self.order[: int(self.free.reshape(-1, 3).any(axis=1).sum())]
+
+    @property
+    def volume(self) -> float | None:
+        """Volume that the faces of the gas bound [m3], or all faces of a closed surface; None where there is none."""
+        sides = Counter(side for _, side in sides_of(self.mesh))
+        if self.setup.gas is None and min(sides.values()) < 2:
+            return None
+        total = 0.0
+        for block in self.elements:
+            bounds = self.enclosing[block.combination] | (self.setup.gas is None)
+            at = np.einsum("pm,nmi->npi", values(block.element), self.mesh.nodes[block.nodes])
+            swept = np.sum(at * block.geometry.normal, axis=2) * block.geometry.J @ block.element.w / 3.0
+            total += float(swept[bounds].sum())
+        return total
+
+    @property
+    def chord_error(self) -> float:
+        """Estimate of the share of the volume [1] that is lost since elements are flatter than the curved surface.
+
+        Notes
+        -----
+        Of chords that turn by an angle a against each other a circle loses a^2/6 of its area, and each is tilted by a/2
+        against the normals of the nodes between them. Where the tilt is large the surface has an edge.
+        """
+        tilt = np.concatenate([block.geometry.tilts(self.normals[block.nodes]) for block in self.elements])
+        return float(2.0 / 3.0 * np.average(np.where(tilt < _EDGE, tilt, 0.0), weights=self.areas))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What whoever builds it should know of its shape, in sentences."""
+        found = [] if self.volume is None else [f"The surface encloses {self.volume:.6g} m3."]
+        if self.chord_error > _CHORDS:
+            found.append(
+                f"Its elements are flatter than the surface: about {100.0 * self.chord_error:.1f} % of a volume is lost. "
+                "Mesh more finely, or with quadrilaterals of 9 nodes and order = 2 or more."
+            )
+        return tuple(found)
 
     @property
     def n_zones(self) -> int:

@@ -1,0 +1,164 @@
+r"""What one element gives, at its points, and as a function for a loop over all elements of a kind.
+
+Symbols: those of ``element`` and ``assembly``; ``T`` tangents of the stretched element, ``g`` what an element has alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import reduce
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Vector
+from ..element_loop import ElementLoop
+from .element import Element, Extras, apply, balance, by_axis, element_points, tangents
+from .geometry import stiffest
+from .law import Entry, matrix
+from .setup import Setup
+from .structure import Elements, Structure
+from .surface import Integers
+
+
+def at_points(
+    setup: Setup,
+    T: NDArray[np.object_],
+    element: Element,
+    w: Entry,
+    shared: Mapping[str, Entry],
+    limit: Entry,
+    tilt: Entry,
+) -> tuple[Any, list[Entry], Entry, Entry, Entry]:
+    """Return what points add: stress, load, bound of the squared frequency [1/s2], twice the strain, area compressed."""
+    extras: dict[str, Any] = {}
+    if "along" in shared:
+        shear = shared["shear"]
+        extras["eigenstrain"] = matrix([[shared["along"], shear], [shear, shared["across"]]])
+    if "absorbed" in shared:
+        light = [shared[f"light_{axis}"] for axis in "xyz"]
+        extras |= {"light": light, "absorbed": shared["absorbed"], "mirrored": shared["mirrored"]}
+    at = element_points(
+        T,
+        element,
+        w,
+        shared["D"],
+        shared.get("nu", setup.regions[0].poisson_ratio),
+        shared["pressure"],
+        Extras(**extras),
+    )
+    k = setup.inplane_mass
+    lighter = tilt + (1.0 - tilt) / k  # one over the factor on the inertia that stress along the surface moves
+    wave = at.wave if k == 1.0 else ca.fmax(at.wave * lighter, at.wave - 1.0 - at.strain)
+    return at.P, at.load, limit * shared["D"] * wave, at.strain, at.compressed
+
+
+def force_loop(
+    structure: Structure, rank: Integers, number: int, names: Sequence[str], *, compressed: bool
+) -> ElementLoop:
+    """Write the forces of one element of a kind as a function, for all of them in a loop.
+
+    Parameters
+    ----------
+    structure : Structure
+        The membrane.
+    rank : ndarray of int, shape (N,)
+        Place of each node in the order of the model.
+    number : int
+        Of the kind.
+    names : sequence of str
+        What elements share.
+    compressed : bool
+        Whether the area under compression is a result.
+    """
+    block = structure.elements[number]
+    element, n, points = block.element, len(block.nodes), len(block.element.w)
+    own = [np.broadcast_to(each(structure, block), n) for each in (limits, tilts)]
+    maps = np.zeros((n, 0)) if block.geometry.side is not None else _maps(element, n)
+
+    T, g, w = ca.SX.sym("T", 6), ca.SX.sym("g", maps.shape[1] // points), ca.SX.sym("w")
+    d, limit, tilt = ca.SX.sym("d", len(names)), ca.SX.sym("limit"), ca.SX.sym("tilt")
+    placed = replace(element, J=g[0], J_inverse=matrix([[g[1], g[2]], [g[3], g[4]]])) if maps.size else element
+    shared = {name: d[i] for i, name in enumerate(names)}
+    P, load, *rest = at_points(structure.setup, by_axis(T), placed, w, shared, limit, tilt)
+    results = ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), *rest[: 2 + compressed]])
+    point = ca.Function("point", [T, g, w, d, limit, tilt], results)
+
+    x = ca.SX.sym("x", 3 * block.nodes.shape[1])
+    columns = tangents(ca.vertsplit(x, block.nodes.shape[1]), element)
+    stretches = ca.Function("stretches", [x], [ca.horzcat(*columns.flat).T])
+    P, load = ca.SX.sym("P", 6, points), ca.SX.sym("load", 3, points)
+    on_nodes = ca.Function("on_nodes", [P, load], [balance(by_axis(P), [load[i, :].T for i in range(3)], element)])
+    row = ca.SX.sym("row", 1, points)
+    largest = ca.Function("largest", [row], [reduce(ca.fmax, ca.horzsplit(row))])
+
+    x, d, g = symbols = [ca.MX.sym("x", x.numel()), ca.MX.sym("d", len(names)), ca.MX.sym("g", maps.shape[1] + 2)]
+    all_points = point.map(points, [False, False, False, True, True, True])
+    each = ca.reshape(g[:-2], maps.shape[1] // points, points)
+    P, load, rate, strain, *area = all_points(stretches(x), each, ca.DM(element.w).T, d, g[-2], g[-1])
+    sums = [on_nodes(P, load), largest(rate), largest(strain), *(ca.sum2(part) for part in area)]
+    function = ca.Function(f"element_{number}", symbols, sums)
+    return ElementLoop(
+        f"forces_{number}",
+        function.expand() if element.order <= 1 else function,
+        True,
+        ("largest", "largest", "sum")[: len(sums) - 1],
+        len(rank),
+        len(structure.region),
+        rank[block.nodes],
+        block.combination,
+        np.column_stack([maps, *own]),
+    )
+
+
+def volume_loop(structure: Structure, rank: Integers, number: int, names: Sequence[str]) -> ElementLoop:
+    """Write the volume that one element bounds as a function, for all of a block in a loop."""
+    block = structure.elements[number]
+    m = block.nodes.shape[1]
+    x, d, g = ca.SX.sym("x", 3 * m), ca.SX.sym("d", len(names)), ca.SX.sym("g")
+    volume = g * ca.sum1(swept(block.element, ca.vertsplit(x, m)))
+    function = ca.Function(f"swept_{number}", [x, d, g], [volume])
+    own, nodes = encloses(structure, block)[:, None], rank[block.nodes]
+    sizes = len(rank), len(structure.region)
+    return ElementLoop(f"volume_{number}", function, False, ("sum",), *sizes, nodes, block.combination, own)
+
+
+def swept(element: Element, positions: list[Entry]) -> Entry:
+    """Return the volume between the origin and each point's share of the surface."""
+    T = tangents(positions, element)
+    at = [apply(element.N, column) for column in positions]
+    w = ca.repmat(ca.DM(element.w), 1, positions[0].shape[1])
+    return w * sum(a * b for a, b in zip(at, np.cross(T[:, 0], T[:, 1]), strict=True)) / 3.0
+
+
+def limits(structure: Structure, block: Elements) -> Vector | float:
+    """Return the squared frequency [1/s2] of the stiffest motion of each element, at a stiffness of 1 N/m."""
+    regions, of = structure.setup.regions, structure.region[block.combination]
+    nu = np.array([r.poisson_ratio for r in regions])[of]
+    return _number(stiffest(block.geometry, nu) / np.array([r.density * r.thickness for r in regions])[of])
+
+
+def tilts(structure: Structure, block: Elements) -> Vector | float:
+    """Return the largest squared sine [1] between the normals of each element and those of its nodes."""
+    if structure.setup.inplane_mass == 1.0:
+        return 0.0
+    return _number(block.geometry.tilts(structure.normals[block.nodes]))
+
+
+def _number(values: Vector) -> Vector | float:
+    """Return one number for all where they are equal but for rounding."""
+    return float(values.max()) if np.ptp(values) <= 1e-11 * abs(values.max()) else np.asarray(values)
+
+
+def encloses(structure: Structure, block: Elements) -> Vector:
+    """Return 1 for each element that encloses the gas, else 0."""
+    return np.asarray(structure.enclosing[block.combination], dtype=np.float64)
+
+
+def _maps(element: Element, n: int) -> Vector:
+    """Return J and the inverse of the reference map of every point of each element, shape (n, 5 points)."""
+    parts = [element.J, *element.J_inverse.flat]
+    return np.stack([np.asarray(ca.densify(part)).T for part in parts], axis=-1).reshape(n, -1)
