@@ -193,6 +193,6 @@ def numbers_by_name(texts: Sequence[str], example: str) -> dict[str, float]:
         try:
             found[name.strip()] = float(value)
         except ValueError:
-            msg = f"{option('set', text)}: {value!r} is no number. Write a name and a number, {example}."
+            msg = f"{option('set', text)}: {value!r} is no number; write a name and a number, {example}."
             raise OrchestratorError(msg) from None
     return found

@@ -17,3 +17,9 @@ def known():
 @pytest.fixture(scope="session")
 def fitted(known):
     return fit_preisach((known,), everything(known), QUICK, full_scale=1.0, rest_resistance=100.0)
+
+
+@pytest.fixture
+def dashes(monkeypatch):
+    """Sentences name options as the command line does."""
+    monkeypatch.setenv("GOSSAMER_OPTIONS", "dashes")

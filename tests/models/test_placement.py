@@ -173,7 +173,7 @@ def test_what_makes_no_sense_is_refused(square):
 
 
 def test_a_membrane_at_rest_tells_nothing(square):
-    with pytest.raises(ParameterError, match=r"pressure_amplitude=100"):
+    with pytest.raises(ParameterError, match=r"set='pressure_amplitude=100'"):
         place_sensors(square, {"pressure_amplitude": 0.0}, points=2, stop=0.006)
 
 

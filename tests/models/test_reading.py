@@ -8,6 +8,8 @@ import pytest
 from gossamer_models import DataError
 from gossamer_models.fitting import Columns, read_record, read_records
 
+pytestmark = pytest.mark.usefixtures("dashes")
+
 T = 0.1 * np.arange(40)
 STRAIN = 0.05 * np.abs(np.sin(T))
 OHM = 1000.0 + 2000.0 * STRAIN

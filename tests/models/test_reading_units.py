@@ -10,6 +10,8 @@ from gossamer_files.measured.units import factor, is_unit
 from gossamer_models import DataError
 from gossamer_models.fitting import Columns, read_record
 
+pytestmark = pytest.mark.usefixtures("dashes")
+
 T = 0.1 * np.arange(40)
 STRAIN = 0.05 * np.abs(np.sin(T))
 OHM = 1000.0 + 2000.0 * STRAIN

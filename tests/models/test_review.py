@@ -20,6 +20,8 @@ from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sen
 from gossamer_models.stepper import simulate
 from oracles.records import record, zigzag
 
+pytestmark = pytest.mark.usefixtures("dashes")
+
 FULL, REST, RISE = 0.2, 1000.0, 300.0
 
 

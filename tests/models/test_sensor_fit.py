@@ -25,6 +25,8 @@ from oracles.records import QUICK, everything, fit_like, record, zigzag
 from scipy.optimize import lsq_linear, minimize
 from studies.specimen import specimen_record
 
+pytestmark = pytest.mark.usefixtures("dashes")
+
 
 def test_the_ridge_is_chosen_without_a_look_at_the_test_stretch(known):
     rows = (np.arange(known.strain.size) < 200,)

@@ -20,10 +20,9 @@ from .assembly import MembraneEquations
 LEVELS = 5  # at most 10^5 steps
 NEWTON_STEPS = 8
 # Accepted are the forces that displacements of so many units in the last place of the positions cause, as sums over elements
-# round; the longer it takes to come there, the more, for some membranes go on too slowly to be waited for.
+# round. From some step on it is more with each, for some membranes come there too slowly to be waited for.
 FLOOR = 4.0 * np.finfo(float).eps
-PATIENCE = 10.0 ** (6.0 / 10_000)  # factor on what is accepted, after each step
-_MOST = 1e6  # times as much
+PATIENCE, GROWTH, MOST = 5000, 10.0 ** (6.0 / 5000), 1e6  # steps; factor after each further one; as much at most
 PLANE = (
     1e-11  # accepted of Newton's method, over modulus * thickness * size of an element * stretch^3; round-off is 1e-16
 )
@@ -76,7 +75,7 @@ def relax(
     drag = h * ca.sqrt(ca.fmin(ca.fmax(omega2, 0.0), rate))
     a = f / mass
     moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * a
-    left_now, slack_next = ca.norm_inf(a) / (slack * accepted), ca.fmin(slack * PATIENCE, _MOST)
+    left_now, slack_next = ca.norm_inf(a) / (ca.fmax(slack, 1.0) * accepted), ca.fmin(slack * GROWTH, MOST)
     inputs, q_next = [*z, *rest, *symbols], at + ca.if_else(left_now <= 1.0, 0.0, h) * moved
     step = ca.Function("relaxation_0", inputs, [q_next, moved, f, h, left_now, slack_next])
     kept = ca.Function("relaxation_over", inputs, [*z, *rest])
@@ -87,7 +86,7 @@ def relax(
         ten = ca.Function(f"relaxation_ten_{level}", inputs, end)
         unless = ca.Function.if_else(f"relaxation_unless_{level}", kept, ten)
         step = ca.Function(f"relaxation_{level + 1}", inputs, unless.call([left <= 1.0, *inputs]))
-    q, _, _, _, left, _ = step.call([q, ca.MX.zeros(n), ca.MX.zeros(n), 0.0, np.inf, 1.0, *values])
+    q, _, _, _, left, _ = step.call([q, ca.MX.zeros(n), ca.MX.zeros(n), 0.0, np.inf, GROWTH**-PATIENCE, *values])
     return ca.if_else(left <= 1.0, q, float("nan")), left
 
 

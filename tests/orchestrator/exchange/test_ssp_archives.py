@@ -89,5 +89,5 @@ def test_an_archive_that_cannot_be_finished_leaves_nothing(tmp_path):
         archive.write_archive(tmp_path / "a.ssp", {"one": b"1", "two": None})
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "file").write_text("")
-    with pytest.raises(OrchestratorError, match=r"cannot write [^\[]* Name another place with --out."):
+    with pytest.raises(OrchestratorError, match=r"cannot write [^\[]* Name another place with out=."):
         archive.write_archive(tmp_path / "file/a.ssp", {})

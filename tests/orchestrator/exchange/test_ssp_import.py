@@ -29,7 +29,7 @@ def test_step_and_stop_come_from_the_command_if_it_names_them(make):
 
 def test_without_times_those_of_the_fmus_are_taken_and_said(make, fmus, caplog):
     path = make(system(component("a", "a") + component("b", "b")), rest="")
-    message = r"other.ssp: neither it nor its FMUs state a step. Name one with --step"
+    message = r"other.ssp: neither it nor its FMUs state a step. Name one with step="
     with zipfile.ZipFile(fmus / "gain.fmu") as old, zipfile.ZipFile(path, "a") as new:
         for name, step in (("a", 0.25), ("b", 0.5)):
             experiment = f'<DefaultExperiment stepSize="{step}" stopTime="{8 * step}"/><ModelVariables>'

@@ -137,7 +137,7 @@ def test_what_is_not_ours_is_refused(tmp_path):
 
 def test_a_folder_that_cannot_be_made_is_refused_before_the_run(chain, fmus, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(ResultsError, match=r"cannot write .*file/out: .* Name another place with --out."):
+    with pytest.raises(ResultsError, match=r"cannot write .*file/out: .* Name another place with out=."):
         run_scenario(chain(), fmus, tmp_path / "file/out")
 
 

@@ -167,7 +167,7 @@ def test_a_run_is_not_resumed_with_another_file_of_inputs_and_one_that_replaces_
         run_scenario(scenario, hostile, out, resume=True)
     run_scenario(scenario, hostile, out)
     assert [record.getMessage() for record in caplog.records] == [
-        f"the unfinished run in {out} is replaced by this one. --resume continues a run"
+        f"the unfinished run in {out} is replaced by this one. resume=True continues a run"
     ]
     caplog.clear()
     run_scenario(scenario, hostile, out)

@@ -81,10 +81,10 @@ def test_another_seed_gives_other_noise(fmus):
         ("one.factr=1", "has no parameter and no input 'factr'. Did you mean 'factor'?"),
         ("oen.factor=1", "there is no component 'oen'. Did you mean 'one'?"),
         ("factor=1", "'factor' is no component.variable"),
-        ("stop=1", "'stop' is no component.variable. Use --stop."),
+        ("stop=1", "'stop' is no component.variable. Use stop=."),
         ("factor", "'factor' sets nothing. Write NAME=VALUE"),
-        ("one.factor=much", "--set one.factor: parameter 'factor' of FMU 'gain' is of type Real and cannot be 'much'"),
-        ("two.u=1", "--set two.u: input 'two.u' is connected and given a value"),
+        ("one.factor=much", "set='one.factor': parameter 'factor' of FMU 'gain' is of type Real and cannot be 'much'"),
+        ("two.u=1", "set='two.u': input 'two.u' is connected and given a value"),
         ("seed=-1", "the seed is a whole number from 0 on"),
     ],
 )

@@ -95,14 +95,14 @@ def test_events_after_a_stop_of_the_command_line_are_left_out_with_one_note(fmus
     plan = make_plan(parse_scenario(GAIN + events, stop=0.5), fmus)
     assert list(plan.events) == [2]
     assert [record.getMessage() for record in caplog.records] == [
-        "--stop: the run ends before the events at 0.6, 0.8 s, which are left out"
+        "stop=: the run ends before the events at 0.6, 0.8 s, which are left out"
     ]
     with pytest.raises(ScenarioError, match=r"the event at 0.6 s lies outside the run, 0 to 0.5 s"):
         parse_scenario((GAIN + events).replace("1.0", "0.5", 1))
 
 
 def test_a_mistake_in_an_option_is_not_given_a_line_of_the_file():
-    with pytest.raises(ScenarioError, match=r"^--stop: 'stop' = 0.55 s is not a whole number of steps"):
+    with pytest.raises(ScenarioError, match=r"^stop=: 'stop' = 0.55 s is not a whole number of steps"):
         parse_scenario(GAIN, name="g.toml", stop=0.55)
     with pytest.raises(ScenarioError, match=r"^g.toml:2: 'stop' = 0.55 s"):
         parse_scenario(GAIN.replace("1.0", "0.55", 1), name="g.toml")

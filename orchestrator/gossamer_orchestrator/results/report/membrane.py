@@ -168,7 +168,7 @@ def _colours(
     for name, rows, column in (("estimated damage", judged.estimated, 1), ("true damage", judged.true, 2)):
         if len(rows) and steps:
             places = [(known if column == 2 else k) for _, k, known in steps]
-            values = np.array([rows[k] if k >= 0 else np.zeros(zones) for k in places], dtype=float)
+            values = np.array([rows[k] if k >= 0 else np.zeros(judged.zones) for k in places], dtype=float)
             valid = [column == 2 or k < 0 or bool(judged.valid[k]) for k in places]
             more = {"values": values, "time": time, "valid": valid, "least": judged.least if column == 1 else 1e-7}
             colours.append(
