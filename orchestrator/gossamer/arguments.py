@@ -12,6 +12,7 @@ import os
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache, wraps
 from pathlib import Path
 from types import UnionType
@@ -97,6 +98,8 @@ class Argument:
         Whether it is given by name.
     owner : type or None
         The class that declares it, for several commands; None for an argument of the function's own.
+    hint : str
+        Its type as that class writes it.
     """
 
     name: str
@@ -105,6 +108,7 @@ class Argument:
     written: Written
     is_option: bool
     owner: type | None = None
+    hint: str = ""
 
 
 @cache
@@ -120,7 +124,8 @@ def declared(function: Callable[..., Any]) -> dict[str, Argument]:
             for owner in GROUPS.get(shared, (shared,)):
                 for name, inner in get_type_hints(owner, include_extras=True).items():
                     default = None if type(None) in _kinds(inner) else False
-                    found[name] = Argument(name, _kinds(inner), default, _written(inner), True, owner)
+                    hint = owner.__annotations__[name].__forward_arg__
+                    found[name] = Argument(name, _kinds(inner), default, _written(inner), True, owner, hint)
         else:
             is_option = each.kind is each.KEYWORD_ONLY
             found[each.name] = Argument(each.name, _kinds(hint), each.default, _written(hint), is_option)
@@ -129,16 +134,31 @@ def declared(function: Callable[..., Any]) -> dict[str, Argument]:
 
 def command(function: Callable[P, R]) -> Callable[P, R]:
     """Make a function a command: its arguments are checked, and what goes wrong is an ``OrchestratorError``."""
+    taken = declared(function)
+    signature = inspect.signature(function)
+    listed = [each for each in signature.parameters.values() if each.kind is not each.VAR_KEYWORD]
+    shared = [each for each in taken.values() if each.owner]
+    listed += [
+        inspect.Parameter(each.name, inspect.Parameter.KEYWORD_ONLY, default=each.default, annotation=each.hint)
+        for each in shared
+    ]
+    signature = signature.replace(parameters=listed)
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        taken = declared(function)
-        given = dict(zip(taken, args, strict=False)) | kwargs
-        inspect.signature(function).bind(*args, **kwargs)  # what is missing, unknown or given twice is a TypeError
+        try:
+            given = signature.bind(*args, **kwargs).arguments
+        except TypeError as error:  # one is missing, unknown or given twice
+            unknown = next((name for name in kwargs if name not in taken), "")
+            meant = get_close_matches(unknown, taken, 1)
+            hint = f". Did you mean '{meant[0]}'?" if meant else ""
+            msg = f"{function.__name__}() {error}{hint}"
+            raise TypeError(msg) from None
         checked: Any = {name: check(taken[name], value) for name, value in given.items()}
         with expected_errors(taken):
             return function(**checked)  # type: ignore[call-arg]
 
+    call.__signature__ = signature  # type: ignore[attr-defined]
     COMMANDS[function.__name__] = call
     return call
 

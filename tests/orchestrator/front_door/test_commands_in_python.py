@@ -131,6 +131,9 @@ def test_a_choice_that_is_not_offered_is_refused_with_those_that_are():
 def test_an_unknown_option_is_refused_by_python():
     with pytest.raises(TypeError, match="unexpected keyword argument 'stp'"):
         gossamer.run("damaged", stp=1.0)
+    with pytest.raises(TypeError, match=r"identify\(\) got an unexpected .* 'strian'\. Did you mean 'strain'\?"):
+        gossamer.identify("x.csv", strian="e")
+    assert {"strain", "tau", "fading"} <= set(inspect.signature(gossamer.identify).parameters)
 
 
 def test_errors_name_arguments_as_python_does_and_commands_as_a_shell(tmp_path):
