@@ -69,6 +69,12 @@ def main(tokens: Sequence[str] | None = None) -> None:
     os.environ[STYLE] = DASHES  # processes that this one starts write as it does
     try:
         code = _run(words)
+        print(end="", flush=True)
+    except OSError as error:  # of stdout: those of commands are sentences already
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where Python sends what is left when it ends
+        if not isinstance(error, BrokenPipeError):  # where nobody reads any more, nothing is wrong
+            print(f"cannot write the answer: {error.strerror or error}. Send it elsewhere.", file=sys.stderr)
+        code = 1
     finally:
         TERMINAL.quiet, TERMINAL.talks, TERMINAL.typed = False, False, None
         del os.environ[STYLE]

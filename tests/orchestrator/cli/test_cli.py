@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import re
 import subprocess
 import sys
@@ -146,6 +147,20 @@ def test_an_fmu_for_scheduled_execution_is_refused_once_though_two_components_us
     (line,) = result.stderr.splitlines()
     assert "is FMI 3.0 for scheduled execution" in line
     assert line.endswith("Export it for one of them.")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no disk that is always full")
+def test_an_answer_that_cannot_be_written_is_no_traceback(fmus):
+    command = [sys.executable, "-m", "gossamer", "info", str(fmus / "gain.fmu"), "--json"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith("cannot write the answer: ")
+    unread, pipe = os.pipe()
+    os.close(unread)
+    done = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    os.close(pipe)
+    assert (done.returncode, done.stderr) == (1, "")
 
 
 def test_info_lists_variables(call, fmus):
