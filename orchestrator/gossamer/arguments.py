@@ -58,7 +58,8 @@ Folder: TypeAlias = Annotated[AnyPath, Written("FOLDER")]
 Files: TypeAlias = Annotated[AnyPath | Sequence[AnyPath], Written("FILE", many=True)]
 Names: TypeAlias = Annotated[str | Sequence[str], Written("NAME", many=True)]  # an option for each
 NamesWithCommas: TypeAlias = Annotated[str | Sequence[str], Written("NAMES")]
-Numbers: TypeAlias = Annotated[str | Sequence[float], Written("LIST")]  # with commas
+NUMBERS = Written("LIST")
+Numbers: TypeAlias = Annotated[str | Sequence[float], NUMBERS]  # with commas
 NumberOrAuto: TypeAlias = Annotated[float | str, Written("NUMBER")]
 Values: TypeAlias = Annotated[Mapping[str, object] | Sequence[str], Written("NAME=VALUE", many=True)]
 Ranges: TypeAlias = Annotated[Mapping[str, object] | Sequence[str], Written("NAME=VALUES", many=True)]
@@ -194,21 +195,15 @@ def check(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
     ArgumentError
         It has the wrong type, or is out of its bounds.
     """
-    kinds, name = wanted.kinds, wanted.name
+    kinds, name = wanted.kinds, _called(wanted)
     if value is None and type(None) in kinds:
         return None
     if value is None:
         msg = f"{name} is None. Give a value."
         raise ArgumentError(msg)
     value = value.item() if hasattr(value, "item") and not getattr(value, "shape", ()) else value
-    if Mapping in kinds or (str in kinds and os.PathLike not in kinds):
-        return value  # texts and numbers, read where they are used
-    if os.PathLike in kinds:
-        for each in several(value) if wanted.written.many else [value]:
-            if not isinstance(each, str | os.PathLike):
-                msg = f"{name} is {each!r}. Give a path."
-                raise ArgumentError(msg)
-        return value
+    if str in kinds or Mapping in kinds:
+        return _texts(wanted, value)
     choices = [each for kind in kinds if get_origin(kind) is Literal for each in get_args(kind)]
     if choices:
         if value not in choices:
@@ -223,9 +218,35 @@ def check(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
     bounds = (("at least", wanted.written.least, 1), ("at most", wanted.written.most, -1))
     said = [f"{word} {bound:g}" for word, bound, _ in bounds if bound is not None]
     if any(bound is not None and sign * (value - bound) < 0 for _, bound, sign in bounds):
-        msg = f"{name} is {value!r}. It is {' and '.join(said)}."
+        msg = f"{name} is {value!r}. Give {' and '.join(said)}."
         raise ArgumentError(msg)
     return kind(value)
+
+
+def _texts(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
+    """Return paths, texts, numbers in texts, or values by name, which are read where they are used."""
+    kinds, is_list = wanted.kinds, wanted.written == NUMBERS
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if is_list or (Mapping in kinds and isinstance(value, Mapping)) or (is_number and float in kinds):
+        return value
+    if is_number and Sequence not in kinds and os.PathLike not in kinds:
+        return f"{value:.15g}"  # such as the unit 1
+    nouns = {os.PathLike: "a path", Mapping: "values by name, such as {'seed': 2}", float: "a number or a text"}
+    nouns |= {Sequence: "a name, or a list of names", str: "a text"}
+    noun = next(text for kind, text in nouns.items() if kind in kinds)
+    allowed = (str, os.PathLike) if os.PathLike in kinds else (str,)
+    one = Sequence not in kinds or isinstance(value, str | os.PathLike)
+    every = [value] if one else several(value)
+    for each in every:
+        if not isinstance(each, allowed):
+            msg = f"{_called(wanted)} is {each!r}. Give {noun}."
+            raise ArgumentError(msg)
+    return value if one else every
+
+
+def _called(wanted: Argument) -> str:
+    """Return the name of an argument as it is given: in Python, or on the command line."""
+    return option(wanted.name).removesuffix("=") if wanted.is_option else wanted.name
 
 
 def several(value: Any) -> list[Any]:  # noqa: ANN401

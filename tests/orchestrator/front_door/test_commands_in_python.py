@@ -101,13 +101,15 @@ def test_lists_of_numbers_and_names_may_be_sequences():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"threads": 0}, "threads is 0. It is at least 1 and at most 64"),
+        ({"threads": 0}, "threads is 0. Give at least 1 and at most 64"),
         ({"threads": 1.5}, "threads is 1.5. Give a whole number"),
         ({"step": "short"}, "step is 'short'. Give a number"),
         ({"strict": 1}, "strict is 1. Give True or False"),
         ({"fmus": None}, "fmus is None. Give a value"),
         ({"fmus": 3}, "fmus is 3. Give a path"),
         ({"limit": True}, "limit is True. Give a number"),
+        ({"set": 5}, "set is 5. Give values by name"),
+        ({"master": ["a"]}, r"master is \['a'\]. Give a text"),
         ({"set": {"a.x": {1}}}, r"\{1\} is no value. Give a number"),
     ],
 )
@@ -119,6 +121,20 @@ def test_a_wrong_value_is_refused_by_name(wrong, message):
 def test_what_may_be_several_is_refused_by_name_where_it_is_neither_one_nor_several():
     with pytest.raises(gossamer.OrchestratorError, match=r"fmus is 5\. Give a path"):
         gossamer.verify(5)
+    with pytest.raises(gossamer.OrchestratorError, match=r"names is 3\. Give a name, or a list of names"):
+        gossamer.build(3)
+
+
+def test_a_number_where_a_text_is_meant_is_read_as_text(tmp_path):
+    path = tmp_path / "measured.csv"
+    path.write_text("t [s],strain,resistance [ohm]\n0,0,1\n1,0.01,2\n2,0,1\n3,0,1\n")
+    with pytest.raises(gossamer.OrchestratorError, match="'0.5'"):
+        gossamer.identify(path, strain_unit=1.0, train=0.5, out=tmp_path / "sensor.json")
+
+
+def test_on_the_command_line_a_wrong_value_is_refused_by_its_option():
+    refused = invoke(["run", "damaged", "--threads", "99"])
+    assert refused == (2, "", "--threads is 99. Give at least 1 and at most 64.\n")
 
 
 def test_a_choice_that_is_not_offered_is_refused_with_those_that_are():
