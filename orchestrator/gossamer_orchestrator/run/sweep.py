@@ -74,9 +74,12 @@ def read_ranges(texts: Iterable[str]) -> dict[str, list[Given]]:
     """
     ranges: dict[str, list[Given]] = {}
     for text in texts:
-        name, _, spec = text.partition("=")
+        name, _, spec = (part.strip() for part in text.partition("="))
         try:
-            ranges[name.strip()] = _spread(spec.strip())
+            if not name:
+                msg = "a name is missing"
+                raise ValueError(msg)
+            ranges[name] = _spread(spec)
         except ValueError as error:
             msg = f"{text!r}: {error}. Write NAME=FIRST:LAST:COUNT, NAME=1:20, NAME=0.1,0.2 or NAME=VALUE."
             raise ScenarioError(msg) from error
@@ -110,6 +113,9 @@ def _spread(spec: str) -> list[Given]:
         msg = f"{spec!r} has too many colons"
         raise ValueError(msg)
     each = [spec] if quoted else spec.split(",")
+    if not all(map(str.strip, each)):
+        msg = "a value is missing"
+        raise ValueError(msg)
     return [read_changes([f"it={value}"])["it"] for value in each]
 
 
