@@ -66,8 +66,3 @@ def axes_or_new(ax: Axes | None) -> Axes:
     import matplotlib.pyplot as plt
 
     return plt.figure().add_subplot()
-
-
-def legend_below(ax: Axes, columns: int) -> None:
-    """Put the legend below the axes, where it hides nothing."""
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=columns)
