@@ -14,10 +14,11 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import cyclopts
 from docstring_parser import DocstringStyle, parse
@@ -43,6 +44,12 @@ THEMES = (
     "detectors",
     "placement",
 )
+ORDER = (  # of the commands in the help: that of work
+    *("new", "build", "validate", "run", "export-ssp", "container", "sweep", "demo"),
+    *("report", "view", "plot", "export-vtk", "verify", "info", "train", "twin", "watch"),
+    *("campaign", "assess", "assess-detector", "place-sensors", "identify"),
+)
+NOTHING = inspect.Parameter.empty
 USAGE, INTERRUPTED = 2, 130  # exit codes
 COMMON = {  # options of all commands: how they are written, and the help
     "json": (("--json",), bool, "Print the answer as one JSON document."),
@@ -55,7 +62,7 @@ COMMON = {  # options of all commands: how they are written, and the help
     ),
 }
 
-for _theme in THEMES:  # in the order in which the help lists their commands
+for _theme in THEMES:
     import_module(f".{_theme}", __package__)
 
 _log = logging.getLogger(__name__)
@@ -112,7 +119,8 @@ def _run(words: list[str]) -> int:
     try:
         name, given, other = parsed(words)
     except cyclopts.CycloptsError as error:
-        print(f"{error}\n{MORE}", file=sys.stderr)
+        wanted = next((word for word in words if word.replace("-", "_") in COMMANDS), "run")
+        print(f"{error}\n{MORE.replace('run', wanted)}", file=sys.stderr)
         return USAGE
     if other is not None:
         other()
@@ -188,7 +196,7 @@ def _app(wanted: str) -> cyclopts.App:
         help_epilogue="" if wanted in {name.replace("_", "-") for name in COMMANDS} else MORE,
         version=version("gossamer"),
     )
-    for place, (name, function) in enumerate(COMMANDS.items()):
+    for name, function in COMMANDS.items():
         flag = name.replace("_", "-")
 
         def call() -> None:
@@ -197,7 +205,7 @@ def _app(wanted: str) -> cyclopts.App:
         call.__name__ = name
         if flag == wanted:
             call.__signature__ = _signature(function)  # type: ignore[attr-defined]
-        app.command(call, name=flag, help=_help(inspect.getdoc(function) or ""), sort_key=place)
+        app.command(call, name=flag, help=_help(inspect.getdoc(function) or ""), sort_key=ORDER.index(flag))
     return app
 
 
@@ -237,7 +245,7 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
     choices = [each for each in kinds if get_origin(each) is Literal]
     if choices:
         (kind,) = choices
-    elif written.many:
+    elif written.many and argument.is_option:
         kind = list[str]
     elif str in kinds:
         kind = str
@@ -248,10 +256,10 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
         help=text,
         metavar=written.placeholder,
         negative=None if kind is bool and argument.default is not False else (),
-        converter=_whole if kind is int else None,
-        show_default=argument.default not in (None, False, inspect.Parameter.empty),
+        converter=None if kind is bool else partial(_value, kind),
+        show_default=not any(argument.default is each for each in (None, False, NOTHING)),
         allow_repeating=True,
-        required=argument.default is inspect.Parameter.empty,
+        required=argument.default is NOTHING,
         group=panel,
     )
     if argument.is_option or not written.many:
@@ -260,8 +268,21 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
     return inspect.Parameter(argument.name, inspect.Parameter.VAR_POSITIONAL, annotation=Annotated[str, how])
 
 
-def _whole(_kind: type, tokens: Sequence[cyclopts.Token]) -> int:
-    return int(tokens[0].value)
+def _value(kind: Any, _hint: Any, tokens: Sequence[cyclopts.Token]) -> Any:  # noqa: ANN401
+    """Read what was typed; cyclopts itself takes the word none for nothing where an option may be left out."""
+    texts = [token.value for token in tokens]
+    if get_origin(kind) is list:
+        return texts
+    if get_origin(kind) is Literal:
+        if texts[0] not in get_args(kind):
+            raise cyclopts.CoercionError(token=tokens[0], target_type=kind)
+        return texts[0]
+    try:
+        return kind(texts[0])
+    except ValueError:
+        noun = "a whole number" if kind is int else "a number"
+        msg = f"{tokens[0].keyword} is {texts[0]}. Give {noun}."
+        raise cyclopts.CoercionError(msg=msg) from None
 
 
 @contextmanager

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 from command_line import invoke
-from gossamer.cli import parsed
+from gossamer.arguments import COMMANDS as ALL
+from gossamer.cli import ORDER, parsed
 from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios
 
 COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin", "watch", "report", "view")
@@ -219,6 +220,21 @@ def test_a_zarr_store_of_version_2_is_no_campaign(call, command, tmp_path, monke
     assert result.stderr.endswith(
         "two.zarr is not the store of a campaign. Name its folder, or another one for a new campaign.\n"
     )
+
+
+def test_the_word_none_is_a_text_where_a_text_is_meant():
+    assert parsed(["twin", "x", "--fit", "none"])[1] == {"record": "x", "fit": "none"}
+
+
+def test_the_help_lists_all_commands_in_the_order_of_work(call):
+    assert sorted(ORDER) == sorted(name.replace("_", "-") for name in ALL)
+    listed = re.findall(r"^│ ([a-z-]+) ", call("--help").stdout, re.MULTILINE)
+    assert listed[: len(ORDER)] == list(ORDER)
+
+
+def test_a_default_of_zero_is_in_the_help(call):
+    text = call("place-sensors", "--help").stdout
+    assert ("[default: 0.0]" in text, "[default: 0]" in text) == (True, True)
 
 
 def test_names_may_stand_before_behind_and_between_options():

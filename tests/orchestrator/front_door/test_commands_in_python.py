@@ -128,13 +128,20 @@ def test_what_may_be_several_is_refused_by_name_where_it_is_neither_one_nor_seve
 def test_a_number_where_a_text_is_meant_is_read_as_text(tmp_path):
     path = tmp_path / "measured.csv"
     path.write_text("t [s],strain,resistance [ohm]\n0,0,1\n1,0.01,2\n2,0,1\n3,0,1\n")
-    with pytest.raises(gossamer.OrchestratorError, match="'0.5'"):
+    with pytest.raises(gossamer.OrchestratorError, match=r"'0\.5'"):
         gossamer.identify(path, strain_unit=1.0, train=0.5, out=tmp_path / "sensor.json")
 
 
 def test_on_the_command_line_a_wrong_value_is_refused_by_its_option():
     refused = invoke(["run", "damaged", "--threads", "99"])
     assert refused == (2, "", "--threads is 99. Give at least 1 and at most 64.\n")
+    for words, sentence in {
+        "run damaged --threads 1.5": "--threads is 1.5. Give a whole number.",
+        "run damaged --stop none": "--stop is none. Give a number.",
+        "train --kind null": 'Invalid value "null" for --kind. Choose from: "neuro-fuzzy", "perceptron", "thesis".',
+    }.items():
+        more = f"Every command has its own help: gossamer {words.split()[0]} --help"
+        assert invoke(words.split()) == (2, "", f"{sentence}\n{more}\n")
 
 
 def test_a_choice_that_is_not_offered_is_refused_with_those_that_are():
