@@ -78,7 +78,7 @@ Threads: TypeAlias = Annotated[int, Written("N", least=1, most=64)]
 FmiVersion: TypeAlias = Annotated[int, Written("N", least=2, most=3)]
 
 GROUPS: dict[type, tuple[type, ...]] = {}  # of options that commands share: the classes that declare them, by their sum
-COMMANDS: dict[str, Callable[..., Any]] = {}  # by name, in the order in which they are declared
+COMMANDS: dict[str, Callable[..., Any]] = {}  # by name
 
 
 @dataclass(frozen=True)
