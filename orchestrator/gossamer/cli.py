@@ -198,6 +198,7 @@ def _app(wanted: str) -> cyclopts.App:
     )
     for name, function in COMMANDS.items():
         flag = name.replace("_", "-")
+        place = ORDER.index(flag) if flag in ORDER else len(ORDER)
 
         def call() -> None:
             pass
@@ -205,7 +206,7 @@ def _app(wanted: str) -> cyclopts.App:
         call.__name__ = name
         if flag == wanted:
             call.__signature__ = _signature(function)  # type: ignore[attr-defined]
-        app.command(call, name=flag, help=_help(inspect.getdoc(function) or ""), sort_key=ORDER.index(flag))
+        app.command(call, name=flag, help=_help(inspect.getdoc(function) or ""), sort_key=place)
     return app
 
 
