@@ -140,11 +140,10 @@ def test_what_json_cannot_hold_becomes_what_it_can():
 class Works(Result):
     """What a command may say."""
 
+    files = (Path("a path"),)
+
     def tables(self):
         return ["a table"]
-
-    def written(self):
-        return [Path("a path")]
 
     def exit_code(self):
         return INVALID
