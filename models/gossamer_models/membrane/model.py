@@ -132,7 +132,7 @@ def membrane_model(
 
     def base(u: Values) -> ca.MX:  # acceleration of the base, of the nodes that move
         a = u.base_acceleration
-        return ca.repmat(ca.vertcat(0.0, 0.0, a) if a.is_scalar() else a, n // 3, 1)
+        return ca.vec(ca.repmat(ca.vertcat(0.0, 0.0, a) if a.is_scalar() else a, 1, n // 3))
 
     def mass(p: Values) -> ca.MX:  # once for each of x, y, z of the nodes that move
         return ca.vec(ca.repmat(equations.mass(p)[: n // 3].T, 3, 1))
