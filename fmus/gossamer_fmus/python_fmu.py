@@ -42,9 +42,11 @@ def python_members(model: StepModel) -> dict[str, bytes]:
 
 def _resources(model: StepModel) -> dict[str, bytes]:
     models, pythonfmu = package_folder("gossamer_models"), package_folder("pythonfmu")
+    roots = package_folder("gossamer_files") / "errors.py"
     slave = Path(__file__).with_name("slave.py").read_text(encoding="utf-8")
     code = {"__init__.py": b"", "pythonfmu/__init__.py": b""}
-    code |= {name: (models / name).read_bytes() for name in _STEP_FILES}
+    code |= {name: (models / name).read_bytes() for name in _STEP_FILES} | {"roots.py": roots.read_bytes()}
+    code["errors.py"] = code["errors.py"].replace(b"from gossamer_files.errors ", b"from .roots ")
     code |= {f"pythonfmu/{name}": (pythonfmu / name).read_bytes() for name in _PYTHONFMU_FILES}
     content = b"\0".join([model.digest.encode(), slave.encode(), _ENTRY.encode(), *code.values()])
     digest = hashlib.sha256(content).hexdigest()[:16]

@@ -15,15 +15,10 @@ from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
 
+from .errors import DataError as DataError
+from .errors import GossamerError as GossamerError
+
 STALE = 3600.0  # [s] without a change: its writer was killed
-
-
-class GossamerError(Exception):
-    """Root of every error that this project raises on purpose."""
-
-
-class DataError(GossamerError, ValueError):
-    """Measured or tabulated data that cannot be used as they are."""
 
 
 def digest(path: Path) -> str:

@@ -4,7 +4,7 @@ One root, ``GossamerError``; every leaf is also the built-in it resembles. A mes
 fault and ends in what to do next.
 """
 
-from gossamer_files import DataError, GossamerError
+from gossamer_files.errors import DataError, GossamerError
 
 __all__ = [
     "ArtifactError",

@@ -8,10 +8,9 @@ and nothing else. Hypothesis prints the shortest sequence of calls that breaks t
 import sys
 
 import hypothesis.strategies as st
-import numpy as np
 from fmi_instances import Fmi2, Fmi3
 from fmpy.fmi1 import FMICallException
-from fmu_host import model_of
+from fmu_host import model_of, same
 from gossamer_models import GossamerError, Stepper
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, rule, run_state_machine_as_test
@@ -126,7 +125,7 @@ def calls(kind, model, path, folder):
                 error = refusal
             assert taken == (error is None), error or self.fmus[i].messages
             if call == "get" and taken:
-                assert np.array(self.result).tobytes() == np.array(wanted).tobytes()
+                assert same(self.result, wanted, kind, model.name)
 
         @rule(i=which, call=st.sampled_from(["start", "start", "leave", "terminate", "reset"]))
         def change_mode(self, i, call):

@@ -6,14 +6,14 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from fmu_host import FMUS, excite
+from fmu_host import FMUS, excite, same
 from gossamer_models import Stepper
 
 OK, DISCARD = 0, 2
 
 
 @pytest.mark.parametrize("name", FMUS)
-def test_the_fmu_is_its_model_to_the_bit_in_any_step_size(instance, models, name):
+def test_the_fmu_is_its_model_in_any_step_size(instance, models, kind, name):
     fmu, model = instance(name), Stepper(models[name])
     fmu.initialize()
     model.initialize()
@@ -24,7 +24,7 @@ def test_the_fmu_is_its_model_to_the_bit_in_any_step_size(instance, models, name
             model.set(key, value)
         assert fmu.step(h) == OK, fmu.messages
         model.step(h)
-        assert fmu.get(*results) == [model.get(result) for result in results]
+        assert same(fmu.get(*results), [model.get(result) for result in results], kind, name)
 
 
 @pytest.mark.parametrize("name", FMUS)

@@ -187,7 +187,7 @@ def test_the_store_of_another_campaign_is_refused_with_the_difference(whole):
         campaigns.run_campaign(other, whole)
     for difference in ("seed: 5 there, 6 here", "vary.pressure_amplitude.factor: [0.9, 1.1] there, [0.8, 1.1] here"):
         assert difference in str(refused.value)
-    assert "Name another folder with --out" in str(refused.value)
+    assert "Name another folder with out=" in str(refused.value)
 
 
 def test_a_title_makes_no_other_campaign(whole):

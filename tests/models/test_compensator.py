@@ -271,7 +271,7 @@ def test_a_sensor_that_has_no_exact_inverse_is_refused_with_what_to_do():
     backwards = replace(term(0.1), amplitude=-0.1, signed=True)
     signed = replace(spring(), relaxation=(backwards,))
     with pytest.raises(
-        ParameterError, match=r"build filter --artifact FILE'\. Or identify the sensor again with --direct-inv"
+        ParameterError, match=r"build filter --artifact FILE'\. Or identify the sensor again with direct_inv"
     ):
         compensator_model(signed)
     with pytest.raises(ParameterError, match=r"Take the filter, .*: 'gossamer build filter --artifact FILE'"):

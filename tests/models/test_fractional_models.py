@@ -116,7 +116,7 @@ def test_the_loop_runs_anticlockwise_climbs_and_relaxes():
 
 def test_only_sub_model_1_steps():
     for artifact in (TURNED, DERIVATIVES):
-        with pytest.raises(ParameterError, match=r"need the whole record.*Identify .* fractional-sub-model-1"):
+        with pytest.raises(ParameterError, match=r"need the whole record.*Identify .* model='fractional-sub-model-1'"):
             fractional_sensor_model(artifact)
 
 

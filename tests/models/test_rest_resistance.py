@@ -18,7 +18,7 @@ def test_what_was_still_relaxing_cannot_take_the_whole_resistance(known):
     assert free.rest_resistance < 0.0
     assert free.artifact.scales is None
     assert fit.artifact.scales.rest_resistance == pytest.approx(0.01 * sinking.resistance.min(), rel=1e-9)
-    assert any("is the least that is allowed" in text and "--rest-resistance" in text for text in doubts(fit))
+    assert any("is the least that is allowed" in text and "rest_resistance=" in text for text in doubts(fit))
 
 
 def test_an_output_that_is_negative_somewhere_is_a_signal_and_not_bounded(known):

@@ -265,7 +265,7 @@ def test_tables_are_read_by_the_names_of_their_columns(tmp_path):
     [
         ("time,load\n0,1\n", "line 1: the twin needs the columns time and"),
         ("", "it is empty"),
-        ("time,strain[1],resistance[1]\n0,1,2\n", "--kind"),
+        ("time,strain[1],resistance[1]\n0,1,2\n", "kind="),
         ("time,strain[1]\n0,1\n0.1,abc\n", "line 3: 'abc'"),
         ("time,strain[1]\n0,1\n0.1,1\n0.1,1\n", "line 4: 0.1 s stands twice"),
         ("time,strain[1],strain[5]\n0,1,1\n", r"'strain\[5\]' is of none of the 4 sensors"),

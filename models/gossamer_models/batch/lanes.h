@@ -34,7 +34,7 @@ typedef int64_t mask __attribute__((ext_vector_type(LANES))); /* each lane -1 or
 #define is_at_most(a, b) truth((a) <= (b))
 #define is_equal(a, b) truth((a) == (b))
 #define is_different(a, b) truth((a) != (b))
-#define both(a, b) truth(holds(a) & holds(b))
+#define holds_both(a, b) truth(holds(a) & holds(b))
 #define either(a, b) truth(holds(a) | holds(b))
 #define is_not(a) truth((a) == 0.0)
 #define where(m, yes, no) ((m) ? (lanes)(yes) : (lanes)(no))

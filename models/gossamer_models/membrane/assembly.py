@@ -64,6 +64,8 @@ class MembraneEquations:
         The membrane.
     compiled : bool
         True: write sums over elements as loops for compiled code. False: as expressions for CasADi's virtual machine.
+    mapped : bool
+        Expressions that map one element's function, whose code is small, rather than those that are fast.
 
     Attributes
     ----------
@@ -73,8 +75,8 @@ class MembraneEquations:
         Table of all arrays but those of the elements, if compiled.
     """
 
-    def __init__(self, structure: Structure, *, compiled: bool = False) -> None:
-        self.structure, self._compiled = structure, compiled
+    def __init__(self, structure: Structure, *, compiled: bool = False, mapped: bool = False) -> None:
+        self.structure, self._compiled, self._is_mapped = structure, compiled, mapped
         self.n_q = 3 * len(structure.moving)
         self._rank = np.argsort(structure.order)
         arrays = _arrays(structure)
@@ -197,7 +199,9 @@ class MembraneEquations:
             if self._compiled:
                 found = self._looped(i, x / unit, own)
             else:
-                found = self._mapped(i, x / unit, own) if small else self._at_once(block, x / unit, own)
+                found = (
+                    self._mapped(i, x / unit, own) if small or self._is_mapped else self._at_once(block, x / unit, own)
+                )
             parts.append(replace(found, f=unit * found.f, compressed=side**2 * found.compressed))
         total = parts[0]
         for part in parts[1:]:
@@ -273,7 +277,7 @@ class MembraneEquations:
         if not hasattr(p, "poisson_ratio"):
             return factor
         at, chords = self.structure.setup.regions[0].poisson_ratio, []
-        for end in (-0.9, 0.499):
+        for end in {-0.9, 0.499} - {at}:
             ratios = [
                 np.max(stiffest(g, np.full(len(g.J), end)) / stiffest(g, np.full(len(g.J), at)))
                 for g in (block.geometry for block in self.structure.elements)

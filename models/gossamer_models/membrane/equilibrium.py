@@ -20,12 +20,13 @@ from .assembly import MembraneEquations
 LEVELS = 5  # at most 10^5 steps
 NEWTON_STEPS = 8
 # Accepted are the forces that displacements of so many units in the last place of the positions cause, as sums over elements
-# round. From some step on it is more with each, for some membranes come there too slowly to be waited for.
+# round. From some step on it is more with each, for some membranes come there too slowly to be waited for: but no more than
+# moves the slowest mode in play by this share of the positions, which a soft film under a small load still lacks.
+SETTLED = 1e-6
 FLOOR = 4.0 * np.finfo(float).eps
 PATIENCE, GROWTH, MOST = 5000, 10.0 ** (6.0 / 5000), 1e6  # steps; factor after each further one; as much at most
-PLANE = (
-    1e-11  # accepted of Newton's method, over modulus * thickness * size of an element * stretch^3; round-off is 1e-16
-)
+# accepted of Newton's method, over modulus * thickness * size of an element * stretch^3; round-off is 1e-16
+PLANE = 1e-11
 _STEP = 0.9  # of the stable step
 
 
@@ -75,7 +76,9 @@ def relax(
     drag = h * ca.sqrt(ca.fmin(ca.fmax(omega2, 0.0), rate))
     a = f / mass
     moved = (1.0 - drag) / (1.0 + drag) * v + h / (1.0 + drag) * a
-    left_now, slack_next = ca.norm_inf(a) / (ca.fmax(slack, 1.0) * accepted), ca.fmin(slack * GROWTH, MOST)
+    settled = SETTLED * ca.fmax(omega2, 0.0) * ca.norm_inf(at)
+    left_now = ca.norm_inf(a) / ca.fmax(accepted, ca.fmin(slack * accepted, settled))
+    slack_next = ca.fmin(slack * GROWTH, MOST)
     inputs, q_next = [*z, *rest, *symbols], at + ca.if_else(left_now <= 1.0, 0.0, h) * moved
     step = ca.Function("relaxation_0", inputs, [q_next, moved, f, h, left_now, slack_next])
     kept = ca.Function("relaxation_over", inputs, [*z, *rest])

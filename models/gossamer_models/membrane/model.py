@@ -30,7 +30,7 @@ from .square import square_structure
 from .structure import Structure
 
 STEP_FRACTION = 0.6  # of the stable step
-MOST_DIFFERENTIATED = 1000  # nodes, of which an expression without loops is still of a size that compiles
+MOST_DIFFERENTIATED = 5000  # nodes, of which an expression without loops is still of a size that compiles
 STEPS_PER_CYCLE = 20.0  # of the built-in pressure, at least
 
 
@@ -57,7 +57,9 @@ class MembraneState:
     frame: FrameState | ca.MX
 
 
-def membrane_model(structure: Structure | None = None, *, frame: bool = False, compiled: bool = False) -> StepModel:
+def membrane_model(
+    structure: Structure | None = None, *, frame: bool = False, compiled: bool = False, mapped: bool = False
+) -> StepModel:
     r"""Build the step model of a membrane.
 
     Parameters
@@ -70,6 +72,8 @@ def membrane_model(structure: Structure | None = None, *, frame: bool = False, c
     compiled : bool
         True: arrays are tables and sums over elements are loops, for the C of an FMU. False: all in the expression, for
         CasADi's virtual machine and for batches. The numbers are the same but for round-off.
+    mapped : bool
+        True: the expression maps one element's function, whose C is small: for derivatives.
 
     Returns
     -------
@@ -112,7 +116,7 @@ def membrane_model(structure: Structure | None = None, *, frame: bool = False, c
     setup, n_nodes = structure.setup, len(structure.mesh.nodes)
     if frame:
         raise_any([*_cannot_ride(structure)])
-    equations = MembraneEquations(structure, compiled=compiled)
+    equations = MembraneEquations(structure, compiled=compiled, mapped=mapped)
     n, t = equations.n_q, equations.arrays
     table = structure.variables(setup, n_nodes)
     names = {v.name.partition("[")[0] for v in table}
@@ -128,7 +132,7 @@ def membrane_model(structure: Structure | None = None, *, frame: bool = False, c
 
     def base(u: Values) -> ca.MX:  # acceleration of the base, of the nodes that move
         a = u.base_acceleration
-        return ca.repmat(ca.vertcat(0.0, 0.0, a) if a.is_scalar() else a, n // 3, 1)
+        return ca.vec(ca.repmat(ca.vertcat(0.0, 0.0, a) if a.is_scalar() else a, 1, n // 3))
 
     def mass(p: Values) -> ca.MX:  # once for each of x, y, z of the nodes that move
         return ca.vec(ca.repmat(equations.mass(p)[: n // 3].T, 3, 1))
@@ -257,7 +261,9 @@ def membrane_model(structure: Structure | None = None, *, frame: bool = False, c
         advice=_advice(setup, frame),
         table_column=equations.column,
         tables=equations.tables,
-        expression=partial(membrane_model, structure, frame=frame) if _is_differentiable(structure) else None,
+        expression=partial(membrane_model, structure, frame=frame, mapped=True)
+        if _is_differentiable(structure)
+        else None,
     )
 
 

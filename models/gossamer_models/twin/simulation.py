@@ -152,8 +152,15 @@ class Forward:
         self._strains, self._damages = model.elements("strain"), model.elements("damage")
         self.n_zones, self.n_sensors = structure.n_zones, structure.n_sensors
         self.parameters = {v.name: v.start or 0.0 for v in model.variables if v.causality == "parameter"}
-        rest = stretch(SimpleNamespace(**self.parameters)) - 1.0
-        self.sensors = None if sensor is None else SensorBank(sensor, self.n_sensors, rest, sensor_parameters)
+        self.sensors = None
+        if sensor is not None:
+            if "edge_displacement" not in self.parameters:
+                msg = (
+                    "resistance is fitted on the square alone, whose strain at rest is known. Give a record of strain."
+                )
+                raise ParameterError(msg)
+            rest = stretch(SimpleNamespace(**self.parameters)) - 1.0
+            self.sensors = SensorBank(sensor, self.n_sensors, rest, sensor_parameters)
 
     @cached_property
     def _steady(self) -> Batch:

@@ -307,6 +307,8 @@ def _is_learned(structure: Structure, given: dict[str, float]) -> bool:
     here, there = structure.mesh.nodes, square.mesh.nodes
     if structure.setup.law != square.setup.law or here.shape != there.shape or not np.allclose(here, there):
         return False
+    if (structure.setup.zones, structure.setup.sensors) != (square.setup.zones, square.setup.sensors):
+        return False
     ratios = {name: given[name] / value if value else 1.0 + abs(given[name]) for name, value in default.items()}
     return all(
         1.0 / (1.0 + LEARNED.get(name, 1e-9)) <= ratio <= 1.0 + LEARNED.get(name, 1e-9)
