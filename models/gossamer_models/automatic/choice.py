@@ -9,6 +9,7 @@ training stretch.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -72,7 +73,7 @@ def error_model(errors: Sequence[Vector], step: float) -> ErrorModel:
     white = sum(float(np.sum(np.diff(e) ** 2)) for e in errors) / (2.0 * count)
     slow = max(correlation(0) - white, LEAST_ERROR**2)
     lag, longest = 1, max(e.size for e in errors) // 3
-    while lag < longest and correlation(lag) > slow / np.e:
+    while lag < longest and correlation(lag) > slow / math.e:
         lag += max(1, lag // 10)
     return ErrorModel(white=max(float(np.sqrt(white)), LEAST_ERROR), slow=float(np.sqrt(slow)), time=lag * step)
 
