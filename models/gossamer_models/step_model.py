@@ -27,9 +27,26 @@ from .errors import ArtifactError, ParameterError
 from .variables import CAUSALITIES, Causality, Results, State, Values, Variable, by_name, in_order, pack, unpack
 
 if TYPE_CHECKING:
+    from .arrays import Matrix
     from .element_loop import Tables  # stays behind when this file travels
 
 FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rest:
+    """How cases that run side by side begin, where ``init`` finds the displacements of rest by an iteration.
+
+    Attributes
+    ----------
+    begin : casadi.Function
+        ``begin(u, p, q) -> (x, y)`` with the displacements q, the first states of x.
+    finder : callable
+        Returns ``find(u, p) -> q`` for one row per case; a row is not a number where there is no rest.
+    """
+
+    begin: ca.Function
+    finder: Callable[[], Callable[[Matrix, Matrix], Matrix]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +79,10 @@ class StepModel:
         Arrays that both functions take as one more input; such a model is for compiled code only.
     expression : callable or None
         Of a model with tables: returns the same model without, of which derivatives can be taken.
+    compiled : callable or None
+        Of a model without tables: returns the same model with loops over tables, for compiled code.
+    rest : Rest or None
+        How its cases begin in a batch, if not by ``init``.
     resources : dict
         Files by name that an FMU of the model carries beside it, for programs that draw it; no part of ``card``.
     """
@@ -78,6 +99,8 @@ class StepModel:
     provenance: dict[str, str] = field(default_factory=dict)
     tables: Tables | None = None
     expression: Callable[[], StepModel] | None = None
+    compiled: Callable[[], StepModel] | None = None
+    rest: Rest | None = None
     resources: dict[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

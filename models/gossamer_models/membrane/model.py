@@ -264,6 +264,7 @@ def membrane_model(
         expression=partial(membrane_model, structure, frame=frame, mapped=True)
         if _is_differentiable(structure)
         else None,
+        compiled=None if compiled else partial(membrane_model, structure, frame=frame, compiled=True),
     )
 
 
