@@ -81,7 +81,7 @@ class Batch:
         looped = model if model.compiled is None else model.compiled()
         self._identity = " ".join([looped.digest, *self._recorded])
         self._engine = _compiled(looped, self.results) or OneByOne(_without_tables(model), self._recorded)
-        self._finder = looped.rest.finder if looped.rest and self.compiled else None
+        self._finder = looped.at_rest.finder if looped.at_rest and self.compiled else None
         self._find: Callable[[Matrix, Matrix], Matrix] | None = None
 
     @property
@@ -173,7 +173,14 @@ def _compiled(model: StepModel, results: Sequence[str]) -> Kernel | None:
     if not has_compiler():
         log.warning(slow, model.name, f"the compiler ziglang is missing. Install it with: pip install {PACKAGE}")
         return None
-    parts = [model.digest, *results, Path(code.__file__).read_bytes(), *code.own_sources().values(), code.MAX_EXPANDED, code.MAX_ELEMENT]
+    parts = [
+        model.digest,
+        *results,
+        Path(code.__file__).read_bytes(),
+        *code.own_sources().values(),
+        code.MAX_EXPANDED,
+        code.MAX_ELEMENT,
+    ]
     key = hashlib.sha256(repr(parts).encode()).hexdigest()
     try:
         return Kernel(library(key, lambda: code.sources(model, results), f"model '{model.name}'"))

@@ -9,10 +9,10 @@ The sources of a kernel are one translation unit::
     functions.h    init and step, written by CasADi and made safe for lanes here
     loops.h        of a model with tables: the numbers of its mesh, and its loops over them
 
-Each function, and that of one element, is expanded to scalar operations where that is possible and gives at most
+A function without sums over a mesh is expanded to scalar operations where that is possible and gives at most
 ``MAX_EXPANDED`` of them: straight code without loops or memory between operations runs two to five times as fast. Where not (a
-sparse solve, a table that is looked up, a fine mesh), CasADi's loops over arrays are compiled, whose time to compile does not
-grow with the model. Sums over the elements of a mesh stay loops.
+sparse solve, a table that is looked up), CasADi's loops over arrays are compiled. Of a mesh one element is expanded, and the
+sums over elements and all that is done at each node are loops, so that the time to compile does not grow with the mesh.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ def sources(model: StepModel, results: Sequence[str]) -> dict[str, bytes]:
     results : sequence of str
         Outputs and locals to record.
     """
-    begin = model.init if model.rest is None else model.rest.begin
+    begin = model.at_rest.begin if model.at_rest is not None and model.at_rest.finder is not None else model.init
     functions = [_with_results(*pair, model, results) for pair in (("init", begin), ("step", model.step))]
     loops = () if model.tables is None else model.tables.loops
     if model.tables is not None:
         functions = [_with_numbers(function, model.tables) for function in functions]
-    functions = [*map(_expanded, functions)]
+    functions = functions if loops else [*map(_expanded, functions)]
     elements = [_expanded(loop.function, MAX_ELEMENT) for loop in loops]
     generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 0})
     for function in [*functions, *elements, *(loop.stand_in for loop in loops)]:
@@ -88,9 +88,7 @@ def _with_results(name: str, function: ca.Function, model: StepModel, results: S
 def _with_numbers(function: ca.Function, tables: Tables) -> ca.Function:
     """Take the numbers of the tables as constants rather than as the last input."""
     symbols = function.mx_in()[:-1]
-    return ca.Function(
-        function.name(), symbols, function.call([*symbols, ca.MX(ca.DM(tables.numbers))], True, False)
-    )
+    return ca.Function(function.name(), symbols, function.call([*symbols, ca.MX(ca.DM(tables.numbers))], True, False))
 
 
 def _expanded(function: ca.Function, most: int = MAX_EXPANDED) -> ca.Function:
@@ -149,13 +147,20 @@ def _loops(loops: Sequence[ElementLoop]) -> str:
             f"static const int32_t places_{number}[] = {{{','.join(map(str, places.ravel().tolist()))}}};",
             f"static const double numbers_{number}[] = {{{','.join(map(repr, loop.own.ravel().tolist()))}}};",
         ]
-        sizes = f"{n}, {m}, {loop.own.shape[1]}, {3 * loop.n_nodes * loop.forces}"
+        sizes = f"{n}, {m}, {loop.own.shape[1]}, {loop.forces}, {3 * loop.n_forces}"
         kinds = "".join(kind[0] for kind in loop.reductions)
         cases.append(
             f"case {number}: return sum_over({loop.function.name()}, {sizes}, "
             f'"{kinds}", places_{number}, numbers_{number}, arg, res);'
         )
-    text += ["static int run_loop(int which, const lanes **arg, lanes **res) {", "switch (which) {", *cases, "}", "return 1;", "}"]
+    text += [
+        "static int run_loop(int which, const lanes **arg, lanes **res) {",
+        "switch (which) {",
+        *cases,
+        "}",
+        "return 1;",
+        "}",
+    ]
     return "\n".join([*text, ""])
 
 

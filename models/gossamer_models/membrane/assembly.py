@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from ..arrays import Vector
 from ..element_loop import Tables
 from ..variables import Values
-from .element import balance, element_tangent_function, tangents
+from .element import balance, tangents
 from .geometry import stiffest
 from .law import Entry
-from .loops import at_points, encloses, force_loop, limits, swept, tilts, volume_loop
+from .loops import at_points, element_tangent, encloses, force_loop, limits, own_numbers, swept, tilts, volume_loop
 from .structure import Elements, Structure
 
 Shared: TypeAlias = dict[str, ca.MX]
@@ -73,6 +73,8 @@ class MembraneEquations:
         Number of displacements, 3 M.
     column : casadi.MX or None
         Table of all arrays but those of the elements, if compiled.
+    loops : list of ElementLoop
+        The loops of compiled code.
     """
 
     def __init__(self, structure: Structure, *, compiled: bool = False, mapped: bool = False) -> None:
@@ -83,18 +85,19 @@ class MembraneEquations:
         self._numbers = np.concatenate([*arrays.values()])
         self.column = ca.MX.sym("t", self._numbers.size) if compiled else None
         self.arrays = _named(arrays, self.column)
-        self._table = {v.name for v in structure.variables(structure.setup, len(structure.mesh.nodes))}
+        self._table = {v.name for v in structure.table}
         blocks = range(len(structure.elements) if compiled else 0)
         compressed = "compressed_share" in self._table
         own = structure, self._rank
         self._force_loops = [force_loop(*own, i, self.shared_names, compressed=compressed) for i in blocks]
         enclosing = blocks if structure.setup.gas is not None else ()
         self._volume_loops = [volume_loop(*own, i, self.shared_names) for i in enclosing]
+        self.loops = [*self._force_loops, *self._volume_loops]
 
     @property
     def tables(self) -> Tables | None:
         """What compiled code reads from a file."""
-        return Tables(self._numbers, (*self._force_loops, *self._volume_loops)) if self._compiled else None
+        return Tables(self._numbers, tuple(self.loops)) if self._compiled else None
 
     def size(self, p: Values) -> Any:  # noqa: ANN401
         """Return the factor on all lengths of the mesh [1]."""
@@ -124,6 +127,15 @@ class MembraneEquations:
                 x += getattr(u if hasattr(u, support.motion) else p, support.motion) * self.arrays[f"way_{i}"]
         return ca.vertcat(x[: self.n_q] + q, x[self.n_q :])
 
+    def filled(self, u: Values) -> ca.MX:
+        """Write the pressure of the gas at its volume of the start, with the ambient one [Pa]."""
+        gas = self.structure.setup.gas
+        return (gas.pressure + gas.ambient) * u.gas_amount if gas else ca.MX(0.0)
+
+    def gas_of_start(self, u: Values) -> ca.MX:
+        """Write the pressure of the gas at its volume of the start [Pa]."""
+        return self.filled(u) - (self.structure.setup.gas.ambient if self.structure.setup.gas else 0.0)
+
     def shared(self, u: Values, p: Values, built_in: ca.MX, gas: ca.MX) -> Shared:
         """Write what elements share, with the built-in pressure and that of the gas [Pa]."""
         setup, region = self.structure.setup, self.structure.region.tolist()
@@ -139,7 +151,7 @@ class MembraneEquations:
         nu, t = (self._material(p, name, of_region) for name in ("poisson_ratio", "thickness"))
         E = of_region(p.youngs_modulus)
         left = 1.0
-        if setup.zones:
+        if self.structure.zone_names:
             left = 1.0 - ca.vertcat(u.damage, 0.0)[self.structure.zone.tolist()].T  # the last is that of no zone
         values = {"D": E * left * (t / (1.0 - nu**2)), "nu": nu}
         pressure, oscillates = ca.MX(0.0), True
@@ -241,25 +253,36 @@ class MembraneEquations:
             np.add.at(areas, block.nodes[on], block.geometry.node_normals[on])
         return float(np.sum(structure.free.reshape(-1, 3) * areas**2 / structure.mass[:, None]))
 
+    def tangents(self, x: ca.MX, shared: Shared, p: Values, axes: int = 3) -> list[ca.MX]:
+        """Write the derivative of the forces [N/m] of the elements of each kind by their nodes' positions, side by side.
+
+        Shape (axes m, axes m n), along x of all nodes first; see ``places`` for where they belong.
+        """
+        found, columns = [], len(self.structure.region)
+        for i, block in enumerate(self.structure.elements):
+            side = block.geometry.side or 1.0
+            unit = side * self.size(p)
+            own = (value * unit if name in _PER_LENGTH else value for name, value in shared.items())
+            d = ca.vertcat(*(ca.repmat(value, 1, columns) if ca.MX(value).is_scalar() else value for value in own))
+            each = element_tangent(self.structure, i, self.shared_names, axes).map(len(block.nodes), "serial")
+            at = ca.vertcat(*self._positions(block, self.shortness(p) / side * x))
+            numbers = ca.DM(own_numbers(self.structure, block)).T
+            found.append(each(at, d[:, block.combination.tolist()], numbers))
+        return found
+
+    def places(self, block: Elements, axes: int = 3) -> NDArray[np.int64]:
+        """Return the places in q of the displacements of each element, ``n_q`` of those that are held, shape (n, axes m)."""
+        node = self._rank[block.nodes]
+        row = np.where(node < self.n_q // 3, axes * node, self.n_q // 3 * axes)[:, None, :] + np.arange(axes)[:, None]
+        return np.minimum(row, self.n_q // 3 * axes).reshape(len(node), -1)
+
     def tangent(self, x: ca.MX, shared: Shared, p: Values, axes: int) -> ca.MX:
         """Write ``-df/dx`` [N/m] of the moving nodes along the first axes, sparse, shape (axes M, axes M).
 
-        Of a membrane whose elements are equal squares.
+        Of a membrane with elements of one kind.
         """
-        block, m = self.structure.elements[0], self.n_q // 3 * axes
-        side = block.geometry.side
-        unit = side * self.size(p) if side else np.nan
-        n, size = block.nodes.shape
-        columns = ca.reshape((x / unit)[_places(self._rank[block.nodes]).reshape(-1).tolist()], -1, n)
-        D, nu, load = (
-            ca.repmat(value, 1, n) if value.is_scalar() else value[:, block.combination.tolist()]
-            for value in (shared["D"], ca.MX(self._nu(shared)), shared["pressure"] * unit)
-        )
-        blocks = element_tangent_function(block.element, axes).map(n, "serial")(columns, D, nu, load)
-        node = self._rank[block.nodes]
-        row = np.where(node < self.n_q // 3, axes * node, m)[:, None, :] + np.arange(axes)[:, None]
-        row = np.minimum(row, m).reshape(n, axes * size)
-        return -_assembled(blocks, row, m)
+        (blocks,), (kind,) = self.tangents(x, shared, p, axes), self.structure.elements
+        return -_assembled(blocks, self.places(kind, axes), self.n_q // 3 * axes)
 
     def _share(self, p: Values, name: str) -> Any:  # noqa: ANN401
         """Return the number of the setup over a parameter [1]; 1 if it is none."""
@@ -270,9 +293,6 @@ class MembraneEquations:
             return getattr(p, name)
         values = np.array([getattr(region, name) for region in self.structure.setup.regions])
         return float(values[0]) if np.ptp(values) == 0.0 else of_region(values)
-
-    def _nu(self, shared: Mapping[str, Entry]) -> Entry:
-        return shared.get("nu", self.structure.setup.regions[0].poisson_ratio)
 
     def _quickening(self, p: Values) -> Any:  # noqa: ANN401
         """Return the factor on the squared frequencies [1], but for the stiffness, of parameters against the setup.
