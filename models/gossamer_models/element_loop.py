@@ -1,8 +1,8 @@
 """A sum over the elements of a mesh, as compiled code takes it: one element's function, and tables of all elements.
 
 CasADi would write such a sum with every index as text. Instead a function of the same signature stands in for it, whose
-body the writer of C replaces by a loop: over blocks of elements in SIMD lanes, see ``fmus/gossamer_fmus/native/loop.h``, or over
-elements where a lane is a case, see ``batch/loop.h``.
+body the writer of C replaces by a loop: over blocks of elements in SIMD lanes, see ``fmus/gossamer_fmus/native/loop.h``, or
+over elements where a lane is a case, see ``batch/loop.h``.
 """
 
 from __future__ import annotations

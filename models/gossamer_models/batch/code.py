@@ -10,9 +10,9 @@ The sources of a kernel are one translation unit::
     loops.h        of a model with tables: the numbers of its mesh, and its loops over them
 
 A function without sums over a mesh is expanded to scalar operations where that is possible and gives at most
-``MAX_EXPANDED`` of them: straight code without loops or memory between operations runs two to five times as fast. Where not (a
-sparse solve, a table that is looked up), CasADi's loops over arrays are compiled. Of a mesh one element is expanded, and the
-sums over elements and all that is done at each node are loops, so that the time to compile does not grow with the mesh.
+``MAX_EXPANDED`` of them: straight code without loops or memory between operations runs two to five times as fast. Where
+not (a sparse solve, a table that is looked up), CasADi's loops over arrays are compiled. Of a mesh one element is expanded,
+and the sums over elements and all that is done at each node are loops, so that the time to compile does not grow with it.
 """
 
 from __future__ import annotations

@@ -12,7 +12,6 @@ are parts of a table; see ``loops``. Equal squares are computed in units of thei
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -25,7 +24,6 @@ from ..element_loop import Tables
 from ..variables import Values
 from .element import balance, tangents
 from .geometry import stiffest
-from .law import Entry
 from .loops import at_points, element_tangent, encloses, force_loop, limits, own_numbers, swept, tilts, volume_loop
 from .structure import Elements, Structure
 
@@ -276,14 +274,6 @@ class MembraneEquations:
         row = np.where(node < self.n_q // 3, axes * node, self.n_q // 3 * axes)[:, None, :] + np.arange(axes)[:, None]
         return np.minimum(row, self.n_q // 3 * axes).reshape(len(node), -1)
 
-    def tangent(self, x: ca.MX, shared: Shared, p: Values, axes: int) -> ca.MX:
-        """Write ``-df/dx`` [N/m] of the moving nodes along the first axes, sparse, shape (axes M, axes M).
-
-        Of a membrane with elements of one kind.
-        """
-        (blocks,), (kind,) = self.tangents(x, shared, p, axes), self.structure.elements
-        return -_assembled(blocks, self.places(kind, axes), self.n_q // 3 * axes)
-
     def _share(self, p: Values, name: str) -> Any:  # noqa: ANN401
         """Return the number of the setup over a parameter [1]; 1 if it is none."""
         return getattr(self.structure.setup.regions[0], name) / getattr(p, name) if hasattr(p, name) else 1.0
@@ -327,7 +317,7 @@ class MembraneEquations:
         w = ca.repmat(ca.DM(block.element.w), 1, n)
         P, load, rate, strain, compressed = at_points(self.structure.setup, T, block.element, w, spread, limit, tilt)
         f, rate, strain, compressed = ca.cse([balance(P, load, block.element), rate, strain, compressed])
-        f = _sum_at(_places(self._rank[block.nodes]).reshape(-1), ca.vec(f), 3 * len(self._rank))
+        f = sum_at(_places(self._rank[block.nodes]).reshape(-1), ca.vec(f), 3 * len(self._rank))
         return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum1(ca.sum2(compressed)))
 
     def _mapped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
@@ -339,7 +329,7 @@ class MembraneEquations:
         elements = ca.reshape(x[places.tolist()], -1, len(loop.nodes))
         each = loop.function.map(len(loop.nodes))
         f, rate, strain, *rest = each(elements, ca.vertcat(*d)[:, loop.shared.tolist()], ca.DM(loop.own).T)
-        f = _sum_at(places, ca.vec(f), 3 * len(self._rank))
+        f = sum_at(places, ca.vec(f), 3 * len(self._rank))
         return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum2(rest[0]) if rest else ca.MX(0.0))
 
     def _looped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
@@ -393,19 +383,7 @@ def _places(nodes: NDArray[np.int64]) -> NDArray[np.int64]:
     return (3 * nodes[:, None, :] + np.arange(3)[:, None]).reshape(len(nodes), -1)
 
 
-def _sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
+def sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
     """Sum values at their places, shape (size,): the transpose of indexing."""
     x = ca.MX.sym("x", size)
     return ca.jtimes(x[places.tolist()], x, values, True)
-
-
-def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
-    """Sum square matrices of all elements, side by side, into a sparse matrix, shape (size, size), without row ``size``."""
-    n, m = rows.shape
-    row = np.repeat(rows.reshape(n, 1, m), m, axis=1).reshape(-1)  # CasADi stores column by column
-    column = np.repeat(rows.reshape(n, m, 1), m, axis=2).reshape(-1)
-    held = (row == size) | (column == size)
-    key, place = np.unique(np.where(held, size**2, column * size + row), return_inverse=True)
-    known = key[key < size**2]
-    pattern = ca.Sparsity.triplet(size, size, (known % size).tolist(), (known // size).tolist())
-    return ca.MX(pattern, _sum_at(place, ca.vec(blocks), len(known) + 1)[: len(known)])

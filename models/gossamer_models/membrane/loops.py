@@ -77,7 +77,7 @@ def force_loop(
         Whether the area under compression is a result.
     """
     block = structure.elements[number]
-    element, n, points = block.element, len(block.nodes), len(block.element.w)
+    element, points = block.element, len(block.element.w)
     point, maps = _point(structure, number, names, compressed=compressed)
 
     x = ca.SX.sym("x", 3 * block.nodes.shape[1])
@@ -110,8 +110,8 @@ def force_loop(
 def element_tangent(structure: Structure, number: int, names: Sequence[str], axes: int = 3) -> ca.Function:
     """Write ``K(x, d, g)``, the derivative of the forces on one element's nodes by their positions, along the first axes.
 
-    The chain rule: derivatives of stress and load at the points, between the operators of the element. Arguments are those of
-    ``force_loop``; the shape is (axes m, axes m).
+    The chain rule: derivatives of stress and load at the points, between the operators of the element. Arguments are those
+    of ``force_loop``; the shape is (axes m, axes m).
     """
     element = structure.elements[number].element
     m, points = len(element.nodes), len(element.w)
@@ -143,7 +143,7 @@ def element_tangent(structure: Structure, number: int, names: Sequence[str], axe
 
 
 def _point(structure: Structure, number: int, names: Sequence[str], *, compressed: bool) -> tuple[ca.Function, int]:
-    """Write ``point(T, g, w, d, limit, tilt)``, what a point of an element adds; return how many numbers its maps take, too."""
+    """Write ``point(T, g, w, d, limit, tilt)``, what a point of an element adds; return the size of its maps, too."""
     block = structure.elements[number]
     element, points = block.element, len(block.element.w)
     maps = 0 if block.geometry.side is not None else 5 * points

@@ -252,9 +252,9 @@ def membrane_model(
         init=init,
         step=step,
         begin=begin,
-        balance=lambda q, u, p: (lambda f, _, accepted: (f, accepted))(*balance(q, u, p)),
+        balance=lambda q, u, p: balance(q, u, p)[::2],
         n_q=n,
-        finder=None if structure.starts_in_plane else partial(Equilibrium, structure, frame=frame),
+        finder=None if structure.starts_in_plane else partial(_equilibrium, structure, frame=frame),
         step_limit="max_step",
         resources={SHAPE: membrane_shape(structure, variables)},
         restarted=RESTARTED if frame else 0,
@@ -267,6 +267,10 @@ def membrane_model(
         else None,
         compiled=None if compiled else partial(membrane_model, structure, frame=frame, compiled=True),
     )
+
+
+def _equilibrium(structure: Structure, *, frame: bool) -> Equilibrium:
+    return Equilibrium(structure, membrane_model(structure, frame=frame))
 
 
 def _is_differentiable(structure: Structure) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,12 +19,11 @@ from scipy.sparse.linalg import splu
 
 from ..arrays import Matrix, Vector
 from ..batch.cases import CaseTable, Cube, count_cases
+from ..errors import ParameterError
+from ..step_model import StepModel
 from ..variables import by_name
 from .assembly import MembraneEquations
 from .structure import Structure
-
-if TYPE_CHECKING:
-    from ..step_model import StepModel
 
 SOFTEST = 1e-9  # added to the tangent, over the stiffness of a node: what a slack film lacks
 MOST_STEPS = 60
@@ -85,39 +84,43 @@ class EquilibriumDerivatives:
 class Equilibrium:
     """What finds equilibria of a membrane.
 
-    A case starts from the equilibrium of the undamaged membrane under the same loads, with the factors of its tangent as long
-    as the forces fall to half in a step, then with its own. Where this fails, the relaxation of the model's own ``init`` takes
-    over. The equilibrium of the undamaged membrane is found alike from that of the start values. So what a case gives does not
-    depend on the others.
+    A case starts from the equilibrium of the undamaged membrane under the same loads, with the factors of its tangent as
+    long as the forces fall to half in a step, then with its own. Where this fails, the relaxation of the model's own
+    ``init`` takes over. The equilibrium of the undamaged membrane is found alike from that of the start values. So what a
+    case gives does not depend on the others.
 
     Parameters
     ----------
     structure : Structure
         The membrane.
-    frame : bool
-        Whether it rides on a frame that flies, so that the acceleration of the base does not pull.
+    model : StepModel
+        Its model, as from ``membrane_model(structure)``.
+
+    Raises
+    ------
+    ParameterError
+        The model has loops over tables, or is no membrane.
 
     Notes
     -----
-    The built-in pressure is left out and gas fills the volume of the equilibrium, as where the model starts. Not to be shared
-    by threads; it can be pickled.
+    The built-in pressure is left out and gas fills the volume of the equilibrium, as where the model starts. Not to be
+    shared by threads; it can be pickled.
 
     Examples
     --------
-    >>> from gossamer_models.membrane import square_structure
-    >>> equilibrium = Equilibrium(square_structure(4, 1))
+    >>> from gossamer_models.membrane import membrane_model, square_structure
+    >>> square = square_structure(4, 1)
+    >>> equilibrium = Equilibrium(square, membrane_model(square))
     >>> found = equilibrium.solve({"damage": [[0.3] + [0.0] * 15, [0.0] * 16], "pressure": 100.0})
     >>> found.strain.shape
     (2, 4)
     """
 
-    def __init__(self, structure: Structure, *, frame: bool = False) -> None:
-        from .model import membrane_model  # which hands this class on
-
-        model = membrane_model(structure, frame=frame)
-        equations = MembraneEquations(structure)
-        rest = model.at_rest
-        assert rest is not None
+    def __init__(self, structure: Structure, model: StepModel) -> None:
+        if model.at_rest is None or model.tables is not None:
+            msg = f"model {model.name!r} has no displacements at rest, or loops over tables. Give the membrane's own model."
+            raise ParameterError(msg)
+        equations, rest = MembraneEquations(structure), model.at_rest
         n, n_nodes = equations.n_q, len(structure.mesh.nodes)
         self._init, self._begin, self._balance = model.init, rest.begin, rest.balance
         p_rows, u_rows, y_rows = model.slices()
@@ -200,8 +203,8 @@ class Equilibrium:
 
         Notes
         -----
-        From :math:`f(q(v), v) = 0`: :math:`\mathrm{d}q/\mathrm{d}v = K^{-1}\,\partial f/\partial v`. Not a number where there
-        is no equilibrium.
+        From :math:`f(q(v), v) = 0`: :math:`\mathrm{d}q/\mathrm{d}v = K^{-1}\,\partial f/\partial v`. Not a number where
+        there is no equilibrium.
         """
         places = [place for name in names for place in self._table.places(name)]
         n_p, n_u = len(self._table.parameters), len(self._table.inputs)
@@ -312,13 +315,14 @@ class _Known:
     """An equilibrium, with the factors of its tangent once they are needed."""
 
     def __init__(self, u: Vector, p: Vector, q: Vector) -> None:
-        self.u, self.p, self.q, self._solve = u, p, q, None
+        self.u, self.p, self.q = u, p, q
+        self._solve: Callable[[Vector], Vector] | None = None
 
     def factors(self, tangent: Callable[..., scipy.sparse.csc_matrix]) -> Callable[[Vector], Vector]:
         """Return what solves with its tangent."""
-        if self._solve is None:
-            self._solve = splu(tangent(self.u, self.p, self.q)).solve
-        return self._solve
+        solve = self._solve or splu(tangent(self.u, self.p, self.q)).solve
+        self._solve = solve
+        return solve
 
     def __getstate__(self) -> tuple[Vector, Vector, Vector]:
         return self.u, self.p, self.q
