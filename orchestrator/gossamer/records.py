@@ -161,19 +161,31 @@ def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[
     if kind == "strain" or (kind is None and not names):
         strain = dataset.need(data, f"{dataset.find(data, 'membrane')}.strain")[0]
         for k in strain[strain.dims[1]].to_numpy().tolist():
-            values[k - 1] = strain.sel({strain.dims[1]: k}).to_numpy()
+            values[k - 1] = _in_si(strain.sel({strain.dims[1]: k}), "strain")
         return make_record(time, values, "strain", noise, "the results"), {}
     if not names:
         msg = "the results hold no resistance. Add sensor?.resistance to [record] in the scenario and run it again."
         raise ResultsError(msg)
     for k, name in names.items():
-        values[k - 1] = data[name].to_numpy()
+        values[k - 1] = _in_si(data[name], "resistance")
     if data.attrs.get("master") == "jacobi":  # what sensors got is one step old
         time, values = time[:-1], values[:, 1:]
     each = [_parameters(data, sensors[k]) if k in sensors else {} for k in range(1, count + 1)]
     known = next((parameters for parameters in each if parameters), {})
     tabled = {name: [parameters.get(name, known[name]) for parameters in each] for name in known}
     return make_record(time, values, "resistance", noise, "the results"), tabled
+
+
+def _in_si(values: xr.DataArray, what: str) -> Any:  # noqa: ANN401
+    """Return values in 1 or ohm, whatever unit stands with them: a CSV file may have been edited."""
+    from gossamer_files.measured.units import SI, factor
+
+    unit = values.attrs.get("units") or SI[what]
+    scale = 1.0 if unit == SI[what] else factor(unit, what)
+    if scale is None:
+        msg = f"{values.name} is in {unit!r}, which is no unit of {what}. Write {SI[what]}."
+        raise ResultsError(msg)
+    return scale * values.to_numpy()
 
 
 def _parameters(data: xr.Dataset, component: str) -> dict[str, float]:
