@@ -48,14 +48,14 @@ class SensorPlacement(Result):
 
     @property
     def data(self) -> xr.Dataset:
-        """``a90`` and ``deviation`` [1] by ``placement``, "own" and "chosen", and ``zone`` with its ``group``; ``point`` [m]
+        """``a90`` and ``deviation`` [1] by ``placement``, "own" and "chosen", and ``zone`` with its ``name``; ``point`` [m]
         and ``direction`` [1] of each chosen ``sensor`` by ``axis``.
         """  # noqa: D205
         import numpy as np
         import xarray as xr
 
         placements, sensors = self._placements, self.result.chosen.sensors
-        groups = [zone.group for zone in self.result.structure.setup.zones]
+        names = list(self.result.structure.zone_names)
         ratio = {"units": "1"}
         by_zone = {
             name: (("placement", "zone"), [getattr(each, name) for each in placements.values()], ratio)
@@ -69,8 +69,8 @@ class SensorPlacement(Result):
             },
             coords={
                 "placement": list(placements),
-                "zone": np.arange(1, len(groups) + 1),
-                "group": ("zone", groups),
+                "zone": np.arange(1, len(names) + 1),
+                "name": ("zone", names),
                 "sensor": np.arange(1, len(sensors) + 1),
                 "axis": list("xyz"),
             },
@@ -126,7 +126,7 @@ class SensorPlacement(Result):
             }
             for name, p in self._placements.items()
         }
-        zones = [zone.group for zone in found.structure.setup.zones]
+        zones = found.structure.zone_names
         return {"files": self.files, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates}
 
 

@@ -83,7 +83,7 @@ class MembraneEquations:
         self._numbers = np.concatenate([*arrays.values()])
         self.column = ca.MX.sym("t", self._numbers.size) if compiled else None
         self.arrays = _named(arrays, self.column)
-        self._table = {v.name for v in structure.variables(structure.setup, len(structure.mesh.nodes))}
+        self._table = {v.name for v in structure.table}
         blocks = range(len(structure.elements) if compiled else 0)
         compressed = "compressed_share" in self._table
         own = structure, self._rank
@@ -135,7 +135,7 @@ class MembraneEquations:
         nu, t = (self._material(p, name, of_region) for name in ("poisson_ratio", "thickness"))
         E = of_region(p.youngs_modulus)
         left = 1.0
-        if setup.zones:
+        if self.structure.zone_names:
             left = 1.0 - ca.vertcat(u.damage, 0.0)[self.structure.zone.tolist()].T  # the last is that of no zone
         values = {"D": E * left * (t / (1.0 - nu**2)), "nu": nu}
         pressure, oscillates = ca.MX(0.0), True

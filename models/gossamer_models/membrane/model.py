@@ -113,12 +113,12 @@ def membrane_model(
     .. [2] E. Hairer, C. Lubich, G. Wanner, Acta Numerica 12, 399-450, 2003, doi:10.1017/S0962492902000144.
     """
     structure = square_structure() if structure is None else structure
-    setup, n_nodes = structure.setup, len(structure.mesh.nodes)
+    setup = structure.setup
     if frame:
         raise_any([*_cannot_ride(structure)])
     equations = MembraneEquations(structure, compiled=compiled, mapped=mapped)
     n, t = equations.n_q, equations.arrays
-    table = structure.variables(setup, n_nodes)
+    table = structure.table
     names = {v.name.partition("[")[0] for v in table}
     gauges = [_gauge(structure, gauge) for gauge in structure.gauges]
     probes = {name: ca.sparsify(ca.DM(weights[:, structure.moving])) for name, weights in structure.probes.items()}

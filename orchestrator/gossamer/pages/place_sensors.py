@@ -49,15 +49,15 @@ def zone_table(found: Placing) -> TableText:
     rows = [
         (
             str(k + 1),
-            zone.group,
+            name,
             *(f"{100.0 * p.a90[k]:.2f}" for _, p in shown),
             *(f"{100.0 * c.predicted[k]:.2f}, {100.0 * c.observed[k]:.2f}" for _, c in checked),
         )
-        for k, zone in enumerate(found.structure.setup.zones)
+        for k, name in enumerate(found.structure.zone_names)
     ]
     rows.append(("worst", "", *(f"{100.0 * p.a90.max():.2f}" for _, p in shown), *("" for _ in checked)))
     caption = "Smallest damage that is found" + (", and deviation at 30 % damage" if checked else "")
-    return TableText(("zone", "group", *head), rows, caption)
+    return TableText(("zone", "name", *head), rows, caption)
 
 
 def check_sentence(name: str, check: MonteCarloCheck) -> str:

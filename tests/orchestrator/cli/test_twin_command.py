@@ -147,7 +147,6 @@ def test_a_sensor_that_does_not_move_is_named(call, tmp_path, strain):
     [
         (("--set", "colour=1"), "no parameter 'colour'"),
         (("--set", "density=heavy"), "'heavy' is no number"),
-        (("--kind", "stress"), "Write strain or resistance"),
         (("--stop", "0.003"), "needs 60 or more"),
         (("--stop", "inf"), "--stop is inf. Write a positive number."),
         (("--fit", "offset,colour"), "no nuisance 'colour'"),
