@@ -117,7 +117,7 @@ class Nuisances:
     @property
     def scaled(self) -> tuple[str, ...]:
         """Inputs whose histories have an unknown factor."""
-        acting = (name for name, values in self.loads.histories.items() if np.any(values))
+        acting = (name for name, values in self.loads.histories.items() if np.ptp(values) > 0.0)
         return tuple(acting) if "amplitude" in self.kinds else ()
 
     @property

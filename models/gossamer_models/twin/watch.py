@@ -142,6 +142,8 @@ class DamageOnset:
 
     Attributes
     ----------
+    zones : tuple of str
+        Names of the zones.
     onset, onset_deviation : float
         When it began, and its standard deviation [s].
     damage, deviation : ndarray, shape (zones,)
@@ -150,6 +152,7 @@ class DamageOnset:
         Near 1 if this damage explains the readings.
     """
 
+    zones: tuple[str, ...]
     onset: float
     onset_deviation: float
     damage: Vector
@@ -340,6 +343,7 @@ class Watch:
         self._place = problem.simulate(found.point.x[None])[1]
         self._damage = found.point.x[1:].copy()
         return DamageOnset(
+            zones=self.zones,
             onset=self._before[0].time + self._h * float(found.point.x[0]),
             onset_deviation=self._h * float(deviation[0]),
             damage=self._damage.copy(),
