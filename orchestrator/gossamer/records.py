@@ -116,12 +116,13 @@ def find_in_results(
     data, membrane = _on_grid(data), dataset.find(data, "membrane")
     names = {v.name for v in structure.table if v.causality == "parameter"}
     recorded = _parameters(data, membrane)
-    if unknown := set(recorded) - names:
+    if unknown := [name for name in recorded if name.startswith("youngs_modulus") and name not in names]:
         msg = (
-            f"the membrane of the results has a parameter {min(unknown)!r}, that of the twin has none. Name the setup that "
-            f"the FMU was built from with {option('setup')}."
+            f"the membrane of the results has a parameter {unknown[0]!r}, that of the twin has none. Name the setup that "
+            f"its FMU was built from with {option('setup')}."
         )
         raise OrchestratorError(msg)
+    recorded = {name: value for name, value in recorded.items() if name in names}
     units = input_units(structure)
     start = {name: value for name, value in _parameters(data, membrane, "start").items() if name in units}
     record, sensors = _recorded(data, kind, noise, structure)
