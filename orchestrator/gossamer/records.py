@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from gossamer_models.membrane import Structure
     from gossamer_models.twin import ResponseRecord
 
+KINDS = ("strain", "resistance")
 OFF_GRID = 1e-3  # steps
 
 
@@ -90,7 +91,7 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
         record = read_table(path, kind, noise, structure, options["begins"])
         found = KnownRecord(record=record, structure=structure, parameters=_assigned(values, structure))
     else:
-        found = find_in_results(load_results(path), structure, kind, noise, values)
+        found = find_in_results(load_results(path), kind, noise, values, structure)
     if stop is not None:
         if not math.isfinite(stop):
             msg = f"{option('stop')} is {stop:g}. Write a positive number."
@@ -102,10 +103,10 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
 
 def find_in_results(
     data: xr.Dataset,
-    structure: Structure | None = None,
     kind: str | None = None,
     noise: float | None = None,
     values: Sequence[str] = (),
+    structure: Structure | None = None,
 ) -> KnownRecord:
     """Find a record in the results of a run, as ``find_record`` does; without a structure, of the square."""
     from gossamer_models.membrane import square_structure
@@ -202,13 +203,13 @@ def _recorded(
     if kind == "strain" or (kind is None and not names):
         strain = dataset.need(data, f"{dataset.find(data, 'membrane')}.strain")[0]
         for k in strain[strain.dims[1]].to_numpy().tolist():
-            values[k - 1] = strain.sel({strain.dims[1]: k}).to_numpy()
+            values[k - 1] = _in_unit(strain.sel({strain.dims[1]: k}), "1")
         return make_record(time, values, "strain", noise, "the results", None, loads, settled=settled), {}
     if not names:
         msg = "the results hold no resistance. Add sensor?.resistance to [record] in the scenario and run it again."
         raise ResultsError(msg)
     for k, name in names.items():
-        values[k - 1] = data[name].to_numpy()
+        values[k - 1] = _in_unit(data[name], "ohm")
     if data.attrs.get("master") == "jacobi":  # what sensors got is one step old
         time, values = time[:-1], values[:, 1:]
         loads = {name: load[:-1] for name, load in loads.items()}
@@ -219,19 +220,31 @@ def _recorded(
 
 
 def _loads(data: xr.Dataset, structure: Structure) -> dict[str, Vector]:
-    """Return the recorded inputs of the membrane."""
+    """Return the recorded inputs of the membrane, in its units."""
     from gossamer_models.twin.reading import input_units
     from gossamer_orchestrator.results import dataset
 
     membrane, found = dataset.find(data, "membrane"), {}
-    for name in input_units(structure):
+    for name, unit in input_units(structure).items():
         array, _, index = name.partition("[")
         column = data.get(f"{membrane}.{array}")
         if column is not None and index:
             column = column.sel({column.dims[1]: int(index[:-1])})
         if column is not None:
-            found[name] = column.to_numpy().astype(float)
+            found[name] = _in_unit(column, unit)
     return found
+
+
+def _in_unit(values: xr.DataArray, wanted: str) -> Vector:
+    """Return values in a unit, whatever unit stands with them: a CSV file may have been edited."""
+    from gossamer_files.measured import conversion, factor
+
+    unit, what = values.attrs.get("units") or wanted, str(values.name).rpartition(".")[2]
+    scale = 1.0 if unit == wanted else factor(unit, what) if what in KINDS else conversion(unit, wanted)
+    if scale is None:
+        msg = f"{values.name} is in {unit!r}, which is no unit of {what}. Write {wanted}."
+        raise ResultsError(msg)
+    return scale * values.to_numpy().astype(float)
 
 
 def _parameters(data: xr.Dataset, component: str, what: str = "parameters") -> dict[str, float]:

@@ -89,7 +89,7 @@ def test_the_observer_hands_every_sample_to_the_twin_once(built, monkeypatch, tm
     class Twin:
         zones = tuple(f"zone_{k}" for k in range(1, 17))
 
-        def advance(self, values, loads):  # noqa: ARG002
+        def advance(self, values, loads):
             taken.append(values)
             return SimpleNamespace(
                 time=float(len(taken)), misfit=1.0, statistic=0.0, alarm=len(taken) == 2, finding=None
