@@ -44,6 +44,27 @@ class DescriptionError(ParameterError):
         self.mistakes = mistakes
 
 
+def outside(owner: object, **limits: tuple[float, float]) -> Iterator[Mistake]:
+    """Refuse numbers that are not within their limits."""
+    for name, (low, high) in limits.items():
+        value = getattr(owner, name)
+        if not low <= value <= high:
+            yield Mistake((name,), f"{name!r} is {value:g}. Write a number from {low:g} to {high:g}.")
+
+
+def not_finite(owner: object, *names: str) -> Iterator[Mistake]:
+    """Refuse arrays with numbers that are not finite."""
+    for name in names:
+        if not all(math.isfinite(value) for value in getattr(owner, name)):
+            yield Mistake((name,), f"{name!r} must be finite numbers.")
+
+
+def no_direction(owner: object, name: str) -> Iterator[Mistake]:
+    """Refuse a direction without a length."""
+    if not 0.0 < math.hypot(*getattr(owner, name)) < math.inf:
+        yield Mistake((name,), f"{name!r} must be three finite numbers that are not all zero.")
+
+
 def disordered(name: str, pair: tuple[float, float], low: float, high: float) -> Iterator[Mistake]:
     """Refuse a pair that is not in order or reaches beyond its limits."""
     if not low <= pair[0] <= pair[1] <= high:

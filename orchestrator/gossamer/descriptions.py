@@ -23,7 +23,7 @@ from pydantic import ValidationError, create_model
 
 T = TypeVar("T")
 
-VECTORS = ("prestress", "direction", "displacement", "stretch", "centre", "point")  # arrays of three numbers
+VECTORS = ("prestress", "direction", "displacement", "stretch", "centre", "point", "axis")  # arrays of three numbers
 USUAL = {
     "youngs_modulus": (1e3, 1e13, "Pa"),
     "density": (1.0, 3e4, "kg/m3"),

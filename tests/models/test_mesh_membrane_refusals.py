@@ -39,7 +39,10 @@ def square(kind="quad"):
 REFUSED = {
     "no such zone": ({"zones": (Zone(group="wset"),)}, "patches has no group 'wset' of faces"),
     "no such support": ({"supports": (Support(group="ring"),)}, "no group 'ring' of nodes"),
-    "zones overlap": ({"zones": (Zone(group="west"), Zone(group="most"))}, "has another zone already"),
+    "zones overlap": (
+        {"zones": (Zone(group="west"), Zone(group="most"))},
+        "4 faces of 'most' are in the zone 'west' already",
+    ),
     "faces without material": ({"regions": (replace(FILM, group="west"),)}, "8 of 16 faces have no material"),
     "loose": ({"supports": ()}, "free to move along x as a rigid body"),
     "gas in nothing that holds": ({"supports": (), "gas": Gas(pressure=1.0)}, "free to move along x as a rigid body"),

@@ -152,14 +152,14 @@ def test_the_text_places_the_same_gauges(found, square):
 def test_table_and_picture_are_written(found, tmp_path):
     write_csv(found, tmp_path / "zones.csv")
     rows = [line.split(",") for line in (tmp_path / "zones.csv").read_text().splitlines()]
-    assert rows[0][:4] == ["zone", "group", "own deviation [1]", "own a90 [1]"]
+    assert rows[0][:4] == ["zone", "name", "own deviation [1]", "own a90 [1]"]
     np.testing.assert_allclose([float(row[5]) for row in rows[1:]], found.chosen.a90, rtol=1e-5)
     save_picture(found, tmp_path / "picture.png")
     assert (tmp_path / "picture.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
 def test_what_makes_no_sense_is_refused(square):
-    no_zones = replace(square, setup=replace(square.setup, zones=()))
+    no_zones = replace(square, zone_names=())
     with pytest.raises(ParameterError, match=r"the setup has no zones"):
         place_sensors(no_zones, LOAD)
     with pytest.raises(ParameterError, match=r"noise= is 0"):

@@ -4,10 +4,11 @@ from .assembly import MembraneEquations
 from .law import LAWS
 from .model import membrane_model
 from .reading import MeshFile, read_mesh
-from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support, Zone
+from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
 from .structure import Structure, make_structure
 from .surface import SurfaceMesh, surface_mesh
+from .zones import Zone
 
 __all__ = [
     # the model and its equations

@@ -73,6 +73,8 @@ class MembraneEquations:
         Number of displacements, 3 M.
     column : casadi.MX or None
         Table of all arrays but those of the elements, if compiled.
+    loops : list of ElementLoop
+        The loops of compiled code.
     """
 
     def __init__(self, structure: Structure, *, compiled: bool = False, mapped: bool = False) -> None:
@@ -83,18 +85,19 @@ class MembraneEquations:
         self._numbers = np.concatenate([*arrays.values()])
         self.column = ca.MX.sym("t", self._numbers.size) if compiled else None
         self.arrays = _named(arrays, self.column)
-        self._table = {v.name for v in structure.variables(structure.setup, len(structure.mesh.nodes))}
+        self._table = {v.name for v in structure.table}
         blocks = range(len(structure.elements) if compiled else 0)
         compressed = "compressed_share" in self._table
         own = structure, self._rank
         self._force_loops = [force_loop(*own, i, self.shared_names, compressed=compressed) for i in blocks]
         enclosing = blocks if structure.setup.gas is not None else ()
         self._volume_loops = [volume_loop(*own, i, self.shared_names) for i in enclosing]
+        self.loops = [*self._force_loops, *self._volume_loops]
 
     @property
     def tables(self) -> Tables | None:
         """What compiled code reads from a file."""
-        return Tables(self._numbers, (*self._force_loops, *self._volume_loops)) if self._compiled else None
+        return Tables(self._numbers, tuple(self.loops)) if self._compiled else None
 
     def size(self, p: Values) -> Any:  # noqa: ANN401
         """Return the factor on all lengths of the mesh [1]."""
@@ -135,7 +138,7 @@ class MembraneEquations:
         nu, t = (self._material(p, name, of_region) for name in ("poisson_ratio", "thickness"))
         E = of_region(p.youngs_modulus)
         left = 1.0
-        if setup.zones:
+        if self.structure.zone_names:
             left = 1.0 - ca.vertcat(u.damage, 0.0)[self.structure.zone.tolist()].T  # the last is that of no zone
         values = {"D": E * left * (t / (1.0 - nu**2)), "nu": nu}
         pressure, oscillates = ca.MX(0.0), True

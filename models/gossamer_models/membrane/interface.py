@@ -21,14 +21,19 @@ MAX_STEP = local("max_step", "s", "Largest internal step; longer communication s
 COMPRESSED = 0.1  # share of the area [1] beyond which a law that carries compression is not valid
 
 
-def mesh_variables(setup: Setup, n_nodes: int) -> tuple[Variable, ...]:
+def mesh_variables(setup: Setup, zone_names: tuple[str, ...], n_nodes: int) -> tuple[Variable, ...]:
     """Make the table of a setup on a mesh of some nodes: parameters, inputs, outputs and locals."""
-    return (*_parameters(setup), *_inputs(setup), *_outputs(setup), *node_rows(setup, n_nodes), *_locals(setup))
+    return (
+        *_parameters(setup),
+        *_inputs(setup, zone_names),
+        *_outputs(setup),
+        *node_rows(setup, n_nodes),
+        *_locals(setup),
+    )
 
 
 def _parameters(setup: Setup) -> list[Variable]:
-    starts = {"mass_damping": setup.mass_damping, "pressure_amplitude": 0.0}
-    built_in = [replace(v, start=starts.get(v.name, v.start)) for v in BUILT_IN]
+    built_in = [replace(v, start=getattr(setup, v.name, v.start)) for v in BUILT_IN]
     moduli = [
         parameter(
             f"youngs_modulus[{i + 1}]",
@@ -43,7 +48,7 @@ def _parameters(setup: Setup) -> list[Variable]:
     return [*moduli, *built_in]
 
 
-def _inputs(setup: Setup) -> list[Variable]:
+def _inputs(setup: Setup, zone_names: tuple[str, ...]) -> list[Variable]:
     rows = []
     kinds = {
         "pressure": ("Pa", "Follower pressure", 1e4),
@@ -75,10 +80,8 @@ def _inputs(setup: Setup) -> list[Variable]:
         if support.motion:
             text = f"Share of the way that the support {support.group} is moved"
             rows.append(input_(support.motion, "1", text, 1.0, -1e3, 1e3))
-    for k, zone in enumerate(setup.zones):
-        rows.append(
-            input_(f"damage[{k + 1}]", "1", f"Lost fraction of Young's modulus in {zone.group}", 0.0, 0.0, 0.95)
-        )
+    for k, name in enumerate(zone_names):
+        rows.append(input_(f"damage[{k + 1}]", "1", f"Lost fraction of Young's modulus in {name}", 0.0, 0.0, 0.95))
     return rows
 
 

@@ -12,11 +12,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from ..mistakes import Mistake, raise_any
+from ..mistakes import Mistake, no_direction, not_finite, outside, raise_any
 from .law import LAWS
+from .zones import ZERO, Triple, Zone
 
-Triple = tuple[float, float, float]
-ZERO: Triple = (0.0, 0.0, 0.0)
 # variables that a membrane has beside loads and motions
 RESERVED = {
     *("youngs_modulus", "mass_damping", "pressure_amplitude", "pressure_frequency", "pressure_phase"),
@@ -27,25 +26,6 @@ RESERVED = {
 
 MAX_ORDER = 12
 HOOKEAN = 1e-3  # prestress over Young's modulus up to which every law is Hooke's within a few parts in a thousand
-
-
-def _outside(owner: object, **limits: tuple[float, float]) -> Iterator[Mistake]:
-    """Refuse numbers that are not within their limits."""
-    for name, (low, high) in limits.items():
-        value = getattr(owner, name)
-        if not low <= value <= high:
-            yield Mistake((name,), f"{name!r} is {value:g}. Write a number from {low:g} to {high:g}.")
-
-
-def _not_finite(owner: object, *names: str) -> Iterator[Mistake]:
-    for name in names:
-        if not all(math.isfinite(value) for value in getattr(owner, name)):
-            yield Mistake((name,), f"{name!r} must be finite numbers.")
-
-
-def _no_direction(owner: object, name: str) -> Iterator[Mistake]:
-    if not 0.0 < math.hypot(*getattr(owner, name)) < math.inf:
-        yield Mistake((name,), f"{name!r} must be three finite numbers that are not all zero.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,25 +63,12 @@ class Region:
             "thickness": (1e-7, 1.0),
             "thermal_expansion": (-1.0, 1.0),
         }
-        raise_any([*_outside(self, **limits), *_not_finite(self, "prestress"), *_no_direction(self, "direction")])
+        raise_any([*outside(self, **limits), *not_finite(self, "prestress"), *no_direction(self, "direction")])
 
     @property
     def prestrain(self) -> float:
         """Largest prestress over Young's modulus [1]."""
         return max(map(abs, self.prestress)) / self.youngs_modulus
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Zone:
-    """Faces that damage makes softer together; zones are numbered in their order.
-
-    Attributes
-    ----------
-    group : str
-        Group of faces.
-    """
-
-    group: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +99,7 @@ class Support:
     motion: str = ""
 
     def __post_init__(self) -> None:
-        mistakes = [*_not_finite(self, "displacement", "stretch", "centre")]
+        mistakes = [*not_finite(self, "displacement", "stretch", "centre")]
         if not self.fixed or set(self.fixed) - set("xyz") or len(set(self.fixed)) < len(self.fixed):
             text = f'\'fixed\' is {self.fixed!r}. Write the directions that are held, for instance "xyz" or "z".'
             mistakes.append(Mistake(("fixed",), text))
@@ -198,7 +165,7 @@ class Load:
     reflectivity: float = 0.0
 
     def __post_init__(self) -> None:
-        mistakes = [*_outside(self, start=(-1e6, 1e6), reflectivity=(0.0, 1.0)), *_no_direction(self, "direction")]
+        mistakes = [*outside(self, start=(-1e6, 1e6), reflectivity=(0.0, 1.0)), *no_direction(self, "direction")]
         if not self.name.isidentifier():
             text = f"'name' is {self.name!r}. Use letters, digits and underscores, and no digit at the start."
             mistakes.append(Mistake(("name",), text))
@@ -233,7 +200,7 @@ class Gas:
 
     def __post_init__(self) -> None:
         limits = {"pressure": (-1e6, 1e6), "ambient": (0.0, 1e7), "exponent": (1.0, 2.0)}
-        mistakes = [*_outside(self, **limits)]
+        mistakes = [*outside(self, **limits)]
         if self.volume is not None and not 0.0 < self.volume < math.inf:
             mistakes.append(Mistake(("volume",), f"'volume' is {self.volume:g} m3. Write a positive volume."))
         if self.pressure + self.ambient <= 0.0:
@@ -261,8 +228,8 @@ class Sensor:
     gauge_length: float = 0.0
 
     def __post_init__(self) -> None:
-        mistakes = [*_outside(self, gauge_length=(0.0, 1e3)), *_not_finite(self, "point")]
-        raise_any([*mistakes, *_no_direction(self, "direction")])
+        mistakes = [*outside(self, gauge_length=(0.0, 1e3)), *not_finite(self, "point")]
+        raise_any([*mistakes, *no_direction(self, "direction")])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -283,6 +250,8 @@ class Setup:
         Law of the material; one of ``law.LAWS``; ``relaxed`` wrinkles where the others carry compression.
     mass_damping : float
         Start value of the parameter: damping force per mass and velocity [1/s].
+    pressure_amplitude, pressure_frequency : float
+        Start values of the built-in pressure [Pa], [Hz].
     inplane_mass : float
         Factor on the inertia along the surface [1], at least 1: longer steps for a stiff, thin membrane.
     expose : bool
@@ -306,6 +275,8 @@ class Setup:
     order: int = 1
     law: str = "st_venant_kirchhoff"
     mass_damping: float = 0.0
+    pressure_amplitude: float = 0.0
+    pressure_frequency: float = 7.9
     inplane_mass: float = 1.0
     expose: bool = False
     zones: tuple[Zone, ...] = ()
@@ -319,7 +290,8 @@ class Setup:
 
     def _mistakes(self) -> Iterator[Mistake]:
         limits = {"scale": (1e-9, 1e9), "mass_damping": (0.0, 1e4), "inplane_mass": (1.0, 1e6)}
-        yield from _outside(self, **limits)
+        limits |= {"pressure_amplitude": (0.0, 1e6), "pressure_frequency": (0.0, 1e4)}
+        yield from outside(self, **limits)
         if not isinstance(self.order, int) or isinstance(self.order, bool) or not 1 <= self.order <= MAX_ORDER:
             text = f"'order' is {self.order!r}. Write 1 for bilinear elements, or 2 to {MAX_ORDER} for spectral ones."
             yield Mistake(("order",), text)

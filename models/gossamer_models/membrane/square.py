@@ -22,9 +22,10 @@ from ..variables import Variable, input_, local, output, parameter
 from .gauges import place_matrix
 from .interface import BUILT_IN, MAX_STEP, STRAIN, node_rows
 from .reading import MeshFile
-from .setup import Region, Sensor, Setup, Support, Zone
+from .setup import Region, Sensor, Setup, Support
 from .structure import Structure, make_structure
 from .surface import surface_mesh
+from .zones import Zone
 
 ZONES_PER_SIDE = 4
 GRID_STEPS = 8  # deflections are results on a grid of 7 x 7 points, whatever the mesh
@@ -187,7 +188,7 @@ def _mesh(n: int, side: float) -> MeshFile:
     )
 
 
-def _variables(p: MembraneParams, setup: Setup, n_nodes: int) -> tuple[Variable, ...]:
+def _variables(p: MembraneParams, setup: Setup, _: tuple[str, ...], n_nodes: int) -> tuple[Variable, ...]:
     """Make the table of the square."""
     strain = "Nominal strain along y, prestrain included, at x = {:.0f}/3, y = {:.0f}/3 of the side"
     return (

@@ -25,6 +25,7 @@ from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
 from .setup import Setup
 from .surface import Integers, SurfaceMesh, sides_of
+from .zones import divide
 
 _FLAT = 1e-9  # J of an element below this share of its mean: no area
 _EDGE = 0.2  # squared sine of a tilt [1] from which on the surface has an edge
@@ -64,6 +65,8 @@ class Structure:
         What was asked for.
     mesh : SurfaceMesh
         The mesh.
+    zone_names : tuple of str
+        Names of the zones.
     elements : tuple of Elements
         By kind.
     region, zone : ndarray of int, shape (G,)
@@ -89,9 +92,10 @@ class Structure:
     gauges : tuple of Gauge
         By sensor.
     variables : callable
-        ``variables(setup, N) -> table`` of the model without a frame that flies. Numbers of the setup that stand among its
-        parameters are chosen when the membrane starts to run: ``side_length`` (the largest extent of the mesh),
-        ``thickness``, ``density``, ``poisson_ratio``, each of a setup with one region, and the motion of a support.
+        ``variables(setup, zone_names, N) -> table`` of the model without a frame that flies. Numbers of the
+        setup that stand among its parameters are chosen when the membrane starts to run: ``side_length`` (the largest
+        extent of the mesh), ``thickness``, ``density``, ``poisson_ratio``, each of a setup with one region, and the motion
+        of a support.
     probes : dict
         Results of the table that are displacements along z, shape (n, N): weights of those of the nodes.
     origin : ndarray, shape (3,)
@@ -102,6 +106,7 @@ class Structure:
 
     setup: Setup
     mesh: SurfaceMesh
+    zone_names: tuple[str, ...]
     elements: tuple[Elements, ...]
     region: Integers
     zone: Integers
@@ -115,10 +120,15 @@ class Structure:
     edge_force: Vector
     unit_forces: dict[str, Vector]
     gauges: tuple[Gauge, ...]
-    variables: Callable[[Setup, int], tuple[Variable, ...]] = mesh_variables
+    variables: Callable[[Setup, tuple[str, ...], int], tuple[Variable, ...]] = mesh_variables
     probes: Mapping[str, Vector] = field(default_factory=dict)
     origin: Vector = field(default_factory=lambda: np.zeros(3))
     starts_in_plane: bool = False
+
+    @property
+    def table(self) -> tuple[Variable, ...]:
+        """Variables of the model without a frame that flies."""
+        return self.variables(self.setup, self.zone_names, len(self.mesh.nodes))
 
     @property
     def areas(self) -> Vector:
@@ -170,22 +180,23 @@ class Structure:
                 f"Its elements are flatter than the surface: about {100.0 * self.chord_error:.1f} % of a volume is lost. "
                 "Mesh more finely, or with quadrilaterals of 9 nodes and order = 2 or more."
             )
+        outside = self.zone[np.concatenate([block.combination for block in self.elements])] < 0
+        if self.n_zones and np.any(outside):
+            share = 100.0 * self.areas[outside].sum() / self.areas.sum()
+            found.append(
+                f"{outside.sum()} faces, {share:.2g} % of the area, are in no zone: nothing finds damage there."
+            )
         return tuple(found)
 
     @property
     def n_zones(self) -> int:
         """Number of damage zones."""
-        return len(self.setup.zones)
+        return len(self.zone_names)
 
     @property
     def n_sensors(self) -> int:
         """Number of strain gauges."""
         return len(self.setup.sensors)
-
-    @property
-    def zone_names(self) -> tuple[str, ...]:
-        """Groups of the zones, in their order."""
-        return tuple(zone.group for zone in self.setup.zones)
 
     @cached_property
     def zone_places(self) -> Vector:
@@ -219,23 +230,24 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     Raises
     ------
     DescriptionError
-        Groups that the mesh lacks, faces without a material or in two, zones that overlap, elements without area or turned
-        inside out, sensors away from the surface, or supports that leave the membrane free to move as a rigid body.
+        Groups that the mesh lacks, faces without a material or in two, zones that overlap or have no faces, elements without
+        area or turned inside out, sensors away from the surface, or supports that leave the membrane free to move as a
+        rigid body.
     """
     raise_any([*_lacking(setup, mesh)])
-    region = _assigned(mesh, [(r.group, ("regions", i)) for i, r in enumerate(setup.regions)], "material")
-    zone = _assigned(mesh, [(z.group, ("zones", i)) for i, z in enumerate(setup.zones)], "zone")
+    region = _regions(setup, mesh)
     if np.any(region < 0):
         text = (
             f"{np.sum(region < 0)} of {mesh.n_faces} faces have no material, the first is face {np.argmin(region) + 1}. "
             "Add a region without 'group', which takes the rest."
         )
         raise DescriptionError(Mistake(("regions",), text))
+    measured = [_measured(setup, mesh, k, region) for k in range(len(mesh.blocks))]
+    zone_names, zone = divide(setup.zones, mesh, np.concatenate([found.areas for found in measured]))
     acting = [members_of(mesh, load.groups) & (load.kind in ("pressure", "light")) for load in setup.loads]
     encloses = members_of(mesh, setup.gas.groups) if setup.gas else np.zeros(mesh.n_faces, dtype=bool)
     rows = np.column_stack([region, zone, *acting, encloses])
     kinds, combination = np.unique(rows, axis=0, return_inverse=True)
-    measured = [_measured(setup, mesh, k, region) for k in range(len(mesh.blocks))]
     mass, stiffness, normals = np.zeros(len(mesh.nodes)), np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
     areal = np.array([r.density * r.thickness for r in setup.regions])
     nu = np.array([r.poisson_ratio for r in setup.regions])
@@ -251,6 +263,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     return Structure(
         setup=setup,
         mesh=mesh,
+        zone_names=zone_names,
         elements=tuple(
             Elements(found.placed(), block.elements, combination[block.faces], found)
             for block, found in zip(mesh.blocks, measured, strict=True)
@@ -279,7 +292,7 @@ def _lacking(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
     faces, sides, points = list(mesh.faces), list(mesh.sides), list(mesh.points)
     wanted: list[tuple[tuple[str | int, ...], str, list[str], str]]
     wanted = [(("regions", i, "group"), r.group, faces, "faces") for i, r in enumerate(setup.regions) if r.group]
-    wanted += [(("zones", i, "group"), z.group, faces, "faces") for i, z in enumerate(setup.zones)]
+    wanted += [(("zones", i, "group"), z.group, faces, "faces") for i, z in enumerate(setup.zones) if z.group]
     wanted += [(("supports", i, "group"), s.group, points, "nodes") for i, s in enumerate(setup.supports)]
     wanted += [(("edges", i, "group"), e.group, sides, "edges") for i, e in enumerate(setup.edges)]
     for i, load in enumerate(setup.loads):
@@ -293,21 +306,20 @@ def _lacking(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
             yield Mistake(place, f"{mesh.name} has no group {group!r} of {what}.{advice}", group, tuple(known))
 
 
-def _assigned(mesh: SurfaceMesh, groups: list[tuple[str, tuple[str | int, ...]]], what: str) -> Integers:
-    """Return which of some groups each face belongs to, -1 for none; an empty name takes the rest."""
-    found, mistakes = np.full(mesh.n_faces, -1), []
-    for i, (group, place) in enumerate(groups):
-        if group:
-            members = mesh.faces[group]
-            if np.any(twice := found[members] >= 0):
-                text = f"face {members[twice][0] + 1} of {group!r} has another {what} already. Let no two overlap."
-                mistakes.append(Mistake((*place, "group"), text))
-            found[members] = i
-    for i, (group, _) in enumerate(groups):
-        if not group:
-            found[found < 0] = i
+def _regions(setup: Setup, mesh: SurfaceMesh) -> Integers:
+    """Return which region each face belongs to, -1 for none."""
+    found, mistakes, rest = np.full(mesh.n_faces, -1), [], -1
+    for i, region in enumerate(setup.regions):
+        if not region.group:
+            rest = i
+            continue
+        members = mesh.faces[region.group]
+        if np.any(twice := found[members] >= 0):
+            text = f"face {members[twice][0] + 1} of {region.group!r} has another material already. Let no two overlap."
+            mistakes.append(Mistake(("regions", i, "group"), text))
+        found[members] = i
     raise_any(mistakes)
-    return found
+    return np.where(found < 0, rest, found)
 
 
 def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> Geometry:

@@ -177,15 +177,15 @@ def _samples(noise: float, step: float, stop: float) -> int:
 
 
 def write_csv(found: Placing, path: Path) -> None:
-    """Write a row for each zone: its name, and for each placement the deviation and a90 of its damage [1]."""
+    """Write a row for each zone: number and name, and for each placement the deviation and a90 of its damage [1]."""
     placements = {"own": found.own, "chosen": found.chosen}
     columns = {name: p for name, p in placements.items() if p is not None}
     with replacing(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(["zone", "group", *(f"{name} {what} [1]" for name in columns for what in ("deviation", "a90"))])
-        for k, zone in enumerate(found.structure.setup.zones):
+        rows.writerow(["zone", "name", *(f"{name} {what} [1]" for name in columns for what in ("deviation", "a90"))])
+        for k, name in enumerate(found.structure.zone_names):
             numbers = [f"{v:.6g}" for p in columns.values() for v in (p.deviation[k], p.a90[k])]
-            rows.writerow([k + 1, zone.group, *numbers])
+            rows.writerow([k + 1, name, *numbers])
 
 
 def sensors_text(found: Placing) -> str:

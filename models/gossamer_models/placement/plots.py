@@ -46,7 +46,7 @@ def damage_text(value: float) -> str:
 
 
 def _zones(found: Placing) -> Chart:
-    zones = np.arange(1, len(found.structure.setup.zones) + 1)
+    zones = np.arange(1, found.structure.n_zones + 1)
     traces = [
         bars(f"{len(p.sensors)} {name} sensors", zones, 100.0 * p.a90, color)
         for color, (name, p) in zip(("@grey", "@0"), placements(found)[-2:], strict=False)

@@ -64,7 +64,7 @@ class GaugeSimulation:
     """
 
     def __init__(self, structure: Structure, load: Mapping[str, float], step: float, samples: int) -> None:
-        if not structure.setup.zones:
+        if not structure.n_zones:
             msg = "the setup has no zones, so there is no damage to find. Write [[zones]] with groups of faces."
             raise ParameterError(msg)
         bare = replace(structure, setup=replace(structure.setup, sensors=(), expose=True), gauges=())
@@ -72,7 +72,7 @@ class GaugeSimulation:
         self._reference = structure.mesh.nodes
         self.h, self.samples, self.simulations = step, samples, 0
         self._start = self._known(load)
-        self.zones = len(structure.setup.zones)
+        self.zones = structure.n_zones
         self.nuisances = tuple(name for name in ("amplitude", "damping") if self._start[LOAD[name][0]] > 0.0)
         unknown = len(self.nuisances)
         self.low = np.r_[np.zeros(self.zones), np.full(unknown, -BEYOND)]

@@ -72,7 +72,7 @@ def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
         assert str(tmp_path / "out" / name) in result.stdout.splitlines()
     with (tmp_path / "out" / "placement.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [row["group"] for row in rows] == ["left", "right"]
+    assert [row["name"] for row in rows] == ["left", "right"]
     worst = {name: max(float(row[f"{name} a90 [1]"]) for row in rows) for name in ("own", "chosen")}
     assert worst["chosen"] < worst["own"]
     assert "worst" in result.stderr
@@ -95,13 +95,12 @@ def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
     load = {"pressure_amplitude": 1000, "pressure_frequency": 8}
     placed = gossamer.place_sensors(setup, set=load, stop=0.06, points=4, count=2, out=tmp_path / "python")
     assert placed.data["a90"].sel(placement="own").to_numpy().tolist() == content["own"]["a90"]
-    assert placed.data["group"].to_numpy().tolist() == ["left", "right"]
+    assert placed.data["name"].to_numpy().tolist() == ["left", "right"]
     assert placed.data["point"].attrs["units"] == "m"
     assert placed.data["point"].to_numpy().tolist() == [each["point_m"] for each in content["chosen"]["sensors"]]
     assert len(tomllib.loads(Path(placed).read_text())["sensors"]) == 2
-    assert (
-        f"The worst zone has an a90 of {100.0 * max(content['own']['a90']):.3g} % with the own" in placed._repr_html_()
-    )
+    worst = f"{100.0 * max(content['own']['a90']):.3g} %"
+    assert f"with the membrane&#x27;s own 2 it has {worst}" in placed._repr_html_()
     taken = content["own"]["a90"]
     assert content["zones"] == ["left", "right"]
     assert content["chosen"]["check"]["records"] == 1
