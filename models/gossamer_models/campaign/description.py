@@ -162,8 +162,7 @@ def _on_its_mesh(setup: Setup) -> Structure:
 
 @lru_cache(maxsize=8)
 def _settable(structure: Structure) -> dict[str, Variable]:
-    table = structure.variables(structure.setup, len(structure.mesh.nodes))
-    rows = [v for v in table if v.causality in ("parameter", "input") and not v.name.startswith("damage[")]
+    rows = [v for v in structure.table if v.causality in ("parameter", "input") and not v.name.startswith("damage[")]
     return {row.name: row for row in rows}
 
 
