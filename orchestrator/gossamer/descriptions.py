@@ -18,7 +18,15 @@ from gossamer_models.mistakes import DescriptionError
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.names import suggest
 from gossamer_orchestrator.scenario.schema import ScenarioTable
-from gossamer_orchestrator.scenario.source import Location, Problems, Source, explain, find_scenario, parse_toml, read_text
+from gossamer_orchestrator.scenario.source import (
+    Location,
+    Problems,
+    Source,
+    explain,
+    find_scenario,
+    parse_toml,
+    read_text,
+)
 from pydantic import ValidationError, create_model
 
 T = TypeVar("T")
