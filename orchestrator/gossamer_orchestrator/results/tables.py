@@ -20,11 +20,19 @@ def since(onset: float, deviation: float) -> str:
     return f"Damage since t = {uncertain(onset, deviation, 's')}"
 
 
-def onset_table(onset: float, deviation: float, damage: Sequence[float], deviations: Sequence[float]) -> TableText:
-    """Return number and damage of each zone that is damaged since an onset, each with its standard deviation [s], [1]."""
-    pairs = zip(damage, deviations, strict=True)
-    rows = [(f"{k}", f"{100.0 * d:.2f} ± {100.0 * s:.2f}") for k, (d, s) in enumerate(pairs, start=1) if d > 0.0]
-    return TableText(("zone", "damage ± standard deviation [%]"), rows, since(onset, deviation))
+def onset_table(
+    onset: float, spread: float, damage: Sequence[float], deviation: Sequence[float], names: Sequence[str] = ()
+) -> TableText:
+    """Return the damage [%] of each zone that is damaged since an onset [s], each with its standard deviation."""
+    zones = [zone_label(name) for name in names] or [str(k + 1) for k in range(len(damage))]
+    rows = zip(zones, damage, deviation, strict=True)
+    cells = [(zone, f"{100.0 * d:.2f} ± {100.0 * s:.2f}") for zone, d, s in rows if d > 0.0]
+    return TableText(("zone", "damage ± standard deviation [%]"), cells, since(onset, spread))
+
+
+def zone_label(name: str) -> str:
+    """Return what stands for a zone after the word "zone": its name, or the number of one that is just numbered."""
+    return name.removeprefix("zone_")
 
 
 def zone_table(judgement: Judgement) -> Table:
