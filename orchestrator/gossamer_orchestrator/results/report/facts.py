@@ -118,8 +118,10 @@ def scenario(data: xr.Dataset) -> str:
 def watch_tables(watched: Mapping[str, Any] | None) -> str:
     """Return a table of the damages that began while the twin watched the run, for each onset."""
     found = (watched or {}).get("findings", [])
-    keys = ("onset", "onset_deviation", "damage", "deviation")
-    shown = [onset_table(*(each[key] for key in keys), names=each.get("zones", ())) for each in found]
+    shown = [
+        onset_table(each["onset"], each["onset_deviation"], each["damage"], each["deviation"], each.get("zones", ()))
+        for each in found
+    ]
     return "\n".join(table(each.head, each.rows, f"{each.caption}, by the digital twin") for each in shown)
 
 
