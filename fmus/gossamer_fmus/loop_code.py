@@ -47,7 +47,6 @@ def table_sizes(tables: Tables) -> dict[str, int | str]:
     return {
         "N_NUMBERS": tables.numbers.size + sum(loop.numbers().size for loop in tables.loops),
         "N_PLACES": sum(loop.places().size for loop in tables.loops),
-        "N_POSITIONS": 3 * tables.loops[0].n_nodes,
         "BLOCK": LANES,
     }
 
@@ -108,8 +107,8 @@ def _table(tables: Tables, internal: list[str]) -> str:
         n, m = loop.nodes.shape
         kinds = "".join(kind[0] for kind in loop.reductions)
         lines.append(
-            f" {{{function}, {n}, {m}, {loop.function.nnz_in(1)}, {loop.own.shape[1]}, "
-            f'{str(loop.forces).lower()}, "{kinds}", {numbers}, {places}}},'
+            f" {{{function}, {n}, {m}, {loop.function.nnz_in(1)}, {loop.columns}, {loop.own.shape[1]}, "
+            f'{loop.forces}, {3 * loop.n_forces}, "{kinds}", {numbers}, {places}}},'
         )
         numbers, places = numbers + loop.numbers().size, places + loop.places().size
     return "\n".join([*lines, "};", ""])

@@ -6,9 +6,7 @@ Models, FMUs and orchestrator use it, which may not import each other. ``measure
 from __future__ import annotations
 
 import errno
-import hashlib
 import os
-import secrets
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -23,6 +21,8 @@ STALE = 3600.0  # [s] without a change: its writer was killed
 
 def digest(path: Path) -> str:
     """Return the SHA-256 of a file in hexadecimal digits."""
+    import hashlib  # with OpenSSL, which takes long to load
+
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -58,7 +58,7 @@ def replacing(path: Path) -> Iterator[Path]:
         with suppress(FileNotFoundError):  # another process removes it, too
             if time.time() - left.stat().st_mtime > STALE:
                 left.unlink()
-    unfinished = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.unfinished{target.suffix}")
+    unfinished = target.with_name(f".{target.stem}.{os.urandom(4).hex()}.unfinished{target.suffix}")
     try:
         yield unfinished
         with unfinished.open("rb+") as file:

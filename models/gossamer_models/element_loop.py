@@ -29,8 +29,8 @@ class ElementLoop:
     function : casadi.Function
         ``function(x, d, g) -> (f, r, ...)`` of one element: positions of its m nodes, shape (3 m,), all x first; what it
         shares with others, shape (K,); what it has alone, shape (L,); forces on its nodes like x, or none; numbers.
-    forces : bool
-        Whether the first result is forces.
+    forces : int
+        On how many of its nodes, the first ones, the first result is forces; 0: there is no such result.
     reductions : tuple of str
         What becomes of each number: its ``largest`` or its ``sum`` over all elements.
     n_nodes, columns : int
@@ -45,7 +45,7 @@ class ElementLoop:
 
     name: str
     function: ca.Function
-    forces: bool
+    forces: int
     reductions: tuple[str, ...]
     n_nodes: int
     columns: int
@@ -59,9 +59,14 @@ class ElementLoop:
         x, d = ca.MX.sym("x", 3 * self.n_nodes), ca.MX.sym("d", self.function.nnz_in(1) * self.columns)
         # each result depends on each input, or CasADi would leave it out; the numbers have no meaning
         value = x[0] + d[0]
-        outputs = [x * value] if self.forces else []
+        outputs = [x[: 3 * self.n_forces] * value] if self.forces else []
         outputs += [value * (i + 1) for i in range(len(self.reductions))]
         return ca.Function(self.name, [x, d], outputs, {"never_inline": True})
+
+    @property
+    def n_forces(self) -> int:
+        """Number of all nodes that forces act on, the first ones."""
+        return self.n_nodes * self.forces // int(self.nodes.shape[1])
 
     @property
     def batches(self) -> int:

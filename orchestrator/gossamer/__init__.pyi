@@ -41,5 +41,6 @@ from .sweeps import Sweep as Sweep
 from .sweeps import sweep as sweep
 from .watching import LiveWatch as LiveWatch
 from .watching import Watching as Watching
-from .watching import WatchReport as WatchReport
 from .watching import watch as watch
+
+HOMES: dict[str, str]  # the module of each name

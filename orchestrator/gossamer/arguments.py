@@ -9,6 +9,7 @@ import errno
 import inspect
 import json
 import os
+import re
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,38 +45,68 @@ class Written:
         Whether it may be repeated.
     least, most : float or None
         Bounds of a number.
+    read : callable or None
+        What reads it from a text, or raises ``ValueError``.
+    like : str
+        What it is read as, and what to write instead of what cannot be read.
+    default : object
+        Of an option that commands share; else None, or False of one that is given or not.
     """
 
     placeholder: str | None = None
     many: bool = False
     least: float | None = None
     most: float | None = None
+    read: Callable[[str], Any] | None = None
+    like: str = ""
+    default: object = None
 
 
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(map(float, text.split(",")))
+
+
+def _number_or_auto(text: str) -> float | str:
+    return text if text == "auto" else float(text)
+
+
+def _count_or_auto(text: str) -> int | str:
+    if text != "auto" and not text.isdecimal():
+        raise ValueError
+    return text if text == "auto" else int(text)
+
+
+WITH_COMMAS = "as numbers. Write them with commas"
+ONE, COUNT = (
+    "as a number. Write one number such as 0.01, or auto.",
+    "as a count. Write a whole number such as 40, or auto.",
+)
 AnyPath: TypeAlias = str | os.PathLike[str]
 File: TypeAlias = Annotated[AnyPath, Written("FILE")]
 Folder: TypeAlias = Annotated[AnyPath, Written("FOLDER")]
 Files: TypeAlias = Annotated[AnyPath | Sequence[AnyPath], Written("FILE", many=True)]
 Names: TypeAlias = Annotated[str | Sequence[str], Written("NAME", many=True)]  # an option for each
 NamesWithCommas: TypeAlias = Annotated[str | Sequence[str], Written("NAMES")]
-NUMBERS = Written("LIST")
-Numbers: TypeAlias = Annotated[str | Sequence[float], NUMBERS]  # with commas
-NumberOrAuto: TypeAlias = Annotated[float | str, Written("NUMBER")]
+Numbers: TypeAlias = Annotated[str | Sequence[float], Written("LIST", read=_numbers, like=f"{WITH_COMMAS}: 3,100.")]
+Scales: TypeAlias = Annotated[
+    str | Sequence[float], Written("LIST", read=_numbers, like=f"{WITH_COMMAS}: 1000,150,0.2.")
+]
+NumberOrAuto: TypeAlias = Annotated[float | str, Written("NUMBER", read=_number_or_auto, like=ONE)]
+CountOrAuto: TypeAlias = Annotated[int | str, Written("NUMBER", read=_count_or_auto, like=COUNT)]
 Values: TypeAlias = Annotated[Mapping[str, object] | Sequence[str], Written("NAME=VALUE", many=True)]
 Ranges: TypeAlias = Annotated[Mapping[str, object] | Sequence[str], Written("NAME=VALUES", many=True)]
 Name: TypeAlias = Annotated[str, Written("NAME")]
-Form: TypeAlias = Annotated[str, Written("FORM")]
 Address: TypeAlias = Annotated[str, Written("URL")]
 Seconds: TypeAlias = Annotated[float, Written("SECONDS")]
 CallLimit: TypeAlias = Annotated[float, Written("SECONDS", least=1e-3)]
-Elements: TypeAlias = Annotated[int, Written("N")]
 Budget: TypeAlias = Annotated[float, Written("SECONDS", least=1.0)]
 Cases: TypeAlias = Annotated[int, Written("N", least=4)]
 NotNegative: TypeAlias = Annotated[float, Written(least=0.0)]
 Count: TypeAlias = Annotated[int, Written("N", least=1)]
 CountOrNone: TypeAlias = Annotated[int, Written("N", least=0)]
 Threads: TypeAlias = Annotated[int, Written("N", least=1, most=64)]
-FmiVersion: TypeAlias = Annotated[int, Written("N", least=2, most=3)]
+FmiVersion: TypeAlias = Literal[2, 3]
+Form: TypeAlias = Literal["png", "svg", "pdf"]  # of pictures
 
 GROUPS: dict[type, tuple[type, ...]] = {}  # of options that commands share: the classes that declare them, by their sum
 COMMANDS: dict[str, Callable[..., Any]] = {}  # by name
@@ -89,27 +120,36 @@ class Argument:
     ----------
     name : str
         Its name in Python.
-    kinds : tuple
-        The types that it may have, without those within sequences.
+    hint : type
+        Its type, with how it is written.
     default : object
         ``inspect.Parameter.empty`` where it must be given.
-    written : Written
-        How the command line writes it.
     is_option : bool
         Whether it is given by name.
     owner : type or None
         The class that declares it, for several commands; None for an argument of the function's own.
-    hint : str
-        Its type as that class writes it.
     """
 
     name: str
-    kinds: tuple[Any, ...]
+    hint: Any
     default: Any
-    written: Written
     is_option: bool
     owner: type | None = None
-    hint: str = ""
+
+    @property
+    def kinds(self) -> tuple[Any, ...]:
+        """The types that it may have, without those within sequences."""
+        return _kinds(self.hint)
+
+    @property
+    def written(self) -> Written:
+        """How the command line writes it."""
+        return _written(self.hint)
+
+    @property
+    def choices(self) -> list[Any]:
+        """What it may be, where that is one of a few."""
+        return [each for kind in self.kinds if get_origin(kind) is Literal for each in get_args(kind)]
 
 
 @cache
@@ -118,37 +158,38 @@ def declared(function: Callable[..., Any]) -> dict[str, Argument]:
     function = inspect.unwrap(function)
     hints = get_type_hints(function, include_extras=True)
     found = {}
-    for each in inspect.signature(function).parameters.values():
-        hint = hints[each.name]
-        if each.kind is each.VAR_KEYWORD:
-            (shared,) = get_args(hint)
-            for owner in GROUPS.get(shared, (shared,)):
-                for name, inner in get_type_hints(owner, include_extras=True).items():
-                    default = None if type(None) in _kinds(inner) else False
-                    hint = owner.__annotations__[name].__forward_arg__
-                    found[name] = Argument(name, _kinds(inner), default, _written(inner), True, owner, hint)
-        else:
-            is_option = each.kind is each.KEYWORD_ONLY
-            found[each.name] = Argument(each.name, _kinds(hint), each.default, _written(hint), is_option)
+    for each in inspect.signature(function, follow_wrapped=False).parameters.values():
+        if each.kind is not each.VAR_KEYWORD:
+            found[each.name] = Argument(each.name, hints[each.name], each.default, each.kind is each.KEYWORD_ONLY)
+            continue
+        (shared,) = get_args(hints[each.name])
+        for owner in GROUPS.get(shared, (shared,)):
+            for name, hint in get_type_hints(owner, include_extras=True).items():
+                default = _written(hint).default
+                default = False if default is None and type(None) not in _kinds(hint) else default
+                found[name] = Argument(name, hint, default, is_option=True, owner=owner)
     return found
 
 
 def command(function: Callable[P, R]) -> Callable[P, R]:
-    """Make a function a command: its arguments are checked, and what goes wrong is an ``OrchestratorError``."""
+    """Make a function a command: its arguments are checked, and what goes wrong is an ``OrchestratorError``.
+
+    Options that it shares stand in its signature and in its docstring, each as if it were the function's own.
+    """
     taken = declared(function)
-    signature = inspect.signature(function)
-    listed = [each for each in signature.parameters.values() if each.kind is not each.VAR_KEYWORD]
-    shared = [each for each in taken.values() if each.owner]
-    listed += [
-        inspect.Parameter(each.name, inspect.Parameter.KEYWORD_ONLY, default=each.default, annotation=each.hint)
-        for each in shared
+    kinds = {True: inspect.Parameter.KEYWORD_ONLY, False: inspect.Parameter.POSITIONAL_OR_KEYWORD}
+    listed = [
+        inspect.Parameter(name, kinds[each.is_option], default=each.default, annotation=_plain_type(each.hint))
+        for name, each in taken.items()
     ]
-    signature = signature.replace(parameters=listed)
+    signature = inspect.signature(function).replace(parameters=listed)
+    owners = dict.fromkeys(each.owner for each in taken.values() if each.owner)
+    filled = {name: each.default for name, each in taken.items() if each.owner}
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            given = signature.bind(*args, **kwargs).arguments
+            given = filled | signature.bind(*args, **kwargs).arguments
         except TypeError as error:  # one is missing, unknown or given twice
             unknown = next((name for name in kwargs if name not in taken), "")
             meant = get_close_matches(unknown, taken, 1)
@@ -160,6 +201,8 @@ def command(function: Callable[P, R]) -> Callable[P, R]:
             return function(**checked)  # type: ignore[call-arg]
 
     call.__signature__ = signature  # type: ignore[attr-defined]
+    told = "\n".join((inspect.getdoc(owner) or "").partition("-\n")[2] for owner in owners)
+    call.__doc__ = re.sub(r"^\*\*\w+\n(?: +.*\n)+", f"{told}\n", inspect.getdoc(function) or "", flags=re.MULTILINE)
     COMMANDS[function.__name__] = call
     return call
 
@@ -194,6 +237,8 @@ def check(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
     ------
     ArgumentError
         It has the wrong type, or is out of its bounds.
+    OrchestratorError
+        It is a text that cannot be read as numbers.
     """
     kinds, name = wanted.kinds, _called(wanted)
     if value is None and type(None) in kinds:
@@ -202,14 +247,20 @@ def check(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
         msg = f"{name} is None. Give a value."
         raise ArgumentError(msg)
     value = value.item() if hasattr(value, "item") and not getattr(value, "shape", ()) else value
-    if str in kinds or Mapping in kinds:
-        return _texts(wanted, value)
-    choices = [each for kind in kinds if get_origin(kind) is Literal for each in get_args(kind)]
-    if choices:
-        if value not in choices:
-            msg = f"{name} is {value!r}. Give {' or '.join(map(repr, choices))}."
+    if wanted.written.read is not None:
+        text = with_commas(value)
+        try:
+            return wanted.written.read(text)
+        except ValueError:
+            msg = f"cannot read {option(wanted.name)} {text!r} {wanted.written.like}"
+            raise OrchestratorError(msg) from None
+    if wanted.choices:
+        if value not in wanted.choices:
+            msg = f"{name} is {value!r}. Give {' or '.join(map(repr, wanted.choices))}."
             raise ArgumentError(msg)
         return value
+    if str in kinds or Mapping in kinds:
+        return _texts(wanted, value)
     kind = next(each for each in (bool, int, float) if each in kinds)
     if not isinstance(value, (int, float) if kind is float else kind) or (isinstance(value, bool) and kind is not bool):
         noun = {float: "a number", int: "a whole number", bool: "True or False"}[kind]
@@ -224,19 +275,22 @@ def check(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
 
 
 def _texts(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
-    """Return paths, texts, numbers in texts, or values by name, which are read where they are used."""
-    kinds, is_list = wanted.kinds, wanted.written == NUMBERS
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if is_list or (Mapping in kinds and isinstance(value, Mapping)) or (is_number and float in kinds):
+    """Return paths, texts, or values by name, which are read where they are used."""
+    kinds = wanted.kinds
+    if Mapping in kinds and isinstance(value, Mapping):
         return value
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if is_number and Sequence not in kinds and os.PathLike not in kinds:
         return f"{value:.15g}"  # such as the unit 1
-    nouns = {os.PathLike: "a path", Mapping: "values by name, such as {'seed': 2}", float: "a number or a text"}
+    nouns = {os.PathLike: "a path", Mapping: "values by name, such as {'seed': 2}"}
     nouns |= {Sequence: "a name, or a list of names", str: "a text"}
     noun = next(text for kind, text in nouns.items() if kind in kinds)
     allowed = (str, os.PathLike) if os.PathLike in kinds else (str,)
     one = Sequence not in kinds or isinstance(value, str | os.PathLike)
     every = [value] if one else several(value)
+    if not every and wanted.default is inspect.Parameter.empty:
+        msg = f"{_called(wanted)} is empty. Give {noun}."
+        raise ArgumentError(msg)
     for each in every:
         if not isinstance(each, allowed):
             msg = f"{_called(wanted)} is {each!r}. Give {noun}."
@@ -269,16 +323,6 @@ def with_commas(value: Any) -> str:  # noqa: ANN401
     return _text(value) if one else ",".join(map(_text, value))
 
 
-def numbers_of(name: str, value: str | Sequence[float], example: str) -> tuple[float, ...]:
-    """Read numbers with commas between."""
-    text = with_commas(value)
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        msg = f"cannot read {option(name)} {text!r} as numbers. Write them with commas: {example}."
-        raise OrchestratorError(msg) from None
-
-
 def call_of(name: str, given: Mapping[str, Any]) -> str:
     """Write a call as Python does, for a provenance: what differs from the defaults, files without their folders."""
     taken = declared(COMMANDS[name])
@@ -302,6 +346,15 @@ def _kinds(hint: Any) -> tuple[Any, ...]:  # noqa: ANN401
     return (hint if origin in (None, Literal) else origin,)
 
 
+def _plain_type(hint: Any) -> Any:  # noqa: ANN401
+    """Return a type as Python's own help writes it: without what only the command line knows."""
+    if get_origin(hint) is Annotated:
+        return _plain_type(get_args(hint)[0])
+    if get_origin(hint) in (Union, UnionType):
+        return Union[tuple(map(_plain_type, get_args(hint)))]  # noqa: UP007
+    return hint
+
+
 def _written(hint: Any) -> Written:  # noqa: ANN401
     if get_origin(hint) is Annotated:
         return next(each for each in get_args(hint)[1:] if isinstance(each, Written))
@@ -323,29 +376,3 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
         return os.fspath(value)
     msg = f"{value!r} is no value. Give a number, a text, True or False, or a list of them."
     raise ArgumentError(msg)
-
-
-def numbers(text: str) -> tuple[float, ...]:
-    """Read a list of numbers, ``3,100``; raise ``ValueError`` with what to write for anything else."""
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        msg = "as numbers. Write them with commas: 3,100."
-        raise ValueError(msg) from None
-
-
-def number_or_auto(text: str) -> float | str:
-    """Read a number or the word ``auto``; raise ``ValueError`` with what to write for anything else."""
-    try:
-        return text if text == "auto" else float(text)
-    except ValueError:
-        msg = "as a number. Write one number such as 0.01, or auto."
-        raise ValueError(msg) from None
-
-
-def count_or_auto(text: str) -> int | str:
-    """Read a number of 0 or more or the word ``auto``; raise ``ValueError`` with what to write for anything else."""
-    if text != "auto" and not text.isdecimal():
-        msg = "as a count. Write a whole number such as 40, or auto."
-        raise ValueError(msg)
-    return text if text == "auto" else int(text)

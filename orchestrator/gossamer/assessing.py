@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from .arguments import Cases, File, Files, Folder, Form, Names, command, several
-from .fit_options import ColumnOptions
+from .options import ColumnOptions
 from .results import Result, TableText, by_label, first_of
 from .sensor_tables import assessment_tables, histories, tell_recognised
 from .terminal import progress_bar
-from .writing import check_form, keep_inputs, save_page
+from .writing import keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -143,7 +143,7 @@ def assess(
     pictures
         Draw pictures, and write report.html, the page of them all.
     format
-        Of the pictures: png, svg or pdf.
+        Of the pictures.
     **columns
         Columns of the records, see ``ColumnOptions``.
 
@@ -172,7 +172,6 @@ def assess(
 
     artifact, paths, folder = Path(sensor), [Path(path) for path in several(files)], Path(out)
     keep_inputs([artifact, *paths], [folder, *(table_path(folder, each.name) for each in paths)])
-    check_form(format)
     begun = time.perf_counter()
     with progress_bar("assess") as bar:
         judged = judge_files(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
-from .arguments import AnyPath, CallLimit, Files, Folder, Values, assigned, command, several
+from .arguments import AnyPath, Files, command, several
+from .options import RunOptions, as_settings
 from .results import Result
 from .terminal import stderr
 
@@ -76,17 +77,7 @@ class Validation(Result):
 
 
 @command
-def validate(
-    scenario: AnyPath,
-    *,
-    fmus: Folder = "out/fmus",
-    step: float | None = None,
-    stop: float | None = None,
-    set: Values | None = None,
-    master: str | None = None,
-    limit: CallLimit | None = None,
-    strict: bool = False,
-) -> Validation:
+def validate(scenario: AnyPath, **options: Unpack[RunOptions]) -> Validation:
     """Check a scenario and its FMUs without running it.
 
     Checks names, types, units, inputs without a value, steps, events, what is recorded and the place on the disk, and starts
@@ -97,20 +88,8 @@ def validate(
     ----------
     scenario
         A scenario file, an .ssp, or the name of a shipped scenario.
-    fmus
-        Folder of the FMUs that scenarios name.
-    step
-        Communication step [s] in place of the file's.
-    stop
-        Last time [s] in place of the file's.
-    set
-        Value in place of the file's, as of a run.
-    master
-        gauss-seidel or jacobi, in place of the file's or for an .ssp.
-    limit
-        Time that one call of an FMU may take [s].
-    strict
-        Refuse FMUs that break the rules of FMI; else that is a warning.
+    **options
+        FMUs, times, changes and checks, see ``RunOptions``.
 
     Returns
     -------
@@ -127,19 +106,9 @@ def validate(
     """
     from gossamer_orchestrator.run.runner import validate_scenario
     from gossamer_orchestrator.scenario.source import find_scenario
-    from gossamer_orchestrator.scenario.values import read_changes
 
     with stderr().status("starting the FMUs"):
-        outline = validate_scenario(
-            find_scenario(str(scenario)),
-            Path(fmus),
-            step=step,
-            stop=stop,
-            values=read_changes(assigned(set)),
-            master=master,
-            limit=limit,
-            strict=strict,
-        )
+        outline = validate_scenario(find_scenario(str(scenario)), **as_settings(**options))
     return Validation(outline=outline)
 
 

@@ -9,6 +9,7 @@ import inspect
 import json
 import logging
 import os
+import re
 import shlex
 import sys
 import time
@@ -16,34 +17,20 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import cyclopts
-from docstring_parser import DocstringStyle, parse
 from gossamer_files.options import DASHES, STYLE, option
 from gossamer_orchestrator.errors import OrchestratorError
 
+from . import HOMES
 from .arguments import COMMANDS, Argument, ArgumentError, declared
 from .results import Result, as_json, print_tables
 from .terminal import NO_TERMINAL, TERMINAL, stderr
 
 OURS = ("gossamer_models", "gossamer_fmus", "gossamer_orchestrator", "gossamer")  # loggers
 MORE = "Every command has its own help: gossamer run --help"
-THEMES = (
-    "fmus",
-    "runs",
-    "checks",
-    "sweeps",
-    "files",
-    "sensors",
-    "assessing",
-    "damage",
-    "watching",
-    "detectors",
-    "placement",
-)
 ORDER = (  # of the commands in the help: that of work
     *("new", "build", "validate", "run", "export-ssp", "container", "sweep", "demo"),
     *("report", "view", "plot", "export-vtk", "verify", "info", "train", "twin", "watch"),
@@ -61,9 +48,6 @@ COMMON = {  # options of all commands: how they are written, and the help
         "Append to this file what --verbose prints, warnings and errors, with times.",
     ),
 }
-
-for _theme in THEMES:
-    import_module(f".{_theme}", __package__)
 
 _log = logging.getLogger(__name__)
 _log_of_errors = logging.getLogger(f"{__name__}.errors")  # to the file only: the message is on stderr already
@@ -88,6 +72,17 @@ def main(tokens: Sequence[str] | None = None) -> None:
         if style is not None:
             os.environ[STYLE] = style
     sys.exit(code)
+
+
+def commands(wanted: str = "") -> dict[str, Callable[..., Any]]:
+    """Return the commands by name: all of them, or at least the one that is wanted, if there is one."""
+    name = wanted.replace("-", "_")
+    if name in HOMES:
+        import_module(HOMES[name])
+    if name not in COMMANDS:
+        for home in dict.fromkeys(HOMES.values()):
+            import_module(home)
+    return COMMANDS
 
 
 def parsed(words: Sequence[str]) -> tuple[str, dict[str, Any], Callable[[], Any] | None]:
@@ -189,14 +184,17 @@ def _common_behind(words: Sequence[str]) -> list[str]:
 
 def _app(wanted: str) -> cyclopts.App:
     """Return all commands, with the options of the one that is wanted."""
+    known, one = commands(wanted), wanted.replace("-", "_") in COMMANDS
+    common = ", ".join(" or ".join(flags) for flags, _, _ in COMMON.values())
     app = cyclopts.App(
         name="gossamer",
         help="Structural health monitoring of gossamer membranes with Functional Mock-up Units.\n\n"
-        "Start with **gossamer demo**, then look at **out/**.",
-        help_epilogue="" if wanted in {name.replace("_", "-") for name in COMMANDS} else MORE,
-        version=version("gossamer"),
+        "Start with 'gossamer demo', then look at out/.",
+        help_epilogue="" if one else f"All commands take {common}.\n{MORE}",
+        help_format="markdown" if one else "plaintext",
+        version=_version,
     )
-    for name, function in COMMANDS.items():
+    for name, function in known.items():
         flag = name.replace("_", "-")
         place = ORDER.index(flag) if flag in ORDER else len(ORDER)
 
@@ -204,26 +202,32 @@ def _app(wanted: str) -> cyclopts.App:
             pass
 
         call.__name__ = name
+        text = inspect.getdoc(function) or ""
         if flag == wanted:
             call.__signature__ = _signature(function)  # type: ignore[attr-defined]
-        app.command(call, name=flag, help=_help(inspect.getdoc(function) or ""), sort_key=place)
+            text = _help(text)
+        app.command(call, name=flag, help=text if flag == wanted else text.partition("\n")[0], sort_key=place)
     return app
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("gossamer")
 
 
 def _help(text: str) -> str:
     """Return the help of a command: what stands above its parameters, and its examples of the command line."""
     about, _, rest = text.partition("\nParameters\n")
-    return f"{about.replace('``', '')}\nFor example:\n{rest.partition('On the command line::')[2]}"
+    examples = re.sub(r"\n\s*\n", "\n", rest.partition("On the command line::")[2].strip("\n"))
+    return f"{about.replace('``', '')}\nFor example:\n\n{examples}"
 
 
 def _signature(function: Callable[..., Any]) -> inspect.Signature:
     """Return the arguments and options of a command as cyclopts reads them."""
-    helps: dict[type | None, dict[str, str]] = {}
-    listed = []
+    about = _explained(function)
     group = cyclopts.Group("Options of all commands", sort_key=100)
-    for argument in declared(function).values():
-        about = helps.setdefault(argument.owner, _explained(argument.owner or function))
-        listed.append(_parameter(argument, about[argument.name]))
+    listed = [_parameter(each, about[each.name]) for each in declared(function).values()]
     for name, (flags, kind, text) in COMMON.items():
         how = cyclopts.Parameter(
             name=flags, help=text, group=group, negative=(), show_default=False, allow_repeating=True
@@ -235,6 +239,8 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature:
 
 def _explained(owner: Any) -> dict[str, str]:  # noqa: ANN401
     """Return what the docstring of a function or class says of each parameter or attribute."""
+    from docstring_parser import DocstringStyle, parse
+
     found = parse(inspect.getdoc(owner) or "", DocstringStyle.NUMPYDOC)
     return {each.arg_name: " ".join((each.description or "").split()) for each in found.params}
 
@@ -243,16 +249,15 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
     """Return an argument as cyclopts reads it: the one place that knows how Python's types are written in a shell."""
     kinds, written = argument.kinds, argument.written
     kind: Any = next((each for each in (bool, int, float) if each in kinds), str)
-    choices = [each for each in kinds if get_origin(each) is Literal]
-    if choices:
-        (kind,) = choices
+    if argument.choices:
+        kind = Literal[tuple(argument.choices)]
     elif written.many and argument.is_option:
         kind = list[str]
     elif str in kinds:
         kind = str
     hint = kind | None if argument.default is None else kind
     title = (inspect.getdoc(argument.owner) or "").partition(".")[0] if argument.owner else ""
-    panel = cyclopts.Group(title) if title else "Parameters" if argument.is_option else "Arguments"
+    panel = cyclopts.Group(title, sort_key=50) if title else "Parameters" if argument.is_option else "Arguments"
     how = cyclopts.Parameter(
         help=text,
         metavar=written.placeholder,
@@ -260,6 +265,7 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
         converter=None if kind is bool else partial(_value, kind),
         show_default=not any(argument.default is each for each in (None, False, NOTHING)),
         allow_repeating=True,
+        allow_leading_hyphen=written.read is not None,  # a list may begin with a negative number
         required=argument.default is NOTHING,
         group=panel,
     )
@@ -275,9 +281,10 @@ def _value(kind: Any, _hint: Any, tokens: Sequence[cyclopts.Token]) -> Any:  # n
     if get_origin(kind) is list:
         return texts
     if get_origin(kind) is Literal:
-        if texts[0] not in get_args(kind):
+        choices = {str(each): each for each in get_args(kind)}
+        if texts[0] not in choices:
             raise cyclopts.CoercionError(token=tokens[0], target_type=kind)
-        return texts[0]
+        return choices[texts[0]]
     try:
         return kind(texts[0])
     except ValueError:
@@ -299,8 +306,9 @@ def _logging(verbose: bool, file: Path | None) -> Iterator[None]:
     for name in OURS:
         logging.getLogger(name).setLevel(logging.INFO if verbose or file else logging.WARNING)
     try:
-        typed = shlex.join(TERMINAL.typed or ())
-        _log.info("gossamer %s, Python %s: %s", version("gossamer"), sys.version.split()[0], typed)
+        if _log.isEnabledFor(logging.INFO):
+            typed = shlex.join(TERMINAL.typed or ())
+            _log.info("gossamer %s, Python %s: %s", _version(), sys.version.split()[0], typed)
         yield
         _log.info("done in %.1f s", time.perf_counter() - begun)
     except BaseException as error:

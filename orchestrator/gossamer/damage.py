@@ -6,9 +6,10 @@ import json
 import logging
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
-from .arguments import AnyPath, Elements, File, NamesWithCommas, NotNegative, Values, assigned, command, with_commas
+from .arguments import AnyPath, File, NamesWithCommas, command, with_commas
+from .options import TwinOptions
 from .records import beside, file_of, find_record, name_of
 from .results import INVALID, Saved, as_png, typed, zone_coordinates
 from .terminal import progress_bar, stderr
@@ -119,15 +120,10 @@ def twin(
     record: AnyPath,
     *,
     fit: NamesWithCommas | None = None,
-    kind: str | None = None,
-    noise: NotNegative | None = None,
     stop: float | None = None,
-    set: Values | None = None,
-    sensor: File | None = None,
-    elements_per_side: Elements = 4,
-    order: int = 4,
     sparse: bool = True,
     out: File | None = None,
+    **options: Unpack[TwinOptions],
 ) -> TwinAnswer:
     """Fit a simulation to a record: the damage of each zone, with its standard deviation.
 
@@ -141,24 +137,14 @@ def twin(
     fit
         What is unknown beside damage: offset, gain, amplitude, frequency, phase, damping, modulus, pressure, with commas
         between, or none. By default offset for strain and none for resistance.
-    kind
-        strain or resistance, where the record has both.
-    noise
-        Standard deviation of the noise, 1 or ohm; estimated by default.
     stop
         Use the record up to this time [s] only; it costs less.
-    set
-        A parameter of the membrane; may be repeated.
-    sensor
-        Artifact of the sensors; the shipped one by default.
-    elements_per_side
-        Elements along a side of the twin, a multiple of 4.
-    order
-        Their order; 1 for bilinear ones.
     sparse
         Drop the zones that the record does not need.
     out
         JSON file to write; twin.json beside the record by default.
+    **options
+        Record and twin, see ``TwinOptions``.
 
     Returns
     -------
@@ -176,7 +162,6 @@ def twin(
         gossamer twin measured.csv --fit offset,amplitude,frequency,damping --set pressure_amplitude=9500
     """
     from gossamer_files import replacing
-    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import Twin
     from gossamer_orchestrator.results.files import TWIN
 
@@ -184,18 +169,16 @@ def twin(
 
     source, console = Path(record), stderr()
     path = beside(source, TWIN) if out is None else json_file(out)
-    keep_inputs([file_of(source), sensor], [out, path])
+    keep_inputs([file_of(source), options["sensor"]], [out, path])
     with console.status("reading"):
-        found = find_record(source, kind, noise, stop, assigned(set))
+        found = find_record(source, options, stop)
     logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
     default = "none" if found.record.kind == "resistance" else "offset"
     names = with_commas(default if fit is None else fit).split(",")
     with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
         answer = Twin(
-            square_structure(elements_per_side, order, params=found.params),
-            sensor=found.sensors(sensor),
-            sensor_parameters=found.sensor_parameters,
+            **found.twin(options["sensor"], options["elements_per_side"], options["order"]),
             nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
             sparse=sparse,
         ).fit(

@@ -15,7 +15,7 @@ from gossamer_orchestrator.errors import ResultsError, ScenarioError
 
 from .arguments import AnyPath, File, FmiVersion, Folder, Form, command
 from .terminal import say
-from .writing import check_form, keep_inputs, kinds_of
+from .writing import keep_inputs, kinds_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -180,7 +180,7 @@ def plot(results: AnyPath, *, out: Folder | None = None, format: Form = "png") -
     out
         Folder to write to; that of the results by default.
     format
-        Of the pictures: png, svg or pdf.
+        Of the pictures.
 
     Returns
     -------
@@ -198,7 +198,6 @@ def plot(results: AnyPath, *, out: Folder | None = None, format: Form = "png") -
     from gossamer_orchestrator import load_results
     from gossamer_orchestrator.results.report import save_pictures
 
-    check_form(format)
     data = load_results(Path(results))
     drawn = data.isel(time=slice(None, None, stride_of(data)))
     return save_pictures(drawn, _folder(results) if out is None else Path(out), format, _folder(results))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import FmuError
 
-from .arguments import File, FmiVersion, Folder, Name, Names, Numbers, command, numbers_of, several
+from .arguments import File, FmiVersion, Folder, Name, Names, Scales, command, several
 from .results import Result
 from .terminal import say, stderr
 from .writing import keep_inputs, kinds_of
@@ -62,7 +62,7 @@ def build(
     *,
     out: Folder = "out/fmus",
     artifact: File | None = None,
-    scales: Numbers | None = None,
+    scales: Scales | None = None,
     elements_per_side: int | None = None,
     order: int | None = None,
     law: Name | None = None,
@@ -177,7 +177,7 @@ def build(
         Path(out),
         wanted,
         artifact=None if artifact is None else Path(artifact),
-        scales=None if scales is None else numbers_of("scales", scales, "1000,150,0.2"),
+        scales=scales,
         platforms=tuple(several(platform)),
         structure=structure,
         elements_per_side=elements_per_side,

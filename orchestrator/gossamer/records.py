@@ -6,20 +6,20 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError, ResultsError
 
+from .arguments import AnyPath, assigned
+from .options import TwinOptions
+
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_models.membrane import MembraneParams
-    from gossamer_models.sensor import SensorArtifact
     from gossamer_models.twin import ResponseRecord
 
-KINDS = ("resistance", "strain")
 OFF_GRID = 1e-3  # steps
 
 
@@ -41,30 +41,38 @@ class KnownRecord:
     params: MembraneParams
     sensor_parameters: Mapping[str, list[float]] = field(default_factory=dict)
 
-    def sensors(self, file: str | PathLike[str] | None) -> SensorArtifact | None:
-        """Return the sensors of a record of resistance, from a file or as shipped; None for a record of strain."""
+    def twin(self, sensor: AnyPath | None = None, elements_per_side: int = 4, order: int = 4) -> dict[str, Any]:
+        """Return what a twin of the record is made of: its membrane, and for resistance its sensors.
+
+        Parameters
+        ----------
+        sensor : path, optional
+            Artifact of the sensors; by default the shipped one.
+        elements_per_side, order : int
+            Of the twin's mesh.
+        """
+        from gossamer_models.membrane import square_structure
         from gossamer_models.sensor import SensorArtifact, default_artifact
 
+        structure = square_structure(elements_per_side, order, params=self.params)
         if self.record.kind == "strain":
-            return None
-        return default_artifact() if file is None else SensorArtifact.read(Path(file))
+            return {"structure": structure}
+        found = default_artifact() if sensor is None else SensorArtifact.read(Path(sensor))
+        return {"structure": structure, "sensor": found, "sensor_parameters": self.sensor_parameters}
 
 
-def find_record(
-    path: Path, kind: str | None, noise: float | None, stop: float | None, values: Sequence[str]
-) -> KnownRecord:
+def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> KnownRecord:
     """Read a record.
 
     Parameters
     ----------
     path : Path
         Results of a run, their folder, or a CSV file with the columns of ``read_table``.
-    kind : {"strain", "resistance"} or None
-        None for resistance where it was recorded, else strain.
-    noise, stop : float or None
-        Standard deviation of the noise; last time to use [s].
-    values : sequence of str
-        Membrane parameters, ``NAME=VALUE``.
+    options : TwinOptions
+        ``kind``, None for resistance where it was recorded, else strain; ``noise``, its standard deviation; ``set``,
+        parameters of the membrane.
+    stop : float, optional
+        Last time to use [s].
 
     Raises
     ------
@@ -76,9 +84,7 @@ def find_record(
     from gossamer_models.twin import read_table
     from gossamer_orchestrator import load_results
 
-    if kind not in (None, *KINDS):
-        msg = f"{option('kind')} is {kind!r}. Write strain or resistance."
-        raise OrchestratorError(msg)
+    kind, noise, values = options["kind"], options["noise"], assigned(options["set"])
     if path.suffix == ".csv" and not of_a_run(header_of(path)):
         known = asdict(MembraneParams())
         found = KnownRecord(record=read_table(path, kind, noise), params=MembraneParams(**_assigned(values, known)))
@@ -93,7 +99,9 @@ def find_record(
     return found
 
 
-def find_in_results(data: xr.Dataset, kind: str | None, noise: float | None, values: Sequence[str]) -> KnownRecord:
+def find_in_results(
+    data: xr.Dataset, kind: str | None = None, noise: float | None = None, values: Sequence[str] = ()
+) -> KnownRecord:
     """Find a record in the results of a run, as ``find_record`` does."""
     from gossamer_models.membrane import MembraneParams
     from gossamer_orchestrator.results import dataset
@@ -153,19 +161,31 @@ def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[
     if kind == "strain" or (kind is None and not names):
         strain = dataset.need(data, f"{dataset.find(data, 'membrane')}.strain")[0]
         for k in strain[strain.dims[1]].to_numpy().tolist():
-            values[k - 1] = strain.sel({strain.dims[1]: k}).to_numpy()
+            values[k - 1] = _in_si(strain.sel({strain.dims[1]: k}), "strain")
         return make_record(time, values, "strain", noise, "the results"), {}
     if not names:
         msg = "the results hold no resistance. Add sensor?.resistance to [record] in the scenario and run it again."
         raise ResultsError(msg)
     for k, name in names.items():
-        values[k - 1] = data[name].to_numpy()
+        values[k - 1] = _in_si(data[name], "resistance")
     if data.attrs.get("master") == "jacobi":  # what sensors got is one step old
         time, values = time[:-1], values[:, 1:]
     each = [_parameters(data, sensors[k]) if k in sensors else {} for k in range(1, count + 1)]
     known = next((parameters for parameters in each if parameters), {})
     tabled = {name: [parameters.get(name, known[name]) for parameters in each] for name in known}
     return make_record(time, values, "resistance", noise, "the results"), tabled
+
+
+def _in_si(values: xr.DataArray, what: str) -> Any:  # noqa: ANN401
+    """Return values in 1 or ohm, whatever unit stands with them: a CSV file may have been edited."""
+    from gossamer_files.measured.units import SI, factor
+
+    unit = values.attrs.get("units") or SI[what]
+    scale = 1.0 if unit == SI[what] else factor(unit, what)
+    if scale is None:
+        msg = f"{values.name} is in {unit!r}, which is no unit of {what}. Write {SI[what]}."
+        raise ResultsError(msg)
+    return scale * values.to_numpy()
 
 
 def _parameters(data: xr.Dataset, component: str) -> dict[str, float]:

@@ -6,14 +6,17 @@ import base64
 import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
+
+from .writing import save_page
 
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_files.charts import Chart
+    from gossamer_orchestrator.pages import Page
     from rich.console import Console
     from rich.table import Table
 
@@ -95,6 +98,14 @@ class Result:
     def picture(self) -> bytes | None:
         """Return a PNG file."""
         return None
+
+    def describe(self) -> Page:
+        """Return the page of it."""
+        raise NotImplementedError
+
+    def with_page(self, folder: Path) -> Self:
+        """Write its page into a folder; return the result with it."""
+        return replace(self, files=[*self.files, *save_page(self.describe, folder)])  # type: ignore[type-var]
 
     def to_json(self) -> dict[str, Any]:
         """Return all as JSON: keys end in the unit (``time_s``), ratios have none, or ``units`` stands beside them."""

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError, ResultsError
 
-from .arguments import AnyPath, CallLimit, Folder, Threads, Values, assigned, command
+from .arguments import AnyPath, Folder, Threads, command
 from .fmus import build_fmus
+from .options import RunOptions, as_settings
 from .results import INVALID, Result, first_of
 from .terminal import progress_bar
 from .writing import save_page
@@ -159,18 +160,12 @@ def run(
     scenario: AnyPath,
     *,
     out: Folder | None = None,
-    fmus: Folder = "out/fmus",
-    step: float | None = None,
-    stop: float | None = None,
-    set: Values | None = None,
-    master: str | None = None,
     pictures: bool = True,
     watch: bool = False,
-    limit: CallLimit | None = None,
-    strict: bool = False,
     threads: Threads = 1,
     resume: bool = False,
     csv: bool | None = None,
+    **options: Unpack[RunOptions],
 ) -> Run:
     """Run a scenario.
 
@@ -183,32 +178,18 @@ def run(
         A scenario file, an .ssp, or the name of a shipped scenario.
     out
         Folder for the results; out/NAME by default, out/NAME_ssp of an .ssp.
-    fmus
-        Folder of the FMUs that scenarios name.
-    step
-        Communication step [s] in place of the file's.
-    stop
-        Last time [s] in place of the file's.
-    set
-        Value in place of the file's, such as membrane.damage[1]=0.3 or estimator?.noise=0.2; seed=2 is that of all noise. As
-        often as needed.
-    master
-        gauss-seidel or jacobi, in place of the file's or for an .ssp.
     pictures
         Draw pictures of what was recorded, and write report.html, the page of the run.
     watch
         Run the digital twin beside it: an alarm when damage begins, then its place.
-    limit
-        End the run if one call of an FMU takes longer [s].
-    strict
-        Refuse FMUs that break the rules of FMI, values that are not finite, groups that do not converge, and steps that miss
-        the tolerance of the step control.
     threads
         How many FMUs may step at once; it pays where steps take some 0.2 ms and more.
     resume
         Continue the unfinished run in the folder for results.
     csv
         Write results.csv; by default if it has at most 10 million values.
+    **options
+        FMUs, times, changes and checks, see ``RunOptions``.
 
     Returns
     -------
@@ -238,7 +219,6 @@ def run(
     from gossamer_orchestrator.results.places import with_places
     from gossamer_orchestrator.run.runner import run_scenario
     from gossamer_orchestrator.scenario.source import find_scenario
-    from gossamer_orchestrator.scenario.values import read_changes
 
     from .watching import LiveWatch
 
@@ -252,19 +232,13 @@ def run(
         folder = Path("out") / name if out is None else Path(out)
         data = run_scenario(
             path,
-            Path(fmus),
-            folder,
+            out=folder,
             progress=progress_bar(path.stem),
             observers=[LiveWatch(folder / WATCH)] if watch else [],
-            step=step,
-            stop=stop,
-            values=read_changes(assigned(set)),
-            master=master,
-            limit=limit,
-            strict=strict,
             threads=threads,
             resume=resume,
             csv=csv,
+            **as_settings(**options),
         )
         files = [folder / each for each in (NETCDF, CSV, *[WATCH] * watch) if (folder / each).is_file()]
         files += draw(drawing, data, folder) if drawing else []

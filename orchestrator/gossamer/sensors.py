@@ -5,34 +5,20 @@ from __future__ import annotations
 import logging
 import shlex
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack, cast
 
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError
 
-from .arguments import (
-    Budget,
-    File,
-    Files,
-    Form,
-    Name,
-    Numbers,
-    call_of,
-    command,
-    count_or_auto,
-    number_or_auto,
-    numbers,
-    several,
-    with_commas,
-)
-from .fit_options import ColumnOptions, FitOptions
+from .arguments import Budget, File, Files, Form, Name, Numbers, call_of, command, several
+from .options import ColumnOptions, FitOptions
 from .results import Saved, TableText, first_of
 from .sensor_tables import UNITS, error_table, histories, standing_table, tell_recognised, trial_table
 from .terminal import TERMINAL, progress_bar
-from .writing import check_form, json_file, keep_inputs, save_page
+from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -209,7 +195,7 @@ def identify(
     pictures
         Draw pictures of the fit, and write report.html, the page of them all.
     format
-        Of the pictures: png, svg or pdf.
+        Of the pictures.
     **options
         Columns of the records, see ``ColumnOptions``, and options of the models, see ``PreisachOptions``,
         ``FractionalOptions`` and ``CommonOptions``.
@@ -242,9 +228,10 @@ def identify(
 
     paths, artifact = [Path(path) for path in several(files)], json_file(out)
     keep_inputs(paths, [out, artifact])
-    check_form(format)
     begun = time.perf_counter()
-    chosen = {name: _read(name, value) for name, value in options.items() if value is not None and value is not False}
+    chosen: dict[str, Any] = {
+        name: value for name, value in options.items() if value is not None and value is not False
+    }
     columns = {name: chosen.pop(name) for name in ColumnOptions.__annotations__ if name in chosen}
     model = model or ("preisach" if chosen else AUTO)
     if model == AUTO and chosen:
@@ -267,7 +254,7 @@ def identify(
         result = identify_files(
             paths,
             columns=Columns(**columns),
-            weights=None if weights is None else _read("weights", weights),
+            weights=cast("Sequence[float] | None", weights),
             rest_resistance=rest_resistance,
             settings=settings,
             budget=BUDGET if budget is None else budget,
@@ -299,17 +286,3 @@ def _provenance(given: Mapping[str, Any], paths: Sequence[Path]) -> str:
         return call_of("identify", given)
     names = {str(path): path.name for path in paths} | {f"--out={path}": f"--out={path.name}" for path in paths[-1:]}
     return shlex.join(["gossamer", *(names.get(word, word) for word in TERMINAL.typed)])
-
-
-def _read(name: str, value: Any) -> Any:  # noqa: ANN401
-    """Return the value of an option, from its text where it may be one."""
-    readers: dict[str, Callable[[str], Any]] = {"ridge": number_or_auto, "residual": count_or_auto}
-    readers |= dict.fromkeys(("tau", "exponents", "weights"), numbers)
-    if name not in readers:
-        return value
-    text = with_commas(value)
-    try:
-        return readers[name](text)
-    except ValueError as error:
-        msg = f"cannot read {option(name)} {text!r} {error}"
-        raise OrchestratorError(msg) from None

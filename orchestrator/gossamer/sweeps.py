@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from .arguments import Address, AnyPath, Count, Folder, Name, Ranges, assigned, command
+from .options import ScenarioOptions
 from .results import Result
 from .terminal import progress_bar
 from .writing import keep_inputs, save_page
@@ -98,13 +99,11 @@ def sweep(
     *,
     set: Ranges,
     out: Folder | None = None,
-    fmus: Folder = "out/fmus",
-    step: float | None = None,
-    stop: float | None = None,
     workers: Count | None = None,
     scheduler: Address | None = None,
     plot: Name | None = None,
     pictures: bool = True,
+    **options: Unpack[ScenarioOptions],
 ) -> Sweep:
     """Run a scenario with many values.
 
@@ -121,12 +120,6 @@ def sweep(
         values are combined with all others.
     out
         Folder of the sweep; out/NAME_sweep by default.
-    fmus
-        Folder of the FMUs that scenarios name.
-    step
-        Communication step [s] in place of the file's.
-    stop
-        Last time [s] in place of the file's.
     workers
         Runs at once; as many as cores by default.
     scheduler
@@ -136,6 +129,8 @@ def sweep(
         was recorded.
     pictures
         Draw the picture, and write report.html, the page of the sweep.
+    **options
+        FMUs and times, see ``ScenarioOptions``.
 
     Returns
     -------
@@ -175,17 +170,9 @@ def sweep(
     folder = Path("out") / f"{path.stem}_sweep" if out is None else Path(out)
     keep_inputs([path], [folder / TABLE])
     cases = make_cases(read_ranges(assigned(set, many=True)))
-    numbers = {"--step": step, "--stop": stop}
-    options = [f"{key}={value!r}" for key, value in numbers.items() if value is not None]
-    arguments = [
-        "run",
-        str(path.absolute()),
-        "--fmus",
-        str(Path(fmus).absolute()),
-        "--no-pictures",
-        "--no-csv",
-        *options,
-    ]
+    times = [f"--{name}={options[name]!r}" for name in ("step", "stop") if options[name] is not None]
+    fmus = str(Path(options["fmus"]).absolute())
+    arguments = ["run", str(path.absolute()), "--fmus", fmus, "--no-pictures", "--no-csv", *times]
     spread = partial(on_cores, workers=workers) if scheduler is None else partial(_on_cluster, scheduler=scheduler)
     bar = progress_bar(path.stem)
     try:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError
+from gossamer_orchestrator.words import counted
 
-from .arguments import AnyPath, Elements, File, NotNegative, Values, assigned, command, expected_errors
+from .arguments import AnyPath, File, command, expected_errors
+from .options import TwinOptions
 from .records import KnownRecord, beside, file_of, find_in_results, find_record
-from .results import INVALID, Saved, as_png, typed, zone_coordinates
+from .results import INVALID, Saved, as_json, as_png, typed, zone_coordinates
 from .terminal import TERMINAL, progress_bar, talk
 from .writing import keep_inputs
 
@@ -32,53 +34,59 @@ FITTING = "fitting onset and damage"
 UNITS = {"alarms": "s", "onset": "s", "onset_deviation": "s", "damage": "1", "deviation": "1", "misfit": "1"}
 
 
-class WatchReport:
-    """Print what the windows say, and keep it.
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Watching(Saved):
+    """What was seen of a record, window by window.
 
     Attributes
     ----------
-    alarmed : bool
-        Whether the last window raised an alarm.
+    files : list of Path
+        JSON file of what was seen.
+    zones : int
+        Number of zones.
     alarms : list of float
         Ends of the windows that raised an alarm [s].
     findings : list of gossamer_models.twin.DamageOnset
-        Damages that began.
+        Onset and damages, of each damage that began.
     times, scores, misfits : list of float
         End of each window [s], the score of new damage in units of its mean [1], and chi2 per sample [1].
     """
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self.alarmed = False
-        self.alarms: list[float] = []
-        self.findings: list[DamageOnset] = []
-        self.misfits: list[float] = []
-        self.times: list[float] = []
-        self.scores: list[float] = []
+    zones: int
+    alarms: list[float] = field(default_factory=list)
+    findings: list[DamageOnset] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    scores: list[float] = field(default_factory=list)
+    misfits: list[float] = field(default_factory=list)
+    TABLES = "told"
 
-    def take(self, judged: Window) -> None:
-        """Print an alarm or a finding."""
+    def take(self, judged: Window, console: Console) -> None:
+        """Keep what a window says, and print an alarm or a finding."""
         self.misfits.append(judged.misfit)
         self.times.append(judged.time)
         self.scores.append(judged.statistic)
-        self.alarmed = judged.alarm
         if judged.alarm:
             self.alarms.append(judged.time)
             text = f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.3g} times its mean"
-            self._console.print(text, style="bold red", highlight=False)
+            console.print(text, style="bold red", highlight=False)
         if judged.finding is not None:
             self.findings.append(judged.finding)
-            self._console.print(_table(judged.finding))
+            console.print(_table(judged.finding))
 
-    def end(self, path: Path) -> None:
+    def end(self, console: Console) -> None:
         """Print a summary, and write the file."""
         from gossamer_files import replacing
 
-        self._console.print(self.summary, highlight=False)
-        if self.doubt:
-            self._console.print(self.doubt, style="bold yellow", highlight=False)
-        with replacing(path) as unfinished:
-            unfinished.write_text(json.dumps(self.content, indent=1) + "\n", encoding="utf-8")
+        console.print(self.summary, highlight=False)
+        for line in self.more():
+            console.print(line, style="bold yellow", highlight=False)
+        with replacing(self.path) as unfinished:
+            unfinished.write_text(json.dumps(as_json(self.content), indent=1) + "\n", encoding="utf-8")
+
+    @property
+    def alarmed(self) -> bool:
+        """Whether the last window raised an alarm."""
+        return self.alarms[-1:] == self.times[-1:] != []
 
     @property
     def explained(self) -> bool:
@@ -88,28 +96,74 @@ class WatchReport:
     @property
     def summary(self) -> str:
         """How many alarms there were."""
-        alarms, windows = len(self.alarms), len(self.misfits)
-        return f"{alarms} alarm{'s' * (alarms != 1)} in {windows} windows"
-
-    @property
-    def doubt(self) -> str:
-        """A sentence if the twin does not explain the last window, else nothing."""
-        if self.explained:
-            return ""
-        return (
-            f"The twin does not explain the last window: chi2 per sample is {self.misfits[-1]:.3g}. Check load, "
-            "damping, sensors and noise. Where there may be damage from the beginning, use 'gossamer twin'."
-        )
+        return f"{counted(len(self.alarms), 'alarm')} in {len(self.misfits)} windows"
 
     @property
     def content(self) -> dict[str, Any]:
         """What is in the file."""
-        findings = [
-            {name: value.tolist() if hasattr(value, "tolist") else value for name, value in asdict(each).items()}
-            for each in self.findings
-        ]
-        content = {"alarms": self.alarms, "findings": findings, "misfit": self.misfits}
+        content = {"alarms": self.alarms, "findings": self.findings, "misfit": self.misfits}
         return content | {"time": self.times, "score": self.scores}
+
+    @property
+    def data(self) -> xr.Dataset:
+        """``score`` of new damage and ``misfit``, chi2 per sample [1], over ``time`` [s], the ends of the windows;
+        ``damage`` and ``deviation`` [1] by ``onset`` [s] and ``zone``, with row and column.
+        """  # noqa: D205
+        import numpy as np
+        import xarray as xr
+
+        found, ratio, seconds = self.findings, {"units": "1"}, {"units": "s"}
+        by_zone = {name: np.array([getattr(each, name) for each in found]) for name in ("damage", "deviation")}
+        shape = (len(found), self.zones)
+        return xr.Dataset(
+            {"score": ("time", self.scores, ratio), "misfit": ("time", self.misfits, ratio)}
+            | {name: (("onset", "zone"), each.reshape(shape), ratio) for name, each in by_zone.items()}
+            | {"onset_deviation": ("onset", [each.onset_deviation for each in found], seconds)},
+            coords=zone_coordinates(self.zones)
+            | {"time": ("time", self.times, seconds), "onset": ("onset", [each.onset for each in found], seconds)},
+        )
+
+    def exit_code(self) -> int:
+        """Return the exit code."""
+        return 0 if self.explained else INVALID
+
+    @property
+    def sentence(self) -> str:
+        """How many alarms there were, and when."""
+        times = ", ".join(f"{time:.4g} s" for time in self.alarms)
+        return f"{self.summary}{': at ' * bool(times)}{times}."
+
+    def more(self) -> list[str]:
+        """Return a reason for doubt, if the twin does not explain the last window."""
+        doubt = (
+            f"The twin does not explain the last window: chi2 per sample is {self.misfits[-1]:.3g}. Check load, "
+            "damping, sensors and noise. Where there may be damage from the beginning, use 'gossamer twin'."
+        )
+        return [doubt] * (not self.explained)
+
+    def hints(self) -> list[str]:
+        """Return which page shows it."""
+        from gossamer_orchestrator.pages import PAGE
+        from gossamer_orchestrator.results.files import NETCDF, WATCH
+
+        folder = self.path.parent
+        shown = self.path.name == WATCH and (folder / PAGE).is_file() and (folder / NETCDF).is_file()
+        return [f"The page of the run shows it: type 'gossamer view {typed(folder)}'."] if shown else []
+
+    def picture(self) -> bytes | None:
+        """Draw the damage of the zones since the last onset."""
+        from .pages.twin import damage_chart
+
+        last = self.findings[-1:]
+        return as_png(damage_chart(last[0].damage, last[0].deviation)) if last else None
+
+    def tables(self) -> list[Table]:
+        """Return what was found at each onset."""
+        return [_table(finding) for finding in self.findings]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what was seen."""
+        return {"file": self.path, **self.content, "units": UNITS}
 
 
 def _table(finding: DamageOnset) -> Table:
@@ -137,8 +191,8 @@ class LiveWatch:
 
     def __init__(self, out: Path, window: float = 0.05) -> None:
         self._out, self._window, self._quiet = out, window, TERMINAL.quiet
-        self._watching: Watch | None = None
-        self._report: WatchReport | None = None
+        self._twin: Watch | None = None
+        self._seen: Watching | None = None
         self._due = window * (1.0 - ROUNDING)  # [s] after the start
         self._forgotten = 0.0  # [s] until where windows are judged; a record counts its time from there
 
@@ -150,15 +204,13 @@ class LiveWatch:
         self._out.unlink(missing_ok=True)  # of an earlier run
         self._recorder = Recorder(simulation.plan)
         self._recorder.begin(simulation)
-        self._report = WatchReport(Console(stderr=True, quiet=self._quiet))
+        self._console = Console(stderr=True, quiet=self._quiet)
 
     def sample(self, simulation: Simulation) -> None:
         """Judge a window when it is complete, and forget it."""
         self._recorder.sample(simulation)
         if simulation.time - simulation.scenario.start < self._due:
             return
-        report = self._report
-        assert report is not None
         from gossamer_orchestrator.results.dataset import make_dataset
 
         with expected_errors():
@@ -166,17 +218,18 @@ class LiveWatch:
             data = make_dataset(
                 simulation.plan, time - self._forgotten, self._recorder.table, master=simulation.scenario.master
             )
-            found = find_in_results(data, None, None, [])
+            found = find_in_results(data)
             samples = _samples(self._window, found)
-            if self._watching is None:
+            if self._twin is None or self._seen is None:
                 simulation.say("compiling the twin (once)")
-                self._watching = _begin(found, None, 4, 4, FALSE_ALARMS)
+                self._twin = _begin(found, FALSE_ALARMS)
+                self._seen = Watching(files=[self._out], zones=self._twin.zones)
                 simulation.say("")
             if found.record.samples < samples:
                 return
-            if report.alarmed:
+            if self._seen.alarmed:
                 simulation.say(FITTING)
-            report.take(self._watching.advance(found.record.values[:, :samples]))
+            self._seen.take(self._twin.advance(found.record.values[:, :samples]), self._console)
             simulation.say("")
             rest = time > time[0] + (samples - 0.5) * found.record.step
             self._forgotten = float(time[rest][0])
@@ -185,84 +238,8 @@ class LiveWatch:
 
     def end(self, simulation: Simulation) -> None:  # noqa: ARG002
         """Write what was found."""
-        if self._report is not None and self._report.misfits:
-            self._report.end(self._out)
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Watching(Saved):
-    """What was seen of a record, window by window.
-
-    Attributes
-    ----------
-    files : list of Path
-        JSON file of what was seen.
-    report : WatchReport
-        ``alarms`` [s], and ``findings``: onset and damages.
-    zones : int
-        Number of zones.
-    """
-
-    report: WatchReport
-    zones: int
-    TABLES = "told"
-
-    @property
-    def data(self) -> xr.Dataset:
-        """``score`` of new damage and ``misfit``, chi2 per sample [1], over ``time`` [s], the ends of the windows;
-        ``damage`` and ``deviation`` [1] by ``onset`` [s] and ``zone``, with row and column.
-        """  # noqa: D205
-        import numpy as np
-        import xarray as xr
-
-        report, found, ratio, seconds = self.report, self.report.findings, {"units": "1"}, {"units": "s"}
-        by_zone = {name: np.array([getattr(each, name) for each in found]) for name in ("damage", "deviation")}
-        shape = (len(found), self.zones)
-        return xr.Dataset(
-            {"score": ("time", report.scores, ratio), "misfit": ("time", report.misfits, ratio)}
-            | {name: (("onset", "zone"), each.reshape(shape), ratio) for name, each in by_zone.items()}
-            | {"onset_deviation": ("onset", [each.onset_deviation for each in found], seconds)},
-            coords=zone_coordinates(self.zones)
-            | {"time": ("time", report.times, seconds), "onset": ("onset", [each.onset for each in found], seconds)},
-        )
-
-    def exit_code(self) -> int:
-        """Return the exit code."""
-        return 0 if self.report.explained else INVALID
-
-    @property
-    def sentence(self) -> str:
-        """How many alarms there were, and when."""
-        times = ", ".join(f"{time:.4g} s" for time in self.report.alarms)
-        return f"{self.report.summary}{': at ' * bool(times)}{times}."
-
-    def more(self) -> list[str]:
-        """Return a reason for doubt."""
-        return [self.report.doubt] if self.report.doubt else []
-
-    def hints(self) -> list[str]:
-        """Return which page shows it."""
-        from gossamer_orchestrator.pages import PAGE
-        from gossamer_orchestrator.results.files import NETCDF, WATCH
-
-        folder = self.path.parent
-        shown = self.path.name == WATCH and (folder / PAGE).is_file() and (folder / NETCDF).is_file()
-        return [f"The page of the run shows it: type 'gossamer view {typed(folder)}'."] if shown else []
-
-    def picture(self) -> bytes | None:
-        """Draw the damage of the zones since the last onset."""
-        from .pages.twin import damage_chart
-
-        last = self.report.findings[-1:]
-        return as_png(damage_chart(last[0].damage, last[0].deviation)) if last else None
-
-    def tables(self) -> list[Table]:
-        """Return what was found at each onset."""
-        return [_table(finding) for finding in self.report.findings]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return what was seen."""
-        return {"file": self.path, **self.report.content, "units": UNITS}
+        if self._seen is not None and self._seen.misfits:
+            self._seen.end(self._console)
 
 
 @command
@@ -270,14 +247,9 @@ def watch(
     record: AnyPath,
     *,
     window: float = 0.05,
-    kind: str | None = None,
-    noise: NotNegative | None = None,
     false_alarms: float = FALSE_ALARMS,
-    set: Values | None = None,
-    sensor: File | None = None,
-    elements_per_side: Elements = 4,
-    order: int = 4,
     out: File | None = None,
+    **options: Unpack[TwinOptions],
 ) -> Watching:
     """Watch a record as if it arrived live: raise an alarm when damage begins, then say when and where.
 
@@ -290,22 +262,12 @@ def watch(
         Results of a run (results.nc, results.csv or their folder), or a CSV file.
     window
         Length of a window [s].
-    kind
-        strain or resistance, where the record has both.
-    noise
-        Standard deviation of the noise, 1 or ohm; estimated by default.
     false_alarms
         Share of the windows that may raise a false alarm.
-    set
-        A parameter of the membrane; may be repeated.
-    sensor
-        Artifact of the sensors; the shipped one by default.
-    elements_per_side
-        Elements along a side of the twin, a multiple of 4.
-    order
-        Their order; 1 for bilinear ones.
     out
         JSON file to write; watch.json beside the record by default.
+    **options
+        Record and twin, see ``TwinOptions``.
 
     Returns
     -------
@@ -314,7 +276,7 @@ def watch(
 
     Examples
     --------
-    >>> gossamer.watch("out/damage_begins").report.alarms
+    >>> gossamer.watch("out/damage_begins").alarms
 
     On the command line::
 
@@ -324,22 +286,23 @@ def watch(
 
     source = Path(record)
     path = beside(source, WATCH) if out is None else Path(out)
-    keep_inputs([file_of(source), sensor], [path])
-    found = find_record(source, kind, noise, None, assigned(set))
+    keep_inputs([file_of(source), options["sensor"]], [path])
+    found = find_record(source, options)
     samples = _samples(window, found)
     if 2 * samples > found.record.samples:
         msg = f"the record has {found.record.samples} samples, less than two windows of {samples}. Record longer."
         raise OrchestratorError(msg)
-    report, firsts = WatchReport(talk()), range(0, found.record.samples - samples + 1, samples)
+    console, firsts = talk(), range(0, found.record.samples - samples + 1, samples)
     with progress_bar("watching") as bar:
         bar.update(aside="compiling")
-        watching = _begin(found, sensor, elements_per_side, order, false_alarms)
+        twin = _begin(found, false_alarms, options["sensor"], options["elements_per_side"], options["order"])
+        seen = Watching(files=[path], zones=twin.zones)
         for done, first in enumerate(firsts):
-            bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,", FITTING if report.alarmed else "")
-            report.take(watching.advance(found.record.values[:, first : first + samples]))
+            bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,", FITTING if seen.alarmed else "")
+            seen.take(twin.advance(found.record.values[:, first : first + samples]), console)
         bar.update(len(firsts), text=f"{len(firsts)} windows,")
-    report.end(path)
-    return Watching(files=[path], report=report, zones=watching.zones)
+    seen.end(console)
+    return seen
 
 
 def _samples(window: float, found: KnownRecord) -> int:
@@ -354,17 +317,10 @@ def _samples(window: float, found: KnownRecord) -> int:
     return samples
 
 
-def _begin(found: KnownRecord, sensor: AnyPath | None, elements: int, order: int, false_alarms: float) -> Watch:
-    """Start the twin of a record."""
+def _begin(found: KnownRecord, false_alarms: float, *twin: Any) -> Watch:  # noqa: ANN401
+    """Start the twin of a record; ``twin`` are the arguments of ``KnownRecord.twin``."""
     import numpy as np
-    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import Watch
 
-    return Watch(
-        np.nan_to_num(found.record.noise_deviation(), nan=1.0),
-        square_structure(elements, order, params=found.params),
-        sensor=found.sensors(sensor),
-        sensor_parameters=found.sensor_parameters,
-        step=found.record.step,
-        false_alarms=false_alarms,
-    )
+    noise = np.nan_to_num(found.record.noise_deviation(), nan=1.0)
+    return Watch(noise, **found.twin(*twin), step=found.record.step, false_alarms=false_alarms)

@@ -60,15 +60,6 @@ def json_file(out: str | PathLike[str]) -> Path:
     return path if path.suffix else path.with_name(f"{path.name}.json")
 
 
-def check_form(form: str) -> None:
-    """Refuse a form that no picture has."""
-    from gossamer_files.pictures import FORMS
-
-    if form not in FORMS:
-        msg = f"there are no pictures of form {form!r}. Choose {', '.join(FORMS[:-1])} or {FORMS[-1]}."
-        raise OrchestratorError(msg)
-
-
 def save_page(describe: Callable[[], Page], folder: Path) -> list[Path]:
     """Write a page into a folder, the last of what a command writes; return its path.
 

@@ -6,7 +6,6 @@ component or the number at fault, says what a file is where another kind was exp
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -64,12 +63,13 @@ def check_path(path: Path, kind: type[OrchestratorError] = OrchestratorError) ->
 
 
 @contextmanager
-def writing(path: Path, kind: type[OrchestratorError] = OrchestratorError) -> Iterator[None]:
-    """Raise an error of a kind if a file or folder cannot be written inside the ``with`` block."""
+def writing(path: Path, kind: type[OrchestratorError] = OrchestratorError, advice: str = "") -> Iterator[None]:
+    """Raise an error of a kind, with what to do, if a file or folder cannot be written inside the ``with`` block."""
     try:
         yield
     except OSError as error:
-        msg = f"cannot write {path}: {error.strerror or error}. Name another place with {option('out')}."
+        advice = advice or f"Name another place with {option('out')}."
+        msg = f"cannot write {path}: {error.strerror or error}. {advice}"
         raise kind(msg) from error
 
 
@@ -95,6 +95,8 @@ def explain_file(path: Path) -> str:
     """Say what a file is and which command takes it, as a sentence."""
     if path.is_dir():
         return "It is a folder."
+    import zipfile
+
     try:
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:

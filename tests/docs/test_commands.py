@@ -8,8 +8,9 @@ from pathlib import Path
 
 import gossamer
 import pytest
-from gossamer.arguments import COMMANDS, declared
+from gossamer.arguments import declared
 from gossamer.cli import COMMON, parsed
+from gossamer.cli import commands as known_commands
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -111,7 +112,7 @@ def commands(page):
 
 
 ALL = [(page, words) for page in PAGES for words in commands(page)]
-GOSSAMER = {name.replace("_", "-"): function for name, function in COMMANDS.items()}
+GOSSAMER = {name.replace("_", "-"): function for name, function in known_commands().items()}
 
 
 def test_there_are_commands_to_check():
@@ -191,6 +192,6 @@ def test_the_campaign_that_a_page_reads_is_read(tmp_path, monkeypatch):
 
 def test_the_page_on_python_names_every_function():
     section = text_of("docs/python.md")
-    functions = {*COMMANDS, "load"}
+    functions = {*known_commands(), "load"}
     assert functions <= set(gossamer.__all__)
     assert functions <= set(re.findall(r"`(\w+)`", section))

@@ -34,7 +34,7 @@ def read_by(command, *arguments):
 
 def fitted(path):
     """What twin and watch are fitted to; they leave out time 0."""
-    record = find_record(path, None, None, None, []).record
+    record = find_record(path, {"kind": None, "noise": None, "set": None}).record
     return record.step * np.arange(record.samples + 1), np.r_[0.0, record.values[0]]
 
 

@@ -15,8 +15,8 @@
 
 typedef struct {
   int (*element)(const lanes **arg, lanes **res, casadi_int *iw, lanes *w, int mem);
-  int elements, nodes, shared, own; /* numbers of each */
-  bool forces;                      /* the first result is forces */
+  int elements, nodes, shared, columns, own; /* numbers of each, and of columns of shared numbers */
+  int forces, n_f;                  /* on how many of an element's nodes the first result is forces, its length in all */
   const char *reductions;           /* of each further result: l largest, s sum */
   size_t numbers, places;           /* where its part of the tables begins */
 } Loop;

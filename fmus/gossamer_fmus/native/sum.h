@@ -17,14 +17,15 @@ static int CASADI_PREFIX(run)(int which, const double **arg, double **res) {
   static _Thread_local double space[LANES * (6 * MOST_NODES + MOST_SHARED + MOST_OWN + MOST_W + 1)];
   lanes *const xl = (lanes *)(((uintptr_t)space + sizeof(lanes) - 1) / sizeof(lanes) * sizeof(lanes));
   lanes *const fl = xl + 3 * MOST_NODES, *const dl = fl + 3 * MOST_NODES, *const gl = dl + MOST_SHARED, *const w = gl + MOST_OWN;
-  lanes rl[MOST_REDUCTIONS];
+  lanes rl[MOST_REDUCTIONS], sums[MOST_REDUCTIONS][BLOCK / LANES]; /* as many sums as a block has elements, whatever LANES */
   const lanes *argl[MOST_ARG];
   lanes *resl[MOST_RES];
   casadi_int iw[MOST_IW];
-  double *f = loop->forces ? res[0] : NULL, **reduced = res + loop->forces;
-  if (f) memset(f, 0, N_POSITIONS * sizeof(double));
+  double *f = loop->forces ? res[0] : NULL, **reduced = res + (loop->forces > 0);
+  if (f) memset(f, 0, loop->n_f * sizeof(double));
   for (int k = 0; loop->reductions[k]; k++) {
     if (reduced[k]) *reduced[k] = loop->reductions[k] == 'l' ? -INFINITY : 0.0;
+    for (int l = 0; l < BLOCK / LANES; l++) sums[k][l] = (lanes)(0.0);
   }
   for (int begin = 0; begin < n; begin += LANES) {
     const int valid = n - begin < LANES ? n - begin : LANES, block = begin / BLOCK * BLOCK, first = begin % BLOCK;
@@ -38,7 +39,7 @@ static int CASADI_PREFIX(run)(int which, const double **arg, double **res) {
         LANE(xl[2 * m + i], l) = node[2];
       }
     }
-    for (int k = 0; k < loop->shared; k++) {
+    for (int k = 0; k < loop->shared && (begin == 0 || loop->columns > 1); k++) {
       for (int l = 0; l < LANES; l++) LANE(dl[k], l) = d[at[m * BLOCK + l] + k];
     }
     for (int k = 0; k < loop->own; k++) {
@@ -46,24 +47,33 @@ static int CASADI_PREFIX(run)(int which, const double **arg, double **res) {
     }
     argl[0] = xl, argl[1] = dl, argl[2] = gl;
     resl[0] = fl;
-    for (int k = 0; loop->reductions[k]; k++) resl[loop->forces + k] = &rl[k];
+    for (int k = 0; loop->reductions[k]; k++) resl[(loop->forces > 0) + k] = &rl[k];
     if (loop->element(argl, resl, iw, w, 0)) return 1;
     if (f) {
-      for (int i = 0; i < m; i++) {
+      for (int i = 0; i < loop->forces; i++) {
         for (int l = 0; l < valid; l++) {
           double *node = f + at[i * BLOCK + l];
           node[0] += LANE(fl[i], l);
-          node[1] += LANE(fl[m + i], l);
-          node[2] += LANE(fl[2 * m + i], l);
+          node[1] += LANE(fl[loop->forces + i], l);
+          node[2] += LANE(fl[2 * loop->forces + i], l);
         }
       }
     }
     for (int k = 0; loop->reductions[k]; k++) {
+      if (loop->reductions[k] == 's') {
+        for (int l = valid; l < LANES; l++) LANE(rl[k], l) = 0.0;
+        sums[k][first / LANES] += rl[k];
+        continue;
+      }
       for (int l = 0; l < valid && reduced[k]; l++) {
         double value = LANE(rl[k], l);
-        if (loop->reductions[k] == 's') *reduced[k] += value;
-        else if (!(value <= *reduced[k]) && *reduced[k] == *reduced[k]) *reduced[k] = value; /* NaN stays */
+        if (!(value <= *reduced[k]) && *reduced[k] == *reduced[k]) *reduced[k] = value; /* NaN stays */
       }
+    }
+  }
+  for (int k = 0; loop->reductions[k]; k++) {
+    for (int l = 0; l < BLOCK && reduced[k] && loop->reductions[k] == 's'; l++) {
+      *reduced[k] += LANE(sums[k][l / LANES], l % LANES);
     }
   }
   return 0;

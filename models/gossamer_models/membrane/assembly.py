@@ -73,6 +73,8 @@ class MembraneEquations:
         Number of displacements, 3 M.
     column : casadi.MX or None
         Table of all arrays but those of the elements, if compiled.
+    loops : list of ElementLoop
+        The loops of compiled code.
     """
 
     def __init__(self, structure: Structure, *, compiled: bool = False, mapped: bool = False) -> None:
@@ -90,11 +92,12 @@ class MembraneEquations:
         self._force_loops = [force_loop(*own, i, self.shared_names, compressed=compressed) for i in blocks]
         enclosing = blocks if structure.setup.gas is not None else ()
         self._volume_loops = [volume_loop(*own, i, self.shared_names) for i in enclosing]
+        self.loops = [*self._force_loops, *self._volume_loops]
 
     @property
     def tables(self) -> Tables | None:
         """What compiled code reads from a file."""
-        return Tables(self._numbers, (*self._force_loops, *self._volume_loops)) if self._compiled else None
+        return Tables(self._numbers, tuple(self.loops)) if self._compiled else None
 
     def size(self, p: Values) -> Any:  # noqa: ANN401
         """Return the factor on all lengths of the mesh [1]."""

@@ -33,6 +33,7 @@ COMPRESSION = (
     4e-7  # of four times the smaller principal stress over E/(1 - nu^2): a strain of 1e-7 matters to no membrane
 )
 _UNIT = matrix([[1.0, 0.0], [0.0, 1.0]])
+_ZERO = 1e-13  # what the derivatives at a node in the middle of others are but for round-off
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +269,9 @@ def _operator(along_s: Vector, along_t: Vector) -> Operator:
     """Make an operator from one along each side, shapes (points, nodes), leaving out a factor that changes nothing."""
     I = np.eye(len(along_s))
     factors = np.kron(I, along_s), np.kron(along_t, I)
-    return tuple(ca.sparsify(ca.DM(factor)) for factor in factors if not np.array_equal(factor, np.eye(len(factor))))
+    return tuple(
+        ca.sparsify(ca.DM(factor), _ZERO) for factor in factors if not np.array_equal(factor, np.eye(len(factor)))
+    )
 
 
 def dense(operator: Operator, nodes: int) -> ca.DM:

@@ -17,13 +17,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias
 
 import casadi as ca
 
 from ..variables import CAUSALITIES, Values, Variable, array, input_, output, parameter
+from .loops import Columns
 
-Columns: TypeAlias = list[ca.MX]  # along x, y and z
 _LETTERS = ("xx", "yy", "zz", "xy", "xz", "yz")
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
@@ -47,22 +46,6 @@ class Mounting:
     def shift(self) -> ca.MX:
         """The membrane's own origin from the frame's [m], in the membrane's axes, shape (3,)."""
         return ca.mtimes(self.axes.T, self.place)
-
-
-@dataclass(frozen=True, slots=True)
-class Nodes:
-    """Some nodes, in the membrane's axes.
-
-    Attributes
-    ----------
-    r : list of casadi.MX, shape (N,)
-        Positions [m] from the frame's origin.
-    m : casadi.MX, shape (N,)
-        Masses [kg].
-    """
-
-    r: Columns
-    m: ca.MX
 
 
 def mounting(p: Values) -> Mounting:
@@ -172,28 +155,6 @@ class FrameStep:
         end = FrameState(w + h * w_dot, w_given, state.impulse, state.elapsed + h)
         return cls(a, middle, w_dot, turn(h / 2.0 * middle), end, h)
 
-    def drift(self, r: Columns, s: Columns) -> tuple[Columns, Columns]:
-        """Return positions [m] and velocities [m/s] half a step later, in the axes of then."""
-        return turned(self.half, [x + self.h / 2.0 * y for x, y in zip(r, s, strict=True)]), turned(self.half, s)
-
-    def kick(self, r: Columns, s: Columns, pull: Columns, damping: ca.MX) -> tuple[Columns, Columns]:
-        """Return the velocities [m/s] after the kick, and the mean velocity relative to the frame, which the drag goes with.
-
-        Parameters
-        ----------
-        r, s : list of casadi.MX, shape (N,)
-            What ``drift`` returns.
-        pull : list of casadi.MX, shape (N,)
-            Forces over masses [m/s2] there.
-        damping : casadi.MX, scalar
-            Mass damping c [1/s].
-        """
-        drag = damping * self.h / 2.0
-        keep, gain, along = (1.0 - drag) / (1.0 + drag), self.h / (1.0 + drag), 2.0 * drag / (1.0 + drag)
-        carried = cross([self.w[i] for i in range(3)], r)
-        s_next = [keep * s[i] + gain * (pull[i] - self.a[i]) + along * carried[i] for i in range(3)]
-        return s_next, [(s[i] + s_next[i]) / 2.0 - carried[i] for i in range(3)]
-
     def pass_on(self, reaction: ca.MX) -> tuple[FrameState, ca.MX]:
         """Count what the frame takes in the middle of the step, force [N] and torque [N m], shape (6,).
 
@@ -212,6 +173,34 @@ class FrameStep:
         return FrameState(state.w, state.w_given, impulse, state.elapsed), mean
 
 
+def drift(half: ca.MX, h: ca.MX, r: Columns, s: Columns) -> tuple[Columns, Columns]:
+    """Return positions [m] and velocities [m/s] half a step later, in the axes of then."""
+    return turned(half, [x + h / 2.0 * y for x, y in zip(r, s, strict=True)]), turned(half, s)
+
+
+def kick(
+    h: ca.MX, a: ca.MX, w: ca.MX, r: Columns, s: Columns, pull: Columns, damping: ca.MX
+) -> tuple[Columns, Columns]:
+    """Return the velocities [m/s] after the kick, and the mean velocity relative to the frame, which the drag goes with.
+
+    Parameters
+    ----------
+    h, a, w : casadi.MX
+        Those of ``FrameStep``.
+    r, s : list of casadi.MX, shape (N,)
+        What ``drift`` returns.
+    pull : list of casadi.MX, shape (N,)
+        Forces over masses [m/s2] there.
+    damping : casadi.MX, scalar
+        Mass damping c [1/s].
+    """
+    drag = damping * h / 2.0
+    keep, gain, along = (1.0 - drag) / (1.0 + drag), h / (1.0 + drag), 2.0 * drag / (1.0 + drag)
+    carried = cross([w[i] for i in range(3)], r)
+    s_next = [keep * s[i] + gain * (pull[i] - a[i]) + along * carried[i] for i in range(3)]
+    return s_next, [(s[i] + s_next[i]) / 2.0 - carried[i] for i in range(3)]
+
+
 def turned(E: ca.MX, r: Columns) -> Columns:
     """Return the columns of vectors that a matrix, shape (3, 3), turns."""
     return [E[i, 0] * r[0] + E[i, 1] * r[1] + E[i, 2] * r[2] for i in range(3)]
@@ -222,48 +211,35 @@ def cross(a: Columns, b: Columns) -> Columns:
     return [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
 
 
-def total(columns: list[ca.MX]) -> ca.MX:
-    """Sum each of n columns, shape (n,), by halves: that many additions at once, and less round-off than one by one."""
-    rows = ca.horzcat(*columns)
-    odd = ca.MX.zeros(1, len(columns))
-    while rows.shape[0] > 1:
-        half = rows.shape[0] // 2
-        if rows.shape[0] % 2:
-            odd += rows[-1, :]
-        rows = rows[:half, :] + rows[half : 2 * half, :]
-    return (rows + odd).T
-
-
 def wrench(r: Columns, f: Columns) -> list[ca.MX]:
     """Write what sums to force [N] and torque about the frame's origin [N m], six columns."""
     return [*f, *cross(r, f)]
 
 
-def mass_properties(nodes: Nodes) -> list[ca.MX]:
+def mass_properties(r: Columns, m: ca.MX) -> list[ca.MX]:
     r"""Write what sums to mass [kg], first moment [kg m] and :math:`\sum m r r^T` [kg m2] by ``_LETTERS``, ten columns."""
-    weighted = [nodes.m * x for x in nodes.r]
-    return [nodes.m, *weighted, *(weighted[a] * nodes.r[b] for a, b in _PAIRS)]
+    weighted = [m * x for x in r]
+    return [m, *weighted, *(weighted[a] * r[b] for a, b in _PAIRS)]
 
 
-def frame_results(mount: Mounting, free: Nodes, s: Columns, held: Nodes, reaction: ca.MX) -> dict[str, ca.MX]:
+def frame_results(mount: Mounting, moving: ca.MX, held: ca.MX, reaction: ca.MX) -> dict[str, ca.MX]:
     """Write the results of ``FRAME_OUTPUTS``, in body axes.
 
     Parameters
     ----------
     mount : Mounting
         Turns to body axes.
-    free, held : Nodes
-        Nodes that move relative to the frame, and those that do not.
-    s : list of casadi.MX, shape (N,)
-        Velocities [m/s] of the free nodes less that of the frame's origin.
+    moving : casadi.MX, shape (16,)
+        Sums of ``mass_properties`` over the nodes that move relative to the frame, and of ``wrench`` of their momenta.
+    held : casadi.MX, shape (10,)
+        Sums of ``mass_properties`` over those that do not.
     reaction : casadi.MX, shape (6,)
         Force [N] and torque [N m] that the membrane exerts on the frame, as means over the step, in the membrane's
         axes.
     """
     A = mount.axes
     results: dict[str, ca.MX] = {"force": ca.mtimes(A, reaction[:3]), "torque": ca.mtimes(A, reaction[3:])}
-    moving = total([*mass_properties(free), *wrench(free.r, [free.m * x for x in s])])
-    for name, sums in (("moving", moving), ("held", total(mass_properties(held)))):
+    for name, sums in (("moving", moving), ("held", held)):
         xx, yy, zz, xy, xz, yz = ca.vertsplit(sums[4:10])
         G = ca.blockcat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         results |= {f"{name}_mass": sums[0], f"{name}_first_moment": ca.mtimes(A, sums[1:4])}

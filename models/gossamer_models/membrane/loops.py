@@ -5,10 +5,10 @@ Symbols: those of ``element`` and ``assembly``; ``T`` tangents of the stretched 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import reduce
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -22,6 +22,8 @@ from .law import Entry, matrix
 from .setup import Setup
 from .structure import Elements, Structure
 from .surface import Integers
+
+Columns: TypeAlias = list[Entry]  # along x, y and z
 
 
 def at_points(
@@ -104,7 +106,7 @@ def force_loop(
     return ElementLoop(
         f"forces_{number}",
         function.expand() if element.order <= 1 else function,
-        True,
+        block.nodes.shape[1],
         ("largest", "largest", "sum")[: len(sums) - 1],
         len(rank),
         len(structure.region),
@@ -123,7 +125,66 @@ def volume_loop(structure: Structure, rank: Integers, number: int, names: Sequen
     function = ca.Function(f"swept_{number}", [x, d, g], [volume])
     own, nodes = encloses(structure, block)[:, None], rank[block.nodes]
     sizes = len(rank), len(structure.region)
-    return ElementLoop(f"volume_{number}", function, False, ("sum",), *sizes, nodes, block.combination, own)
+    return ElementLoop(f"volume_{number}", function, 0, ("sum",), *sizes, nodes, block.combination, own)
+
+
+@dataclass(frozen=True, eq=False)
+class NodeLoop:
+    """An expression that is the same at each of n nodes: for all of them at once, or in a loop for compiled code.
+
+    Attributes
+    ----------
+    name : str
+        Of the loop.
+    write : callable
+        ``write(vectors, d, own) -> (vectors, numbers)``: columns of the vectors of a node or of all, before and after; a
+        column that all share; what each has alone; numbers that are summed.
+    vectors, shared : int
+        How many vectors a node has, and the length of ``d``.
+    own : ndarray, shape (n,)
+        What each has alone.
+    """
+
+    name: str
+    write: Callable[[list[Columns], ca.MX, Entry], tuple[list[Columns], list[Entry]]]
+    vectors: int
+    shared: int
+    own: Vector
+
+    @cached_property
+    def loop(self) -> ElementLoop:
+        """The sum over nodes: an element has the vectors of a node as its nodes."""
+        k, n = self.vectors, len(self.own)
+        x, d, own = ca.SX.sym("x", 3 * k), ca.SX.sym("d", self.shared), ca.SX.sym("own")
+        found, numbers = self.write([ca.vertsplit(x[i::k]) for i in range(k)], d, own)
+        moved = [ca.vertcat(*(f[axis] for axis in range(3) for f in found), ca.SX(0, 1))] if found else []
+        function = ca.Function(f"{self.name}_node", [x, d, own], ca.cse([*moved, *numbers]))
+        places, sums = np.arange(n)[:, None] + n * np.arange(k), ("sum",) * len(numbers)
+        one = np.zeros(n, dtype=np.int64)
+        return ElementLoop(self.name, function, len(found), sums, k * n, 1, places, one, self.own[:, None])
+
+    def __call__(self, vectors: Sequence[ca.MX], d: ca.MX, *, compiled: bool) -> tuple[list[ca.MX], ca.MX]:
+        """Return the vectors, shape (3 n,), and the sums, shape (numbers,)."""
+        if not compiled:
+            found, numbers = self.write([[v[axis::3] for axis in range(3)] for v in vectors], d, ca.DM(self.own))
+            return [ca.vec(ca.horzcat(*columns).T) for columns in found], _total(numbers)
+        results = self.loop.stand_in.call([ca.vertcat(*vectors), d])
+        moved = ca.vertsplit(results[0], 3 * len(self.own)) if self.loop.forces else []
+        return moved, ca.vertcat(*results[bool(self.loop.forces) :])
+
+
+def _total(columns: list[ca.MX]) -> ca.MX:
+    """Sum each of n columns, shape (n,), by halves: that many additions at once, and less round-off than one by one."""
+    if not columns:
+        return ca.MX.zeros(0)
+    rows = ca.horzcat(*columns)
+    odd = ca.MX.zeros(1, len(columns))
+    while rows.shape[0] > 1:
+        half = rows.shape[0] // 2
+        if rows.shape[0] % 2:
+            odd += rows[-1, :]
+        rows = rows[:half, :] + rows[half : 2 * half, :]
+    return (rows + odd).T
 
 
 def swept(element: Element, positions: list[Entry]) -> Entry:

@@ -117,6 +117,7 @@ def membrane_model(
     if frame:
         raise_any([*_cannot_ride(structure)])
     equations = MembraneEquations(structure, compiled=compiled, mapped=mapped)
+    rider = Rider(equations, compiled=compiled) if frame else None
     n, t = equations.n_q, equations.arrays
     table = structure.table
     names = {v.name.partition("[")[0] for v in table}
@@ -170,8 +171,8 @@ def membrane_model(
             return found, with_dead_loads(found.f, u), gas
 
         phase = phase_end - ca.floor(phase_end)
-        if frame:
-            ride = rider(u, p).advance(x.q, x.v, x.frame, pulled, u, h)
+        if rider is not None:
+            ride = rider.advance(x.q, x.v, x.frame, pulled, u, p, h)
             state = MembraneState(ride.q, ride.s, phase, x.volume, ride.frame)
             return state, results(state, u, p, ride.found, ride.gas) | ride.results
         q = x.q + h / 2.0 * x.v  # half a step
@@ -180,9 +181,6 @@ def membrane_model(
         q = q + h / 2.0 * v  # the other half
         state = MembraneState(q, v, phase, x.volume, x.frame)
         return state, results(state, u, p, found, gas)
-
-    def rider(u: Values, p: Values) -> Rider:
-        return Rider(p, equations.positions(ca.MX.zeros(n), u, p), equations.mass(p), n)
 
     def init(u: Values, p: Values) -> tuple[MembraneState, dict[str, ca.MX]]:
         start = filled(u) - (setup.gas.ambient if setup.gas else 0.0)
@@ -193,8 +191,8 @@ def membrane_model(
         # where there is no equilibrium, what is left of the forces is told in the place of the phase
         phase = ca.if_else(left <= 1.0, phase - ca.floor(phase), left)
         V = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
-        if frame:
-            ride = rider(u, p).start(q, found, with_dead_loads(found.f, u), start, u)
+        if rider is not None:
+            ride = rider.start(q, found, with_dead_loads(found.f, u), start, u, p)
             state = MembraneState(q, ride.s, phase, V, ride.frame)
             return state, results(state, u, p, found, start) | ride.results
         state = MembraneState(q, ca.MX.zeros(n), phase, V, ca.MX.zeros(0))

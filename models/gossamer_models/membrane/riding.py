@@ -1,8 +1,8 @@
 r"""The nodes of a membrane on a frame that flies, for the expressions of ``frame``.
 
-Symbols: ``q`` displacements [m] of the M nodes that move and ``s`` their velocities [m/s] less that of the frame's origin,
-node by node, shape (3 M,), in the membrane's axes; ``r`` positions from the frame's origin [m] and ``f`` forces [N] by
-columns; ``h`` step [s].
+Symbols: ``q`` displacements [m] of the M nodes that move, ``at`` their positions from the membrane's own origin [m] and
+``s`` their velocities [m/s] less that of the frame's origin, node by node, shape (3 M,), in the membrane's axes; by columns
+``r`` positions from the frame's origin [m] and ``f`` forces [N]; ``m`` masses [kg]; ``h`` step [s].
 """
 
 from __future__ import annotations
@@ -12,9 +12,22 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from ..variables import Values
-from .assembly import Forces
-from .frame import Columns, FrameState, FrameStep, Nodes, cross, frame_results, mounting, total, wrench
+from ..variables import Values, pack, unpack
+from .assembly import Forces, MembraneEquations
+from .frame import (
+    FrameState,
+    FrameStep,
+    Mounting,
+    cross,
+    drift,
+    frame_results,
+    kick,
+    mass_properties,
+    mounting,
+    wrench,
+)
+from .law import Entry
+from .loops import Columns, NodeLoop
 
 Pulled = Callable[[ca.MX], tuple[Forces, ca.MX, ca.MX]]
 
@@ -45,78 +58,138 @@ class Ride:
     results: dict[str, ca.MX]
 
 
+@dataclass(frozen=True, slots=True)
+class Common:
+    """What all nodes share in a step, each a scalar but for those with a shape.
+
+    Attributes
+    ----------
+    half, h, a, w : casadi.MX
+        Those of ``FrameStep``.
+    damping : casadi.MX
+        Mass damping [1/s].
+    shed : casadi.MX
+        Share of the elements' load that pushes the frame the other way [1].
+    shift : casadi.MX, shape (3,)
+        The membrane's own origin from the frame's [m].
+    weight : casadi.MX
+        Factor on all masses [1].
+    """
+
+    half: ca.MX
+    h: ca.MX
+    a: ca.MX
+    w: ca.MX
+    damping: ca.MX
+    shed: ca.MX
+    shift: ca.MX
+    weight: ca.MX
+
+
+_LIKE = Common(
+    half=ca.MX(3, 3),
+    h=ca.MX(1, 1),
+    a=ca.MX(3, 1),
+    w=ca.MX(3, 1),
+    damping=ca.MX(1, 1),
+    shed=ca.MX(1, 1),
+    shift=ca.MX(3, 1),
+    weight=ca.MX(1, 1),
+)
+
+
 class Rider:
     """The nodes of a membrane on a frame.
 
     Parameters
     ----------
-    p : SimpleNamespace
-        Parameters by name, those of the frame included.
-    rest : casadi.MX, shape (3 N,)
-        Positions [m] without displacements, from the membrane's origin, first of the nodes that move.
-    mass : casadi.MX, shape (N,)
-        Masses [kg].
-    n_q : int
-        Number of displacements, 3 M.
+    equations : MembraneEquations
+        The membrane; the loops over its nodes are added to its own.
+    compiled : bool
+        Whether sums over nodes are loops.
     """
 
-    def __init__(self, p: Values, rest: ca.MX, mass: ca.MX, n_q: int) -> None:
-        self._p, self._mount, self._n_q = p, mounting(p), n_q
-        self._rest, self._fixed = _columns(rest[:n_q]), rest[n_q:]
-        self._shift = self._mount.shift
-        self._m = mass[: n_q // 3]
-        self._held = Nodes(self._from_frame(_columns(self._fixed)), mass[n_q // 3 :])
+    def __init__(self, equations: MembraneEquations, *, compiled: bool) -> None:
+        structure, shared = equations.structure, pack(_LIKE).numel()
+        n, mass = len(structure.moving), structure.mass[structure.order]
+        self._equations, self._n_q, self._compiled = equations, 3 * n, compiled
+        self._drift = NodeLoop("drift", _drift, 2, shared, mass[:n])
+        self._kick = NodeLoop("kick", _kick, 4, shared, mass[:n])
+        self._held = NodeLoop("held", _held, 3, shared, mass[n:])
+        if compiled:
+            equations.loops += [nodes.loop for nodes in (self._drift, self._kick, self._held)]
 
-    def start(self, q: ca.MX, found: Forces, f: ca.MX, gas: ca.MX, u: Values) -> Ride:
+    def start(self, q: ca.MX, found: Forces, f: ca.MX, gas: ca.MX, u: Values, p: Values) -> Ride:
         """Begin at rest relative to the frame."""
-        w = ca.mtimes(self._mount.axes.T, u.angular_velocity)
-        r = self._places(q)
-        s = cross([w[i] for i in range(3)], r)
+        mount, at = mounting(p), self._equations.positions(q, u, p)
+        w, n = ca.mtimes(mount.axes.T, u.angular_velocity), self._n_q
+        r = [at[axis:n:3] + mount.shift[axis] for axis in range(3)]
+        s = ca.vec(ca.horzcat(*cross([w[i] for i in range(3)], r)).T)
+        common = self._common(ca.MX.eye(3), ca.MX(0.0), ca.MX.zeros(3), w, mount, p)
+        _, _, reaction, results = self._kicked(at, s, found, f, common)
         state = FrameState(w, w, ca.MX.zeros(6), ca.MX(0.0))
-        reaction = self._reaction(r, found, f, [ca.MX.zeros(self._n_q // 3)] * 3)
-        return Ride(q, _vector(s), state, found, gas, self._results(r, s, reaction))
+        return Ride(q, s, state, found, gas, frame_results(mount, *results, reaction))
 
-    def advance(self, q: ca.MX, s: ca.MX, state: FrameState, pulled: Pulled, u: Values, h: ca.MX) -> Ride:
+    def advance(self, q: ca.MX, s: ca.MX, state: FrameState, pulled: Pulled, u: Values, p: Values, h: ca.MX) -> Ride:
         """Advance by one step; ``pulled`` gives the forces at positions from the membrane's origin."""
-        frame = FrameStep.of(state, u, self._mount, h)
-        r, velocity = frame.drift(self._places(q), _columns(s))
-        from_own = [x - self._shift[i] for i, x in enumerate(r)]
-        found, f, gas = pulled(ca.vertcat(_vector(from_own), self._fixed))
-        pull = [x / self._m for x in _columns(f[: self._n_q])]
-        velocity, relative = frame.kick(r, velocity, pull, self._p.mass_damping)
-        state, reaction = frame.pass_on(self._reaction(r, found, f, relative))
-        r, velocity = frame.drift(r, velocity)
-        moved = [x - self._shift[i] - self._rest[i] for i, x in enumerate(r)]
-        return Ride(_vector(moved), _vector(velocity), state, found, gas, self._results(r, velocity, reaction))
+        mount, n = mounting(p), self._n_q
+        frame = FrameStep.of(state, u, mount, h)
+        common = self._common(frame.half, h, frame.a, frame.w, mount, p)
+        rest = self._equations.positions(ca.MX.zeros(n), u, p)
+        (at, s), _ = self._drift([rest[:n] + q, s], pack(common), compiled=self._compiled)
+        at = ca.vertcat(at, rest[n:])
+        found, f, gas = pulled(at)
+        at, s, reaction, results = self._kicked(at, s, found, f, common)
+        state, reaction = frame.pass_on(reaction)
+        return Ride(at - rest[:n], s, state, found, gas, frame_results(mount, *results, reaction))
 
-    def _from_frame(self, own: Columns) -> Columns:
-        return [x + self._shift[i] for i, x in enumerate(own)]
+    def _common(self, half: ca.MX, h: ca.MX, a: ca.MX, w: ca.MX, mount: Mounting, p: Values) -> Common:
+        weight = ca.MX(self._equations.weight(p))
+        return Common(half, h, a, w, p.mass_damping, p.enclosed_pressure, mount.shift, weight)
 
-    def _places(self, q: ca.MX) -> Columns:
-        return self._from_frame([x + y for x, y in zip(self._rest, _columns(q), strict=True)])
-
-    def _results(self, r: Columns, s: Columns, reaction: ca.MX) -> dict[str, ca.MX]:
-        return frame_results(self._mount, Nodes(r, self._m), s, self._held, reaction)
-
-    def _reaction(self, r: Columns, found: Forces, f: ca.MX, v: Columns) -> ca.MX:
-        """Write force [N] and torque [N m] on the frame, shape (6,), with velocities ``v`` relative to it.
-
-        Notes
-        -----
-        The frame takes what pulls at the held nodes, and the drag. That is the load less the change of the membrane's
-        momentum, since the elements' own forces add up to nothing. Of all nodes they add up to the load, of which enclosed
-        gas pushes the frame the other way than the membrane.
-        """
-        n, shed = self._n_q, self._p.enclosed_pressure
-        moving, held = _columns(found.f[:n]), _columns(f[n:] - shed * found.f[n:])
-        drag = [self._p.mass_damping * self._m * x for x in v]
-        on_moving = [x - shed * y for x, y in zip(drag, moving, strict=True)]
-        return total(wrench(r, on_moving)) + total(wrench(self._held.r, held))
+    def _kicked(
+        self, at: ca.MX, s: ca.MX, found: Forces, f: ca.MX, common: Common
+    ) -> tuple[ca.MX, ca.MX, ca.MX, tuple[ca.MX, ca.MX]]:
+        """Return positions and velocities at the end of the step, the force on the frame in its middle, and the masses."""
+        n, d = self._n_q, pack(common)
+        (moved, s), sums = self._kick([at[:n], s, f[:n], found.f[:n]], d, compiled=self._compiled)
+        _, held = self._held([at[n:], f[n:], found.f[n:]], d, compiled=self._compiled)
+        return moved, s, sums[16:] + held[10:], (sums[:16], held[:10])
 
 
-def _columns(x: ca.MX) -> Columns:
-    return [x[axis::3] for axis in range(3)]
+def _drift(vectors: list[Columns], d: ca.MX, own: Entry) -> tuple[list[Columns], list[Entry]]:  # noqa: ARG001
+    """Move a node by half a step: place and velocity."""
+    common, (at, s) = unpack(_LIKE, d), vectors
+    r, s = drift(common.half, common.h, _shifted(at, common.shift), s)
+    return [_shifted(r, -common.shift), s], []
 
 
-def _vector(columns: Columns) -> ca.MX:
-    return ca.vec(ca.horzcat(*columns).T)
+def _kick(vectors: list[Columns], d: ca.MX, own: Entry) -> tuple[list[Columns], list[Entry]]:
+    """Kick a node and move it by the other half: place and velocity; its sums, and what it exerts on the frame.
+
+    Notes
+    -----
+    The frame takes what pulls at the held nodes, and the drag. That is the load less the change of the membrane's
+    momentum, since the elements' own forces add up to nothing. Of all nodes they add up to the load, of which enclosed
+    gas pushes the frame the other way than the membrane.
+    """
+    common, (at, s, f, found) = unpack(_LIKE, d), vectors
+    m, r = common.weight * own, _shifted(at, common.shift)
+    s, relative = kick(common.h, common.a, common.w, r, s, [x / m for x in f], common.damping)
+    force = [common.damping * m * v - common.shed * x for v, x in zip(relative, found, strict=True)]
+    reaction = wrench(r, force)
+    r, s = drift(common.half, common.h, r, s)
+    momentum = wrench(r, [m * x for x in s])
+    return [_shifted(r, -common.shift), s], [*mass_properties(r, m), *momentum, *reaction]
+
+
+def _held(vectors: list[Columns], d: ca.MX, own: Entry) -> tuple[list[Columns], list[Entry]]:
+    """Sum what held nodes weigh and exert on the frame."""
+    common, (at, f, found) = unpack(_LIKE, d), vectors
+    r = _shifted(at, common.shift)
+    force = [x - common.shed * y for x, y in zip(f, found, strict=True)]
+    return [], [*mass_properties(r, common.weight * own), *wrench(r, force)]
+
+
+def _shifted(r: Columns, by: ca.MX) -> Columns:
+    return [x + by[i] for i, x in enumerate(r)]

@@ -218,7 +218,7 @@ def write_new(path: Path) -> Path:
     """
     text = NEW.read_text(encoding="utf-8").replace("{name}", path.stem).replace("{file}", str(path))
     try:
-        with writing(path, ScenarioError), path.open("x", encoding="utf-8") as file:
+        with writing(path, ScenarioError, "Name a file in another folder."), path.open("x", encoding="utf-8") as file:
             file.write(text)
     except ScenarioError as error:
         if isinstance(error.__cause__, FileExistsError):

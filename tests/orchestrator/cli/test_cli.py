@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 from command_line import invoke
-from gossamer.arguments import COMMANDS as ALL
-from gossamer.cli import ORDER, parsed
+from gossamer.cli import ORDER, commands, parsed
 from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios
 
 COMMANDS = ("build", "run", "demo", "verify", "info", "train", "campaign", "twin", "watch", "report", "view")
@@ -227,7 +226,7 @@ def test_the_word_none_is_a_text_where_a_text_is_meant():
 
 
 def test_the_help_lists_all_commands_in_the_order_of_work(call):
-    assert sorted(ORDER) == sorted(name.replace("_", "-") for name in ALL)
+    assert sorted(ORDER) == sorted(name.replace("_", "-") for name in commands())
     listed = re.findall(r"^│ ([a-z-]+) ", call("--help").stdout, re.MULTILINE)
     assert listed[: len(ORDER)] == list(ORDER)
 

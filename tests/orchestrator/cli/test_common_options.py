@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 from command_line import invoke
 from gossamer import FmuInfo
-from gossamer.arguments import COMMANDS
+from gossamer.cli import commands
 from gossamer.results import INVALID, Result, as_json, print_tables
 from gossamer.terminal import say
 from gossamer_orchestrator import OrchestratorError, ProgressBar
@@ -38,8 +38,8 @@ def run(call, fmus, tmp_path):
 
 
 def test_every_command_has_the_common_options(call):
-    assert len(COMMANDS) == 22
-    for name in COMMANDS:
+    assert len(commands()) == 22
+    for name in commands():
         assert call(name.replace("_", "-"), "--help").stdout.count("--log-file") == 1, name
 
 
@@ -95,7 +95,7 @@ def test_a_warning_has_the_name_of_its_logger_only_where_all_messages_are_wanted
         logging.getLogger("gossamer_orchestrator.results").warning("no pictures")
         return Result()
 
-    monkeypatch.setitem(COMMANDS, "warns", warns)
+    monkeypatch.setitem(commands(), "warns", warns)
     assert invoke(["warns"]).stderr == "WARNING: no pictures\n"
     assert "WARNING gossamer_orchestrator.results: no pictures\n" in invoke(["warns", "-v"]).stderr
 
@@ -162,8 +162,8 @@ def test_a_command_prints_its_result_alone_and_an_error_not_as_json(monkeypatch)
         """Fail."""
         raise OrchestratorError("there is no such thing")
 
-    monkeypatch.setitem(COMMANDS, "works", works)
-    monkeypatch.setitem(COMMANDS, "fails", fails)
+    monkeypatch.setitem(commands(), "works", works)
+    monkeypatch.setitem(commands(), "fails", fails)
     assert invoke(["works"]) == (3, "a path\n", "a note\na table\n")
     code, stdout, stderr = invoke(["works", "--json"])
     assert (code, json.loads(stdout), stderr) == (3, {"time_s": 1.5}, "a note\na table\n")

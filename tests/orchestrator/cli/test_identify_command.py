@@ -254,5 +254,5 @@ def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
 def test_a_form_that_no_picture_has_is_refused_before_a_record_is_read(tmp_path):
     for command in (["identify"], ["assess", str(tmp_path / "sensor.json")]):
         result = invoke([*command, str(tmp_path / "measured.csv"), "--format", "gif"])
-        assert result.exit_code == 1
-        assert result.stderr == "there are no pictures of form 'gif'. Choose png, svg or pdf.\n"
+        assert result.exit_code == 2
+        assert 'Choose from: "png", "svg", "pdf".' in result.stderr

@@ -9,10 +9,12 @@ import xarray as xr
 from command_line import invoke
 from gossamer import TwinAnswer
 from gossamer.damage import _compared
+from gossamer.records import find_in_results
 from gossamer_models.membrane import MembraneParams, square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import Answer, ResponseRecord
 from gossamer_models.twin.simulation import Forward
+from gossamer_orchestrator import OrchestratorError
 from gossamer_orchestrator.results.files import save_results
 from reading_pages import read_page, values
 
@@ -133,6 +135,16 @@ def test_results_of_a_run_bring_their_parameters(call, results, tmp_path, kind):
     np.testing.assert_allclose(json.loads((tmp_path / "t.json").read_text())["damage"], TRUE, atol=1e-3)
 
 
+def test_units_of_edited_results_are_read(results):
+    data = xr.open_dataset(results, engine="scipy").load()
+    name = next(str(each) for each in data.data_vars if str(each).endswith(".strain") and data[each].ndim == 2)
+    in_percent = data.assign({name: (100.0 * data[name]).assign_attrs(units="%")})
+    expected = find_in_results(data, "strain").record.values
+    np.testing.assert_allclose(find_in_results(in_percent, "strain").record.values, expected)
+    with pytest.raises(OrchestratorError, match=r"strain is in 'm', which is no unit of strain\. Write 1\."):
+        find_in_results(data.assign({name: data[name].assign_attrs(units="m")}), "strain")
+
+
 def test_a_sensor_that_does_not_move_is_named(call, tmp_path, strain):
     values = strain[0].copy()
     values[1] = 0.02
@@ -147,7 +159,6 @@ def test_a_sensor_that_does_not_move_is_named(call, tmp_path, strain):
     [
         (("--set", "colour=1"), "no parameter 'colour'"),
         (("--set", "density=heavy"), "'heavy' is no number"),
-        (("--kind", "stress"), "Write strain or resistance"),
         (("--stop", "0.003"), "needs 60 or more"),
         (("--stop", "inf"), "--stop is inf. Write a positive number."),
         (("--fit", "offset,colour"), "no nuisance 'colour'"),

@@ -87,9 +87,13 @@ def test_the_observer_hands_every_sample_to_the_twin_once(built, monkeypatch, tm
     taken, said = [], []
 
     class Twin:
+        zones = 16
+
         def advance(self, values):
             taken.append(values)
-            return SimpleNamespace(time=0.0, misfit=1.0, statistic=0.0, alarm=len(taken) == 2, finding=None)
+            return SimpleNamespace(
+                time=float(len(taken)), misfit=1.0, statistic=0.0, alarm=len(taken) == 2, finding=None
+            )
 
     monkeypatch.setattr(sys.modules[LiveWatch.__module__], "_begin", lambda *_: Twin())
     recorder = Recorder(plan)
@@ -97,7 +101,7 @@ def test_the_observer_hands_every_sample_to_the_twin_once(built, monkeypatch, tm
         simulation.say = said.append
         simulation.run([recorder, LiveWatch(tmp_path / "watch.json")])
     data = make_dataset(plan, recorder.time, recorder.table, master=scenario.master)
-    whole = find_in_results(data, None, None, []).record.values
+    whole = find_in_results(data).record.values
     seen = np.hstack(taken)
     assert len(taken) == 3
     assert [text for text in said if text] == ["compiling the twin (once)", "fitting onset and damage"]

@@ -12,7 +12,8 @@ import gossamer_orchestrator
 import numpy as np
 import pytest
 from command_line import invoke
-from gossamer.arguments import COMMANDS, assigned, declared, numbers_of, several
+from gossamer.arguments import assigned, check, declared, several
+from gossamer.cli import commands, parsed
 from gossamer_files.options import option
 
 HEAVY = {
@@ -29,7 +30,7 @@ HEAVY = {
 }
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", commands())
 def test_every_parameter_is_explained_and_is_an_option(name):
     function = getattr(gossamer, name)
     help_of = " ".join(invoke([name.replace("_", "-"), "--help"]).stdout.split())
@@ -50,7 +51,7 @@ def test_importing_it_imports_nothing_heavy():
 
 
 def test_its_public_names_are_there_and_others_are_not():
-    assert set(COMMANDS) <= set(dir(gossamer))
+    assert set(commands()) <= set(dir(gossamer))
     for name in dir(gossamer):
         assert getattr(gossamer, name).__name__ == name
     with pytest.raises(AttributeError, match="has no attribute 'fly'"):
@@ -93,9 +94,15 @@ def test_what_a_sweep_varies_is_any_sequence(given, text):
 
 def test_lists_of_numbers_and_names_may_be_sequences():
     assert several("sensor") == ["sensor"]
-    assert (
-        numbers_of("scales", (1000, 150, 0.2), "") == numbers_of("scales", "1000,150,0.2", "") == (1000.0, 150.0, 0.2)
-    )
+    scales = declared(gossamer.build)["scales"]
+    assert check(scales, (1000, 150, 0.2)) == check(scales, "1000,150,0.2") == (1000.0, 150.0, 0.2)
+    assert parsed(["identify", "x.csv", "--tau", "-1,2"])[1]["tau"] == "-1,2"  # no option, though it begins with a dash
+
+
+@pytest.mark.parametrize(("name", "argument"), [("identify", "files"), ("verify", "fmus")])
+def test_an_empty_list_is_refused_where_one_thing_is_needed(name, argument):
+    with pytest.raises(gossamer.OrchestratorError, match=rf"{argument} is empty\. Give a path"):
+        getattr(gossamer, name)([])
 
 
 @pytest.mark.parametrize(
@@ -109,7 +116,7 @@ def test_lists_of_numbers_and_names_may_be_sequences():
         ({"fmus": 3}, "fmus is 3. Give a path"),
         ({"limit": True}, "limit is True. Give a number"),
         ({"set": 5}, "set is 5. Give values by name"),
-        ({"master": ["a"]}, r"master is \['a'\]. Give a text"),
+        ({"master": ["a"]}, r"master is \['a'\]. Give 'gauss-seidel' or 'jacobi'"),
         ({"set": {"a.x": {1}}}, r"\{1\} is no value. Give a number"),
     ],
 )
@@ -138,6 +145,7 @@ def test_on_the_command_line_a_wrong_value_is_refused_by_its_option():
     for words, sentence in {
         "run damaged --threads 1.5": "--threads is 1.5. Give a whole number.",
         "run damaged --stop none": "--stop is none. Give a number.",
+        "twin x.csv --kind stress": 'Invalid value "stress" for --kind. Choose from: "strain", "resistance".',
         "train --kind null": 'Invalid value "null" for --kind. Choose from: "neuro-fuzzy", "perceptron", "thesis".',
     }.items():
         more = f"Every command has its own help: gossamer {words.split()[0]} --help"

@@ -35,7 +35,7 @@ def test_a_record_is_watched_window_by_window(tmp_path):
     np.savetxt(path, np.column_stack([time, strain.T]), delimiter=",", header=head, comments="")
     seen = gossamer.watch(path, window=0.048, elements_per_side=4, order=1)
     assert seen.data["time"].to_numpy() == pytest.approx(0.048 * np.arange(1, 6))
-    assert seen.report.alarms == pytest.approx([0.096])  # the end of the window in which it begins
+    assert seen.alarms == pytest.approx([0.096])  # the end of the window in which it begins
     assert seen.data["score"].sel(time=0.096, method="nearest") > 10.0 * seen.data["score"].sel(
         time=0.048, method="nearest"
     )
@@ -43,7 +43,7 @@ def test_a_record_is_watched_window_by_window(tmp_path):
     assert float(found["onset"]) == pytest.approx(onset, abs=5e-4)
     assert float(found["damage"].sel(zone=6)) == pytest.approx(0.3, abs=0.03)
     assert found["onset"].attrs["units"] == "s"
-    assert json.loads(Path(seen).read_text())["alarms"] == seen.report.alarms
+    assert json.loads(Path(seen).read_text())["alarms"] == seen.alarms
     html = seen._repr_html_()
     assert words(html).startswith("1 alarm in 5 windows: at 0.096 s.")
     assert "data:image/png" in html

@@ -1,10 +1,98 @@
-"""Options of commands that read measured records, declared once for all of them."""
+"""Options that several commands have, declared once for all of them."""
 
 from __future__ import annotations
 
-from typing import TypedDict
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypedDict
 
-from .arguments import GROUPS, Count, CountOrNone, Name, NumberOrAuto, Numbers
+from .arguments import (
+    GROUPS,
+    AnyPath,
+    CallLimit,
+    Count,
+    CountOrAuto,
+    CountOrNone,
+    File,
+    Name,
+    NotNegative,
+    NumberOrAuto,
+    Numbers,
+    Values,
+    Written,
+    assigned,
+)
+
+
+class ScenarioOptions(TypedDict, total=False):
+    """FMUs and times.
+
+    Attributes
+    ----------
+    fmus
+        Folder of the FMUs that scenarios name.
+    step
+        Communication step [s] in place of the file's.
+    stop
+        Last time [s] in place of the file's.
+    """
+
+    fmus: Annotated[AnyPath, Written("FOLDER", default="out/fmus")]
+    step: float | None
+    stop: float | None
+
+
+class ChangeOptions(TypedDict, total=False):
+    """Changes and checks.
+
+    Attributes
+    ----------
+    set
+        Value in place of the file's, such as membrane.damage[1]=0.3 or estimator?.noise=0.2; seed=2 is that of all noise. As
+        often as needed.
+    master
+        In place of the file's, or for an .ssp.
+    limit
+        Time that one call of an FMU may take [s]; one that takes longer ends the run.
+    strict
+        Refuse FMUs that break the rules of FMI, values that are not finite, groups that do not converge, and steps that miss
+        the tolerance of the step control.
+    """
+
+    set: Values | None
+    master: Literal["gauss-seidel", "jacobi"] | None
+    limit: CallLimit | None
+    strict: bool
+
+
+class RunOptions(ScenarioOptions, ChangeOptions):
+    """FMUs and times, changes and checks."""
+
+
+class TwinOptions(TypedDict, total=False):
+    """Record and twin.
+
+    Attributes
+    ----------
+    kind
+        What to read, where the record has both.
+    noise
+        Standard deviation of the noise, 1 or ohm; estimated by default.
+    set
+        A parameter of the membrane; may be repeated.
+    sensor
+        Artifact of the sensors; the shipped one by default.
+    elements_per_side
+        Elements along a side of the twin, a multiple of 4.
+    order
+        Their order; 1 for bilinear ones.
+    """
+
+    kind: Literal["strain", "resistance"] | None
+    noise: NotNegative | None
+    set: Values | None
+    sensor: File | None
+    elements_per_side: Annotated[int, Written("N", default=4)]
+    order: Annotated[int, Written("N", default=4)]
 
 
 class ColumnOptions(TypedDict, total=False):
@@ -82,7 +170,7 @@ class PreisachOptions(TypedDict, total=False):
     ridge: NumberOrAuto | None
     earlier: bool
     direct_inverse: bool
-    residual: NumberOrAuto | None
+    residual: CountOrAuto | None
     least_slope: float | None
 
 
@@ -120,4 +208,12 @@ class FitOptions(ColumnOptions, CommonOptions, PreisachOptions, FractionalOption
     """Columns of the records, and options of the models."""
 
 
+GROUPS[RunOptions] = (ScenarioOptions, ChangeOptions)
 GROUPS[FitOptions] = (CommonOptions, ColumnOptions, PreisachOptions, FractionalOptions)
+
+
+def as_settings(fmus: AnyPath, set: Values | None, **others: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Return the options of a run as ``run_scenario`` takes them."""
+    from gossamer_orchestrator.scenario.values import read_changes
+
+    return others | {"fmus": Path(fmus), "values": read_changes(assigned(set))}
