@@ -22,9 +22,8 @@ PANELS = 36  # of more cases every k-th is drawn
 
 def open_cases(store: Path) -> xr.Dataset:
     """Open what the cases of a sweep recorded, in the order in which it was; it stays on the disk until it is used."""
-    data = xr.open_zarr(store, consolidated=False)
-    names: list[str] = data.attrs["variables"]
-    return data[names]
+    data: xr.Dataset = xr.open_zarr(store, consolidated=False)
+    return data[list(data.attrs["variables"])]
 
 
 def save_cases(store: Path, folder: Path, variable: str | None, varied: Sequence[str]) -> list[Path]:
