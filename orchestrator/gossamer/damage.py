@@ -17,8 +17,8 @@ from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
+    from gossamer_files.tables import TableText
     from gossamer_models.twin import Answer, ResponseRecord
-    from rich.table import Table
 
 logger = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ class TwinAnswer(Saved):
 
     @property
     def data(self) -> xr.Dataset:
-        """``damage``, ``deviation`` and ``probability`` [1] by ``zone``, with row and column; ``covariance`` [1]."""
+        """``damage``, ``deviation`` and ``probability`` [1] by ``zone``, with its ``name``; ``covariance`` [1]."""
         import numpy as np
         import xarray as xr
 
@@ -50,7 +50,7 @@ class TwinAnswer(Saved):
         values = {name: ("zone", getattr(answer, name), ratio) for name in ("damage", "deviation", "probability")}
         return xr.Dataset(
             values | {"covariance": (("zone", "other_zone"), answer.covariance, ratio)},
-            coords=zone_coordinates(n) | {"other_zone": np.arange(1, n + 1)},
+            coords=zone_coordinates(answer.zones) | {"other_zone": np.arange(1, n + 1)},
             attrs={
                 "valid": int(answer.valid),
                 "chi2_per_sample": answer.chi2_per_sample,
@@ -93,19 +93,13 @@ class TwinAnswer(Saved):
         """Draw the damage of the zones."""
         from .pages.twin import damage_chart
 
-        return as_png(damage_chart(self.answer.damage, self.answer.deviation))
+        return as_png(damage_chart(self.answer.zones, self.answer.damage, self.answer.deviation))
 
-    def tables(self) -> list[Table]:
+    def tables(self) -> list[TableText]:
         """Return a row per zone."""
-        from rich.table import Table
-
         from .pages.twin import zone_cells
 
-        shown = zone_cells(self.answer)
-        table = Table(*shown.head, title=shown.caption)
-        for row, damage in zip(shown.rows, self.answer.damage, strict=True):
-            table.add_row(*row, style="bold" if damage > 0.0 else "dim")
-        return [table]
+        return [zone_cells(self.answer)]
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer."""
@@ -178,7 +172,7 @@ def twin(
     with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
         answer = Twin(
-            **found.twin(options["sensor"], options["elements_per_side"], options["order"]),
+            **found.twin(options["sensor"]),
             nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
             sparse=sparse,
         ).fit(

@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from gossamer_files.options import option
-from gossamer_models import campaign, membrane
+from gossamer_models import campaign
 from gossamer_models.campaign import CampaignPlan
 from gossamer_models.membrane import Setup, Structure, make_structure, read_mesh, surface_mesh
+from gossamer_models.membrane.portable import TABLES
 from gossamer_models.mistakes import DescriptionError
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.names import suggest
 from gossamer_orchestrator.scenario.schema import ScenarioTable
-from gossamer_orchestrator.scenario.source import Location, Problems, Source, explain, parse_toml, read_text
+from gossamer_orchestrator.scenario.source import (
+    Location,
+    Problems,
+    Source,
+    explain,
+    find_scenario,
+    parse_toml,
+    read_text,
+)
 from pydantic import ValidationError, create_model
 
 T = TypeVar("T")
@@ -29,15 +38,6 @@ USUAL = {
     "density": (1.0, 3e4, "kg/m3"),
     "thickness": (1e-8, 0.1, "m"),
 }  # of a region
-OF_A_SETUP: dict[str, type] = {
-    "regions": membrane.Region,
-    "zones": membrane.Zone,
-    "supports": membrane.Support,
-    "edges": membrane.Edge,
-    "loads": membrane.Load,
-    "sensors": membrane.Sensor,
-    "gas": membrane.Gas,
-}
 OF_A_CAMPAIGN: dict[str, type] = {
     "membrane": campaign.Mesh,
     "damage": campaign.Damage,
@@ -51,7 +51,13 @@ OF_A_CAMPAIGN: dict[str, type] = {
 logger = logging.getLogger(__name__)
 
 
-def read_description(path: Path, what: str, kind: type[T], tables: Mapping[str, type]) -> tuple[T, Source]:
+def read_description(
+    path: Path,
+    what: str,
+    kind: type[T],
+    tables: Mapping[str, type],
+    complete: Callable[[dict[str, Any]], None] | None = None,
+) -> tuple[T, Source]:
     """Read and check a file.
 
     Parameters
@@ -64,6 +70,8 @@ def read_description(path: Path, what: str, kind: type[T], tables: Mapping[str, 
         The dataclass; its file holds the keys at the top.
     tables : mapping of str to type
         Dataclasses by the names of the tables in it, for suggestions.
+    complete : callable, optional
+        Puts what other files hold in the place of their names.
 
     Returns
     -------
@@ -79,6 +87,8 @@ def read_description(path: Path, what: str, kind: type[T], tables: Mapping[str, 
     """
     source = Source(path.name, read_text(path, what))
     content = parse_toml(source.text, source.name, what)
+    if complete is not None:
+        complete(content)
     problems = Problems(source)
     file: Any = create_model("File", __base__=ScenarioTable, content=(kind, ...))
     try:  # as JSON, so that arrays are tuples and tables are what they are for, while types stay strict
@@ -113,12 +123,25 @@ def locating(source: Source) -> Iterator[None]:
 
 
 def load_campaign(path: Path) -> tuple[CampaignPlan, Source]:
-    """Read and check a campaign file, see ``read_description``; the file of its artifact is relative to its folder."""
-    found, source = read_description(path, "campaign", CampaignPlan, OF_A_CAMPAIGN)
+    """Read and check a campaign file, see ``read_description``; files of artifact and setup are relative to its folder."""
+
+    def complete(content: dict[str, Any]) -> None:
+        table = content.get("membrane")
+        if isinstance(table, dict) and isinstance(name := table.get("setup"), str):
+            beside = path.parent / name
+            table["setup"] = asdict(setup_of(beside if beside.is_file() else find_scenario(name, "membrane")))
+
+    found, source = read_description(path, "campaign", CampaignPlan, OF_A_CAMPAIGN, complete)
     if found.chain is not None and found.chain.artifact is not None:
         artifact = str((path.parent / found.chain.artifact).resolve())
         found = replace(found, chain=replace(found.chain, artifact=artifact))
     return found, source
+
+
+def setup_of(path: Path, mesh: Path | None = None) -> Setup:
+    """Read and check a setup, see ``load_structure``; its ``mesh`` is the whole path of the file."""
+    setup = load_structure(path, mesh).setup
+    return replace(setup, mesh=str((mesh or path.parent / setup.mesh).resolve()))
 
 
 def load_structure(path: Path, mesh: Path | None = None, *, expose: bool = False) -> Structure:
@@ -144,7 +167,7 @@ def load_structure(path: Path, mesh: Path | None = None, *, expose: bool = False
     DataError
         The mesh cannot be used.
     """
-    setup, source = read_description(path, "setup", Setup, OF_A_SETUP)
+    setup, source = read_description(path, "setup", Setup, TABLES)
     if mesh is None and not setup.mesh:
         msg = f'{path.name} names no mesh. Write mesh = "sail.msh" at its top, or name the file with {option("mesh")}.'
         raise ScenarioError(msg)

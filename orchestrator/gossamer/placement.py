@@ -7,44 +7,49 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gossamer_files.options import option
+from gossamer_files.tables import TableText
 from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import Count, CountOrNone, File, Folder, NotNegative, Values, assigned, command
 from .records import numbers_by_name
-from .results import Result, TableText, first_of
+from .results import Saved, first_of
 from .terminal import progress_bar
-from .writing import keep_inputs, save_page
+from .writing import keep_inputs
 
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_models.placement import Placement, Placing
+    from gossamer_orchestrator.pages import Page
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class SensorPlacement(Result):
+class SensorPlacement(Saved):
     """Sensors that were chosen.
 
     Attributes
     ----------
-    path : Path
-        The sensors as tables of a setup.
+    files : list of Path
+        Table, picture, sensors and page.
     result : gossamer_models.placement.Placing
         Everything that was found.
     samples : int
         Of a record.
-    files : list of Path
-        Table, picture, sensors and page.
     """
 
-    path: Path
     result: Placing
     samples: int
-    files: list[Path]
 
     @property
-    def _placements(self) -> dict[str, Placement]:
-        found = {"own": self.result.own, "chosen": self.result.chosen}
-        return {name: each for name, each in found.items() if each is not None}
+    def path(self) -> Path:
+        """The sensors as tables of a setup."""
+        return self.files[2]
+
+    @property
+    def placements(self) -> dict[str, Placement]:
+        """The membrane's own sensors, if they are known, and the chosen ones."""
+        from gossamer_models.placement.plots import placements
+
+        return dict(placements(self.result))
 
     @property
     def data(self) -> xr.Dataset:
@@ -54,7 +59,7 @@ class SensorPlacement(Result):
         import numpy as np
         import xarray as xr
 
-        placements, sensors = self._placements, self.result.chosen.sensors
+        placements, sensors = self.placements, self.result.chosen.sensors
         names = list(self.result.structure.zone_names)
         ratio = {"units": "1"}
         by_zone = {
@@ -77,25 +82,62 @@ class SensorPlacement(Result):
             attrs={"noise": self.result.noise, "samples": self.samples},
         )
 
-    def __fspath__(self) -> str:
-        return str(self.path)
+    @property
+    def lost(self) -> dict[str, list[int]]:
+        """Zones that sensors do not find."""
+        from gossamer_models.twin.least_squares import MOST_DAMAGE
+
+        found = {name: (p.a90 >= MOST_DAMAGE).nonzero()[0] + 1 for name, p in self.placements.items()}
+        return {name: zones.tolist() for name, zones in found.items() if zones.size}
 
     @property
     def sentence(self) -> str:
         """The smallest damage that is found in the worst zone."""
-        worst = [f"{100.0 * p.a90.max():.3g} % with the {name} sensors" for name, p in self._placements.items()]
-        return f"The worst zone has an a90 of {', '.join(worst)}."
+        from gossamer_models.placement.plots import damage_text
+        from gossamer_orchestrator.words import counted
+
+        own, chosen = self.result.own, self.result.chosen
+        worst = (
+            f"With {len(chosen.sensors)} chosen sensors the worst zone has a90 = {damage_text(chosen.a90.max())} damage"
+        )
+        if own is None:
+            return f"{worst}."
+        worst += f"; with the membrane's own {len(own.sensors)} it has {damage_text(own.a90.max())}."
+        many = counted(len(chosen.sensors), "sensor")
+        none = f"No placement of {many} was found that is better than the membrane's own. "
+        return f"{none * bool(chosen.a90.max() >= own.a90.max())}{worst}"
+
+    def more(self) -> list[str]:
+        """Return what a90 is, which zones are not found, and whether the check agrees."""
+        return [
+            "a90 is the damage that is detected in 90 % of cases at 5 % false alarms.",
+            *(
+                f"The {name} sensors do not find zones {', '.join(map(str, zones))}."
+                for name, zones in self.lost.items()
+            ),
+            *self._checked,
+            "The model is taken to be exact, so real sensors find less.",
+        ]
+
+    @property
+    def _checked(self) -> list[str]:
+        """Whether fits to simulated records err as predicted."""
+        return [
+            f"{check.records} fits with the {name} sensors: their mean square error over the predicted variance, "
+            f"{check.spread:.3f}, {'agrees' if check.agrees else 'does NOT agree'} with 1 ± {check.spread_error:.3f}; "
+            f"{100.0 * check.false_alarms:.1f} % false alarms (5), a90 found in {100.0 * check.found:.1f} % (90)."
+            for name, p in self.placements.items()
+            if (check := p.check) is not None
+        ]
 
     def lines(self) -> list[str]:
         """Return what was chosen from what, whether the check agrees, and where the sensors are."""
-        from .pages.place_sensors import check_sentence
-
         found = self.result
         lines = [
             f"{len(found.chosen.sensors)} of {found.candidates} candidates; {self.samples} samples with white noise of "
-            f"deviation {found.noise:.3g}; a90 of 95 % stands for 95 % or more."
+            f"deviation {found.noise:.3g}; a90 of 95 % stands for 95 % or more.",
+            *self._checked,
         ]
-        lines += [check_sentence(name, p.check) for name, p in self._placements.items() if p.check is not None]
         for k, sensor in enumerate(found.chosen.sensors):
             point, direction = (", ".join(f"{x:.4g}" for x in v) for v in (sensor.point, sensor.direction))
             lines.append(f"sensor {k + 1}: point ({point}) m, direction ({direction})")
@@ -106,10 +148,58 @@ class SensorPlacement(Result):
         return first_of(self.files, ".png")
 
     def tables(self) -> list[TableText]:
-        """Return the smallest damage that is found by zone."""
-        from .pages.place_sensors import zone_table
+        """Return the smallest damage that is found by zone, and the worst."""
+        shown = self.placements
+        checked = {name: p.check for name, p in shown.items() if p.check is not None}
+        head = [f"a90 [%], {len(p.sensors)} {name} sensors" for name, p in shown.items()]
+        head += [f"{name}: deviation, predicted and of {c.records} fits [%]" for name, c in checked.items()]
+        rows = [
+            (
+                str(k + 1),
+                zone.group,
+                *(f"{100.0 * p.a90[k]:.2f}" for p in shown.values()),
+                *(f"{100.0 * c.predicted[k]:.2f}, {100.0 * c.observed[k]:.2f}" for c in checked.values()),
+            )
+            for k, zone in enumerate(self.result.structure.setup.zones)
+        ]
+        rows.append(("worst", "", *(f"{100.0 * p.a90.max():.2f}" for p in shown.values()), *[""] * len(checked)))
+        caption = "Smallest damage that is found" + ", and deviation at 30 % damage" * bool(checked)
+        return [TableText(("zone", "group", *head), rows, caption)]
 
-        return [zone_table(self.result)]
+    def describe(self) -> Page:
+        """Return the page: the smallest damage that is found, by zone and on the membrane, and its check."""
+        from gossamer_models.placement.plots import placement_charts
+        from gossamer_orchestrator.pages import Page, on_page, table
+
+        sensors = [
+            (
+                f"{name} {k + 1}",
+                *(", ".join(f"{x:.4g}" for x in v) for v in (s.point, s.direction)),
+                f"{s.gauge_length:g}",
+            )
+            for name, p in self.placements.items()
+            for k, s in enumerate(p.sensors)
+        ]
+        about = [
+            ("Candidates", self.result.candidates),
+            ("Samples of a record", self.samples),
+            ("Deviation of the noise of a sample [1]", f"{self.result.noise:.4g}"),
+            ("Simulated cases", self.result.simulations),
+        ]
+        parts = (
+            *map(on_page, self.tables()),
+            table(("sensor", "point [m]", "direction", "length [m]"), sensors, "Sensors"),
+            table((), about, "The choice"),
+        )
+        return Page(
+            title="Placement of sensors",
+            kind="none" if all(p.check is None or p.check.agrees for p in self.placements.values()) else "invalid",
+            sentence=self.sentence,
+            more=self.more(),
+            charts=placement_charts(self.result),
+            facts="\n".join(parts),
+            how="All zones, the load's amplitude, the damping and an offset of each sensor are unknown together.",
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return both placements."""
@@ -124,7 +214,7 @@ class SensorPlacement(Result):
                 "a90": p.a90,
                 "check": None if p.check is None else {**asdict(p.check), "agrees": p.check.agrees},
             }
-            for name, p in self._placements.items()
+            for name, p in self.placements.items()
         }
         zones = found.structure.zone_names
         return {"files": self.files, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates}
@@ -198,7 +288,6 @@ def place_sensors(
     from gossamer_models.placement import place_sensors as place
 
     from .descriptions import load_structure
-    from .pages.place_sensors import placement_page
 
     folder, samples = Path(out), round(stop / step)
     table, picture, sensors = (folder / name for name in ("placement.csv", "placement.png", "sensors.toml"))
@@ -232,5 +321,5 @@ def place_sensors(
     save_picture(found, picture)
     with replacing(sensors) as unfinished:
         unfinished.write_text(sensors_text(found), encoding="utf-8")
-    files = [table, picture, sensors, *save_page(lambda: placement_page(found, samples), folder)]
-    return SensorPlacement(path=sensors, result=found, samples=samples, files=files)
+    placed = SensorPlacement(files=[table, picture, sensors], result=found, samples=samples)
+    return placed.with_page(folder)

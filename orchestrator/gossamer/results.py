@@ -6,14 +6,19 @@ import base64
 import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+
+from gossamer_files.tables import TableText
+
+from .writing import save_page
 
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_files.charts import Chart
+    from gossamer_orchestrator.pages import Page
     from rich.console import Console
     from rich.table import Table
 
@@ -21,24 +26,6 @@ INVALID = 3  # exit code: all went well, and the judgement is not valid
 _PERCENT = ("all_zones", "damaged_zones", "error_all", "error_damaged")  # the others are ratios
 _WIDTH = 160  # characters of a table in a notebook
 _CODE = '<pre style="white-space:pre;overflow-x:auto;line-height:normal">{code}</pre>'
-
-
-class TableText(NamedTuple):
-    """A table that a command prints and its page holds.
-
-    Attributes
-    ----------
-    head : tuple of str
-        Headings of the columns.
-    rows : sequence of tuple of str
-        Cells.
-    caption : str
-        What it shows.
-    """
-
-    head: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
-    caption: str
 
 
 class Result:
@@ -95,6 +82,14 @@ class Result:
     def picture(self) -> bytes | None:
         """Return a PNG file."""
         return None
+
+    def describe(self) -> Page:
+        """Return the page of it."""
+        raise NotImplementedError
+
+    def with_page(self, folder: Path) -> Self:
+        """Write its page into a folder; return the result with it."""
+        return replace(self, files=[*self.files, *save_page(self.describe, folder)])  # type: ignore[type-var]
 
     def to_json(self) -> dict[str, Any]:
         """Return all as JSON: keys end in the unit (``time_s``), ratios have none, or ``units`` stands beside them."""
@@ -160,13 +155,6 @@ def print_tables(console: Console, tables: Iterable[TableText | Table | str]) ->
             console.print(each)
 
 
-def on_page(shown: TableText) -> str:
-    """Return a table in HTML; nothing without rows."""
-    from gossamer_orchestrator.pages import table
-
-    return table(shown.head, shown.rows, shown.caption, row_heads=False) if shown.rows else ""
-
-
 def typed(path: Path) -> str:
     """Return a path as it is typed in a command."""
     return f'"{path}"' if " " in str(path) else str(path)
@@ -178,12 +166,16 @@ def first_of(files: Iterable[Path], ending: str) -> bytes | None:
     return None if path is None else path.read_bytes()
 
 
-def zone_coordinates(count: int) -> dict[str, Any]:
-    """Return the coordinates of the zones of a square membrane with sides of length 1."""
+def zone_coordinates(names: Sequence[str]) -> dict[str, Any]:
+    """Return the coordinates of zones: numbers and names; of a square of side 1 also rows and columns."""
     import numpy as np
     from gossamer_orchestrator.results.places import zone_places
 
-    return zone_places(math.isqrt(count), 1.0, {"units": "1"}) | {"zone": np.arange(1, count + 1)}
+    count = len(names)
+    found: dict[str, Any] = {"zone": np.arange(1, count + 1), "name": ("zone", list(names))}
+    numbered = tuple(names) == tuple(f"zone_{k + 1}" for k in range(count))
+    side = math.isqrt(count)
+    return (zone_places(side, 1.0, {"units": "1"}) if numbered and side**2 == count else {}) | found
 
 
 def as_png(chart: Chart, size: tuple[float, float] = (4.7, 4.4)) -> bytes:

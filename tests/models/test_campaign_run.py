@@ -196,7 +196,7 @@ def test_a_title_makes_no_other_campaign(whole):
 
 @pytest.mark.parametrize(
     ("key", "value", "message"),
-    [("version", 2, "holds 'gossamer.campaign' version 2"), ("schema", "images", "holds 'images' version 1")],
+    [("version", 1, "holds 'gossamer.campaign' version 1"), ("schema", "images", "holds 'images' version 2")],
 )
 def test_a_store_of_another_version_is_refused(whole, tmp_path, key, value, message):
     path = shutil.copytree(whole, tmp_path / "old.zarr")

@@ -10,19 +10,23 @@ from gossamer_models import ArtifactError, DataError, Stepper, simulate
 from gossamer_models.assessment import PosteriorJudge
 from gossamer_models.assessment.figures import errors
 from gossamer_models.batch import Batch
+from gossamer_models.campaign import Distribution
+from gossamer_models.campaign.symmetry import Symmetry, mirrors
 from gossamer_models.detector import PosteriorArtifact, posterior_model
-from gossamer_models.detector.features import SECTORS, block_means, difference_noise, principal_components
+from gossamer_models.detector.features import block_means, difference_noise, principal_components
 from gossamer_models.detector.networks import FuzzyRules
 from gossamer_models.detector.posterior import analyse, explain, heads_of, image_signs, judge_records
 from gossamer_models.detector.posterior_artifact import NOMINAL
 from gossamer_models.detector.posterior_fit import NetworkFit, spoilt_sensors
-from gossamer_models.detector.posterior_records import Sensing, Training, Windows, reflect
-from gossamer_models.membrane import membrane_model
+from gossamer_models.detector.posterior_records import STATED, Sensing, Training, Windows
+from gossamer_models.membrane import membrane_model, square_structure
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 STEP, SAMPLES = 3e-4, 844
+SQUARE = next(mirrors(square_structure()))
+SENSING = Sensing(Distribution(uniform=(0.0, 0.02)))
 STRAINS = tuple(f"strain[{i}]" for i in range(1, 5))
 FIELDS = ("damage", "deviation", "probability")
 OUTPUTS = (*(f"{name}[{z}]" for name in FIELDS for z in range(1, 17)), "misfit", "risk", "valid")
@@ -121,22 +125,22 @@ def test_differences_tell_white_noise_from_strain(membrane):
 def test_a_mirrored_membrane_gives_mirrored_strain(membrane):
     """To 1e-7: what the networks and their training rest on."""
     damage = random_damage(2, 4)
-    records, images = reflect(strains(membrane, damage), damage)
+    records, images = SQUARE.images(strains(membrane, damage), damage)
     assert strains(membrane, images) == pytest.approx(records, abs=1e-7)
 
 
 def test_a_mirrored_record_has_the_same_components_up_to_signs_and_the_mirrored_answer(artifact):
     random = np.random.default_rng(5)
-    x = random.normal(0.0, 0.02, (3, 4, artifact.windows[0].mean.size))
+    x = random.normal(0.0, 0.02, (3, *artifact.windows[0].mean.shape))
     x -= x.mean(axis=2, keepdims=True)
-    images = reflect(x, np.zeros((3, 16)))[0].reshape(4, 3, *x.shape[1:])
+    images = SQUARE.images(x, np.zeros((3, 16)))[0].reshape(4, 3, *x.shape[1:])
     window = artifact.windows[0]
     first = analyse(window, x)
     answers = heads_of(window, first).reshape(3, 3, 16)
-    for image, signs in zip(images, image_signs(window.sectors).T, strict=True):
+    for image, signs in zip(images, image_signs(window.signs, window.sectors).T, strict=True):
         found = analyse(window, image)
         assert found.features == pytest.approx(first.features * signs, abs=1e-9)
-    both = reflect(np.zeros((9, 4, 1)), answers.reshape(9, 16))[1].reshape(4, 3, 3, 16)
+    both = SQUARE.images(np.zeros((9, 4, 1)), answers.reshape(9, 16))[1].reshape(4, 3, 3, 16)
     for image, expected in zip(images, both, strict=True):
         assert heads_of(window, analyse(window, image)).reshape(3, 3, 16) == pytest.approx(expected, abs=1e-9)
 
@@ -145,19 +149,19 @@ def test_components_are_orthonormal_and_hold_the_variance():
     random = np.random.default_rng(6)
     x = random.normal(size=(400, 4, 30)) * np.linspace(2.0, 0.1, 30)
     x -= x.mean(axis=2, keepdims=True)
-    parts = principal_components(x, 40)
+    parts = principal_components(x, 40, SQUARE)
     for sector in range(4):
         V = parts.axes[:, parts.sectors == sector]
         assert pytest.approx(np.eye(V.shape[1]), abs=1e-12) == V.T @ V
-    y = np.tensordot(x - parts.mean, SECTORS, (1, 1))
+    y = np.tensordot(x - parts.mean, parts.modes, (1, 1))
     c = np.stack([y[:, :, int(s)] @ v for s, v in zip(parts.sectors, parts.axes.T, strict=True)], axis=1)
     assert np.mean(c**2, axis=0) == pytest.approx(parts.variances)
     with pytest.raises(DataError, match="no 120 principal components"):
-        principal_components(x, 120)
+        principal_components(x, 120, SQUARE)
 
 
 def test_the_network_in_numpy_is_that_of_the_fmu(artifact, membrane):
-    records = Sensing().samples(strains(membrane, random_damage(4, 7)), np.random.default_rng(7), "thesis")
+    records = SENSING.samples(strains(membrane, random_damage(4, 7)), np.random.default_rng(7), "stated")
     window = artifact.windows[0]
     found = analyse(window, block_means(records, artifact.block))
     logits = heads_of(window, found)[:, :16]
@@ -194,14 +198,14 @@ def test_unseen_random_damage_is_found_with_honest_bars(artifact, membrane, caps
     damage = random_damage(48, 8)
     records = strains(membrane, damage)
     figures = {}
-    for kind in ("clean", "thesis"):
-        noisy = Sensing().samples(records, np.random.default_rng(9), kind)
+    for kind in ("clean", "stated"):
+        noisy = SENSING.samples(records, np.random.default_rng(9), kind)
         assert np.mean(judge_records(artifact, 0, noisy)["misfit"] <= 1.0) > 0.93  # 1 % are refused
         figures[kind] = errors(damage, PosteriorJudge(artifact).window(0, noisy))
     with capsys.disabled():
         print(f"\n{figures}")
     assert figures["clean"]["all zones"] < 0.3
-    assert figures["thesis"]["all zones"] < 0.5
+    assert figures["stated"]["all zones"] < 0.5
     for found in figures.values():
         assert found["in 95 % band"] > 0.88
         assert found["valid"] > 0.5  # the others say that they may be wrong
@@ -236,8 +240,8 @@ WORLDS = {
 @pytest.mark.parametrize("world", WORLDS)
 def test_another_world_is_not_valid(artifact, membrane, world):
     records = strains(membrane, random_damage(8, 10), **WORLDS[world])
-    for kind in ("clean", "thesis"):
-        noisy = Sensing().samples(records, np.random.default_rng(11), kind)
+    for kind in ("clean", "stated"):
+        noisy = SENSING.samples(records, np.random.default_rng(11), kind)
         assert judge_records(artifact, 0, noisy)["valid"].mean() <= 0.125
 
 
@@ -326,21 +330,23 @@ def test_arrays_that_do_not_fit_are_refused(artifact):
             replace(window, **change)
 
 
-def test_training_knows_what_spoilt_sensors_make_of_a_record():
+@pytest.mark.parametrize(("symmetry", "unit"), [(SQUARE, 1.0), (Symmetry.none(4, 16), 0.02)], ids=["mirrored", "alone"])
+def test_training_knows_what_spoilt_sensors_make_of_a_record(symmetry, unit):
     """Components and what they leave, from those of each sensor, equal those of the spoilt record."""
+    sensing = Sensing(Distribution(normal=unit * STATED))
     random = np.random.default_rng(14)
     x = random.normal(size=(300, 4, 20)).astype(np.float32) + np.linspace(0.0, 3.0, 20, dtype=np.float32)
     x -= x.mean(axis=2, keepdims=True)
-    parts = principal_components(x, 30)
+    parts = principal_components(x, 30, symmetry, unit)
     cases = Windows(np.repeat(x, 2, axis=2), random_damage(300, 15), np.ones(300, bool), np.zeros(300, int))
-    fit = NetworkFit(parts, x, cases, Sensing(), Training(block=2))
-    gains, sensors = spoilt_sensors(np.ones((1200, 4)), random)
+    fit = NetworkFit(parts, x, cases, sensing, Training(block=2), symmetry)
+    gains, sensors = spoilt_sensors(np.ones((len(fit.c), 4)), random)
     clean, outside = fit.read(gains, sensors)
-    images, _ = reflect(x, cases.damage)
+    images, _ = symmetry.images(x, cases.damage)
     spoilt = gains[:, :, None] * np.take_along_axis(images, sensors[:, :, None], axis=1)
     rest = analyse(parts, images).s2[:, 0]
     assert fit.rest() == pytest.approx(np.sqrt(rest.mean()), rel=1e-3)
     expected = analyse(parts, spoilt)
     assert clean == pytest.approx(expected.c, abs=1e-4)
-    y = np.tensordot(spoilt - parts.mean, SECTORS, (1, 1))
+    y = np.tensordot(spoilt / unit - parts.mean, parts.modes, (1, 1))
     assert outside == pytest.approx(np.sum(y**2, axis=(1, 2)) - np.sum(expected.c**2, axis=1), rel=1e-4)

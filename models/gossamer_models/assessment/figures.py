@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 CALL = 0.05  # [1] damage that counts as a call
 NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)  # central intervals of the reliability diagram
-NOISES = {"clean": "no noise", "thesis": "the thesis' noise"}
+NOISES = {"clean": "no noise", "stated": "noise"}  # that of the campaign
 SEED = 1  # of the noise of the test cases of the thesis
 
 

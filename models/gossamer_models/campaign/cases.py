@@ -181,12 +181,7 @@ def unit_noise(
     if law is None:
         return noise
     for row, number in zip(noise, numbers, strict=True):
-        random = noise_generator(seed, number, draw, _KINDS[kind])
-        if law.uniform is not None:
-            low, high = law.uniform
-            row[:] = low + (high - low) * random.random(row.shape)
-        else:
-            row[:] = (law.normal or 0.0) * random.standard_normal(row.shape)
+        row[:] = law.draw(row.shape, noise_generator(seed, number, draw, _KINDS[kind]))
     return noise
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +16,6 @@ from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..compensator import compensator_model
 from ..membrane import membrane_model
-from ..membrane.square import stretch
 from ..mistakes import DescriptionError, Mistake
 from ..sensor import SensorArtifact, default_artifact, sensor_model
 from .cases import Cases, draw_cases, unit_noise
@@ -78,7 +76,7 @@ def chain_kernels(chain: Chain) -> tuple[ChainKernels, dict[str, str]]:
 
 
 def run_chain(
-    campaign: CampaignPlan, kernels: ChainKernels, cases: Cases, strain: Matrix
+    campaign: CampaignPlan, kernels: ChainKernels, cases: Cases, rest: tuple[Matrix, Matrix], strain: Matrix
 ) -> tuple[dict[str, Matrix], NDArray[np.bool_]]:
     """Turn strain into resistance and back.
 
@@ -90,6 +88,8 @@ def run_chain(
         Its sensor and compensator.
     cases : Cases
         Cases of the chunk.
+    rest : tuple of ndarray, shapes (n, sensors) and (1, sensors)
+        Strain [1] at which the sensors of each case rest, and at which their compensators assume that they do.
     strain : ndarray, shape (n, sensors, T)
         Strain of the membrane [1]; not a number where that failed.
 
@@ -102,14 +102,13 @@ def run_chain(
 
     Notes
     -----
-    The gain of a sensor multiplies its change of resistance; its compensator does not know. A sensor rests at the strain
-    of its own prestressed membrane; its compensator assumes that of the constant parameters.
+    The gain of a sensor multiplies its change of resistance; its compensator does not know.
     """
-    rest = np.broadcast_to(np.reshape(_prestrain(campaign, cases.varied), (-1, 1)), strain.shape[:2])
     failed: NDArray[np.bool_] = np.asarray(np.isnan(strain).any(axis=(1, 2)))
-    usable = np.where(failed[:, None, None], rest[:, :, None], strain)
+    own, assumed = (np.broadcast_to(part, strain.shape[:2]) for part in rest)
+    usable = np.where(failed[:, None, None], own[:, :, None], strain)
     sensors: dict[str, ArrayLike] = {
-        "rest_strain": rest.ravel(),
+        "rest_strain": own.ravel(),
         **kernels.settings.sensor_parameters,
         FULL_SCALE: kernels.full_scale_change * cases.sensor_gain.ravel(),
     }
@@ -118,16 +117,16 @@ def run_chain(
     noise = unit_noise(campaign.noise.resistance, "resistance", (campaign.seed, 0), cases.numbers, strain.shape[1:])
     scale = kernels.full_scale_change * np.reshape(cases.varied.get(NOISE, 1.0), (-1, 1, 1))
     noisy = np.where(failed[:, None, None], 0.0, resistance + scale * noise)
-    start = {"rest_strain": _prestrain(campaign, {}), **kernels.settings.compensator_parameters}
+    start: dict[str, ArrayLike] = {"rest_strain": assumed.ravel(), **kernels.settings.compensator_parameters}
     compensated, broken = _run(campaign, kernels.compensator, start, "resistance", noisy)
     return {"resistance": resistance, "compensated_strain": compensated}, failed | broken
 
 
-def _prestrain(campaign: CampaignPlan, varied: Mapping[str, Vector]) -> Vector | float:
-    """Return the strain [1] of the undamaged, unloaded membrane, of every case or of the constant parameters."""
-    values = {name: varied.get(name, campaign.base(name)) for name in ("edge_displacement", "side_length")}
-    prestrain: Vector | float = stretch(SimpleNamespace(**values)) - 1.0
-    return prestrain
+def rest_strain(campaign: CampaignPlan, kernels: Kernels, varied: Mapping[str, Vector]) -> Matrix:
+    """Return the strain [1] of the undamaged membrane at rest, shape (n, sensors), of every case or, without any, of one."""
+    start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **varied, "damage": np.zeros(kernels.zones)}
+    nothing = dict.fromkeys(kernels.membrane.inputs, np.zeros(0))
+    return kernels.membrane.run(0, campaign.step, start, nothing).initial
 
 
 def _run(
@@ -147,6 +146,8 @@ class Kernels:
     ----------
     membrane : Batch
         Kernel of the membrane.
+    zones : int
+        Number of its zones.
     chain : ChainKernels or None
         Those of sensor and compensator.
     digests : dict of str
@@ -154,6 +155,7 @@ class Kernels:
     """
 
     membrane: Batch
+    zones: int
     chain: ChainKernels | None
     digests: dict[str, str]
 
@@ -172,6 +174,7 @@ def build_kernels(campaign: CampaignPlan) -> Kernels:
     chain, digests = (None, {}) if campaign.chain is None else chain_kernels(campaign.chain)
     return Kernels(
         membrane=Batch(membrane, membrane.elements("strain"), membrane.elements("damage") if campaign.begins else ()),
+        zones=campaign.membrane.structure.n_zones,
         chain=chain,
         digests={membrane.name: membrane.digest, **digests},
     )
@@ -202,7 +205,8 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
     run = kernels.membrane.run(campaign.steps, campaign.step, start, _damage_histories(campaign, cases))
     histories, failed = {"strain": run.results}, run.failed
     if kernels.chain is not None:
-        more, broken = run_chain(campaign, kernels.chain, cases, run.results)
+        rest = rest_strain(campaign, kernels, varied), rest_strain(campaign, kernels, {})
+        more, broken = run_chain(campaign, kernels.chain, cases, rest, run.results)
         histories, failed = histories | more, failed | broken
     return {
         "damage": cases.damage,

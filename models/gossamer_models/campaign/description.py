@@ -10,10 +10,13 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
+from pathlib import Path
 from typing import Literal
 
-from ..membrane import Structure, square_structure
-from ..membrane.square import INPUTS, PARAMETERS
+import numpy as np
+from numpy.typing import NDArray
+
+from ..membrane import Setup, Structure, make_structure, read_mesh, square_structure, surface_mesh
 from ..mistakes import DescriptionError, Mistake, disordered, raise_any
 from ..variables import Variable
 
@@ -23,7 +26,6 @@ MOST_CASES_PER_CHUNK = 4096
 DEEPEST = 0.95  # largest damage that the membrane takes [1]
 SENSOR_GAIN, NOISE = "sensor_gain", "noise"  # what can vary and is no variable of the membrane
 ONSET = "onset"
-SETTABLE: dict[str, Variable] = {v.name: v for v in (*PARAMETERS, *INPUTS) if not v.name.startswith("damage[")}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +84,18 @@ class Distribution:
                 Mistake(("normal",), f"'normal' is {self.normal:g}. Write a standard deviation, 0 or more.")
             )
 
+    @property
+    def deviation(self) -> float:
+        """Standard deviation."""
+        return self.normal or 0.0 if self.uniform is None else (self.uniform[1] - self.uniform[0]) / math.sqrt(12.0)
+
+    def draw(self, shape: tuple[int, ...], random: np.random.Generator) -> NDArray[np.float64]:
+        """Draw independent numbers."""
+        if self.uniform is None:
+            return (self.normal or 0.0) * random.standard_normal(shape)
+        low, high = self.uniform
+        return low + (high - low) * random.random(shape)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mesh:
@@ -90,7 +104,9 @@ class Mesh:
     Attributes
     ----------
     elements_per_side, order, law
-        As in ``membrane_model``.
+        Of the square, as in ``square_structure``; they have no meaning beside a setup.
+    setup : Setup or None
+        Another membrane than the square; its ``mesh`` is the path of a file.
     parameters : mapping of str to float
         Parameters and constant inputs by name; the others keep their start values.
     """
@@ -98,23 +114,56 @@ class Mesh:
     elements_per_side: int = 4
     order: int = 4
     law: str = "st_venant_kirchhoff"
+    setup: Setup | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        mistakes = [m for name, value in self.parameters.items() for m in _outside(("parameters", name), value)]
-        try:
-            _ = self.structure
-        except DescriptionError as error:
-            mistakes += error.mistakes
-        raise_any(mistakes)
+        given = [row.name for row in fields(self)[:3] if getattr(self, row.name) != row.default]
+        if self.setup is not None and given:
+            text = f"{given[0]!r} is of the square membrane, and the setup says its own. Remove one of them."
+            raise DescriptionError(Mistake((given[0],), text))
+        _ = self.structure
+        raise_any([m for name, value in self.parameters.items() for m in self.outside(("parameters", name), value)])
 
     @property
     def structure(self) -> Structure:
         """The membrane, with its zones and sensors."""
-        return _square(self.elements_per_side, self.order, self.law)
+        if self.setup is None:
+            return _square(self.elements_per_side, self.order, self.law)
+        return _on_its_mesh(self.setup)
+
+    @property
+    def settable(self) -> dict[str, Variable]:
+        """Parameters and inputs that a campaign can hold or vary, by name: all but the damage."""
+        return _settable(self.structure)
+
+    def outside(self, place: tuple[str, ...], value: float) -> Iterator[Mistake]:
+        """Refuse an unknown variable of the membrane, the last part of a place, or a value out of its range."""
+        name, known = place[-1], self.settable
+        if name not in known:
+            yield Mistake(place, f"the membrane has no {name!r}.", name, tuple(known))
+            return
+        row = known[name]
+        low, high = (
+            end if limit is None else limit for limit, end in ((row.minimum, -math.inf), (row.maximum, math.inf))
+        )
+        if not low <= value <= high:
+            text = f"{name!r} reaches {value:g}; the membrane takes {low:g} to {high:g} {row.unit}. Correct it."
+            yield Mistake(place, text)
 
 
 _square = lru_cache(maxsize=8)(square_structure)
+
+
+@lru_cache(maxsize=8)
+def _on_its_mesh(setup: Setup) -> Structure:
+    return make_structure(setup, surface_mesh(read_mesh(Path(setup.mesh), setup.scale), setup.order))
+
+
+@lru_cache(maxsize=8)
+def _settable(structure: Structure) -> dict[str, Variable]:
+    rows = [v for v in structure.table if v.causality in ("parameter", "input") and not v.name.startswith("damage[")]
+    return {row.name: row for row in rows}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -281,8 +330,9 @@ class CampaignPlan:
             if name == NOISE and self.noise == MeasurementNoise():
                 yield Mistake((name,), "there is no noise to vary. Add [noise], or remove it.")
             return
-        if name not in SETTABLE:
-            yield Mistake((name,), f"the membrane has no {name!r} to vary.", name, (*SETTABLE, SENSOR_GAIN, NOISE))
+        known = self.membrane.settable
+        if name not in known:
+            yield Mistake((name,), f"the membrane has no {name!r} to vary.", name, (*known, SENSOR_GAIN, NOISE))
             return
         if vary.range is not None and name in self.membrane.parameters:
             text = f"{name!r} has a range and a constant value in [membrane]. Remove one of them, or write a factor."
@@ -290,13 +340,13 @@ class CampaignPlan:
         if vary.factor is not None and self.base(name) == 0.0:
             yield Mistake((name,), f"{name!r} is 0, so a factor does not vary it. Write a range.")
         for value in vary.limits(self.base(name)):
-            yield from _outside((name,), value)
+            yield from self.membrane.outside((name,), value)
 
     def base(self, name: str) -> float:
         """Return the constant value of a quantity that can vary."""
         if name in (SENSOR_GAIN, NOISE):
             return 1.0
-        return float(self.membrane.parameters.get(name, SETTABLE[name].start or 0.0))
+        return float(self.membrane.parameters.get(name, self.membrane.settable[name].start or 0.0))
 
     @property
     def count(self) -> int:
@@ -321,17 +371,3 @@ class CampaignPlan:
     def numbers(self, chunk: int) -> range:
         """Return the cases of a chunk."""
         return range(chunk * self.chunk, min((chunk + 1) * self.chunk, self.count))
-
-
-def _outside(place: tuple[str, ...], value: float) -> Iterator[Mistake]:
-    """Refuse an unknown variable of the membrane, the last part of a place, or a value out of its range."""
-    name = place[-1]
-    if name not in SETTABLE:
-        yield Mistake(place, f"the membrane has no {name!r}.", name, tuple(SETTABLE))
-        return
-    row = SETTABLE[name]
-    low, high = (end if limit is None else limit for limit, end in ((row.minimum, -math.inf), (row.maximum, math.inf)))
-    if not low <= value <= high:
-        yield Mistake(
-            place, f"{name!r} reaches {value:g}; the membrane takes {low:g} to {high:g} {row.unit}. Correct it."
-        )

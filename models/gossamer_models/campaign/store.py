@@ -26,13 +26,14 @@ from numpy.typing import NDArray
 from ..compensator.estimator import HALF_WIDTHS
 from ..errors import DataError
 from .chunk import Kernels
-from .description import NOISE, ONSET, SENSOR_GAIN, SETTABLE, CampaignPlan
+from .description import NOISE, ONSET, SENSOR_GAIN, CampaignPlan
+from .symmetry import find_symmetry
 
 if TYPE_CHECKING:
     import xarray as xr
     import zarr
 
-SCHEMA, VERSION = "gossamer.campaign", 1
+SCHEMA, VERSION = "gossamer.campaign", 2
 HISTORY = ("case", "sensor", "time")
 
 
@@ -42,6 +43,8 @@ def identity(campaign: CampaignPlan, kernels: Kernels) -> dict[str, Any]:
     del content["title"]
     if campaign.chain is not None:
         del content["chain"]["artifact"]  # the digest of the sensor stands for it
+    if campaign.membrane.setup is not None:
+        del content["membrane"]["setup"]["mesh"]  # and that of the membrane for its mesh
     models = {f"model.{name}": digest for name, digest in kernels.digests.items()}
     engine = "compiled" if kernels.membrane.compiled else "stepper"  # they differ by round-off
     return {
@@ -141,6 +144,7 @@ def create_store(path: Path, campaign: CampaignPlan, kernels: Kernels, source: s
         "campaign": json.dumps(asdict(campaign)),
         "campaign.toml": source,
         "identity": wanted,
+        "symmetry": json.dumps(find_symmetry(campaign, kernels).lists()),
         "sha256": hashlib.sha256(json.dumps(wanted, sort_keys=True).encode()).hexdigest(),
         "versions": {
             "python": platform.python_version(),
@@ -165,6 +169,8 @@ def create_store(path: Path, campaign: CampaignPlan, kernels: Kernels, source: s
                 first = 0 if name == "case" else 1
                 steps = np.arange(first, first + sizes[name])
                 array[:] = steps * campaign.step if name == "time" else steps
+            if name == "zone":
+                array.attrs["names"] = list(structure.zone_names)
             if name == "resistance" and kernels.chain is not None:
                 array.attrs["full_scale_change"] = kernels.chain.full_scale_change
             if name == "compensated_strain" and campaign.chain is not None:
@@ -177,16 +183,19 @@ def create_store(path: Path, campaign: CampaignPlan, kernels: Kernels, source: s
 
 def _variables(campaign: CampaignPlan) -> dict[str, tuple[tuple[str, ...], str, str, str]]:
     """List the variables of the store: dimensions, type, unit, description."""
+    settable = campaign.membrane.settable
     varied = {
-        name: (("case",), "f8", SETTABLE[name].unit, SETTABLE[name].description)
+        name: (("case",), "f8", settable[name].unit, settable[name].description)
         for name in sorted(campaign.vary)
-        if name in SETTABLE
+        if name in settable
     }
     if NOISE in campaign.vary:
         varied[NOISE] = (("case",), "f8", "1", "Factor on the noise")
     if campaign.begins:
         varied[ONSET] = (("case",), "f8", "s", "When damage begins; 0: it is there from the start")
-    histories = {"strain": (HISTORY, "f4", "1", "Strain of the membrane along y, prestrain included, without noise")}
+    histories = {
+        "strain": (HISTORY, "f4", "1", "Strain of the membrane at its sensors, prestrain included, without noise")
+    }
     if campaign.chain is not None:
         histories["resistance"] = (HISTORY, "f4", "ohm", "Resistance without noise")
         histories["compensated_strain"] = (

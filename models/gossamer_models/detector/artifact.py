@@ -51,6 +51,8 @@ class TrainedWindows(ABC):
         Beginning of the first window and sampling step [s].
     samples : int
         Samples in a window, a multiple of 4.
+    zone_names : tuple of str
+        What the zones are called; empty for zone 1, zone 2, ...
     provenance : dict
         How it was trained.
     """
@@ -58,6 +60,7 @@ class TrainedWindows(ABC):
     start_time: float
     sampling_step: float
     samples: int
+    zone_names: tuple[str, ...] = ()
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -65,6 +68,11 @@ class TrainedWindows(ABC):
         require(0.0 < self.sampling_step < np.inf, f"sampling_step is {self.sampling_step:g} s, it must be positive")
         whole = self.samples >= BLOCK and self.samples % BLOCK == 0
         require(whole, f"a window needs a multiple of {BLOCK} samples, not {self.samples}")
+
+    @property
+    def names(self) -> list[str]:
+        """What the zones are called."""
+        return list(self.zone_names) or [f"zone {k + 1}" for k in range(self.zones)]
 
     @property
     @abstractmethod
@@ -83,13 +91,15 @@ class TrainedWindows(ABC):
 
     def card(self) -> dict[str, Any]:
         """Return what the card of the file says of the windows."""
-        return {"start_time": self.start_time, "sampling_step": self.sampling_step, "samples": self.samples}
+        times = {"start_time": self.start_time, "sampling_step": self.sampling_step, "samples": self.samples}
+        return times | {"zone_names": list(self.zone_names)}
 
     @staticmethod
     def of_card(card: dict[str, Any]) -> dict[str, Any]:
         """Return the fields of this class from a card."""
         times = {name: float(card[name]) for name in ("start_time", "sampling_step")}
-        return times | {"samples": int(card["samples"]), "provenance": dict(card["provenance"])}
+        names = tuple(card.get("zone_names", ()))
+        return times | {"samples": int(card["samples"]), "zone_names": names, "provenance": dict(card["provenance"])}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Features of strain histories: energies of Haar packets, block means and their principal components, and the noise.
 
-Symbols: ``n`` cases, ``s`` samples of a window, ``M`` whole blocks of it, ``x`` centred block means [1], ``K`` components,
-``V`` their axes; ``x1..x4`` four successive samples, ``U`` packet energies in the order AA, AD, DA, DD.
+Symbols: ``n`` cases, ``s`` sensors, ``M`` whole blocks of a window, ``x`` centred block means [1], ``K`` components, ``V``
+their axes; ``x1..x4`` four successive samples, ``U`` packet energies in the order AA, AD, DA, DD.
 
 A packet coefficient of level 2 of the orthonormal Haar basis, Eqs. (7.5) and (7.6) of the thesis applied twice, depends on
 four successive samples only, so its energy is a running sum over blocks of four, without a record. PyWavelets gives the
@@ -22,15 +22,13 @@ import pywt
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Matrix, Vector
+from ..campaign.symmetry import Symmetry
 from ..errors import DataError
 
 BLOCK = 4
 PACKETS = ("AA", "AD", "DA", "DD")
 ORDER = 4  # of the differences that show the noise: strain is smooth between neighbouring samples
 DIFFERENCE = np.array([(-1.0) ** k * comb(ORDER, k) for k in range(ORDER + 1)])  # newest sample first
-# One sensor in each quadrant, x fastest: sums and differences of their signals, one row per symmetry of a signal.
-SECTORS = 0.5 * np.kron([[1.0, 1.0], [1.0, -1.0]], [[1.0, 1.0], [1.0, -1.0]])
-SENSORS = len(SECTORS)
 
 
 def block_energies(block: ca.MX) -> ca.MX:
@@ -89,28 +87,37 @@ def packet_energies(record: ArrayLike) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class Components:
-    """Principal components of block means that are even or odd when the membrane is mirrored.
+    """Principal components of the block means of each of some orthonormal sums of the sensors' signals.
 
-    The membrane, its load, its zones and its sensors are symmetric about both middle lines. So the covariance over random
-    damage falls into four blocks, one for each sum or difference of the four signals, and a mirror image of a record has
-    the same components up to their signs.
+    Of a structure with mirror images these sums are even or odd, so the covariance over random damage falls into a block
+    for each, and an image of a record has the same components up to their signs. Of any other each sensor is by itself.
 
     Attributes
     ----------
-    mean : ndarray, shape (M,)
-        Mean history of every sensor [1].
+    unit : ndarray, shape (1,)
+        Strain [1] that everything else is in units of.
+    modes : ndarray, shape (s, s)
+        Weights of the sensors in each sum, one per row.
+    mean : ndarray, shape (s, M)
+        Mean history of every sensor.
     axes : ndarray, shape (M, K)
-        Orthonormal axes of each sector, the largest variance first.
+        Orthonormal axes of each sum, the largest variance first.
     sectors : ndarray, shape (K,)
-        Row of ``SECTORS`` that an axis belongs to, in ascending order.
+        Row of ``modes`` that an axis belongs to, in ascending order.
     variances : ndarray, shape (K,)
-        Variances along them [1].
+        Variances along them.
     """
 
-    mean: Vector
+    unit: Vector
+    modes: Matrix
+    mean: Matrix
     axes: Matrix
     sectors: Vector
     variances: Vector
+
+    def scaled(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Return block means [1] in the unit of the components, their mean removed, shape (n, s, M)."""
+        return np.asarray(x / x.dtype.type(self.unit[0]) - self.mean)
 
 
 def block_means(records: ArrayLike, block: int) -> Matrix:
@@ -118,14 +125,14 @@ def block_means(records: ArrayLike, block: int) -> Matrix:
 
     Parameters
     ----------
-    records : array_like, shape (..., 4, s)
+    records : array_like, shape (..., s, samples)
         Strains [1].
     block : int
         Samples of a block; samples at the end that fill no block are not used.
 
     Returns
     -------
-    ndarray, shape (..., 4, M)
+    ndarray, shape (..., s, M)
         Centred block means [1]: a constant offset of a sensor has no effect.
 
     Raises
@@ -148,41 +155,46 @@ def difference_noise(records: ArrayLike) -> Matrix:
 
     Parameters
     ----------
-    records : array_like, shape (..., 4, s)
+    records : array_like, shape (..., s, samples)
         Strains [1].
 
     Returns
     -------
-    ndarray, shape (..., 4)
+    ndarray, shape (..., s)
         Standard deviation [1] of each sensor; strain itself adds little, since it is smooth.
     """
     differences = np.diff(np.asarray(records, dtype=float), ORDER, axis=-1)
     return np.asarray(np.sqrt(np.mean(differences**2, axis=-1) / np.sum(DIFFERENCE**2)))
 
 
-def principal_components(x: NDArray[Any], count: int) -> Components:
+def principal_components(x: NDArray[Any], count: int, symmetry: Symmetry, unit: float = 1.0) -> Components:
     """Find the principal components of centred block means.
 
     Parameters
     ----------
-    x : ndarray, shape (n, 4, M)
-        From ``block_means``; the mirror images of a case need not be there.
+    x : ndarray, shape (n, s, M)
+        From ``block_means``; the images of a case need not be there.
     count : int
         Number of components.
+    symmetry : Symmetry
+        Images of the structure.
+    unit : float
+        Strain [1] that the components are in units of.
 
     Raises
     ------
     DataError
         There are fewer cases or block means than components.
     """
-    n, _, M = x.shape
-    if count >= min(n, SENSORS * M):
-        msg = f"{n} cases of {SENSORS * M} block means have no {count} principal components. Run more cases."
+    n, s, M = x.shape
+    if count >= min(n, s * M):
+        msg = f"{n} cases of {s * M} block means have no {count} principal components. Run more cases."
         raise DataError(msg)
-    mean = x.mean(axis=(0, 1), dtype=float)
+    mean = x.mean(axis=0, dtype=float)
+    mean = np.mean([mean[order] for order in symmetry.sensors], axis=0) / unit
     found = []
-    for sector, row in enumerate(SECTORS):
-        y = np.tensordot(row, x, (0, 1)) - row.sum() * mean
+    for sector, row in enumerate(symmetry.modes):
+        y = np.tensordot(row / unit, x, (0, 1)) - row @ mean
         variances, axes = np.linalg.eigh(np.asarray(y.T @ y, dtype=float) / n)
         found += [(variance, sector, axis) for variance, axis in zip(variances, axes.T, strict=True)]
     largest = sorted(found, key=lambda item: -item[0])[:count]
@@ -190,7 +202,7 @@ def principal_components(x: NDArray[Any], count: int) -> Components:
     V = np.array([axis for *_, axis in chosen]).T
     V = V * np.sign(V[np.abs(V).argmax(axis=0), np.arange(count)])  # a sign that does not depend on the solver
     lam, sectors = np.array([item[:2] for item in chosen], float).T
-    return Components(mean, V, sectors, lam)
+    return Components(np.array([unit]), symmetry.modes, mean, V, sectors, lam)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,13 +211,13 @@ class Register:
 
     Attributes
     ----------
-    recent : casadi.MX, shape (4, 4)
+    recent : casadi.MX, shape (s, 4)
         Strains [1] at the last four samples, the newest first.
-    partial : casadi.MX, shape (4,)
+    partial : casadi.MX, shape (s,)
         Sum of the strains [1] of the running block.
-    blocks : casadi.MX, shape (4, M)
+    blocks : casadi.MX, shape (s, M)
         Means [1] of the last blocks, the newest last.
-    squares : casadi.MX, shape (4,)
+    squares : casadi.MX, shape (s,)
         Sum of the squared differences.
     """
 
@@ -215,17 +227,17 @@ class Register:
     squares: ca.MX
 
     @classmethod
-    def empty(cls, count: int) -> Register:
-        """Return a register of ``count`` blocks before the first sample."""
-        none = ca.MX.zeros(SENSORS)
-        return cls(ca.MX.zeros(SENSORS, ORDER), none, ca.MX.zeros(SENSORS, count), none)
+    def empty(cls, sensors: int, count: int) -> Register:
+        """Return a register of ``count`` blocks of some sensors before the first sample."""
+        none = ca.MX.zeros(sensors)
+        return cls(ca.MX.zeros(sensors, ORDER), none, ca.MX.zeros(sensors, count), none)
 
     def advance(self, sample: ca.MX, take: ca.MX, count: ca.MX, block: int) -> Register:
         """Take one sample.
 
         Parameters
         ----------
-        sample : casadi.MX, shape (4,)
+        sample : casadi.MX, shape (s,)
             Strains [1].
         take : casadi.MX, scalar
             Whether there is a sample.
@@ -251,7 +263,7 @@ class Register:
         return Register(self.recent, self.partial * zero, self.blocks, self.squares * zero)
 
     def features(self, samples: int) -> tuple[ca.MX, ca.MX]:
-        """Return what ``block_means``, shape (4, M), and ``difference_noise``, shape (4,), give for the whole window."""
+        """Return what ``block_means``, shape (s, M), and ``difference_noise``, shape (s,), give for the whole window."""
         centred = self.blocks - ca.repmat(ca.sum2(self.blocks) / self.blocks.shape[1], 1, self.blocks.shape[1])
         scale = (samples - ORDER) * float(np.sum(DIFFERENCE**2))
         return centred, ca.sqrt(self.squares / scale)

@@ -132,8 +132,8 @@ def window_variables(trained: TrainedWindows) -> tuple[Variable, ...]:
             for i in range(1, trained.sensors + 1)
         ),
         *(
-            fraction(f"damage[{z}]", description=f"Estimated loss of stiffness in zone {z}")
-            for z in range(1, trained.zones + 1)
+            fraction(f"damage[{z}]", description=f"Estimated loss of stiffness in {name}")
+            for z, name in enumerate(trained.names, start=1)
         ),
     )
 
@@ -311,8 +311,8 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     Returns
     -------
     StepModel
-        Inputs ``strain[1..4]`` [1]; outputs ``damage[1..16]``, ``deviation[1..16]``, ``probability[1..16]``, ``misfit``,
-        ``risk`` and ``valid`` [1].
+        Inputs ``strain[1..s]`` [1] of s sensors; outputs ``damage[1..z]``, ``deviation[1..z]``, ``probability[1..z]`` of z
+        zones, ``misfit``, ``risk`` and ``valid`` [1].
 
     Notes
     -----
@@ -326,7 +326,7 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     training, ``misfit`` is 1 or less, and ``risk`` is ``LARGEST_RISK`` or less.
     """
     trained = artifact or PosteriorArtifact.default()
-    zones = range(1, trained.zones + 1)
+    zones = [*enumerate(trained.names, start=1)]
 
     def advance(x: Register, sample: Sample) -> tuple[Register, Register]:
         register = x.advance(sample.strain, sample.due, sample.number, trained.block)
@@ -342,15 +342,21 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
         trained,
         "a network of its posterior",
         (
-            *(positive(f"deviation[{z}]", description=f"Standard deviation of the damage of zone {z}") for z in zones),
-            *(fraction(f"probability[{z}]", description=f"Probability that zone {z} is damaged") for z in zones),
+            *(
+                positive(f"deviation[{z}]", description=f"Standard deviation of the damage of {name}")
+                for z, name in zones
+            ),
+            *(fraction(f"probability[{z}]", description=f"Probability that {name} is damaged") for z, name in zones),
             positive("misfit", description="Distance from the records of the training; 1 is the largest valid one"),
             fraction(
                 "risk", description="Chance that the damage of some zone is wrong by more than 10 % of its stiffness"
             ),
             fraction("valid", description=valid),
         ),
-        (Register.empty(trained.samples // trained.block), DamagePosterior(none, none, none, zero, zero, zero)),
+        (
+            Register.empty(trained.sensors, trained.samples // trained.block),
+            DamagePosterior(none, none, none, zero, zero, zero),
+        ),
         advance,
         [partial(judge, window) for window in trained.windows],
     )

@@ -1,8 +1,8 @@
 """What one window says of the damage: probability, mean and standard deviation per zone, and how well they explain it.
 
 Symbols: ``x`` centred block means [1], ``V``, ``lam`` axes and variances of the principal components, ``c`` components,
-``r`` what lies outside them, ``s`` noise of a block mean [1], ``P``, ``m``, ``sd`` probability, mean and standard
-deviation of the damage of a damaged zone [1].
+``r`` what lies outside them, ``s`` noise of a block mean, all in units of ``Components.unit``; ``P``, ``m``, ``sd``
+probability, mean and standard deviation of the damage of a damaged zone [1].
 
 ``judge_window`` is the definition, as an expression. ``analyse``, ``heads_of`` and ``explain`` are the same in NumPy for
 many cases at once, as training needs it.
@@ -21,14 +21,13 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 from ..variables import results_of
-from .features import SECTORS, SENSORS, Components, block_means, difference_noise
+from .features import Components, block_means, difference_noise
 from .networks import LEAST, PEAKS, FuzzyRules, Perceptron, defuzzify, similarity
 from .posterior_artifact import HEADS, PosteriorArtifact, PosteriorWindow
 
 WRONG = 0.10  # error of a zone that a valid answer must not have [1]
 LARGEST_RISK = 0.01  # of a valid answer: that it is wrong by more than 10 % [1]
-FLOOR = 3e-5  # least noise of a block mean [1], far below what matters, so that clean records have one too
-MIRRORS = ((1, 1), (1, -1), (-1, 1), (-1, -1))  # images of a record: steps through rows (along y) and columns (along x)
+FLOOR = 3e-5  # least noise of a block mean, far below what matters, so that clean records have one too
 SPREAD, SPREADS = 0.017, 3.0  # a network can state standard deviations within e^-3 to e^3 times this [1]
 Rows = NDArray[Any]  # of single or double precision
 
@@ -55,13 +54,6 @@ class DamagePosterior:
     valid: ca.MX
 
 
-def image_zones(zones: int) -> list[NDArray[np.int64]]:
-    """Return the zones, of a square grid, that are the first quadrant in each image of a record."""
-    side = math.isqrt(zones)
-    zone = np.arange(zones).reshape(side, side)
-    return [zone[::y, ::x][: side // 2, : side // 2].ravel() for y, x in MIRRORS]
-
-
 def judge_window(
     window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX, known: ca.MX | float = 1.0
 ) -> tuple[DamagePosterior, ca.MX]:
@@ -73,9 +65,9 @@ def judge_window(
         Trained network.
     block : int
         Samples of a block.
-    x : casadi.MX, shape (4, M)
+    x : casadi.MX, shape (sensors, M)
         Centred block means [1].
-    noise : casadi.MX, shape (4,)
+    noise : casadi.MX, shape (sensors,)
         Standard deviations [1] of the noise of a sample by fourth differences.
     known : casadi.MX or float, scalar
         1 if the window is one of those that the network was trained for, else 0.
@@ -89,7 +81,7 @@ def judge_window(
 
     Notes
     -----
-    The network answers for the zones of one quadrant, given a record; given its mirror images, for the other zones.
+    The network answers for some zones, given a record; given its images, if there are any, for the others.
     The features are the components as a Wiener filter leaves them, :math:`z_k = c_k \sqrt{\lambda_k} / (\lambda_k + s^2)`,
     and :math:`\log_{10} s`. The noise s is that outside the components, where there is no strain.
 
@@ -104,17 +96,19 @@ def judge_window(
     lam = ca.DM(window.variances)
     c, r = components(window, x)
     outside, freedom = ca.sum2(r**2), degrees_of_freedom(window)
-    s2 = ca.sum1(outside) / (SENSORS * freedom) + FLOOR**2
+    s2 = ca.sum1(outside) / freedom.sum() + FLOOR**2
     features = ca.vertcat(c * ca.sqrt(lam) / (lam + s2), log_noise(s2))
-    images = ca.repmat(features, 1, len(MIRRORS)) * ca.DM(image_signs(window.sectors))
+    signs = image_signs(window.signs, window.sectors)
+    images = ca.repmat(features, 1, signs.shape[1]) * ca.DM(signs)
     *_, hidden, heads = (fuzzy_rules if window.network == "neuro-fuzzy" else layers)(window.encoder, images)
-    P, m, sd = posterior(*(spread_out(head) for head in ca.vertsplit(heads, window.zones // SENSORS)))
+    order = np.argsort(window.answered.ravel()).tolist()
+    P, m, sd = posterior(*(ca.vec(head)[order] for head in ca.vertsplit(heads, window.answered.shape[1])))
     damage = ca.if_else(P >= 0.5, m, 0.0)
     hidden = hidden[:, 0]
     explained = layers(window.decoder, ca.vertcat(damage, ca.DM(window.latent).T @ hidden))[-1] * ca.DM(window.scales)
     left = ca.DM(window.directions).T @ (c - explained)
     ratios = ca.vertcat(
-        ca.mmax(outside / freedom / (noise**2 / block + window.rest[0] ** 2)),
+        ca.mmax(outside / ca.DM(freedom) / ((noise / window.unit[0]) ** 2 / block + window.rest[0] ** 2)),
         ca.sum1(left**2 / (s2 + ca.DM(window.errors) ** 2)) / lam.numel(),
         ca.sum1(c**2 / (lam + s2)) / lam.numel(),
         ca.sqrt(s2),
@@ -166,35 +160,26 @@ def log_noise(s2: ca.MX) -> ca.MX:
     return 0.5 * ca.log10(s2) + 3.5
 
 
-def degrees_of_freedom(window: PosteriorWindow | Components) -> float:
-    """Count what the components leave of the centred block means of a sensor."""
-    M, K = window.axes.shape
-    return float(M - 1.0 - K / SENSORS)
+def degrees_of_freedom(parts: Components) -> Vector:
+    """Count what the components leave of the centred block means of each sensor, shape (sensors,)."""
+    return np.asarray(len(parts.axes) - 1.0 - np.sum(parts.modes[parts.sectors.astype(int)] ** 2, axis=0))
 
 
-def image_signs(sectors: Vector) -> Matrix:
-    """Return the signs of the features in each mirror image, shape (K + 1, 4)."""
-    first = np.array([[x, y] for y, x in MIRRORS])  # signs of a difference along x and along y
-    odd = np.array([sectors % 2, sectors // 2])
-    signs = np.prod(np.where(odd[None] > 0.5, first[:, :, None], 1), axis=1)
-    return np.vstack([signs.T, np.ones(len(MIRRORS))])
+def image_signs(signs: Matrix, sectors: Vector) -> Matrix:
+    """Return the signs of the features in each image, shape (K + 1, images), from those of the modes."""
+    return np.vstack([signs[:, sectors.astype(int)].T, np.ones(len(signs))])
 
 
 def components(window: PosteriorWindow, x: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """Write the components of block means, shape (K,), and what they leave of them, shape (4, M)."""
-    y = ca.DM(SECTORS) @ (x - ca.repmat(ca.DM(window.mean).T, SENSORS, 1))
+    """Write the components of block means, shape (K,), and what they leave of them, shape (sensors, M)."""
+    y = ca.DM(window.modes) @ (x / window.unit[0] - ca.DM(window.mean))
     parts, left = [], []
-    for sector in range(SENSORS):
+    for sector in range(len(window.modes)):
         axes = window.axes[:, window.sectors == sector]
         V = ca.MX(ca.DM(axes))  # one constant for both products
         parts.append(y[sector, :] @ V if axes.size else ca.MX(1, 0))
         left.append(y[sector, :] - (V @ parts[-1].T).T if axes.size else y[sector, :])
-    return ca.horzcat(*parts).T, ca.DM(SECTORS).T @ ca.vertcat(*left)
-
-
-def spread_out(head: ca.MX) -> ca.MX:
-    """Put a head of the quadrant in each mirror image, shape (z / 4, 4), to its zones, shape (z,)."""
-    return ca.vec(head)[np.argsort(np.concatenate(image_zones(head.numel()))).tolist()]
+    return ca.horzcat(*parts).T, ca.DM(window.modes).T @ ca.vertcat(*left)
 
 
 def judge_records(artifact: PosteriorArtifact, number: int, records: Matrix) -> dict[str, Matrix]:
@@ -206,7 +191,7 @@ def judge_records(artifact: PosteriorArtifact, number: int, records: Matrix) -> 
         Trained detector.
     number : int
         Window, from 0.
-    records : ndarray, shape (n, 4, samples)
+    records : ndarray, shape (n, sensors, samples)
         Strains [1].
 
     Returns
@@ -219,9 +204,9 @@ def judge_records(artifact: PosteriorArtifact, number: int, records: Matrix) -> 
 
 def records_judged(window: PosteriorWindow, block: int, records: Matrix) -> dict[str, Matrix]:
     """Judge many records of a window with blocks of some samples; see ``judge_records``."""
-    M = window.mean.size
-    x, noise = ca.MX.sym("x", SENSORS * M), ca.MX.sym("noise", SENSORS)
-    outputs, ratios = judge_window(window, block, ca.reshape(x, M, SENSORS).T, noise)
+    sensors, M = window.mean.shape
+    x, noise = ca.MX.sym("x", sensors * M), ca.MX.sym("noise", sensors)
+    outputs, ratios = judge_window(window, block, ca.reshape(x, M, sensors).T, noise)
     named = {**results_of(outputs), "ratios": ratios}
     judge = ca.Function("judge", [x, noise], list(named.values()))
     found = judge(block_means(records, block).reshape(len(records), -1).T, difference_noise(records).T)
@@ -238,18 +223,18 @@ class Features(NamedTuple):
     s2: Rows
 
 
-def analyse(parts: Components | PosteriorWindow, x: Rows) -> Features:
-    """Return the features of block means, shape (n, 4, M)."""
-    y = np.tensordot(x - parts.mean, SECTORS, (1, 1))  # (n, M, 4)
+def analyse(parts: Components, x: Rows) -> Features:
+    """Return the features of block means [1], shape (n, sensors, M)."""
+    y = np.tensordot(parts.scaled(x), parts.modes, (1, 1))  # (n, M, sensors)
     c = np.empty((len(x), len(parts.sectors)))
     outside = np.sum(y * y, axis=(1, 2))
-    for sector in range(SENSORS):
+    for sector in range(len(parts.modes)):
         some = parts.sectors == sector
         V = parts.axes[:, some]
         c[:, some] = y[:, :, sector] @ V
         left = y[:, :, sector] - c[:, some] @ V.T
         outside += np.sum(left * left, axis=1) - np.sum(y[:, :, sector] ** 2, axis=1)
-    s2 = outside[:, None] / (SENSORS * degrees_of_freedom(parts)) + FLOOR**2
+    s2 = outside[:, None] / degrees_of_freedom(parts).sum() + FLOOR**2
     return Features(features(parts.variances, c, s2), c, s2)
 
 
@@ -264,11 +249,11 @@ def network_of(window: PosteriorWindow) -> Perceptron | FuzzyRules:
     return FuzzyRules(arrays) if window.network == "neuro-fuzzy" else Perceptron(arrays)
 
 
-def all_heads(net: Perceptron | FuzzyRules, features: Rows, signs: Rows) -> Rows:
-    """Evaluate the heads of all zones, shape (n, 3 z), from the images of the features."""
+def all_heads(net: Perceptron | FuzzyRules, features: Rows, signs: Rows, answered: NDArray[np.int64]) -> Rows:
+    """Evaluate the heads of all zones, shape (n, 3 z), from the images of the features; see ``Symmetry.answered``."""
     images = [net.values(features * sign)[-1].reshape(len(features), HEADS, -1) for sign in signs.T]
     found = np.concatenate(images, axis=2)
-    found[:, :, np.concatenate(image_zones(found.shape[2]))] = found.copy()
+    found[:, :, answered.ravel()] = found.copy()
     return found.reshape(len(features), -1)
 
 
@@ -285,7 +270,7 @@ def damage_of(heads: Rows) -> Rows:
 
 def heads_of(window: PosteriorWindow, found: Features) -> Matrix:
     """Evaluate the heads, shape (n, 3 z), of a window."""
-    return all_heads(network_of(window), found.features, image_signs(window.sectors))
+    return all_heads(network_of(window), found.features, image_signs(window.signs, window.sectors), window.answered)
 
 
 def explain(window: PosteriorWindow, found: Features) -> Matrix:

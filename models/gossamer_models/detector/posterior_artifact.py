@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 from ..artifacts import artifact_schema, read_arrays, read_artifact, write_artifact
 from ..errors import ArtifactError
 from .artifact import DetectorArtifact, TrainedWindows, require, usable
-from .features import SENSORS
+from .features import Components
 from .networks import PEAKS
 
-SCHEMA, VERSION = "gossamer.posterior_detector", 2
+SCHEMA, VERSION = "gossamer.posterior_detector", 3
 NOMINAL = Path(__file__).with_name("nominal.json")
 Network: TypeAlias = Literal["perceptron", "neuro-fuzzy"]
 HEADS = 3  # of the network per zone: logit of P(damaged), mean, logarithm of the standard deviation
@@ -25,21 +26,24 @@ NETWORKS = {  # arrays of the network, by its kind
     "neuro-fuzzy": ("indices", "references", "roots", "bias", "rules", "rule_bias"),
 }
 _DECODER = tuple(f"decoder_{kind}{layer}" for layer in (1, 2) for kind in "Wb")
-_SINGLE = ("mean", "axes", "sectors", "variances", "rest", "latent", "scales", "directions", "errors", "limits")
+_COMPONENTS = tuple(field.name for field in fields(Components))
+_SINGLE = (*_COMPONENTS, "signs", "answered", "rest", "latent", "scales", "directions", "errors", "limits")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PosteriorWindow:
-    """The network of one window, with K components, H hidden values, L latent ones.
+class PosteriorWindow(Components):
+    """The network of one window, with K components, H hidden values, L latent ones; strain is in its ``unit``.
 
     Attributes
     ----------
-    mean, axes, sectors, variances : ndarray, shapes (M,), (M, K), (K,), (K,)
-        See ``Components``.
+    signs : ndarray, shape (m, s)
+        Sign of each of ``modes`` in each of m images of a record: 1 alone, of a structure without mirror images.
+    answered : ndarray of int, shape (m, q)
+        Zones, from 0, that the network answers for when it is given each image.
     rest : ndarray, shape (1,)
-        Root mean square of what clean records have outside the components [1], per degree of freedom.
+        Root mean square of what clean records have outside the components, per degree of freedom.
     network : {"perceptron", "neuro-fuzzy"}
-        What answers for the zones of one quadrant.
+        What answers for q zones.
     encoder : tuple of ndarray
         Its arrays, from K + 1 features to 3 heads of these zones: weights and biases of three layers, or as in
         ``FuzzyRules``.
@@ -48,18 +52,16 @@ class PosteriorWindow:
     decoder : tuple of ndarray
         Weights and biases of two layers, from all zones + L values to K components in units of ``scales``.
     scales : ndarray, shape (K,)
-        Units of the decoder [1].
+        Units of the decoder.
     directions, errors : ndarray, shapes (K, K) and (K,)
-        Principal axes of the errors of the decoder on clean records, and their root mean squares along them [1].
+        Principal axes of the errors of the decoder on clean records, and their root mean squares along them.
     limits : ndarray, shape (4,)
         Largest valid misfit outside the components, of the explanation and inside the components, and noise of a block
-        mean [1].
+        mean.
     """
 
-    mean: Vector
-    axes: Matrix
-    sectors: Vector
-    variances: Vector
+    signs: Matrix
+    answered: NDArray[np.int64]
     rest: Vector
     network: Network
     encoder: tuple[Matrix, ...]
@@ -73,8 +75,13 @@ class PosteriorWindow:
     def __post_init__(self) -> None:
         size, K = self.axes.shape
         H, L = self.latent.shape
+        sensors, images = len(self.modes), len(self.signs)
         shapes = {
-            "mean": (size,),
+            "unit": (1,),
+            "modes": (sensors, sensors),
+            "mean": (sensors, size),
+            "signs": (images, sensors),
+            "answered": (images, self.zones // images),
             "sectors": (K,),
             "variances": (K,),
             "rest": (1,),
@@ -86,7 +93,7 @@ class PosteriorWindow:
         found = {name: getattr(self, name).shape for name in shapes}
         require(found == shapes, f"its arrays have shapes {found}, not {shapes}")
         first = self.encoder[0].shape[-1]
-        outputs = (HEADS if self.network == "perceptron" else 2 + len(PEAKS)) * (self.zones // SENSORS)
+        outputs = (HEADS if self.network == "perceptron" else 2 + len(PEAKS)) * self.answered.shape[-1]
         middle = [(first,), (first, H), (H,)] if self.network == "perceptron" else [(H, first), (H, first), (1,)]
         layers = [(K + 1, first), *middle, (H, outputs), (outputs,)]
         require([a.shape for a in self.encoder] == layers, f"its network has layers {[a.shape for a in self.encoder]}")
@@ -96,9 +103,12 @@ class PosteriorWindow:
         for array in self.arrays().values():
             require(np.isfinite(array).all(), "it holds values that are not finite")
         require(
-            np.isin(self.sectors, range(SENSORS)).all() and (np.diff(self.sectors) >= 0).all(), "sectors are not 0 to 3"
+            np.isin(self.sectors, range(sensors)).all() and (np.diff(self.sectors) >= 0).all(),
+            f"sectors are not 0 to {sensors - 1}",
         )
-        for name in ("variances", "rest", "scales", "limits"):
+        answered = np.sort(self.answered.ravel())
+        require(np.array_equal(answered, range(self.zones)), "the zones of its images are not all zones, once each")
+        for name in ("unit", "variances", "rest", "scales", "limits"):
             require((getattr(self, name) > 0.0).all(), f"{name} must be positive")
 
     @property
@@ -115,7 +125,9 @@ class PosteriorWindow:
     def of(cls, network: Network, arrays: dict[str, Vector]) -> PosteriorWindow:
         """Make a window from what ``arrays`` gave."""
         encoder, decoder = (tuple(arrays[name] for name in names) for names in (NETWORKS[network], _DECODER))
-        return cls(network=network, encoder=encoder, decoder=decoder, **{name: arrays[name] for name in _SINGLE})
+        single: dict[str, Any] = {name: arrays[name] for name in _SINGLE}
+        single["answered"] = single["answered"].astype(np.int64)
+        return cls(network=network, encoder=encoder, decoder=decoder, **single)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,12 +165,15 @@ class PosteriorArtifact(TrainedWindows):
         require(len({window.network for window in self.windows}) == 1, "its windows have networks of several kinds")
         size = self.samples // self.block
         for window in self.windows:
-            require(window.mean.size == size, f"its windows have {window.mean.size} blocks, not {size}")
+            blocks = window.mean.shape[-1]
+            require(blocks == size, f"its windows have {blocks} blocks, not {size}")
+        named = len(self.names)
+        require(named == self.zones, f"it names {named} zones, and its networks answer for {self.zones}")
 
     @property
     def sensors(self) -> int:
         """Number of sensors."""
-        return SENSORS
+        return len(self.windows[0].modes)
 
     @property
     def zones(self) -> int:

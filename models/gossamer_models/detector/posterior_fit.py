@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
+from ..campaign.symmetry import Symmetry
 from . import posterior
-from .features import SECTORS, SENSORS, Components, block_means
+from .features import Components, block_means
 from .networks import Adam, FuzzyRules, Perceptron, Rows32, batches
 from .posterior_artifact import HEADS
-from .posterior_records import Sensing, Training, Windows, coloured_noise, noise_levels, reflect
+from .posterior_records import Sensing, Training, Windows, coloured_noise, noise_levels
 
 BETA = 0.5  # of the weight sd^(2 beta) in the loss of the mean
 FAR = 4.0  # standard deviations beyond which a case pulls no more
@@ -27,7 +28,7 @@ COLOURED_DRAWS = 1024
 WRONG_GAIN = (0.6, 1.4)  # of a spoilt sensor [1]
 GAIN_SHARE, DEAD_SHARE = 0.5, 0.15  # of the spoilt records; in the others two sensors are swapped
 WORST_POLYNOMIALS = 0.3  # residual over deviation of the components up to which cases are moved by polynomials
-_SENSORS = np.arange(SENSORS).reshape(2, 2)
+MOST_TERMS = 1000  # of the polynomials: more take longer than they are worth
 
 
 def loss_gradient(heads: Rows32, d: Rows32) -> tuple[float, Rows32]:
@@ -58,11 +59,16 @@ def loss_gradient(heads: Rows32, d: Rows32) -> tuple[float, Rows32]:
 
 
 def polynomials(d: Rows32) -> Rows32:
-    """Return powers of the damages and products of two of them, shape (n, 441)."""
+    """Return powers of the damages and products of two of them, shape (n, ``terms``)."""
     i, j = np.triu_indices(d.shape[1], 1)
     pairs = d[:, i] * d[:, j]
     powers = [d**k for k in range(1, 6)]
     return np.hstack([np.ones((len(d), 1), d.dtype), *powers, pairs, pairs * d[:, i], pairs * d[:, j]])
+
+
+def terms(zones: int) -> int:
+    """Count the polynomials of some damages."""
+    return 1 + 5 * zones + 3 * (zones * (zones - 1) // 2)
 
 
 @dataclass(frozen=True)
@@ -73,7 +79,7 @@ class Moves:
     ----------
     cases : ndarray of int
         Damaged since more than a window; windows of one shift. None if the polynomials do not describe them.
-    W : ndarray of float32, shape (441, 4 K)
+    W : ndarray of float32, shape (terms, s K)
         Coefficients.
     """
 
@@ -84,7 +90,8 @@ class Moves:
     def of(cls, damage: Rows32, c: Rows32, cases: NDArray[np.int64]) -> Moves:
         """Fit the polynomials to some of all cases."""
         none = cls(cases[:0], np.zeros((0, 0), np.float32))
-        if len(cases) < 2 * polynomials(damage[:1]).shape[1]:
+        count = terms(damage.shape[1])
+        if len(cases) < 2 * count or count > MOST_TERMS:
             return none
         f, target = polynomials(damage[cases].astype(float)), c[cases].reshape(len(cases), -1).astype(float)
         W = np.linalg.lstsq(f, target, rcond=1e-8)[0]
@@ -93,7 +100,7 @@ class Moves:
 
 
 def _other_damage(damage: Rows32, random: np.random.Generator) -> Rows32:
-    """Draw as many zones, others, with other depths from among those of the cases, shape (n, 16)."""
+    """Draw as many zones, others, with other depths from among those of the cases, shape (n, z)."""
     depths = damage[damage > 0.0]
     order = np.argsort(random.random(damage.shape), axis=1)
     drawn = random.uniform(depths.min(), depths.max(), damage.shape)
@@ -101,64 +108,66 @@ def _other_damage(damage: Rows32, random: np.random.Generator) -> Rows32:
 
 
 def _shares(parts: Components) -> Rows32:
-    """Return the weight of each sensor in each component, shape (4, K)."""
-    return np.asarray(SECTORS[parts.sectors.astype(int)].T, np.float32)
+    """Return the weight of each sensor in each component, shape (s, K)."""
+    return np.asarray(parts.modes[parts.sectors.astype(int)].T, np.float32)
 
 
 def spoilt_sensors(gains: Vector, random: np.random.Generator) -> tuple[Vector, NDArray[np.int64]]:
-    """Spoil a sensor of each record: it has a wrong gain, is dead, or is swapped with another one.
+    """Spoil a sensor of each record: it has a wrong gain, is dead, or is swapped with another one, if there is one.
 
     Parameters
     ----------
-    gains : ndarray, shape (n, 4)
+    gains : ndarray, shape (n, s)
         Gains [1].
     random : numpy.random.Generator
         Source of which and how.
 
     Returns
     -------
-    gains : ndarray, shape (n, 4)
+    gains : ndarray, shape (n, s)
         Gains of what the inputs of the detector get [1].
-    sensors : ndarray of int, shape (n, 4)
+    sensors : ndarray of int, shape (n, s)
         Which sensor each of them gets.
     """
-    n = len(gains)
-    first, second = random.permuted(np.tile(np.arange(SENSORS), (n, 1)), axis=1)[:, :2].T
+    n, s = gains.shape
+    first, second = random.permuted(np.tile(np.arange(s), (n, 1)), axis=1)[:, [0, min(1, s - 1)]].T
     rows, kind = np.arange(n), random.random(n)
     factor = np.where(
         kind < GAIN_SHARE, random.uniform(*WRONG_GAIN, n), np.where(kind < GAIN_SHARE + DEAD_SHARE, 0.0, 1.0)
     )
     gains = gains.copy()
     gains[rows, first] *= factor
-    sensors = np.tile(np.arange(SENSORS), (n, 1))
+    sensors = np.tile(np.arange(s), (n, 1))
     swapped = rows[kind >= GAIN_SHARE + DEAD_SHARE]
     sensors[swapped, first[swapped]], sensors[swapped, second[swapped]] = second[swapped], first[swapped]
     return gains, sensors
 
 
 class NetworkFit:
-    """What both networks of a window learn from; every case and its mirror images.
+    """What both networks of a window learn from; every case and its images.
 
     Parameters
     ----------
     parts : Components
         Principal components.
-    x : ndarray, shape (n, 4, M)
-        Clean block means; they are projected, and polynomials of damage are fitted to them.
+    x : ndarray, shape (n, s, M)
+        Clean block means [1]; they are projected, and polynomials of damage are fitted to them.
     train : Windows
         The cases.
     sensing, training
-        Gain, and settings.
+        Gain and noise, and settings.
+    symmetry : Symmetry
+        Images of the structure.
 
     Attributes
     ----------
-    c : ndarray of float32, shape (n, 4, K)
-        What each sensor adds to the components of a clean record, their mean not removed.
+    c : ndarray of float32, shape (n, s, K)
+        Clean signal of each sensor along each axis, its mean not removed; all as ``images`` of the cases.
     mean : ndarray of float32, shape (K,)
         Components of the mean.
-    energy, overlap : ndarray, shape (n, 4)
-        Squares of a sensor's block means, and their product with the mean, summed over the window [1].
-    damage : ndarray of float32, shape (n, 16)
+    energy, overlap : ndarray, shapes (n, s) and (n, s, s)
+        Squares of a sensor's block means, and their products with the mean of every sensor, summed over the window.
+    damage : ndarray of float32, shape (n, z)
         Damage [1].
     moves : list of Moves
         How cases can be moved to other damages.
@@ -168,27 +177,34 @@ class NetworkFit:
         Source of everything random.
     """
 
-    def __init__(self, parts: Components, x: Rows32, train: Windows, sensing: Sensing, training: Training) -> None:
-        self.parts, self.sensing, self.training = parts, sensing, training
+    def __init__(
+        self,
+        parts: Components,
+        x: Rows32,
+        train: Windows,
+        sensing: Sensing,
+        training: Training,
+        symmetry: Symmetry,
+    ) -> None:
+        self.parts, self.sensing, self.training, self.symmetry = parts, sensing, training, symmetry
         self.random = random = np.random.default_rng((training.seed, 1))
-        c = (x @ parts.axes.astype("f4")) * _shares(parts)
-        order = [_SENSORS[::y, ::x].ravel() for y, x in posterior.MIRRORS]
-        energy, overlap = np.einsum("nsm,nsm->ns", x, x, dtype=float), x.astype(float) @ parts.mean
-        signs = posterior.image_signs(parts.sectors)[:-1].T
-        images = [c[:, sensors] * sign for sensors, sign in zip(order, signs, strict=True)]
-        self.damage = damage = reflect(x[:, :, :1], train.damage)[1].astype(np.float32)
-        self.c = c = np.concatenate(images).astype(np.float32)
-        settled = np.tile(train.settled, len(posterior.MIRRORS)) & (damage.max(axis=1) > 0.0)
+        x = x / np.float32(parts.unit[0])
+        images = len(symmetry.sensors)
+        of_images = symmetry.images(x @ parts.axes.astype("f4"), train.damage)
+        self.c, self.damage = c, damage = tuple(part.astype("f4") for part in of_images)
+        settled = np.tile(train.settled, images) & (damage.max(axis=1) > 0.0)
         self.moves = [
-            Moves.of(damage, c, np.flatnonzero(settled & (np.tile(train.shift, len(posterior.MIRRORS)) == shift)))
+            Moves.of(damage, c, np.flatnonzero(settled & (np.tile(train.shift, images) == shift)))
             for shift in np.unique(train.shift)
         ]
-        unit = coloured_noise((COLOURED_DRAWS, SENSORS, train.records.shape[-1]), random)
-        found = posterior.analyse(parts, block_means(unit, training.block) + parts.mean)
-        self.noise = found.c.astype("f4"), (found.s2[:, 0] * SENSORS * posterior.degrees_of_freedom(parts)).astype("f4")
-        self.mean = ((parts.mean @ parts.axes) * _shares(parts).sum(axis=0)).astype("f4")
-        self.energy = np.concatenate([energy[:, sensors] for sensors in order])
-        self.overlap = np.concatenate([overlap[:, sensors] for sensors in order])
+        self.freedom = float(posterior.degrees_of_freedom(parts).sum())
+        unit = block_means(coloured_noise((COLOURED_DRAWS, *train.records.shape[1:]), random), training.block)
+        found = posterior.analyse(parts, parts.unit * (unit + parts.mean))
+        self.noise = found.c.astype("f4"), (found.s2[:, 0] * self.freedom).astype("f4")
+        shares = _shares(parts)
+        self.mean = np.sum((parts.mean @ parts.axes) * shares, axis=0).astype("f4")
+        energy, overlap = np.einsum("nsm,nsm->ns", x, x, dtype=float), x.astype(float) @ parts.mean.T
+        self.energy, self.overlap = (symmetry.images(part, train.damage)[0] for part in (energy, overlap))
 
     def epoch(self, virtual: bool, spoilt: float) -> tuple[Rows32, Rows32, Rows32, Rows32]:
         """Draw gain, noise and spoilt sensors of every case.
@@ -206,13 +222,13 @@ class NetworkFit:
             Components with gain, with and without noise.
         s2 : ndarray, shape (n, 1)
             Variance of the noise outside the components.
-        damage : ndarray, shape (n, 16)
+        damage : ndarray, shape (n, z)
             Damage [1].
         """
         random, damage = self.random, self.damage
-        n, _, K = self.c.shape
+        n, s, K = self.c.shape
         spoil = np.less(random.random(n), spoilt)
-        gains, sensors = self.sensing.gains(n, random), np.tile(np.arange(SENSORS), (n, 1))
+        gains, sensors = self.sensing.gains((n, s), random), np.tile(np.arange(s), (n, 1))
         gains[spoil], sensors[spoil] = spoilt_sensors(gains[spoil], random)
         clean, outside = self.read(gains, sensors)
         if virtual:
@@ -221,17 +237,16 @@ class NetworkFit:
                 moved = move.cases[(random.random(len(move.cases)) < self.training.virtual) & ~spoil[move.cases]]
                 damage[moved] = _other_damage(damage[moved], random)
                 step = (polynomials(damage[moved]) - polynomials(self.damage[moved])) @ move.W
-                clean[moved] += np.einsum("ns,nsk->nk", gains[moved].astype(np.float32), step.reshape(-1, SENSORS, K))
+                clean[moved] += self.summed(gains[moved], step.reshape(-1, s, K))
         level, coloured = noise_levels(n, random)
         level = (level / np.sqrt(self.training.block)).astype(np.float32)
         noise: Rows32 = random.standard_normal((n, K), np.float32)
-        freedom = SENSORS * posterior.degrees_of_freedom(self.parts)
-        energy: Vector = np.asarray(random.chisquare(freedom, n))
+        energy: Vector = np.asarray(random.chisquare(self.freedom, n))
         draw = random.integers(0, len(self.noise[1]), int(coloured.sum()))
         flip = np.where(random.random((len(draw), 1)) < 0.5, 1.0, -1.0).astype(np.float32)
         noise[coloured] = self.noise[0][draw] * flip * np.float32(np.sqrt(self.training.block))
         energy[coloured] = self.noise[1][draw] * self.training.block
-        s2 = (outside + level**2 * energy) / freedom + posterior.FLOOR**2
+        s2 = (outside + level**2 * energy) / self.freedom + posterior.FLOOR**2
         return clean + level[:, None] * noise, clean, s2[:, None].astype(np.float32), damage
 
     def read(self, gains: Vector, sensors: NDArray[np.int64]) -> tuple[Rows32, Vector]:
@@ -239,26 +254,27 @@ class NetworkFit:
 
         Parameters
         ----------
-        gains : ndarray, shape (n, 4)
+        gains : ndarray, shape (n, s)
             Gains [1].
-        sensors : ndarray of int, shape (n, 4)
+        sensors : ndarray of int, shape (n, s)
             Which sensor each input of the detector gets.
         """
-        shares = _shares(self.parts)
-        exchanged = np.take_along_axis(self.c, sensors[:, :, None], axis=1) * (shares / shares[sensors])
-        clean = np.einsum("ns,nsk->nk", gains.astype(np.float32), exchanged) - self.mean
+        s = sensors.shape[1]
+        clean = self.summed(gains, np.take_along_axis(self.c, sensors[:, :, None], axis=1)) - self.mean
         total = np.sum(gains**2 * np.take_along_axis(self.energy, sensors, axis=1), axis=1)
-        total -= 2.0 * np.sum(gains * np.take_along_axis(self.overlap, sensors, axis=1), axis=1)
-        total += SENSORS * np.sum(self.parts.mean**2)
+        overlap = self.overlap[np.arange(len(sensors))[:, None], sensors, np.arange(s)]
+        total += np.sum(self.parts.mean**2) - 2.0 * np.sum(gains * overlap, axis=1)
         return clean, np.maximum(total - np.sum(clean.astype(float) ** 2, axis=1), 0.0)
 
+    def summed(self, gains: Vector, along: Rows32) -> Rows32:
+        """Return the components of signals along all axes, shape (n, s, K), with gains, shape (n, s)."""
+        return np.asarray(np.einsum("ns,nsk->nk", gains.astype(np.float32), along * _shares(self.parts)))
+
     def rest(self) -> float:
-        """Return the root mean square of what clean records have outside the components, per degree of freedom [1]."""
-        n = len(self.c)
-        _, outside = self.read(self.sensing.gains(n, self.random), np.tile(np.arange(SENSORS), (n, 1)))
-        return float(
-            np.sqrt(outside.mean() / (SENSORS * posterior.degrees_of_freedom(self.parts)) + posterior.FLOOR**2)
-        )
+        """Return the root mean square of what clean records have outside the components, per degree of freedom."""
+        n, s, _ = self.c.shape
+        _, outside = self.read(self.sensing.gains((n, s), self.random), np.tile(np.arange(s), (n, 1)))
+        return float(np.sqrt(outside.mean() / self.freedom + posterior.FLOOR**2))
 
     def _batches(self, epochs: int, spoilt: float) -> Iterator[tuple[float, tuple[Rows32, Rows32, Rows32, Rows32]]]:
         """Deal batches of ``epoch``, with the step size of Adam."""
@@ -272,9 +288,9 @@ class NetworkFit:
                 yield 0.5 * t.rate * (1.0 + np.cos(np.pi * done)), (noisy, clean, s2, damage)
 
     def network(self, report: Callable[[], None]) -> tuple[Perceptron | FuzzyRules, list[float]]:
-        """Train the network for the damage of one quadrant; return the mean of ``loss_gradient`` in each epoch, too."""
+        """Train the network for the damage; return the mean of ``loss_gradient`` in each epoch, too."""
         t, lam = self.training, self.parts.variances.astype(np.float32)
-        own = posterior.image_zones(self.damage.shape[1])[0]
+        own = self.symmetry.answered[0]
         net: Perceptron | FuzzyRules
         if t.network == "neuro-fuzzy":
             noisy, _, s2, damage = self.epoch(virtual=False, spoilt=0.0)
@@ -296,8 +312,8 @@ class NetworkFit:
     ) -> tuple[Perceptron, Rows32]:
         """Train the decoder on what the network, which stays as it is, makes of noisy records, towards the clean ones."""
         t, lam, unit = self.training, self.parts.variances.astype(np.float32), scales.astype(np.float32)
-        signs = posterior.image_signs(self.parts.sectors).astype(np.float32)
-        zones = self.damage.shape[1]
+        signs = posterior.image_signs(self.symmetry.signs(self.parts.modes), self.parts.sectors).astype(np.float32)
+        zones, answered = self.damage.shape[1], self.symmetry.answered
         decoder = Perceptron.random((zones + t.latent, t.inner, t.components), self.random)
         hidden_values = net.arrays[-2].shape[0]
         latent = (self.random.standard_normal((hidden_values, t.latent)) / np.sqrt(hidden_values)).astype(np.float32)
@@ -306,7 +322,7 @@ class NetworkFit:
             found = posterior.features(lam, noisy, s2)
             hidden = net.values(found)[-2]
             values = decoder.values(
-                np.hstack([posterior.damage_of(posterior.all_heads(net, found, signs)), hidden @ latent])
+                np.hstack([posterior.damage_of(posterior.all_heads(net, found, signs, answered)), hidden @ latent])
             )
             gradients, g_in = decoder.gradients(values, (values[-1] - clean / unit) / np.float32(len(clean)))
             adam.step([*gradients, hidden.T @ g_in[:, zones:]], rate)

@@ -1,4 +1,4 @@
-"""What a posterior network is trained with: settings, windows of a campaign, their mirror images, gain and noise.
+"""What a posterior network is trained with: settings, windows of a campaign, gain and noise.
 
 Symbols: ``n`` cases, ``M`` blocks of a window, ``x`` centred block means [1].
 """
@@ -6,7 +6,6 @@ Symbols: ``n`` cases, ``M`` blocks of a window, ``x`` centred block means [1].
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,19 +14,21 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ..arrays import Matrix, Vector
+from ..campaign import Distribution
 from ..errors import DataError
-from .features import SENSORS, block_means
+from .features import block_means
 from .networks import Rows32
-from .posterior import MIRRORS
 from .posterior_artifact import Network
-from .thesis_tables import NOISE
 
 if TYPE_CHECKING:
     import xarray as xr
 
-THESIS_NOISE = (NOISE[1] - NOISE[0]) / np.sqrt(12.0)  # its standard deviation [1]
-LEAST_NOISE, MOST_NOISE = 1e-5, 6.5e-3  # of a sample, white [1]
-COLOURED = 2e-3  # most of a sample that is not white, as an estimator leaves it [1]
+# Deviations of the noise of a sample, in units of ``Sensing.unit``:
+STATED = 0.02 / np.sqrt(12.0)  # what the campaign states
+LEAST_NOISE, MOST_NOISE = 1e-5, 6.5e-3  # white
+COLOURED = 2e-3  # most of what is not white, as an estimator leaves it
+USUAL = 0.03  # noise over the swing of the strain [1], of a campaign that states none
+SWINGS = 64  # cases that tell the swing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,9 +91,9 @@ class Windows:
 
     Attributes
     ----------
-    records : ndarray of float32, shape (n, 4, samples)
+    records : ndarray of float32, shape (n, s, samples)
         Strain [1] without gain and noise.
-    damage : ndarray, shape (n, 16)
+    damage : ndarray, shape (n, z)
         Damage [1] that is there during the whole window.
     settled : ndarray of bool, shape (n,)
         Whether it was there from the start, or a whole window before.
@@ -124,8 +125,8 @@ def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: i
     samples : int
         Samples of a window.
     last : bool
-        Whether it stands for all later ones. Then it begins at random within what the run has left, since the phase of the
-        load at the start of a window drifts.
+        Whether it stands for all later ones. Then it is one of those, at random, and begins up to as many samples later as
+        the run has left behind them, since the phase of the load at the start of a window drifts.
     seed : int
         For that.
 
@@ -148,14 +149,17 @@ def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: i
         raise DataError(msg)
     n = data.sizes["case"]
     slack = steps - first - samples if last else 0
-    starts = first + np.random.default_rng((seed, number)).integers(0, slack + 1, n)
+    random = np.random.default_rng((seed, number))
+    starts = first + random.integers(0, slack % samples + 1, n)
+    if slack >= samples:
+        starts += samples * random.integers(0, slack // samples + 1, n)
     onset = data["onset"].to_numpy() if "onset" in data else np.zeros(n)
     step = float(data["time"][0])
     damage = data["damage"].to_numpy()
     there = onset <= starts * step * (1.0 + 1e-9)
     clean = (onset >= (starts + samples) * step) | (damage.max(axis=1) == 0.0)
     wanted = (there | clean) & ~data["failed"].to_numpy()
-    records = np.empty((n, SENSORS, samples), np.float32)
+    records = np.empty((n, data.sizes["sensor"], samples), np.float32)
     for begin in range(0, n, 512):
         some = data["strain"][begin : begin + 512].to_numpy()
         for k, record in enumerate(some, start=begin):
@@ -166,93 +170,83 @@ def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: i
     )
 
 
-def reflect(x: Rows32, damage: Matrix) -> tuple[Rows32, Matrix]:
-    """Add the three mirror images of each case: the membrane, its load, zones and sensors are symmetric.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n, 4, ...)
-        Signals of the sensors.
-    damage : ndarray, shape (n, 16)
-        Damage [1].
-
-    Returns
-    -------
-    ndarray, shape (4 n, 4, ...), and ndarray, shape (4 n, 16)
-        The cases, then their images in x, in y and in both.
-    """
-    n, side = len(x), math.isqrt(damage.shape[1])
-    signals, zones = x.reshape(n, 2, 2, -1), damage.reshape(n, side, side)
-    return (
-        np.concatenate([signals[:, ::y, ::x] for y, x in MIRRORS]).reshape(4 * n, *x.shape[1:]),
-        np.concatenate([zones[:, ::y, ::x] for y, x in MIRRORS]).reshape(4 * n, -1),
-    )
-
-
 @dataclass(frozen=True)
 class Sensing:
     """Gain and noise that a network is trained over.
 
     Attributes
     ----------
+    noise : Distribution
+        Noise of a sample of strain [1] that the records of a third of the training have about.
     gain : tuple of float
         Range of the gain of a sensor [1].
     """
 
+    noise: Distribution
     gain: tuple[float, float] = (1.0, 1.0)
 
     @classmethod
     def of(cls, data: xr.Dataset) -> Sensing:
-        """Read the range of the gain from a campaign."""
-        vary = json.loads(data.attrs["campaign"])["vary"].get("sensor_gain") or {}
+        """Read noise and range of the gain from a campaign."""
+        campaign = json.loads(data.attrs["campaign"])
+        vary, law = campaign["vary"].get("sensor_gain") or {}, campaign["noise"]["strain"]
         low, high = vary.get("range") or vary.get("factor") or (1.0, 1.0)
-        return cls((float(low), float(high)))
+        if law is None:
+            some = data["strain"][:SWINGS].to_numpy()
+            law = {"normal": USUAL * float(np.nanmax(np.ptp(some[:, :, 1:], axis=2)))}
+        return cls(Distribution(**law), (float(low), float(high)))
 
-    def gains(self, n: int, random: np.random.Generator) -> Matrix:
-        """Draw gains [1], shape (n, 4)."""
-        return random.uniform(*self.gain, (n, SENSORS))
+    @property
+    def unit(self) -> float:
+        """Strain [1] that the features of the network are in units of, so that the noise is ``STATED``."""
+        return float(self.noise.deviation / STATED)
+
+    def gains(self, shape: tuple[int, ...], random: np.random.Generator) -> Matrix:
+        """Draw gains [1] of records and their sensors, shape (n, s)."""
+        return random.uniform(*self.gain, shape[:2])
 
     def gained(self, x: Rows32, random: np.random.Generator) -> Rows32:
-        """Multiply signals, shape (n, 4, samples), by fresh gains."""
-        return x * self.gains(len(x), random)[:, :, None].astype(np.float32)
+        """Multiply signals, shape (n, s, samples), by fresh gains."""
+        return x * self.gains(x.shape, random)[:, :, None].astype(np.float32)
 
     def samples(self, records: Rows32, random: np.random.Generator, kind: str = "any") -> Matrix:
         """Add gain and noise to records, shape (n, 4, samples) [1].
 
         Parameters
         ----------
-        records : ndarray, shape (n, 4, samples)
+        records : ndarray, shape (n, s, samples)
             Strain [1].
         random : numpy.random.Generator
             Source of the noise.
-        kind : {"any", "clean", "thesis"}
-            As in the training; none; or uniform from 0 to 0.02 as in the thesis.
+        kind : {"any", "clean", "stated"}
+            As in the training; none; or that of the campaign.
         """
         signal = self.gained(records, random).astype(float)
-        if kind == "thesis":
-            signal += random.uniform(*NOISE, records.shape)
+        if kind == "stated":
+            signal += self.noise.draw(records.shape, random)
         if kind == "any":
             level, coloured = noise_levels(len(records), random)
             noise = random.standard_normal(records.shape)
             noise[coloured] = coloured_noise((int(coloured.sum()), *records.shape[1:]), random)
-            signal += level[:, None, None] * noise
+            signal += self.unit * level[:, None, None] * noise
         return np.asarray(signal)
 
 
 def noise_levels(n: int, random: np.random.Generator) -> tuple[Vector, NDArray[np.bool_]]:
-    """Draw the deviation of the white noise of a sample [1], and whether there is coloured noise as well, shape (n,).
+    """Draw the deviation of the white noise of a sample, and whether there is coloured noise as well, shape (n,).
 
-    A third has about the noise of the thesis, a third any level, and a third is coloured, as an estimator leaves it.
+    A third has about the noise that the campaign states, a third any level, and a third is coloured, as an estimator leaves
+    it.
     """
     kind = random.random(n)
     level = np.exp(random.uniform(np.log(LEAST_NOISE), np.log(MOST_NOISE), n))
-    level = np.where(kind < 0.35, THESIS_NOISE * random.uniform(0.9, 1.1, n), level)
+    level = np.where(kind < 0.35, STATED * random.uniform(0.9, 1.1, n), level)
     coloured = kind > 0.65
     return np.where(coloured, np.minimum(level, COLOURED), level), coloured
 
 
 def coloured_noise(shape: tuple[int, ...], random: np.random.Generator) -> Matrix:
-    """Draw white noise of deviation 1 and two first-order processes of deviations up to 1, shape (n, 4, samples).
+    """Draw white noise of deviation 1 and two first-order processes of deviations up to 1, shape (n, s, samples).
 
     The estimator of the compensator leaves noise like this: half of its variance white, a third with a correlation time of
     two samples, the rest of ten to thirty.

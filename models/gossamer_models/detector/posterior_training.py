@@ -18,9 +18,10 @@ from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Vector
+from ..campaign.symmetry import Symmetry
 from ..errors import DataError
 from . import posterior_records as records
-from .features import SENSORS, block_means, principal_components
+from .features import block_means, principal_components
 from .networks import PEAKS
 from .posterior import FLOOR, Features, analyse, deviation, explain, heads_of, records_judged
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
@@ -29,7 +30,7 @@ from .posterior_fit import NetworkFit
 if TYPE_CHECKING:
     import xarray as xr
 
-SMALL = 2e-4  # components are in units of their deviation or of this [1], for the decoder
+SMALL = 2e-4  # components are in units of their deviation or of this, for the decoder
 BAND = 1.96  # standard deviations of a 95 % band
 FALSE_REJECTION = 0.01  # share of records of the training that the misfit may refuse
 FEWEST = 40  # held-out cases that limits can be taken from
@@ -64,27 +65,32 @@ def train_posterior(
             f"{100.0 * PEAKS[-1]:g} %. Choose a perceptron, or less damage."
         )
         raise DataError(msg)
-    sensing = records.Sensing.of(data)
+    sensing, symmetry = records.Sensing.of(data), Symmetry.stored(json.loads(data.attrs["symmetry"]))
     cuts = [
         records.cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)
     ]
     done = itertools.count(1)
-    total = sum((t.epochs + t.decoder_epochs) * max(4 * len(split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
+    images = len(symmetry.sensors)
+    total = sum(
+        (t.epochs + t.decoder_epochs) * max(images * len(split(cut, t)[0].damage) // t.batch, 1) for cut in cuts
+    )
     with threadpool_limits(1):  # small matrices: waking other threads for them costs more than their work
         report = (lambda: None) if progress is None else (lambda: progress(next(done) / total))
         windows, losses = zip(
-            *(_train_window(cut, sensing, replace(t, seed=t.seed + k), report) for k, cut in enumerate(cuts)),
+            *(_train_window(cut, sensing, symmetry, replace(t, seed=t.seed + k), report) for k, cut in enumerate(cuts)),
             strict=True,
         )
     return PosteriorArtifact(
         start_time=0.0,
         sampling_step=float(campaign["step"]),
         samples=t.samples,
+        zone_names=tuple(data["zone"].attrs["names"]),
         block=t.block,
         windows=windows,
         periodic=data.sizes["time"] > t.windows * t.samples,
         losses=list(losses),
-        trained_over=trained_over(campaign) | {"share of records with a spoilt sensor [1]": [t.spoilt, t.spoilt]},
+        trained_over=trained_over(campaign, sensing)
+        | {"share of records with a spoilt sensor [1]": [t.spoilt, t.spoilt]},
         provenance={
             "campaign": str(data.attrs["sha256"]),
             "cases": str(data.sizes["case"]),
@@ -93,7 +99,7 @@ def train_posterior(
     )
 
 
-def trained_over(campaign: dict[str, Any]) -> dict[str, list[float]]:
+def trained_over(campaign: dict[str, Any], sensing: records.Sensing) -> dict[str, list[float]]:
     """State the ranges of a training: from its campaign and the noise of ``Sensing``."""
     damage = campaign["damage"]
     ranges = {"damaged zones": [0, damage["zones"][1]], "damage [1]": damage["depth"]}
@@ -101,8 +107,8 @@ def trained_over(campaign: dict[str, Any]) -> dict[str, list[float]]:
         kind = "range" if vary["range"] else "factor"
         ranges[f"{name}, {kind}"] = vary[kind]
     noise = {
-        "white noise of a sample [1]": [records.LEAST_NOISE, records.MOST_NOISE],
-        "coloured noise [1]": [0.0, records.COLOURED],
+        "white noise of a sample [1]": [sensing.unit * records.LEAST_NOISE, sensing.unit * records.MOST_NOISE],
+        "coloured noise [1]": [0.0, sensing.unit * records.COLOURED],
     }
     return {name: [float(value) for value in pair] for name, pair in (ranges | noise).items()}
 
@@ -116,19 +122,25 @@ def split(cut: records.Windows, t: records.Training) -> tuple[records.Windows, r
 
 
 def _train_window(
-    cut: records.Windows, sensing: records.Sensing, t: records.Training, report: Callable[[], None]
+    cut: records.Windows,
+    sensing: records.Sensing,
+    symmetry: Symmetry,
+    t: records.Training,
+    report: Callable[[], None],
 ) -> tuple[PosteriorWindow, list[float]]:
     random = np.random.default_rng(t.seed)
     train, calibration, _ = split(cut, t)
     x = records.features_of(train.records, t.block)
-    parts = principal_components(sensing.gained(x, random), t.components)
+    parts = principal_components(sensing.gained(x, random), t.components, symmetry, sensing.unit)
     parts = replace(parts, axes=parts.axes.astype(np.float16).astype(float))  # as the file holds them
-    fit = NetworkFit(parts, x, train, sensing, t)
+    fit = NetworkFit(parts, x, train, sensing, t, symmetry)
     scales = np.sqrt(parts.variances + SMALL**2)
     net, losses = fit.network(report)
     decoder, latent = fit.decoder(net, scales, report)
     window = PosteriorWindow(
         **asdict(parts),
+        signs=symmetry.signs(parts.modes),
+        answered=symmetry.answered,
         rest=np.array([fit.rest()]),
         network=t.network,
         encoder=tuple(np.asarray(a, float) for a in net.arrays),
@@ -139,7 +151,7 @@ def _train_window(
         errors=np.ones(t.components),
         limits=np.ones(4),
     )
-    return calibrate(window, t.block, calibration, sensing, random), losses
+    return calibrate(window, t.block, calibration, sensing, symmetry, random), losses
 
 
 def calibrate(
@@ -147,6 +159,7 @@ def calibrate(
     block: int,
     held_out: records.Windows,
     sensing: records.Sensing,
+    symmetry: Symmetry,
     random: np.random.Generator,
 ) -> PosteriorWindow:
     """Calibrate one window.
@@ -161,6 +174,8 @@ def calibrate(
         Cases that it was not trained on.
     sensing : records.Sensing
         Gain and noise of the training.
+    symmetry : Symmetry
+        Images of the structure.
     random : numpy.random.Generator
         Source of both.
 
@@ -186,7 +201,7 @@ def calibrate(
             "cases."
         )
         raise DataError(msg)
-    clean, d = records.reflect(held_out.records, held_out.damage)
+    clean, d = symmetry.images(held_out.records, held_out.damage)
     noisy = sensing.samples(clean, random)
     window = _with_honest_heads(window, analyse(window, block_means(noisy, block)), d)
     found = analyse(window, block_means(sensing.gained(clean, random), block))
@@ -213,10 +228,10 @@ def _with_honest_heads(window: PosteriorWindow, found: Features, d: Matrix) -> P
     f = np.quantile(u, 2.0 * norm.cdf(BAND) - 1.0) / BAND
     *rest, W, b = window.encoder
     W, b = W.copy(), b.copy()
-    quadrant = window.zones // SENSORS
-    W[:, :quadrant] /= T
-    b[:quadrant] /= T
-    b[-quadrant:] += np.log(f)
+    q = window.answered.shape[1]
+    W[:, :q] /= T
+    b[:q] /= T
+    b[-q:] += np.log(f)
     return replace(window, encoder=(*rest, W, b))
 
 

@@ -16,11 +16,11 @@ from threadpoolctl import threadpool_limits
 from ..arrays import Matrix, Vector
 from ..campaign import CampaignPlan, Damage, draw_cases
 from ..campaign.chunk import build_kernels, run_chunk
+from ..campaign.symmetry import mirrors
 from ..errors import DataError
 from .artifact import DetectorArtifact
-from .features import SENSORS, packet_energies
+from .features import packet_energies
 from .networks import triangular_memberships
-from .posterior_records import reflect
 from .thesis_tables import NOISE, TABLE_7_3, ZONES, as_array
 
 PEAKS = (0.0, 0.2, 0.4)
@@ -168,8 +168,8 @@ def training_cases(training: ThesisTraining) -> Vector:
         return single
     listed = as_array(TABLE_7_3)
     listed = listed[(listed > 0.0).sum(axis=1) > 1]
-    images = reflect(np.zeros((len(listed), SENSORS, 1)), listed)[1]
     random = CampaignPlan(cases=MORE, seed=7, damage=Damage(zones=(2, 4), depth=(LEVELS[0], LEVELS[-1]), healthy=0.0))
+    images = np.concatenate([listed[:, order] for order in next(mirrors(random.membrane.structure)).zones])
     return np.vstack([single, images, draw_cases(random, range(MORE)).damage])
 
 

@@ -7,26 +7,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, ParameterError
 from ..membrane import MembraneParams, Structure, square_structure
 from ..sensor import SensorArtifact
 from .discrepancy import Discrepancy, default_discrepancy
-from .least_squares import MOST_DAMAGE, descend
-from .nuisances import MODULUS, Nuisances
+from .forward import Forward, MembraneForward, forward_of
+from .groups import UNRESOLVED, alike, without_nuisances
+from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
+from .nuisances import MODULUS, Loads, Nuisances
 from .problem import RecordProblem
-from .record import LEAST_SAMPLES, ResponseRecord, Wiring, best_wiring, dead_sensors
+from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
 from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, modulus_instead, probability, search
-from .simulation import Forward
+from .simulation import SensedForward
 
 EARLY = (0.03, 0.1)  # [s] of the first stages: early, chi2 has one valley; over 0.1 s it has several
-PRIOR_DEVIATION = MOST_DAMAGE / math.sqrt(12.0)  # of a damage that may be anything
 # How far membrane and load may be from those that the discrepancy was learned with, as a share.
 LEARNED = {
     "pressure_amplitude": 0.15,
@@ -35,7 +36,6 @@ LEARNED = {
     "mass_damping": 1.5,
     "youngs_modulus": 0.05,
 }
-UNRESOLVED = 0.5  # of the prior's deviation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +44,8 @@ class Answer:
 
     Attributes
     ----------
+    zones : tuple of str
+        Names of the zones.
     damage, deviation : ndarray, shape (zones,)
         Lost fraction of Young's modulus [1] and its standard deviation; where ``damage`` is zero, the deviation that it
         would have if it were fitted.
@@ -60,7 +62,9 @@ class Answer:
     valid : bool
         Whether the answer can be used: chi2 is below its bound and no doubt forbids it.
     unresolved : tuple of int
-        Zones, from 1, that this record cannot tell.
+        Zones, from 1, that this record cannot tell by themselves.
+    together_with : tuple of tuple of str
+        Of each zone the names of those that it was answered together with: all have their mean damage and its deviation.
     left_out : tuple of int
         Sensors, from 1, that were left out.
     order : tuple of int
@@ -75,6 +79,7 @@ class Answer:
         What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
     """
 
+    zones: tuple[str, ...]
     damage: Vector
     deviation: Vector
     probability: Vector
@@ -84,6 +89,7 @@ class Answer:
     chi2_bound: float
     valid: bool
     unresolved: tuple[int, ...] = ()
+    together_with: tuple[tuple[str, ...], ...] = ()
     left_out: tuple[int, ...] = ()
     order: tuple[int, ...]
     doubts: tuple[str, ...] = field(default=())
@@ -106,23 +112,28 @@ class Twin:
 
     Parameters
     ----------
-    structure : Structure or None
-        Membrane, with the start values of its load; None for the square of the thesis.
+    structure : Structure, Forward or None
+        Membrane, with the start values of its load, or another forward model; None for the square of the thesis.
+    parameters : mapping of str to float
+        Parameters, and inputs at the start, of the membrane that differ from their start values.
     sensor : SensorArtifact or None
         Sensors, for records of resistance.
     sensor_parameters : mapping of str to float or array_like of shape (sensors,)
-        Parameters of the sensors that differ from their start values; they rest at the prestrain.
+        Parameters of the sensors that differ from their start values; they rest at the strain of the undamaged structure.
     nuisances : sequence of str
         What else is unknown, with a normal prior: ``offset`` and ``gain`` of each sensor (deviation 0.02 of strain, or of
-        the change of resistance at full scale; 2 %), ``amplitude`` (10 %), ``frequency`` (5 %) and ``phase`` (0.1 rad) of
-        the load, ``damping`` (a factor of 2), Young's ``modulus`` (2 %; only if ``sparse``), ``pressure`` (any, a spline
-        with knots every 20 ms).
+        the change of resistance at full scale; 2 %), ``amplitude`` of every load that changes (10 %), ``frequency`` (5 %)
+        and ``phase`` (0.1 rad) of the built-in one, ``damping`` (a factor of 2), Young's ``modulus`` (2 %; only if
+        ``sparse``), and a load by its name, for instance ``pressure`` (any, a spline in time that is added).
     sparse : bool
         Whether zones are dropped while chi2 rises by less than 9 for each.
     discrepancy : Discrepancy, "learned" or None
         What finer meshes would add to the strain: by default, what was learned of the default mesh, if the twin has that
         mesh and nearly the default membrane and load. Only the time and the frequencies that it covers are then compared,
         0.3 s and 150 Hz. None if the record comes from a simulation with the twin's mesh.
+    mesh_error : callable or None
+        Of a record: components of the error of the twin's mesh, strain [1] at its samples or in its states, shape
+        (k, sensors, n); their outer products add up to its covariance.
 
     Raises
     ------
@@ -137,30 +148,37 @@ class Twin:
 
     def __init__(
         self,
-        structure: Structure | None = None,
+        structure: Structure | Forward | None = None,
         *,
+        parameters: Mapping[str, float] | None = None,
         sensor: SensorArtifact | None = None,
         sensor_parameters: Mapping[str, ArrayLike] | None = None,
         nuisances: Sequence[str] = ("offset",),
         sparse: bool = True,
         discrepancy: Discrepancy | Literal["learned"] | None = "learned",
+        mesh_error: Callable[[ResponseRecord], Matrix] | None = None,
     ) -> None:
         if MODULUS in nuisances and not sparse:
             msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
             raise ParameterError(msg)
-        structure = structure or square_structure()
-        self.nuisances, self.sparse = tuple(nuisances), sparse
-        Nuisances(self.nuisances, {}, 0)  # refuses unknown names
-        self._forward = Forward(structure, sensor, sensor_parameters)
+        self.nuisances, self.sparse, self._mesh_error = tuple(nuisances), sparse, mesh_error
+        self._forward = forward_of(structure, parameters)
+        self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
+        self._nuisances(Loads(), 0.0)  # refuses unknown names
         if discrepancy == "learned":
-            discrepancy = default_discrepancy() if _is_learned(structure, self.parameters) else None
+            discrepancy = default_discrepancy() if _is_learned(self._forward) else None
         self.discrepancy = discrepancy
 
     @property
     def zones(self) -> int:
         """Number of zones."""
-        return self._forward.n_zones
+        return len(self._forward.zones)
+
+    @property
+    def sensors(self) -> int:
+        """Number of sensors."""
+        return self._forward.sensors
 
     def fit(
         self,
@@ -188,8 +206,8 @@ class Twin:
             The record holds resistance and the twin has no sensor, or the start has another shape.
         """
         if record.kind == "resistance":
-            self._forward.require_sensors()
-        sensors = self._forward.n_sensors
+            self._sensed.require_bank()
+        sensors = self.sensors
         if len(record.values) != sensors:
             msg = (
                 f"a record needs one row for each of {sensors} sensors, shape ({sensors}, n), not {record.values.shape}"
@@ -206,14 +224,54 @@ class Twin:
         if not record.sensors:
             msg = "no sensor has values that move. Check the columns and the wiring."
             raise DataError(msg)
-        fit = search(self._stages(record, report), given, sparse=self.sparse)
-        wiring = None if fit.passes else best_wiring(record, lambda other: self._early_misfit(other, report))
+        self._check(record)
+        stages = self._stages(record, report)
+        fit, minima = search(stages, given, sparse=self.sparse)
+        wiring = None if fit.passes else self._other_wiring(record, fit, report)
         if wiring is not None:
-            record = wiring.applied(record)
-            other = search(self._stages(record, report), given, sparse=self.sparse)
+            changed = wiring.applied(record)
+            other, others = search(self._stages(changed, report), given, sparse=self.sparse)
             if other.passes:
-                return self._answer(other, [*doubts, wiring.doubt], wiring)
-        return self._answer(fit, doubts, None)
+                record, fit, minima = changed, other, others
+                doubts.append(wiring.doubt)
+            else:
+                wiring = None
+        if minima:
+            reached = ", ".join(f"{each.per_sample:.4g}" for each in minima)
+            doubts.append(
+                f"{1 + len(minima)} minima were found; the one with the smallest chi2 per sample was taken, "
+                f"{fit.per_sample:.4g} against {reached}"
+            )
+        unresolved = _unresolved(fit)
+        groups = alike(without_nuisances(fit.model.A, self.zones))
+        if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
+            whole = self._problem(record, self._compared(record), report, groups)
+            counts = np.bincount(groups)
+            means = np.bincount(groups, fit.point.x[: self.zones]) / counts
+            together, _ = search([whole], means, sparse=self.sparse)
+            fit = together if together.passes else fit
+        return self._answer(fit, doubts, wiring, unresolved)
+
+    def _check(self, record: ResponseRecord) -> None:
+        """Refuse more unknowns than readings, and load states without an equilibrium."""
+        problem = self._problem(record, self._compared(record))
+        readings = len(record.sensors) * problem.record.states
+        if problem.size > readings:
+            msg = (
+                f"{problem.size} unknowns, {self.zones} of them damages, cannot be told from {readings} readings under "
+                "different loads. Add load states, samples or sensors, or fit less."
+            )
+            raise DataError(msg)
+        if isinstance(record, StaticRecord):
+            lost = ~np.isfinite(problem.predict(np.zeros((1, problem.size)))[0]).all(axis=0)
+            if lost.any():
+                names = ", ".join(dict.fromkeys(record.names[k] for k in record.state[lost]))
+                msg = f"the undamaged membrane has no equilibrium in load state {names}. Check its loads and supports."
+                raise DataError(msg)
+
+    def _nuisances(self, loads: Loads, length: float) -> Nuisances:
+        model = self._forward
+        return Nuisances(self.nuisances, model.parameters, model.inputs, model.sensors, loads, length)
 
     def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
         """Make the problems of longer and longer beginnings of a record."""
@@ -225,14 +283,30 @@ class Twin:
             return record.samples
         return min(record.samples, math.floor(self.discrepancy.length / record.step * (1.0 + 1e-12)))
 
-    def _problem(self, record: ResponseRecord, samples: int, report: Callable[[float, int], None]) -> RecordProblem:
+    def _problem(
+        self,
+        record: ResponseRecord,
+        samples: int,
+        report: Callable[[float, int], None] = lambda *_: None,
+        groups: NDArray[np.int64] | None = None,
+    ) -> RecordProblem:
         """Make the problem of the beginning of a record; its noise is that of all of it."""
-        length = record.step * self._compared(record)
-        nuisances = Nuisances(
-            self.nuisances, self.parameters, self._forward.n_sensors, length, self.parameters["pressure_amplitude"]
+        nuisances = self._nuisances(Loads(record.start, record.inputs), record.step * self._compared(record))
+        return RecordProblem(
+            self._sensed,
+            record.first(samples),
+            nuisances,
+            record.noise_deviation(),
+            self.discrepancy,
+            groups,
+            None if self._mesh_error is None else self._mesh_error(record),
+            report,
         )
-        part = replace(record, values=record.values[:, :samples])
-        return RecordProblem(self._forward, part, nuisances, record.noise_deviation(), self.discrepancy, report=report)
+
+    def _other_wiring(self, record: ResponseRecord, fit: Fit, report: Callable[[float, int], None]) -> Wiring | None:
+        """Return another reading of a record that does not fit as it is, or None if none fits either."""
+        wirings = other_wirings(record.first(fit.problem.record.samples), fit.point.predicted)
+        return best_wiring(wirings, [self._early_misfit(wiring.applied(record), report) for wiring in wirings])
 
     def _early_misfit(self, record: ResponseRecord, report: Callable[[float, int], None]) -> float:
         """Return the misfit of the last early stage, or of the first one that is hopeless."""
@@ -246,8 +320,8 @@ class Twin:
                 break
         return found
 
-    def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None) -> Answer:
-        problem, kept, zones = fit.problem, fit.kept, self.zones
+    def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
+        problem, kept, zones, groups = fit.problem, fit.kept, fit.problem.zones, fit.problem.groups
         A, x = fit.model.A, fit.point.x
         covariance = _covariance(A, kept)
         deviation = np.sqrt(np.diag(covariance)).copy()
@@ -255,12 +329,10 @@ class Twin:
             alone = kept.copy()
             alone[k] = True
             deviation[k] = math.sqrt(_covariance(A, alone)[k, k])
-        everything = np.sqrt(np.diag(_covariance(A, np.ones(len(x), dtype=bool))))[:zones]
-        unresolved = np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION)
         damages = covariance[:zones, :zones].copy()
         np.fill_diagonal(damages, deviation[:zones] ** 2)
         per_sample, bound = fit.per_sample, chi2_bound(problem)
-        valid = fit.passes and (wiring is None or not wiring.swaps)
+        valid = fit.passes and (wiring is None or not wiring.moved)
         if not fit.passes:
             doubts.append(
                 f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
@@ -275,17 +347,19 @@ class Twin:
             )
         rise = evidence(fit.model, box(problem, x), kept)[:zones]
         return Answer(
-            damage=x[:zones].copy(),
-            deviation=deviation[:zones],
-            probability=probability(rise),
-            covariance=damages,
+            zones=self._forward.zones,
+            damage=x[:zones][groups],
+            deviation=deviation[:zones][groups],
+            probability=probability(rise)[groups],
+            covariance=damages[np.ix_(groups, groups)],
             nuisances=problem.nuisances.values(x[zones:], deviation[zones:]),
             chi2_per_sample=per_sample,
             chi2_bound=bound,
             valid=valid,
-            unresolved=tuple(int(k) + 1 for k in unresolved),
-            left_out=tuple(k + 1 for k in range(self._forward.n_sensors) if k not in problem.record.sensors),
-            order=tuple(k + 1 for k in (range(self._forward.n_sensors) if wiring is None else wiring.order)),
+            unresolved=unresolved,
+            together_with=_together(groups, self._forward.zones),
+            left_out=tuple(k + 1 for k in range(self.sensors) if k not in problem.record.sensors),
+            order=tuple(k + 1 for k in (range(self.sensors) if wiring is None else wiring.order)),
             doubts=tuple(doubts),
             samples=problem.values,
             simulations=problem.simulations,
@@ -296,12 +370,31 @@ class Twin:
 
 def _early_samples(record: ResponseRecord) -> list[int]:
     """Return the lengths of the early stages."""
+    if isinstance(record, StaticRecord):
+        return []
     lengths = [math.ceil(time / record.step) for time in EARLY]
     return [n for n in lengths if LEAST_SAMPLES <= n < record.samples]
 
 
-def _is_learned(structure: Structure, given: dict[str, float]) -> bool:
+def _unresolved(fit: Fit) -> tuple[int, ...]:
+    """Return the zones, from 1, whose own damage the record cannot tell."""
+    everything = np.sqrt(np.diag(_covariance(fit.model.A, np.ones(len(fit.model.g), dtype=bool))))[: fit.problem.zones]
+    return tuple(int(k) + 1 for k in np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION))
+
+
+def _together(groups: NDArray[np.int64], names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Return the names of the other zones of the group of each."""
+    return tuple(
+        tuple(names[other] for other in np.flatnonzero(groups == group).tolist() if other != zone)
+        for zone, group in enumerate(groups.tolist())
+    )
+
+
+def _is_learned(forward: Forward) -> bool:
     """Tell whether the learned discrepancy holds for a mesh and a membrane."""
+    if not isinstance(forward, MembraneForward):
+        return False
+    structure, given = forward.structure, forward.parameters
     learned, default = default_discrepancy(), asdict(MembraneParams())
     square = square_structure(learned.elements_per_side, learned.order)
     here, there = structure.mesh.nodes, square.mesh.nodes

@@ -15,25 +15,30 @@ from contextlib import suppress
 from dataclasses import asdict
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 from gossamer_files.pictures import picture
 
 from ..errors import OrchestratorError
 from ..processes import start
 
+if TYPE_CHECKING:
+    from .report.pictures import Picture
+
 logger = logging.getLogger(__name__)
 
-SHARES = ((0, 1), (1, None))  # of the pictures, for a process each: the first one takes about as long as all others
+Share: TypeAlias = tuple[int, int | None]
+SHARES: tuple[Share, ...] = (
+    (0, 1),
+    (1, None),
+)  # of the pictures, for a process each: the first one takes about as long as all others
 
 
 class Drawing:
-    """Processes that divide the pages of a run among themselves; the end of the ``with`` block ends them."""
+    """Processes that divide the pictures of a run among themselves; the end of the ``with`` block ends them."""
 
     def __init__(self) -> None:
-        self._processes = [
-            start(draw_share, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8")
-            for _ in SHARES
-        ]
+        self._processes = [_start() for _ in SHARES]
 
     def __enter__(self) -> Drawing:
         return self
@@ -45,35 +50,67 @@ class Drawing:
 
     def begin(self, folder: Path, every: int) -> None:
         """Let them draw the results in a folder, one of so many points, while this process goes on."""
+        self._task = {"folder": str(folder), "every": every}
         for process, share in zip(self._processes, SHARES, strict=True):
-            assert process.stdin is not None
-            task = {"folder": str(folder), "every": every, "share": share}
-            with suppress(BrokenPipeError):  # it has ended, as ``finish`` will say
-                json.dump(task, process.stdin)
-                process.stdin.close()
+            self._give(process, share)
+
+    def _give(self, process: subprocess.Popen[str], share: Share) -> None:
+        assert process.stdin is not None
+        with suppress(BrokenPipeError):  # it has ended, as ``finish`` will say
+            json.dump(self._task | {"share": share}, process.stdin)
+            process.stdin.close()
 
     def finish(self) -> list[Path]:
         """Wait for the pictures; return the paths of those that were drawn, and warn of what went wrong."""
-        from .report.pictures import Picture, paths_of
+        from .report.pictures import paths_of
 
         pages, problems = [], []
-        for process in self._processes:
-            for line in process.stdout or ():
-                try:
-                    report = json.loads(line)
-                except ValueError:  # a library printed it
-                    continue
-                if "error" in report:
-                    problems.append(report["error"])
-                else:
-                    pages.append(Picture(**report | {"path": Path(report["path"])}))
-            if code := process.wait():
-                problems.append(f"a process that draws them ended with exit code {code}.")
+        for process, share in zip(tuple(self._processes), SHARES, strict=True):
+            drawn, wrong = self._heard(process, share)
+            pages += drawn
+            problems += wrong
         problems += [page.failure for page in pages if page.failure]
         if problems:
             why = " ".join(dict.fromkeys(problems))
             logger.warning("pictures are missing: %s Draw them again with 'gossamer plot'.", why)
         return paths_of(pages)
+
+    def _heard(
+        self, process: subprocess.Popen[str], share: Share, *, again: bool = True
+    ) -> tuple[list[Picture], list[str]]:
+        """Return what a process drew, and what went wrong; what it had not begun when it was killed another one draws."""
+        from .report.pictures import Picture
+
+        pages: list[Picture] = []
+        problems, begun = [], ""
+        for line in process.stdout or ():
+            try:
+                report = json.loads(line)
+            except ValueError:  # a library printed it
+                continue
+            if "error" in report:
+                problems.append(report["error"])
+            elif "begun" in report:
+                begun = report["begun"]
+            else:
+                pages.append(Picture(**report | {"path": Path(report["path"])}))
+                begun = ""
+        code = process.wait()
+        if code and begun:
+            problems.append(f"{begun} ended the process that drew it, with exit code {code}.")
+        elif code and not again:
+            problems.append(f"a process that draws them ended with exit code {code}.")
+        if code and again:
+            rest = (share[0] + len(pages) + bool(begun), share[1])
+            self._processes.append(_start())
+            self._give(self._processes[-1], rest)
+            drawn, wrong = self._heard(self._processes[-1], rest, again=False)
+            return pages + drawn, problems + wrong
+        return pages, problems
+
+
+def _start() -> subprocess.Popen[str]:
+    return start(draw_share, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8")
 
 
 def draw_share() -> None:
@@ -95,7 +132,8 @@ def draw_share() -> None:
     folder = Path(task["folder"])
     try:
         data = load_results(folder).isel(time=slice(None, None, task["every"]))
-        for each in draw_pictures(data, folder, "png", folder, slice(*task["share"])):
+        share, tell = slice(*task["share"]), lambda path: _say({"begun": path})
+        for each in draw_pictures(data, folder, "png", folder, share, tell):
             _say(asdict(each))
     except OrchestratorError as error:
         _say({"error": str(error)})

@@ -99,9 +99,8 @@ def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
     assert placed.data["point"].attrs["units"] == "m"
     assert placed.data["point"].to_numpy().tolist() == [each["point_m"] for each in content["chosen"]["sensors"]]
     assert len(tomllib.loads(Path(placed).read_text())["sensors"]) == 2
-    assert (
-        f"The worst zone has an a90 of {100.0 * max(content['own']['a90']):.3g} % with the own" in placed._repr_html_()
-    )
+    worst = f"{100.0 * max(content['own']['a90']):.3g} %"
+    assert f"with the membrane&#x27;s own 2 it has {worst}" in placed._repr_html_()
     taken = content["own"]["a90"]
     assert content["zones"] == ["left", "right"]
     assert content["chosen"]["check"]["records"] == 1

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gossamer.pages.place_sensors import placement_page, zone_table
+from gossamer import SensorPlacement
 from gossamer_models.membrane import square_structure
 from gossamer_models.placement import Placement, Placing
 from gossamer_models.placement.check import MonteCarloCheck
@@ -22,19 +22,23 @@ def found() -> Placing:
     return Placing(structure=structure, own=own, chosen=chosen, candidates=9, noise=1e-3, simulations=5)
 
 
+def page_of(found):
+    return SensorPlacement(files=[], result=found, samples=100).describe()
+
+
 def test_the_worst_zones_are_compared(found):
-    page = placement_page(found, 100)
+    page = page_of(found)
     assert page.sentence == (
         "With 4 chosen sensors the worst zone has a90 = 12.5 % damage; with the membrane's own 4 it has 25 %."
     )
-    assert zone_table(found).rows[-1][2:] == ("25.00", "12.50")
+    assert SensorPlacement(files=[], result=found, samples=100).tables()[0].rows[-1][2:] == ("25.00", "12.50")
     own, chosen = page.charts[2].traces
     assert own["y"] == pytest.approx(100.0 * np.linspace(0.1, 0.25, 16))
     assert chosen["y"] == pytest.approx(own["y"] / 2.0)
 
 
 def test_a_choice_that_is_no_better_is_said_first(found):
-    page = placement_page(replace(found, chosen=found.own), 100)
+    page = page_of(replace(found, chosen=found.own))
     assert page.sentence.startswith("No placement of 4 sensors was found that is better than the membrane's own.")
 
 
@@ -44,7 +48,7 @@ def test_zones_that_are_not_found_and_a_check_that_fails_are_stated(found):
     check = MonteCarloCheck(
         records=9, predicted=parts, observed=2.0 * parts, spread=4.0, spread_error=0.1, false_alarms=0.2, found=0.5
     )
-    page = placement_page(replace(found, chosen=replace(found.chosen, deviation=deviation, check=check)), 100)
+    page = page_of(replace(found, chosen=replace(found.chosen, deviation=deviation, check=check)))
     assert "The chosen sensors do not find zones 5." in page.more
     assert page.kind == "invalid"
     assert any("does NOT agree with 1 ± 0.100; 20.0 % false alarms (5)" in sentence for sentence in page.more)
@@ -52,9 +56,7 @@ def test_zones_that_are_not_found_and_a_check_that_fails_are_stated(found):
 
 def test_every_zone_is_drawn_in_the_colour_of_its_a90(found):
     """Zone 16 of the own sensors has the largest a90 of both placements: the darkest end of the colours."""
-    areas = {
-        each["name"].partition(":")[0]: each for each in placement_page(found, 100).charts[0].traces if "fill" in each
-    }
+    areas = {each["name"].partition(":")[0]: each for each in page_of(found).charts[0].traces if "fill" in each}
     assert len(areas) == 16
     assert areas["zone 16"]["fillcolor"] == "#440154"
     assert areas["zone 1"]["fillcolor"] != areas["zone 16"]["fillcolor"]

@@ -14,7 +14,7 @@ from gossamer_orchestrator.pages import write_page
 from reading_pages import read_page, values
 
 RECORDS = 160
-CLEAN, NOISY = "window 1, damaged, no noise", "window 1, damaged, the thesis' noise"
+CLEAN, NOISY = "window 1, damaged, no noise", "window 1, damaged, noise"
 
 
 def judged(clean: float, noisy: float, records: int = RECORDS, valid: bool = True):

@@ -68,15 +68,6 @@ def test_titles_and_names_are_escaped_in_a_display(data, tmp_path):
     assert "<script>" not in run._repr_html_()
 
 
-def test_view_opens_the_page_and_writes_it_where_it_is_missing(scenario, fmus, tmp_path, monkeypatch):
-    opened = []
-    monkeypatch.setattr("webbrowser.open", lambda uri: opened.append(uri) or True)
-    run = gossamer.run(scenario, fmus=fmus, out=tmp_path / "out", pictures=False)
-    assert not (run.folder / "report.html").exists()
-    assert gossamer.view(run) == tmp_path / "out/report.html"
-    assert opened == [(tmp_path / "out/report.html").as_uri()]
-
-
 def test_a_sweep_gives_all_cases_along_a_dimension(scenario, fmus, tmp_path):
     pytest.importorskip("zarr", reason="a sweep is gathered by zarr")
     sweep = gossamer.sweep(scenario, set={"g.u": [1.0, 2.0]}, fmus=fmus, out=tmp_path / "out", workers=2)
@@ -199,11 +190,11 @@ def test_a_sensor_is_built_from_what_identify_returns(sensor, tmp_path):
 def test_the_twin_gives_damage_by_zone(tmp_path):
     pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
     from gossamer_models.membrane import square_structure
-    from gossamer_models.twin.simulation import Forward
+    from gossamer_models.twin import MembraneForward
 
     true, step = np.zeros(16), 3e-4
     true[5] = 0.3
-    strain = Forward(square_structure(4, 1)).strain(true[None], {}, None, 300, step)[0]
+    strain = MembraneForward(square_structure(4, 1)).strain(true[None], {}, {}, 300, step)[0]
     rows = [f"{step * (k + 1)!r}," + ",".join(map(repr, row)) for k, row in enumerate(strain.T.tolist())]
     (tmp_path / "strain.csv").write_text("\n".join(["time [s],strain[1],strain[2],strain[3],strain[4]", *rows]))
     found = gossamer.twin(tmp_path / "strain.csv", fit="none", elements_per_side=4, order=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import re
 import subprocess
@@ -57,12 +58,25 @@ def test_what_goes_wrong_in_a_process_is_a_warning(folder, caplog):
         assert drawing.finish() == []
     (warning,) = caplog.messages
     assert re.match(r"^pictures are missing: cannot read results from .*gossamer plot", warning)
-    caplog.clear()
+
+
+def test_what_a_killed_process_had_not_begun_another_draws(folder, caplog, monkeypatch):
     with Drawing() as drawing:
-        drawing._processes[0].kill()
+        drawing._processes[1].kill()
         drawing.begin(folder, 1)
-        drawing.finish()
-    assert "a process that draws them ended with exit code" in caplog.messages[0]
+        assert len(drawing.finish()) == 5
+    assert caplog.messages == []
+    with Drawing() as drawing:  # one that is killed by its first picture, and another in its place
+        code = f"print({json.dumps(json.dumps({'begun': str(folder / 'sensors.png')}))}); raise SystemExit(9)"
+        with drawing._processes[1] as first:
+            first.kill()
+        drawing._processes[1] = subprocess.Popen(
+            [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        drawing.begin(folder, 1)
+        assert {path.stem for path in drawing.finish()} == {"strains", "deflection", "damage", "damage_history"}
+    (warning,) = caplog.messages
+    assert f"{folder / 'sensors.png'} ended the process that drew it, with exit code 9." in warning
 
 
 def test_a_picture_that_fails_is_named_and_the_others_are_drawn(folder, caplog):

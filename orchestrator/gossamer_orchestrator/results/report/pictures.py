@@ -75,9 +75,17 @@ def save_pictures(data: xr.Dataset, folder: Path, form: str = "png", shapes: Pat
 
 
 def draw_pictures(
-    data: xr.Dataset, folder: Path, form: str, shapes: Path, share: slice = slice(None)
+    data: xr.Dataset,
+    folder: Path,
+    form: str,
+    shapes: Path,
+    share: slice = slice(None),
+    tell: Callable[[Path], None] = lambda _: None,
 ) -> Iterator[Picture]:
-    """Draw a share of the pictures, with the arguments of ``save_pictures``; one that fails keeps none from being drawn."""
+    """Draw a share of the pictures, with the arguments of ``save_pictures``; one that fails keeps none from being drawn.
+
+    ``tell`` is called with the path of each before it is drawn.
+    """
     run = Recorded(data, shapes)
     in_space = {name: history for name, history in run.shapes.items() if f"{name}.w" not in data}
     names = ["deflection"] if len(in_space) == 1 else [f"deflection_{name}" for name in in_space]
@@ -85,6 +93,7 @@ def draw_pictures(
     title = str(data.attrs.get("title", ""))
     for name, make in list(pictures.items())[share]:
         begun, path, why_not, failure = time.perf_counter(), folder / f"{name}.{form}", "", ""
+        tell(path)
         try:
             made = make(run)
             size = made.size if isinstance(made, Panels) else IN_SPACE
