@@ -42,7 +42,7 @@ class TwinAnswer(Saved):
 
     @property
     def data(self) -> xr.Dataset:
-        """``damage``, ``deviation`` and ``probability`` [1] by ``zone``, with row and column; ``covariance`` [1]."""
+        """``damage``, ``deviation`` and ``probability`` [1] by ``zone``, with its ``name``; ``covariance`` [1]."""
         import numpy as np
         import xarray as xr
 
@@ -50,7 +50,7 @@ class TwinAnswer(Saved):
         values = {name: ("zone", getattr(answer, name), ratio) for name in ("damage", "deviation", "probability")}
         return xr.Dataset(
             values | {"covariance": (("zone", "other_zone"), answer.covariance, ratio)},
-            coords=zone_coordinates(n) | {"other_zone": np.arange(1, n + 1)},
+            coords=zone_coordinates(answer.zones) | {"other_zone": np.arange(1, n + 1)},
             attrs={
                 "valid": int(answer.valid),
                 "chi2_per_sample": answer.chi2_per_sample,
@@ -93,7 +93,7 @@ class TwinAnswer(Saved):
         """Draw the damage of the zones."""
         from .pages.twin import damage_chart
 
-        return as_png(damage_chart(self.answer.damage, self.answer.deviation))
+        return as_png(damage_chart(self.answer.zones, self.answer.damage, self.answer.deviation))
 
     def tables(self) -> list[Table]:
         """Return a row per zone."""
@@ -178,7 +178,7 @@ def twin(
     with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
         answer = Twin(
-            **found.twin(options["sensor"], options["elements_per_side"], options["order"]),
+            **found.twin(options["sensor"]),
             nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
             sparse=sparse,
         ).fit(

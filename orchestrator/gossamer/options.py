@@ -77,18 +77,26 @@ class TwinOptions(TypedDict, total=False):
         What to read, where the record has both.
     noise
         Standard deviation of the noise, 1 or ohm; estimated by default.
+    setup
+        Setup of another membrane than the square of the thesis (docs/setup.md), or sail, drum, ...; results of a run bring
+        theirs.
+    begins
+        rest: the record begins at rest at time 0, before the loads of its columns set in. equilibrium: with its first row,
+        in equilibrium under its loads; by default where it has columns of loads.
     set
-        A parameter of the membrane; may be repeated.
+        A parameter of the membrane, or a load at the start; may be repeated.
     sensor
         Artifact of the sensors; the shipped one by default.
     elements_per_side
-        Elements along a side of the twin, a multiple of 4.
+        Elements along a side of the square, a multiple of 4.
     order
         Their order; 1 for bilinear ones.
     """
 
     kind: Literal["strain", "resistance"] | None
     noise: NotNegative | None
+    setup: File | None
+    begins: Literal["rest", "equilibrium"] | None
     set: Values | None
     sensor: File | None
     elements_per_side: Annotated[int, Written("N", default=4)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,9 +17,11 @@ from .options import TwinOptions
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.membrane import MembraneParams
+    from gossamer_models.arrays import Vector
+    from gossamer_models.membrane import Structure
     from gossamer_models.twin import ResponseRecord
 
+KINDS = ("strain", "resistance")
 OFF_GRID = 1e-3  # steps
 
 
@@ -31,34 +33,34 @@ class KnownRecord:
     ----------
     record : ResponseRecord
         Histories.
-    params : MembraneParams
-        Parameters of the membrane.
+    structure : Structure
+        The membrane.
+    parameters : mapping of str to float
+        Parameters of the membrane, and inputs at the start, that differ from its start values.
     sensor_parameters : mapping of str to list of float
         Parameters of the sensors, one value for each.
     """
 
     record: ResponseRecord
-    params: MembraneParams
+    structure: Structure
+    parameters: Mapping[str, float] = field(default_factory=dict)
     sensor_parameters: Mapping[str, list[float]] = field(default_factory=dict)
 
-    def twin(self, sensor: AnyPath | None = None, elements_per_side: int = 4, order: int = 4) -> dict[str, Any]:
+    def twin(self, sensor: AnyPath | None = None) -> dict[str, Any]:
         """Return what a twin of the record is made of: its membrane, and for resistance its sensors.
 
         Parameters
         ----------
         sensor : path, optional
             Artifact of the sensors; by default the shipped one.
-        elements_per_side, order : int
-            Of the twin's mesh.
         """
-        from gossamer_models.membrane import square_structure
         from gossamer_models.sensor import SensorArtifact, default_artifact
 
-        structure = square_structure(elements_per_side, order, params=self.params)
+        known = {"structure": self.structure, "parameters": self.parameters}
         if self.record.kind == "strain":
-            return {"structure": structure}
+            return known
         found = default_artifact() if sensor is None else SensorArtifact.read(Path(sensor))
-        return {"structure": structure, "sensor": found, "sensor_parameters": self.sensor_parameters}
+        return known | {"sensor": found, "sensor_parameters": self.sensor_parameters}
 
 
 def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> KnownRecord:
@@ -69,8 +71,8 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
     path : Path
         Results of a run, their folder, or a CSV file with the columns of ``read_table``.
     options : TwinOptions
-        ``kind``, None for resistance where it was recorded, else strain; ``noise``, its standard deviation; ``set``,
-        parameters of the membrane.
+        ``kind``, None for resistance where it was recorded, else strain; ``noise``, its standard deviation; ``setup``, the
+        membrane, and ``elements_per_side`` and ``order`` of the square; ``set``, its parameters.
     stop : float, optional
         Last time to use [s].
 
@@ -80,37 +82,74 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
         An option makes no sense, or the results lack what is needed.
     """
     from gossamer_files.measured import header_of, of_a_run
-    from gossamer_models.membrane import MembraneParams
     from gossamer_models.twin import read_table
     from gossamer_orchestrator import load_results
 
     kind, noise, values = options["kind"], options["noise"], assigned(options["set"])
+    structure = _structure(options)
     if path.suffix == ".csv" and not of_a_run(header_of(path)):
-        known = asdict(MembraneParams())
-        found = KnownRecord(record=read_table(path, kind, noise), params=MembraneParams(**_assigned(values, known)))
+        record = read_table(path, kind, noise, structure, options["begins"])
+        found = KnownRecord(record=record, structure=structure, parameters=_assigned(values, structure))
     else:
-        found = find_in_results(load_results(path), kind, noise, values)
+        found = find_in_results(load_results(path), kind, noise, values, structure)
     if stop is not None:
         if not math.isfinite(stop):
             msg = f"{option('stop')} is {stop:g}. Write a positive number."
             raise OrchestratorError(msg)
         samples = max(0, round(stop / found.record.step))
-        found = replace(found, record=replace(found.record, values=found.record.values[:, :samples]))
+        found = replace(found, record=found.record.first(samples))
     return found
 
 
 def find_in_results(
-    data: xr.Dataset, kind: str | None = None, noise: float | None = None, values: Sequence[str] = ()
+    data: xr.Dataset,
+    kind: str | None = None,
+    noise: float | None = None,
+    values: Sequence[str] = (),
+    structure: Structure | None = None,
 ) -> KnownRecord:
-    """Find a record in the results of a run, as ``find_record`` does."""
-    from gossamer_models.membrane import MembraneParams
+    """Find a record in the results of a run, as ``find_record`` does; without a structure, of the square."""
+    from gossamer_models.membrane import square_structure
+    from gossamer_models.twin.reading import input_units
     from gossamer_orchestrator.results import dataset
 
-    names = asdict(MembraneParams())
-    record, sensors = _recorded(_on_grid(data), kind, noise)
-    known = {name: value for name, value in _parameters(data, dataset.find(data, "membrane")).items() if name in names}
-    params = MembraneParams(**{**known, **_assigned(values, names)})
-    return KnownRecord(record=record, params=params, sensor_parameters=sensors)
+    structure = structure or square_structure()
+    data, membrane = _on_grid(data), dataset.find(data, "membrane")
+    names = {v.name for v in structure.table if v.causality == "parameter"}
+    recorded = _parameters(data, membrane)
+    if unknown := [name for name in recorded if name.startswith("youngs_modulus") and name not in names]:
+        msg = (
+            f"the membrane of the results has a parameter {unknown[0]!r}, that of the twin has none. Name the setup that "
+            f"its FMU was built from with {option('setup')}."
+        )
+        raise OrchestratorError(msg)
+    recorded = {name: value for name, value in recorded.items() if name in names}
+    units = input_units(structure)
+    start = {name: value for name, value in _parameters(data, membrane, "start").items() if name in units}
+    record, sensors = _recorded(data, kind, noise, structure)
+    return KnownRecord(
+        record=replace(record, start={**start, **record.start}),
+        structure=structure,
+        parameters={**recorded, **_assigned(values, structure)},
+        sensor_parameters=sensors,
+    )
+
+
+def _structure(options: TwinOptions) -> Structure:
+    """Return the membrane that is named, or the square."""
+    from gossamer_models.membrane import square_structure
+    from gossamer_orchestrator.scenario.source import find_scenario
+
+    from .descriptions import load_structure
+
+    mesh = options["elements_per_side"], options["order"]
+    if options["setup"] is None:
+        return square_structure(*mesh)
+    if mesh != (4, 4):
+        sizes = f"{option('elements_per_side')} and {option('order')}"
+        msg = f"{sizes} are of the square, and a setup has its own. Leave them out."
+        raise OrchestratorError(msg)
+    return load_structure(find_scenario(str(options["setup"]), "membrane"))
 
 
 def beside(record: Path, name: str) -> Path:
@@ -145,15 +184,18 @@ def _on_grid(data: xr.Dataset) -> xr.Dataset:
     return data.isel(time=np.abs(place - np.round(place)) < OFF_GRID)
 
 
-def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[ResponseRecord, dict[str, list[float]]]:
+def _recorded(
+    data: xr.Dataset, kind: str | None, noise: float | None, structure: Structure
+) -> tuple[ResponseRecord, dict[str, list[float]]]:
     import numpy as np
-    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import make_record
     from gossamer_orchestrator.results import dataset
 
     time = data["time"].to_numpy().astype(float)
-    count = square_structure().n_sensors
+    count = structure.n_sensors
     values = np.full((count, len(time)), np.nan)
+    loads = _loads(data, structure)
+    settled = bool(loads) and not structure.starts_in_plane
     sensors = dataset.sensors(data) if dataset.find_all(data, "sensor") else {}
     received = {k: f"{name}.resistance" for k, name in dataset.compensators(data).items()} if sensors else {}
     names = {k: received[k] if received.get(k) in data else f"{name}.resistance" for k, name in sensors.items()}
@@ -161,42 +203,61 @@ def _recorded(data: xr.Dataset, kind: str | None, noise: float | None) -> tuple[
     if kind == "strain" or (kind is None and not names):
         strain = dataset.need(data, f"{dataset.find(data, 'membrane')}.strain")[0]
         for k in strain[strain.dims[1]].to_numpy().tolist():
-            values[k - 1] = _in_si(strain.sel({strain.dims[1]: k}), "strain")
-        return make_record(time, values, "strain", noise, "the results"), {}
+            values[k - 1] = _in_unit(strain.sel({strain.dims[1]: k}), "1")
+        return make_record(time, values, "strain", noise, "the results", None, loads, settled=settled), {}
     if not names:
         msg = "the results hold no resistance. Add sensor?.resistance to [record] in the scenario and run it again."
         raise ResultsError(msg)
     for k, name in names.items():
-        values[k - 1] = _in_si(data[name], "resistance")
+        values[k - 1] = _in_unit(data[name], "ohm")
     if data.attrs.get("master") == "jacobi":  # what sensors got is one step old
         time, values = time[:-1], values[:, 1:]
+        loads = {name: load[:-1] for name, load in loads.items()}
     each = [_parameters(data, sensors[k]) if k in sensors else {} for k in range(1, count + 1)]
     known = next((parameters for parameters in each if parameters), {})
     tabled = {name: [parameters.get(name, known[name]) for parameters in each] for name in known}
-    return make_record(time, values, "resistance", noise, "the results"), tabled
+    return make_record(time, values, "resistance", noise, "the results", None, loads, settled=settled), tabled
 
 
-def _in_si(values: xr.DataArray, what: str) -> Any:  # noqa: ANN401
-    """Return values in 1 or ohm, whatever unit stands with them: a CSV file may have been edited."""
-    from gossamer_files.measured.units import SI, factor
+def _loads(data: xr.Dataset, structure: Structure) -> dict[str, Vector]:
+    """Return the recorded inputs of the membrane, in its units."""
+    from gossamer_models.twin.reading import input_units
+    from gossamer_orchestrator.results import dataset
 
-    unit = values.attrs.get("units") or SI[what]
-    scale = 1.0 if unit == SI[what] else factor(unit, what)
+    membrane, found = dataset.find(data, "membrane"), {}
+    for name, unit in input_units(structure).items():
+        array, _, index = name.partition("[")
+        column = data.get(f"{membrane}.{array}")
+        if column is not None and index:
+            column = column.sel({column.dims[1]: int(index[:-1])})
+        if column is not None:
+            found[name] = _in_unit(column, unit)
+    return found
+
+
+def _in_unit(values: xr.DataArray, wanted: str) -> Vector:
+    """Return values in a unit, whatever unit stands with them: a CSV file may have been edited."""
+    from gossamer_files.measured import conversion, factor
+
+    unit, what = values.attrs.get("units") or wanted, str(values.name).rpartition(".")[2]
+    scale = 1.0 if unit == wanted else factor(unit, what) if what in KINDS else conversion(unit, wanted)
     if scale is None:
-        msg = f"{values.name} is in {unit!r}, which is no unit of {what}. Write {SI[what]}."
+        msg = f"{values.name} is in {unit!r}, which is no unit of {what}. Write {wanted}."
         raise ResultsError(msg)
-    return scale * values.to_numpy()
+    return scale * values.to_numpy().astype(float)
 
 
-def _parameters(data: xr.Dataset, component: str) -> dict[str, float]:
+def _parameters(data: xr.Dataset, component: str, what: str = "parameters") -> dict[str, float]:
     """Return the parameters of a component; none in results without provenance, such as a CSV file."""
     fmus = json.loads(data.attrs.get("fmus", "{}"))
-    return dict(fmus.get(component, {}).get("parameters", {}))
+    return dict(fmus.get(component, {}).get(what, {}))
 
 
-def _assigned(texts: Sequence[str], known: Mapping[str, float]) -> dict[str, float]:
+def _assigned(texts: Sequence[str], structure: Structure) -> dict[str, float]:
+    from gossamer_models.twin.reading import input_units
     from gossamer_orchestrator.names import suggest
 
+    known = [v.name for v in structure.table if v.causality == "parameter"] + [*input_units(structure)]
     given = numbers_by_name(texts, "NAME=VALUE")
     for name in given:
         if name not in known:

@@ -189,12 +189,16 @@ def first_of(files: Iterable[Path], ending: str) -> bytes | None:
     return None if path is None else path.read_bytes()
 
 
-def zone_coordinates(count: int) -> dict[str, Any]:
-    """Return the coordinates of the zones of a square membrane with sides of length 1."""
+def zone_coordinates(names: Sequence[str]) -> dict[str, Any]:
+    """Return the coordinates of zones: numbers and names; of a square of side 1 also rows and columns."""
     import numpy as np
     from gossamer_orchestrator.results.places import zone_places
 
-    return zone_places(math.isqrt(count), 1.0, {"units": "1"}) | {"zone": np.arange(1, count + 1)}
+    count = len(names)
+    found: dict[str, Any] = {"zone": np.arange(1, count + 1), "name": ("zone", list(names))}
+    numbered = tuple(names) == tuple(f"zone_{k + 1}" for k in range(count))
+    side = math.isqrt(count)
+    return (zone_places(side, 1.0, {"units": "1"}) if numbered and side**2 == count else {}) | found
 
 
 def as_png(chart: Chart, size: tuple[float, float] = (4.7, 4.4)) -> bytes:

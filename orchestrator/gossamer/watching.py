@@ -21,7 +21,8 @@ from .writing import keep_inputs
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.twin import DamageOnset, Watch, Window
+    from gossamer_models.arrays import Matrix, Vector
+    from gossamer_models.twin import DamageOnset, ResponseRecord, Watch, Window
     from gossamer_orchestrator import Simulation
     from rich.console import Console
     from rich.table import Table
@@ -42,8 +43,8 @@ class Watching(Saved):
     ----------
     files : list of Path
         JSON file of what was seen.
-    zones : int
-        Number of zones.
+    zones : tuple of str
+        Names of the zones.
     alarms : list of float
         Ends of the windows that raised an alarm [s].
     findings : list of gossamer_models.twin.DamageOnset
@@ -52,7 +53,7 @@ class Watching(Saved):
         End of each window [s], the score of new damage in units of its mean [1], and chi2 per sample [1].
     """
 
-    zones: int
+    zones: tuple[str, ...]
     alarms: list[float] = field(default_factory=list)
     findings: list[DamageOnset] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
@@ -107,14 +108,14 @@ class Watching(Saved):
     @property
     def data(self) -> xr.Dataset:
         """``score`` of new damage and ``misfit``, chi2 per sample [1], over ``time`` [s], the ends of the windows;
-        ``damage`` and ``deviation`` [1] by ``onset`` [s] and ``zone``, with row and column.
+        ``damage`` and ``deviation`` [1] by ``onset`` [s] and ``zone``, with its ``name``.
         """  # noqa: D205
         import numpy as np
         import xarray as xr
 
         found, ratio, seconds = self.findings, {"units": "1"}, {"units": "s"}
         by_zone = {name: np.array([getattr(each, name) for each in found]) for name in ("damage", "deviation")}
-        shape = (len(found), self.zones)
+        shape = (len(found), len(self.zones))
         return xr.Dataset(
             {"score": ("time", self.scores, ratio), "misfit": ("time", self.misfits, ratio)}
             | {name: (("onset", "zone"), each.reshape(shape), ratio) for name, each in by_zone.items()}
@@ -155,7 +156,7 @@ class Watching(Saved):
         from .pages.twin import damage_chart
 
         last = self.findings[-1:]
-        return as_png(damage_chart(last[0].damage, last[0].deviation)) if last else None
+        return as_png(damage_chart(self.zones, last[0].damage, last[0].deviation)) if last else None
 
     def tables(self) -> list[Table]:
         """Return what was found at each onset."""
@@ -173,7 +174,7 @@ def _table(finding: DamageOnset) -> Table:
 
     title = since(finding.onset, finding.onset_deviation)
     table = Table("zone", "damage [%]", title=title, min_width=len(title))
-    for row in damage_rows(finding.damage.tolist(), finding.deviation.tolist()):
+    for row in damage_rows(finding.damage.tolist(), finding.deviation.tolist(), finding.zones):
         table.add_row(*row)
     return table
 
@@ -229,7 +230,7 @@ class LiveWatch:
                 return
             if self._seen.alarmed:
                 simulation.say(FITTING)
-            self._seen.take(self._twin.advance(found.record.values[:, :samples]), self._console)
+            self._seen.take(self._twin.advance(*_window(found.record, 0, samples)), self._console)
             simulation.say("")
             rest = time > time[0] + (samples - 0.5) * found.record.step
             self._forgotten = float(time[rest][0])
@@ -295,11 +296,11 @@ def watch(
     console, firsts = talk(), range(0, found.record.samples - samples + 1, samples)
     with progress_bar("watching") as bar:
         bar.update(aside="compiling")
-        twin = _begin(found, false_alarms, options["sensor"], options["elements_per_side"], options["order"])
+        twin = _begin(found, false_alarms, options["sensor"])
         seen = Watching(files=[path], zones=twin.zones)
         for done, first in enumerate(firsts):
             bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,", FITTING if seen.alarmed else "")
-            seen.take(twin.advance(found.record.values[:, first : first + samples]), console)
+            seen.take(twin.advance(*_window(found.record, first, samples)), console)
         bar.update(len(firsts), text=f"{len(firsts)} windows,")
     seen.end(console)
     return seen
@@ -317,10 +318,18 @@ def _samples(window: float, found: KnownRecord) -> int:
     return samples
 
 
-def _begin(found: KnownRecord, false_alarms: float, *twin: Any) -> Watch:  # noqa: ANN401
-    """Start the twin of a record; ``twin`` are the arguments of ``KnownRecord.twin``."""
+def _begin(found: KnownRecord, false_alarms: float, sensor: AnyPath | None = None) -> Watch:
+    """Start the twin of a record, with the artifact of its sensors."""
     import numpy as np
     from gossamer_models.twin import Watch
 
     noise = np.nan_to_num(found.record.noise_deviation(), nan=1.0)
-    return Watch(noise, **found.twin(*twin), step=found.record.step, false_alarms=false_alarms)
+    known = found.twin(sensor)
+    known["parameters"] = {**found.parameters, **found.record.start}
+    return Watch(noise, **known, step=found.record.step, false_alarms=false_alarms)
+
+
+def _window(record: ResponseRecord, first: int, samples: int) -> tuple[Matrix, dict[str, Vector]]:
+    """Return the readings and the loads of a window."""
+    part = slice(first, first + samples)
+    return record.values[:, part], {name: load[part] for name, load in record.inputs.items()}

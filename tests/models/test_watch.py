@@ -8,7 +8,8 @@ from gossamer_models import DataError, ParameterError
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import default_artifact, sensor_model
-from gossamer_models.twin.simulation import Forward
+from gossamer_models.twin import MembraneForward
+from gossamer_models.twin.simulation import SensedForward
 from gossamer_models.twin.watch import JudgedWindow, OnsetProblem, Watch
 
 SQUARE = square_structure(4, 1)  # coarse, so that a window costs little; twin and truth have the same
@@ -77,13 +78,13 @@ def test_readings_may_be_resistances():
 
 def test_windows_before_the_onset_are_not_simulated_again_and_the_readings_are_the_same():
     forward, sigma, healthy = (
-        Forward(SQUARE),
+        SensedForward(MembraneForward(SQUARE)),
         np.full(4, NOISE),
         np.zeros(16),
     )
-    place, seen = forward.begin(healthy, STEP), []
+    place, seen = forward.begin(healthy, {}, STEP), []
     for k in range(3):
-        expected, after = forward.advance(place, np.zeros((1, 30, 16)), STEP)
+        expected, after = forward.advance(place, np.zeros((1, 30, 16)), {}, STEP)
         seen.append(JudgedWindow(30 * STEP * k, place, expected[0], expected[0]))
         place = after
     y = np.concatenate([window.y for window in seen], axis=1)

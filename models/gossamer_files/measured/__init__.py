@@ -3,12 +3,13 @@
 from .columns import Column, Wanted, find_column, listed, named_column, of_a_run
 from .reader import Measured, passes_midnight, read_columns
 from .text import header_of
-from .units import factor
+from .units import conversion, factor
 
 __all__ = [
     "Column",
     "Measured",
     "Wanted",
+    "conversion",
     "factor",
     "find_column",
     "header_of",

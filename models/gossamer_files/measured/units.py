@@ -69,6 +69,19 @@ def _factor(text: str, what: str) -> float | None:
 
 
 @cache
+def conversion(text: str, to: str) -> float | None:
+    """Return the factor from a unit to another one, of any quantity, or None if there is none."""
+    registry, errors = unit_registry()
+    powers = re.compile(r"(?<=[^\W\d_])\^?([2-9])")  # m/s2
+    try:
+        units = [registry.Unit(powers.sub(r"**\1", each) if each != "1" else "dimensionless") for each in (text, to)]
+        one, nothing = (registry.Quantity(value, units[0]).to(units[1]).magnitude for value in (1.0, 0.0))
+        return float(one - nothing)  # a rise of temperature in degC is one in K
+    except errors:
+        return None
+
+
+@cache
 def is_unit(text: str) -> bool:
     """Tell whether a text is a unit, of any quantity; a letter that names a column of time or resistance is none."""
     if text.lower() in NAMES:

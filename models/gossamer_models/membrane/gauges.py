@@ -14,9 +14,10 @@ import scipy.sparse
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..arrays import Vector
+from ..arrays import Matrix, Vector
 from ..errors import DataError
 from .element import derivative_matrix, gauss_points, lobatto_points, value_matrix
+from .setup import Sensor
 from .surface import Block, SurfaceMesh
 
 SAMPLES = 5  # of a gauge with a length, Gauss-Legendre
@@ -43,6 +44,46 @@ class Gauge:
     lines: scipy.sparse.csr_array
     weights: Vector
     away: float
+
+
+@dataclass(frozen=True, eq=False)
+class Gauges:
+    """Many gauges at once.
+
+    Attributes
+    ----------
+    sensors : tuple of Sensor
+        Where they are, G of them.
+    lines : sparse array, shape (S, N)
+        Weights of the node positions that give a unit line along each sample.
+    means : sparse array, shape (G, S)
+        Weights of the samples in each gauge.
+    """
+
+    sensors: tuple[Sensor, ...]
+    lines: scipy.sparse.csr_array
+    means: scipy.sparse.csr_array
+
+    def strain(self, x: Matrix) -> Matrix:
+        """Return the nominal strain [1], shape (G, n), from node positions [m], shape (N, 3, n)."""
+        became = (self.lines @ x.reshape(len(x), -1)).reshape(-1, *x.shape[1:])
+        return np.asarray(self.means @ np.sqrt(np.sum(became**2, axis=1)) - 1.0)
+
+    def only(self, which: list[int]) -> Gauges:
+        """Return some of the gauges."""
+        means = self.means[which]
+        return Gauges(tuple(self.sensors[k] for k in which), self.lines, means)
+
+
+def stacked(sensors: tuple[Sensor, ...], gauges: list[Gauge], nodes: int) -> Gauges:
+    """Put gauges together."""
+    if not gauges:
+        return Gauges((), scipy.sparse.csr_array((0, nodes)), scipy.sparse.csr_array((0, 0)))
+    lines = scipy.sparse.csr_array(scipy.sparse.vstack([found.lines for found in gauges]))
+    means = scipy.sparse.csr_array(
+        scipy.sparse.block_diag([scipy.sparse.csr_array(found.weights[None]) for found in gauges])
+    )
+    return Gauges(sensors, lines, means)
 
 
 def gauge(mesh: SurfaceMesh, point: Vector, direction: Vector, length: float) -> Gauge:

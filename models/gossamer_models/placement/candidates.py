@@ -5,16 +5,13 @@ Symbols: ``G`` gauges, ``S`` their samples, ``N`` nodes; ``e1``, ``e2`` axes in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-import scipy.sparse
 from gossamer_files.options import option
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
 from ..membrane import Sensor, Structure
-from ..membrane.gauges import Gauge, gauge, shape_functions
+from ..membrane.gauges import Gauges, gauge, shape_functions, stacked
 
 ANGLES = (0.0, 90.0, 45.0, -45.0)  # [degrees] from the first axis
 _PLACES = {
@@ -22,46 +19,6 @@ _PLACES = {
     False: [(1.0 / 3.0, 1.0 / 3.0)],
 }  # quadrilaterals, triangles
 _BEYOND = 1e-6  # how far a gauge may reach beyond an edge, shares of the size
-
-
-@dataclass(frozen=True, eq=False)
-class Gauges:
-    """Many gauges at once.
-
-    Attributes
-    ----------
-    sensors : tuple of Sensor
-        Where they are, G of them.
-    lines : sparse array, shape (S, N)
-        Weights of the node positions that give a unit line along each sample.
-    means : sparse array, shape (G, S)
-        Weights of the samples in each gauge.
-    """
-
-    sensors: tuple[Sensor, ...]
-    lines: scipy.sparse.csr_array
-    means: scipy.sparse.csr_array
-
-    def strain(self, x: Matrix) -> Matrix:
-        """Return the nominal strain [1], shape (G, n), from node positions [m], shape (N, 3, n)."""
-        became = (self.lines @ x.reshape(len(x), -1)).reshape(-1, *x.shape[1:])
-        return np.asarray(self.means @ np.sqrt(np.sum(became**2, axis=1)) - 1.0)
-
-    def only(self, which: list[int]) -> Gauges:
-        """Return some of the gauges."""
-        means = self.means[which]
-        return Gauges(tuple(self.sensors[k] for k in which), self.lines, means)
-
-
-def stacked(sensors: tuple[Sensor, ...], gauges: list[Gauge], nodes: int) -> Gauges:
-    """Put gauges together."""
-    if not gauges:
-        return Gauges((), scipy.sparse.csr_array((0, nodes)), scipy.sparse.csr_array((0, 0)))
-    lines = scipy.sparse.csr_array(scipy.sparse.vstack([found.lines for found in gauges]))
-    means = scipy.sparse.csr_array(
-        scipy.sparse.block_diag([scipy.sparse.csr_array(found.weights[None]) for found in gauges])
-    )
-    return Gauges(sensors, lines, means)
 
 
 def candidates(structure: Structure, points: int, gauge_length: float = 0.0, *, own: bool = False) -> Gauges:

@@ -13,9 +13,8 @@ import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
 from ..twin.least_squares import LeastSquares, Point, descend, require_finite
-from .candidates import Gauges
+from ..twin.problem import DamageUnknowns, Report
 from .information import FACTOR, THRESHOLD, covariance, weigh
-from .simulation import GaugeSimulation, Report, quiet
 
 DAMAGE = 0.3  # of every zone [1]: so far from zero that the bounds of a fit do not hold it back
 
@@ -53,15 +52,13 @@ class MonteCarloCheck:
         return abs(self.spread - 1.0) <= 3.0 * self.spread_error
 
 
-class _Records(LeastSquares):
-    """The least-squares problem of the twin for gauges anywhere; one record at a time."""
+class _Records(DamageUnknowns, LeastSquares):
+    """The least-squares problem of the twin with unknown offsets; one record at a time."""
 
-    def __init__(self, simulation: GaugeSimulation, gauges: Gauges, sigma: float, truth: Vector) -> None:
-        self._simulation, self._gauges, self._sigma = simulation, gauges, sigma
-        self.low, self.high = simulation.low, simulation.high
-        self.prior = np.r_[np.zeros(simulation.zones), np.ones(len(simulation.nuisances))]
-        self._truth = truth
-        self.history, J = simulation.derivatives(truth, gauges)
+    def __init__(self, problem: DamageUnknowns, sigma: float, truth: Vector, samples: int, h: float) -> None:
+        super().__init__(problem.model, problem.nuisances)
+        self._sigma, self._truth, self._samples, self._h = sigma, truth, samples, h
+        self.history, J = self.linearised(truth, samples, h)
         self.J = self._weighed(J).T
         self.y = self._weighed(self.history[None])[0]
 
@@ -72,7 +69,7 @@ class _Records(LeastSquares):
     def predict(self, x: Matrix) -> Matrix:
         """Simulate rows of unknowns."""
         at_truth = len(x) == 1 and np.array_equal(x[0], self._truth)  # where every fit starts
-        return self.history[None] if at_truth else self._simulation.histories(x, self._gauges)
+        return self.history[None] if at_truth else self.histories(x, self._samples, self._h)
 
     def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:  # noqa: ARG002
         """Weigh histories with unknown offsets."""
@@ -82,7 +79,7 @@ class _Records(LeastSquares):
         """Return the derivatives of the weighed predictions by the free unknowns."""
         if np.array_equal(point.x, self._truth):
             return self.J[:, free]
-        _, J = self._simulation.derivatives(point.x, self._gauges)
+        _, J = self.linearised(point.x, self._samples, self._h)
         return require_finite(self._weighed(J).T[:, free])
 
     def _weighed(self, histories: Matrix) -> Matrix:
@@ -90,24 +87,24 @@ class _Records(LeastSquares):
 
 
 def check(
-    simulation: GaugeSimulation, gauges: Gauges, sigma: float, records: int, *, seed: int = 1, report: Report = quiet
+    problem: DamageUnknowns, sigma: float, samples: int, h: float, records: int, *, seed: int = 1, report: Report
 ) -> MonteCarloCheck:
     """Fit damages to records of a damaged membrane with noise.
 
     Parameters
     ----------
-    simulation : GaugeSimulation
-        Membrane and load.
-    gauges : Gauges
-        The sensors.
+    problem : DamageUnknowns
+        Membrane, its sensors, and the load.
     sigma : float
         Standard deviation of the noise [1], which is uniform and not negative, as in the thesis.
+    samples, h : int, float
+        Samples of a record and the time between them [s].
     records : int
         How many.
     seed : int
         Of the noise.
     report : callable
-        Called with what is done and how many records of how many.
+        Called with how many records of how many.
 
     Returns
     -------
@@ -119,18 +116,18 @@ def check(
     moves the minimum, not whether a search from elsewhere finds it. The true nuisances are at the middle of their prior;
     that makes errors smaller than predicted only where a record tells less of them than the prior does.
     """
-    truth = np.r_[np.full(simulation.zones, DAMAGE), np.zeros(len(simulation.nuisances))]
-    problem = _Records(simulation, gauges, sigma, truth)
-    zones = simulation.zones
-    C = covariance(problem.J.T @ problem.J, zones)
+    zones = problem.zones
+    truth = np.where(np.arange(problem.size) < zones, DAMAGE, 0.0)
+    fitted = _Records(problem, sigma, truth, samples, h)
+    C = covariance(fitted.J.T @ fitted.J, zones)
     random = np.random.default_rng(seed)
     free = np.ones(len(truth), dtype=bool)
     errors = np.empty((records, zones))
     for k in range(records):
-        noise = random.random(problem.history.shape) * sigma * math.sqrt(12.0)
-        problem.read(problem.history + noise)
-        errors[k] = descend(problem, truth, free).point.x[:zones] - truth[:zones]
-        report("fits", k + 1, records)
+        noise = random.random(fitted.history.shape) * sigma * math.sqrt(12.0)
+        fitted.read(fitted.history + noise)
+        errors[k] = descend(fitted, truth, free).point.x[:zones] - truth[:zones]
+        report(k + 1, records)
     predicted = np.sqrt(np.diag(C))
     whitened = np.linalg.solve(np.linalg.cholesky(C), errors.T)
     return MonteCarloCheck(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from gossamer_files import replacing
@@ -15,14 +16,18 @@ from gossamer_files.options import option
 from ..arrays import Vector
 from ..errors import ParameterError
 from ..membrane import Sensor, Structure
+from ..twin.forward import MembraneForward
+from ..twin.nuisances import FACTORS, Nuisances
+from ..twin.problem import DamageUnknowns
 from .candidates import candidates
 from .check import MonteCarloCheck, check
 from .information import choose, deviations, information, smallest_damage
-from .simulation import GaugeSimulation, Report, quiet
 
 NOISE = 0.02 / math.sqrt(12.0)  # of the thesis: uniform from 0 to 0.02 of strain
 STEP, STOP = 3e-4, 0.3  # [s], as the twin compares them
 STILL = 1e-12  # change of strain [1] that is none
+UNKNOWN = ("amplitude", "damping")  # beside damage and offsets, where they are not zero
+Report: TypeAlias = Callable[[str, int, int], None]  # what is done, how many of how many
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +93,7 @@ def place_sensors(
     stop: float = STOP,
     gauge_length: float = 0.0,
     records: int = 0,
-    report: Report = quiet,
+    report: Report = lambda *_: None,
 ) -> Placing:
     """Choose points and directions of sensors by what their histories tell about the damage of every zone.
 
@@ -129,10 +134,13 @@ def place_sensors(
     All is linear about the undamaged membrane. The model is taken to be exact: what a finer mesh would add is left out.
     """
     samples = _samples(noise, step, stop)
-    simulation = GaugeSimulation(structure, load, step, samples)
     every = candidates(structure, points, gauge_length, own=True)
-    healthy = np.zeros(len(simulation.low))
-    strain, J = simulation.derivatives(healthy, every, report)
+    forward = MembraneForward(structure, load, every)
+    known, zones = forward.parameters, len(forward.zones)
+    unknown = tuple(name for name in UNKNOWN if known[FACTORS[name][0]] > 0.0)
+    nuisances = Nuisances(unknown, known, forward.inputs, forward.sensors)
+    problem, simulations = DamageUnknowns(forward, nuisances), 1 + zones + len(unknown)
+    strain, J = problem.linearised(np.zeros(problem.size), samples, step, lambda *each: report("simulations", *each))
     if np.ptp(strain, axis=1).max() <= STILL:
         msg = (
             "no strain changes while it is recorded, so it tells nothing. Let the built-in pressure act, for instance "
@@ -145,22 +153,21 @@ def place_sensors(
     def placement(which: list[int], name: str) -> Placement:
         gauges = every.only(which)
 
-        def show(_: str, done: int, total: int) -> None:
+        def show(done: int, total: int) -> None:
             report(f"fits, {name} sensors", done, total)
 
-        found = check(simulation, gauges, noise, records, report=show) if records else None
-        return Placement(
-            sensors=gauges.sensors, deviation=deviations(I[which].sum(axis=0), simulation.zones), check=found
-        )
+        read = DamageUnknowns(forward.reading(gauges), nuisances)
+        found = check(read, noise, samples, step, records, report=show) if records else None
+        return Placement(sensors=gauges.sensors, deviation=deviations(I[which].sum(axis=0), zones), check=found)
 
-    kept = choose(I, simulation.zones, count)
+    kept = choose(I, zones, count)
     return Placing(
         structure=structure,
         own=placement(list(range(structure.n_sensors)), "own") if structure.n_sensors else None,
         chosen=placement(kept, "chosen"),
         candidates=len(every.sensors),
         noise=noise,
-        simulations=simulation.simulations,
+        simulations=simulations,
     )
 
 

@@ -1,8 +1,24 @@
 """The digital twin: damages with standard deviations, from a record of strain or resistance."""
 
+from .forward import Forward, MembraneForward
+from .nuisances import Loads, Nuisances
 from .reading import make_record, read_table
-from .record import ResponseRecord
+from .record import ResponseRecord, StaticRecord
 from .twin import Answer, Twin
 from .watch import DamageOnset, Watch, Window
 
-__all__ = ["Answer", "DamageOnset", "ResponseRecord", "Twin", "Watch", "Window", "make_record", "read_table"]
+__all__ = [
+    "Answer",
+    "DamageOnset",
+    "Forward",
+    "Loads",
+    "MembraneForward",
+    "Nuisances",
+    "ResponseRecord",
+    "StaticRecord",
+    "Twin",
+    "Watch",
+    "Window",
+    "make_record",
+    "read_table",
+]

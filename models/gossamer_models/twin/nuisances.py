@@ -1,14 +1,14 @@
 r"""What a record depends on beside damage, and how well it is known beforehand.
 
 Symbols: ``z`` value of a nuisance in units of its prior's deviation, so that its prior is a normal distribution of mean 0
-and deviation 1; ``c`` coefficients of a pressure that is unknown.
+and deviation 1; ``c`` coefficients of a load that is unknown; ``m`` rows of nuisances, ``n`` samples.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -16,21 +16,38 @@ from scipy.interpolate import BSpline
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
 
-# Deviations of the priors: of a logarithm for factors, else in the unit given.
-LOAD = {
-    "amplitude": ("pressure_amplitude", 0.10),  # factor
-    "frequency": ("pressure_frequency", 0.05),  # factor
-    "damping": ("mass_damping", math.log(2.0)),  # factor
-    "modulus": ("youngs_modulus", 0.02),  # factor
+# Parameters that a factor multiplies, and the deviation of its logarithm.
+FACTORS = {
+    "amplitude": ("pressure_amplitude", 0.10),  # and each load of the record
+    "frequency": ("pressure_frequency", 0.05),
+    "damping": ("mass_damping", math.log(2.0)),
+    "modulus": ("youngs_modulus", 0.02),  # of all regions together
 }
+OF_BUILT_IN = ("amplitude", "frequency", "phase")  # which acts if its amplitude is not zero
 PHASE = 0.1  # [rad]
 OFFSET = 0.02  # [1], of strain, or of the change of resistance at full scale
 GAIN = 0.02  # factor
 MODULUS = "modulus"
-NAMES = ("offset", "gain", *LOAD, "phase", "pressure")
+NAMES = ("offset", "gain", *FACTORS, "phase")
 BEYOND = 5.0  # no nuisance leaves its prior by more deviations
-KNOT_SPACING = 0.02  # [s] of the spline of an unknown pressure
+KNOT_SPACING = 0.02  # [s] of the spline of an unknown load
 DEGREE = 3
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What acts on a structure while it is recorded.
+
+    Attributes
+    ----------
+    start : mapping of str to float
+        Parameters, and inputs in whose equilibrium the record begins, that differ from those of the model.
+    histories : mapping of str to ndarray of shape (n,)
+        Inputs at each sample, or in each state.
+    """
+
+    start: Mapping[str, float] = field(default_factory=dict)
+    histories: Mapping[str, Vector] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -40,27 +57,48 @@ class Nuisances:
     Attributes
     ----------
     kinds : tuple of str
-        Some of ``NAMES``.
+        Some of ``NAMES``, or names of inputs of the model whose histories are unknown.
     parameters : mapping of str to float
-        Of the membrane and its load: values that factors multiply.
+        Of the model: values that factors multiply.
+    inputs : mapping of str to float
+        Inputs of the model with their values at the start.
     sensors : int
         How many have an offset and a gain of their own.
-    length : float
-        Time that an unknown pressure lasts [s].
-    pressure_deviation : float
-        Deviation of its coefficients [Pa].
+    loads : Loads
+        What is known of the loads.
+    length, spacing : float
+        Time that an unknown load lasts, and distance of the knots of its spline [s].
+
+    Raises
+    ------
+    ParameterError
+        There is no such nuisance, it is named twice, or it has nothing to act on.
     """
 
     kinds: tuple[str, ...]
     parameters: Mapping[str, float]
+    inputs: Mapping[str, float]
     sensors: int
+    loads: Loads = field(default_factory=Loads)
     length: float = 0.0
-    pressure_deviation: float = 0.0
+    spacing: float = KNOT_SPACING
 
     def __post_init__(self) -> None:
         for kind in self.kinds:
-            if kind not in NAMES:
-                msg = f"there is no nuisance {kind!r}. Choose from {', '.join(NAMES)}."
+            if kind not in (*NAMES, *self.inputs):
+                loads = ", ".join(list(self.inputs)[:8])
+                msg = f"there is no nuisance {kind!r}. Choose from {', '.join(NAMES)}, and the loads {loads}."
+                raise ParameterError(msg)
+            if kind in (*FACTORS, "phase") and kind not in dict.fromkeys(k.partition("[")[0] for k in self.simulated):
+                what = (
+                    "no damping" if kind == "damping" else "no built-in load, and the record has no load that changes"
+                )
+                msg = f"{kind!r} cannot be fitted: the membrane has {what}. Leave it out, or set it."
+                raise ParameterError(msg)
+            if kind in self.inputs and not self._deviation(kind) > 0.0:
+                msg = (
+                    f"the size of the load {kind!r} is not known. Give it a start value that is as large as it may be."
+                )
                 raise ParameterError(msg)
         if len(set(self.kinds)) < len(self.kinds):
             msg = f"a nuisance is named twice in {', '.join(self.kinds)}. Name each once."
@@ -68,14 +106,29 @@ class Nuisances:
 
     @property
     def knots(self) -> int:
-        """Coefficients of an unknown pressure."""
-        return DEGREE + max(1, math.ceil(self.length / KNOT_SPACING)) if "pressure" in self.kinds else 0
+        """Coefficients of an unknown load."""
+        return DEGREE + max(1, math.ceil(self.length / self.spacing))
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Inputs whose histories are unknown."""
+        return tuple(kind for kind in self.kinds if kind in self.inputs)
+
+    @property
+    def scaled(self) -> tuple[str, ...]:
+        """Inputs whose histories have an unknown factor."""
+        acting = (name for name, values in self.loads.histories.items() if np.ptp(values) > 0.0)
+        return tuple(acting) if "amplitude" in self.kinds else ()
 
     @property
     def simulated(self) -> tuple[str, ...]:
         """Names of the nuisances that need a simulation each for a derivative."""
-        single = tuple(kind for kind in (*LOAD, "phase") if kind in self.kinds)
-        return single + tuple(f"pressure[{k + 1}]" for k in range(self.knots))
+        built_in = self.parameters.get("pressure_amplitude", 0.0) > 0.0
+        names = [kind for kind in (*FACTORS, "phase") if kind in self.kinds and (built_in or kind not in OF_BUILT_IN)]
+        if self.parameters.get("mass_damping", 0.0) == 0.0:
+            names = [name for name in names if name != "damping"]
+        names += [f"amplitude[{name}]" for name in self.scaled]
+        return (*names, *(f"{name}[{k + 1}]" for name in self.unknown for k in range(self.knots)))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -84,23 +137,33 @@ class Nuisances:
         return self.simulated + tuple(f"{kind}[{k + 1}]" for kind in linear for k in range(self.sensors))
 
     def moved(self, z: Matrix) -> dict[str, Vector]:
-        """Return the membrane's parameters that the nuisances set, for rows of z, shape (m, number of nuisances)."""
-        given = {}
+        """Return the parameters, and inputs at the start, of rows of z, shape (m, number of nuisances)."""
+        given = {name: np.full(len(z), value) for name, value in self.loads.start.items()}
         for i, name in enumerate(self.simulated):
-            if name in LOAD:
-                parameter, deviation = LOAD[name]
-                given[parameter] = self.parameters[parameter] * np.exp(deviation * z[:, i])
+            if name in FACTORS:
+                array, deviation = FACTORS[name]
+                for parameter in (p for p in self.parameters if p.partition("[")[0] == array):
+                    given[parameter] = self.parameters[parameter] * np.exp(deviation * z[:, i])
             elif name == "phase":
                 given["pressure_phase"] = self.parameters["pressure_phase"] + PHASE * z[:, i]
+        for name, factor in self._scales(z).items():
+            given[name] = factor * self.loads.start.get(name, self.inputs[name])
         return given
 
-    def pressure(self, z: Matrix, time: Matrix) -> Matrix | None:
-        """Return the unknown part of the pressure [Pa] at the given times [s], shape (m, n), or None."""
-        if "pressure" not in self.kinds:
-            return None
-        first = self.simulated.index("pressure[1]")
-        c = self.pressure_deviation * z[:, first : first + self.knots]
-        return np.asarray(c @ spline_basis(time, self.length, self.knots).T)
+    def histories(self, z: Matrix, time: Vector) -> dict[str, Matrix]:
+        """Return the loads at the given times [s], shape (n,), or (m, n) where they depend on nuisances.
+
+        Their known part has n samples or more.
+        """
+        found = {name: np.asarray(values)[: time.size] for name, values in self.loads.histories.items()}
+        for name, factor in self._scales(z).items():
+            found[name] = factor[:, None] * found[name]
+        for name in self.unknown:
+            at = self.simulated.index(f"{name}[1]")
+            c = self._deviation(name) * z[:, at : at + self.knots]
+            known = found.get(name, self.loads.start.get(name, self.inputs[name]))
+            found[name] = np.asarray(known + c @ spline_basis(time, self.length, self.knots).T)
+        return found
 
     def read(self, y: Matrix, zero: Matrix, scale: Matrix, z: Matrix) -> Matrix:
         """Return what sensors with gain and offset read, shape (m, sensors, n).
@@ -114,12 +177,12 @@ class Nuisances:
         z : ndarray, shape (m, number of nuisances)
             Nuisances.
         """
-        first = len(self.simulated)
+        at = len(self.simulated)
         for kind in ("offset", "gain"):
             if kind in self.kinds:
-                each = z[:, first : first + self.sensors, None]
+                each = z[:, at : at + self.sensors, None]
                 y = y + (OFFSET * scale * each if kind == "offset" else GAIN * each * (y - zero))
-                first += self.sensors
+                at += self.sensors
         return y
 
     def values(self, z: Vector, deviation: Vector) -> dict[str, tuple[float, float]]:
@@ -127,15 +190,29 @@ class Nuisances:
         found = {}
         for name, at, sigma in zip(self.names, z.tolist(), deviation.tolist(), strict=True):
             kind = name.partition("[")[0]
-            if kind in LOAD:
-                factor = math.exp(LOAD[kind][1] * at)
-                found[name] = (factor, factor * LOAD[kind][1] * sigma)
+            if kind in FACTORS:
+                factor = math.exp(FACTORS[kind][1] * at)
+                found[name] = (factor, factor * FACTORS[kind][1] * sigma)
             elif kind == "gain":
                 found[name] = (1.0 + GAIN * at, GAIN * sigma)
             else:
-                unit = {"phase": PHASE, "offset": OFFSET, "pressure": self.pressure_deviation}[kind]
+                of_load = name.rpartition("[")[0]
+                unit = {"phase": PHASE, "offset": OFFSET}.get(kind) or self._deviation(of_load)
                 found[name] = (unit * at, unit * sigma)
         return found
+
+    def _scales(self, z: Matrix) -> dict[str, Vector]:
+        """Return the factors of the loads of the record, shape (m,)."""
+        at = {name: self.simulated.index(f"amplitude[{name}]") for name in self.scaled}
+        return {name: np.exp(FACTORS["amplitude"][1] * z[:, i]) for name, i in at.items()}
+
+    def _deviation(self, load: str) -> float:
+        """Return the prior's deviation of the coefficients of an unknown load: as large as what is known of any like it."""
+        sizes = [abs(self.inputs[load]), abs(self.loads.start.get(load, 0.0))]
+        sizes += [float(np.abs(values).max()) for name, values in self.loads.histories.items() if name == load]
+        if load == "pressure":
+            sizes.append(self.parameters.get("pressure_amplitude", 0.0))
+        return max(sizes)
 
 
 def spline_basis(time: Vector, length: float, count: int) -> Matrix:

@@ -7,19 +7,23 @@ Symbols: ``x`` unknowns, first the damages [1], then the nuisances in units of t
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
 from .discrepancy import Discrepancy, spline_matrix
-from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, Point
+from .forward import LANES, WORKERS, Forward
+from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, Point, neighbours, require_finite
 from .nuisances import BEYOND, Nuisances
-from .record import ResponseRecord
-from .simulation import Forward
+from .record import ResponseRecord, StaticRecord
+from .simulation import SensedForward
 
 NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave without values
 NUISANCE_STEP = 0.02  # in units of the prior's deviation
+Report: TypeAlias = Callable[[int, int], None]  # how many simulations of how many
 
 
 class NoiseWeights:
@@ -80,36 +84,30 @@ class SplineWeights:
         return np.asarray((scaled @ self._splines).reshape(len(y), -1))
 
 
-class RecordProblem(LeastSquares):
-    """Predictions, residuals and derivatives for one record.
+class DamageUnknowns:
+    """Damages and nuisances as unknowns of a forward model, and the strain that it predicts of them.
 
     Parameters
     ----------
     forward : Forward
-        Simulation.
-    record : ResponseRecord
-        What is fitted.
+        From damage to strain.
     nuisances : Nuisances
-        Unknowns beside the damages.
-    noise : ndarray, shape (s,)
-        Standard deviation of the noise, in the unit of the record.
-    discrepancy : Discrepancy or None
-        Model error.
-    report : callable, optional
-        Called before each group of simulations with the length of the record [s] and the simulations that were made.
+        Unknowns beside the damages, and the loads.
+    groups : ndarray of int, shape (all zones,), or None
+        Which unknown each zone's damage is, from 0; None for one each.
+
+    Attributes
+    ----------
+    zones : int
+        Damages among the unknowns.
+    size : int
+        Number of unknowns.
     """
 
-    def __init__(
-        self,
-        forward: Forward,
-        record: ResponseRecord,
-        nuisances: Nuisances,
-        noise: Vector,
-        discrepancy: Discrepancy | None,
-        report: Callable[[float, int], None] = lambda *_: None,
-    ) -> None:
-        self.forward, self.record, self.nuisances = forward, record, nuisances
-        self.zones, beside = forward.n_zones, len(nuisances.names)
+    def __init__(self, forward: Forward, nuisances: Nuisances, groups: NDArray[np.int64] | None = None) -> None:
+        self.model, self.nuisances = forward, nuisances
+        self.groups = np.arange(len(forward.zones)) if groups is None else groups
+        self.zones, beside = int(self.groups.max()) + 1, len(nuisances.names)
         self.size = self.zones + beside
         self.simulated = self.zones + len(nuisances.simulated)
         self.prior = np.r_[np.zeros(self.zones), np.ones(beside)]
@@ -117,7 +115,68 @@ class RecordProblem(LeastSquares):
         self.high = np.r_[np.full(self.zones, MOST_DAMAGE), np.full(beside, BEYOND)]
         self.steps = np.r_[np.full(self.zones, DAMAGE_STEP), np.full(beside, NUISANCE_STEP)]
         self.steps[self.simulated :] = 1.0
-        self._zero, self._scale = forward.scale(record.kind)
+
+    def damage(self, x: Matrix) -> Matrix:
+        """Return the damage of all zones [1] of rows of unknowns, shape (m, all zones)."""
+        return np.asarray(x[:, : self.zones][:, self.groups])
+
+    def histories(self, x: Matrix, samples: int, h: float) -> Matrix:
+        """Simulate the strain [1] of rows of unknowns, shape (m, s, samples)."""
+        z = x[:, self.zones :]
+        loads = self.nuisances.histories(z, h * np.arange(1.0, samples + 1.0))
+        return self.model.strain(self.damage(x), self.nuisances.moved(z), loads, samples, h)
+
+    def linearised(self, x: Vector, samples: int, h: float, report: Report = lambda *_: None) -> tuple[Matrix, Matrix]:
+        """Return the strain [1] at unknowns, shape (s, samples), and its differences by all, shape (size, s, samples).
+
+        Raises
+        ------
+        ConvergenceError
+            A case fails.
+        """
+        rows, steps = neighbours(x, np.arange(self.size), self.steps, self.high)
+        rows, found = np.vstack([x, rows]), []
+        for first in range(0, len(rows), LANES * WORKERS):
+            found.append(self.histories(rows[first : first + LANES * WORKERS], samples, h))
+            report(min(first + LANES * WORKERS, len(rows)), len(rows))
+        y = require_finite(np.concatenate(found))
+        return y[0], (y[1:] - y[0]) / steps[:, None, None]
+
+
+class RecordProblem(DamageUnknowns, LeastSquares):
+    """Predictions, residuals and derivatives for one record.
+
+    Parameters
+    ----------
+    sensed : SensedForward
+        Simulation.
+    record : ResponseRecord
+        What is fitted.
+    nuisances : Nuisances
+        Unknowns beside the damages, and the loads.
+    noise : ndarray, shape (s,)
+        Standard deviation of the noise, in the unit of the record.
+    discrepancy : Discrepancy or None
+        Model error.
+    groups : ndarray of int, shape (zones,), or None
+        Which unknown each zone's damage is, from 0; None for one each.
+    report : callable, optional
+        Called before each group of simulations with the length of the record [s] and the simulations that were made.
+    """
+
+    def __init__(
+        self,
+        sensed: SensedForward,
+        record: ResponseRecord,
+        nuisances: Nuisances,
+        noise: Vector,
+        discrepancy: Discrepancy | None,
+        groups: NDArray[np.int64] | None = None,
+        report: Callable[[float, int], None] = lambda *_: None,
+    ) -> None:
+        super().__init__(sensed.forward, nuisances, groups)
+        self.sensed, self.record = sensed, record
+        self._zero, self._scale = sensed.scale(record.kind)
         self.simulations, self._report = 0, report
         self._weights: NoiseWeights | SplineWeights
         if discrepancy is None:
@@ -126,7 +185,7 @@ class RecordProblem(LeastSquares):
             error = discrepancy.basis(record.samples, record.step)
             if record.kind == "resistance":
                 strain = self._strain(np.zeros((1, self.size)))
-                both = forward.resistance(np.concatenate([strain, strain + error]), record.step)
+                both = sensed.resistance(np.concatenate([strain, strain + error]), record.step)
                 error = both[1:] - both[:1]
             self._weights = SplineWeights(record.present, noise, error, record.step, discrepancy.length)
         self.values = self._weights.values
@@ -135,7 +194,7 @@ class RecordProblem(LeastSquares):
     def predict(self, x: Matrix) -> Matrix:
         """Return strain or resistance without gain and offset, shape (m, s, n)."""
         strain = self._strain(x)
-        return strain if self.record.kind == "strain" else self.forward.resistance(strain, self.record.step)
+        return strain if self.record.kind == "strain" else self.sensed.resistance(strain, self.record.step)
 
     def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:
         """Weigh what sensors with gain and offset read, shape (m, values)."""
@@ -149,8 +208,11 @@ class RecordProblem(LeastSquares):
         return self.nuisances.read(predicted, self._zero, self._scale, x[:, self.zones :])
 
     def _strain(self, x: Matrix) -> Matrix:
-        n, h, z = self.record.samples, self.record.step, x[:, self.zones :]
-        pressure = self.nuisances.pressure(z, h * np.arange(1.0, n + 1.0))
-        self._report(n * h, self.simulations)
+        record = self.record
+        self._report(record.samples * record.step, self.simulations)
         self.simulations += len(x)
-        return self.forward.strain(x[:, : self.zones], self.nuisances.moved(z), pressure, n, h)
+        if isinstance(record, StaticRecord):
+            z = x[:, self.zones :]
+            loads = self.nuisances.histories(z, np.zeros(record.states))
+            return self.model.states(self.damage(x), self.nuisances.moved(z), loads)[:, :, record.state]
+        return self.histories(x, record.samples, record.step)

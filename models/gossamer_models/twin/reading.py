@@ -1,68 +1,110 @@
-r"""Records for the twin from tables: columns found by name, times put on a grid.
+r"""Records for the twin from tables: columns found by name, times put on a grid, or readings by load state.
 
-Symbols: ``t`` times [s] since the load set in, ``h`` step of the grid [s].
+Symbols: ``t`` times [s] since the record began, ``h`` step of the grid [s].
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal, TypeAlias, cast
 
 import numpy as np
-from gossamer_files.measured import Column, Wanted, find_column, listed, named_column, read_columns
+from gossamer_files.measured import (
+    Column,
+    Measured,
+    Wanted,
+    conversion,
+    find_column,
+    listed,
+    named_column,
+    read_columns,
+)
 from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
-from ..membrane import square_structure
-from .record import ResponseRecord
+from ..membrane import Structure, square_structure
+from .record import ResponseRecord, StaticRecord
 
 KINDS = ("resistance", "strain")
 INDEXED = re.compile(r"(strain|resistance) ?\[(\d+)\](.*)")  # strain[1] [%]
+TITLE = re.compile(r"(\w+(?:\[\d+\])?)\s*(?:[\[(]([^\[\]()]*)[\])])?")  # base_acceleration[2] [m/s2]
+STATE = "state"
+CLOCKS = ("time", "date")  # how names of columns begin that are no loads
 OFF_GRID = 0.05  # of a step: how far a time may lie from the grid
+SAME = 1e-9  # of the size of a load: how far the rows of a state may differ
 LONGEST = 1_000_000  # samples
+Beginning: TypeAlias = Literal["rest", "equilibrium"]
 
 
 def read_table(
-    path: Path, kind: str | None = None, noise: float | None = None, sensors: int | None = None
+    path: Path,
+    kind: str | None = None,
+    noise: float | None = None,
+    structure: Structure | None = None,
+    begins: Beginning | None = None,
 ) -> ResponseRecord:
-    """Read a CSV file with a column of time and ``strain[1]``, ... or ``resistance[1]``, ...
+    """Read a CSV file with a column of time, or of load states, and ``strain[1]``, ... or ``resistance[1]``, ...
 
     Parameters
     ----------
     path : Path
         File. A unit stands after a name, ``strain[1] [%]``, or in a row below; without one, values are in s, 1 or ohm.
         Timestamps are counted from the first one. Empty cells and missing rows are gaps; a sensor without a column is left
-        out.
+        out. Columns with the names of the membrane's inputs are loads and need a unit. With a column ``state`` each row is a
+        reading at rest under its loads; rows of one name are readings of one state.
     kind : {"strain", "resistance"} or None
         Which columns to take; None for the only ones there are.
     noise : float or None
         Standard deviation of the noise; None to estimate it.
-    sensors : int or None
-        How many the membrane has; None for as many as the square of the thesis.
+    structure : Structure or None
+        Membrane, which knows its sensors and loads; None for the square of the thesis.
+    begins : {"rest", "equilibrium"} or None
+        At rest at time 0, without the loads of the columns; or with the first row, in equilibrium under its loads. None for
+        equilibrium where there are columns of loads, but for the square.
 
     Raises
     ------
     DataError
         The file cannot be read, lacks columns, or its times or values make no sense; the message names the line.
     """
-    count = square_structure().n_sensors if sensors is None else sensors
-    measured = read_columns(path, lambda header, line: _choose(path, header, line, kind, count), unreadable="gap")
-    time, *rows = measured.values
+    structure = square_structure() if structure is None else structure
+    count, units = structure.n_sensors, input_units(structure)
+    measured = read_columns(
+        path, lambda header, line: _choose(path, header, line, kind, count, units), unreadable="gap"
+    )
+    clock = [values for column, values in zip(measured.columns, measured.values, strict=False) if column.what == "time"]
+    values, loads = np.full((count, len(measured.lines)), np.nan), {}
+    for column, row in zip((c for c in measured.columns if c.what != "text"), measured.values, strict=True):
+        if column.what in KINDS:
+            if column.what == "strain":
+                measured.check_strain(column, row, measured.lines)
+            values[_sensor(column.name)] = row
+        elif column.what == "value":
+            loads[_load(column.name)] = _in_units(measured, column, row, units)
+    found = next(column.what for column in measured.columns if column.what in KINDS)
+    if measured.texts:
+        return _make_static(measured, values, loads, found, noise)
+    (time,) = clock
     measured.check_once(time)
     measured.check_clock(time)
-    values = np.full((count, time.size), np.nan)
-    for column, row in zip(measured.columns[1:], rows, strict=True):
-        if column.what == "strain":
-            measured.check_strain(column, row, measured.lines)
-        values[_sensor(column.name)] = row
-    return make_record(time, values, measured.columns[1].what, noise, str(path), measured.lines)
+    settled = begins == "equilibrium" or (begins is None and bool(loads) and not structure.starts_in_plane)
+    return make_record(time, values, found, noise, str(path), measured.lines, loads, settled=settled)
 
 
-def _choose(path: Path, header: list[str], line: int, kind: str | None, count: int) -> list[Column]:
-    """Return the column of time and those of one kind, by sensor."""
+def input_units(structure: Structure) -> dict[str, str]:
+    """Return the units of the loads and motions that a membrane knows, by name."""
+    return {v.name: v.unit for v in structure.table if v.causality == "input" and not v.name.startswith("damage[")}
+
+
+def _choose(
+    path: Path, header: list[str], line: int, kind: str | None, count: int, units: Mapping[str, str]
+) -> list[Column]:
+    """Return the columns of time, of one kind by sensor, of loads, and of the state."""
     indexed = {k: match for k, cell in enumerate(header) if (match := INDEXED.fullmatch(cell))}
     kinds = [each for each in KINDS if kind in (None, each) and any(match[1] == each for match in indexed.values())]
     if len(kinds) != 1:
@@ -70,7 +112,8 @@ def _choose(path: Path, header: list[str], line: int, kind: str | None, count: i
         it_has = f"It has both; say which to take with {option('kind')}" if kinds else f"It has {listed(header)}"
         msg = f"{path}, line {line}: the twin needs the columns time and {wanted}. {it_has}."
         raise DataError(msg)
-    columns = [find_column(path, header, line, Wanted(what="time"))]
+    states = [k for k, cell in enumerate(header) if cell.strip().lower() == STATE]
+    columns = [] if states else [find_column(path, header, line, Wanted(what="time"))]
     places = {k: match for k, match in indexed.items() if match[1] == kinds[0]}
     sensors = [_sensor(header[k]) for k in places]
     for k, sensor in zip(places, sensors, strict=True):
@@ -79,17 +122,87 @@ def _choose(path: Path, header: list[str], line: int, kind: str | None, count: i
             msg = f"{path}, line {line}: column {header[k]!r} {why}. Remove it."
             raise DataError(msg)
     column = Wanted(what=kinds[0])
-    return columns + [
-        named_column(path, header, line, column, k, name=match[1] + match[3]) for k, match in places.items()
-    ]
+    columns += [named_column(path, header, line, column, k, name=match[1] + match[3]) for k, match in places.items()]
+    known = {*indexed, *states, *(c.place for c in columns)}
+    for k, cell in enumerate(header):
+        if k not in known and cell.strip() and not cell.strip().lower().startswith(CLOCKS):
+            columns.append(_load_column(path, line, cell, k, units))
+    return columns + [Column(wanted=Wanted(what="text"), place=k, name=header[k], unit=None) for k in states[:1]]
+
+
+def _load_column(path: Path, line: int, cell: str, place: int, units: Mapping[str, str]) -> Column:
+    """Return a column of a load, in its own unit."""
+    match = TITLE.fullmatch(cell.strip())
+    name, unit = (match[1], match[2]) if match else (cell, None)
+    if name not in units:
+        close = get_close_matches(name, units, n=1)
+        hint = f"Did you mean {close[0]!r}?" if close else f"It has {', '.join(units)}."
+        msg = f"{path}, line {line}: the membrane has no load {name!r}. {hint} Rename the column, or remove it."
+        raise DataError(msg)
+    if unit is None and units[name] != "1":
+        msg = f"{path}, line {line}: column {cell!r} has no unit. Write {name} [{units[name]}], or another unit."
+        raise DataError(msg)
+    if unit is not None and conversion(unit, units[name]) is None:
+        msg = f"{path}, line {line}: {unit!r} of {cell!r} is no unit of {name}. Write {name} [{units[name]}]."
+        raise DataError(msg)
+    return Column(wanted=Wanted(what="value"), place=place, name=cell, unit=unit)
+
+
+def _in_units(measured: Measured, column: Column, row: Vector, units: Mapping[str, str]) -> Vector:
+    """Return a load in the unit of the membrane; refuse gaps."""
+    if not np.isfinite(row).all():
+        at = measured.lines[int(np.argmin(np.isfinite(row)))]
+        msg = f"{measured.path}, line {at}: the load {column.name!r} has no value. Fill it in, or remove the row."
+        raise DataError(msg)
+    unit = units[_load(column.name)]
+    return row * (conversion(column.unit, unit) or 1.0) if column.unit else row
+
+
+def _load(title: str) -> str:
+    match = TITLE.fullmatch(title.strip())
+    return match[1] if match else title
 
 
 def _sensor(name: str) -> int:
     return int(INDEXED.sub(r"\2", name)) - 1
 
 
+def _make_static(
+    measured: Measured, values: Matrix, loads: Mapping[str, Vector], kind: str, noise: float | None
+) -> StaticRecord:
+    """Gather the readings of each load state."""
+    names = tuple(dict.fromkeys(measured.texts))
+    state = np.array([names.index(text) for text in measured.texts])
+    first = np.array([int(np.argmax(state == k)) for k in range(len(names))])
+    for name, load in loads.items():
+        away = np.abs(load - load[first][state])
+        if np.any(away > SAME * np.abs(load).max()):
+            at = int(np.argmax(away))
+            msg = (
+                f"{measured.path}, line {measured.lines[at]}: the load {name!r} differs within state {names[state[at]]!r}. "
+                "Give each load state a name of its own."
+            )
+            raise DataError(msg)
+    return StaticRecord(
+        values=values,
+        kind=cast(Literal["strain", "resistance"], kind),
+        noise=noise,
+        inputs={name: load[first] for name, load in loads.items()},
+        state=state,
+        names=names,
+    )
+
+
 def make_record(
-    time: Vector, values: Matrix, kind: str, noise: float | None, source: str, lines: NDArray[np.int_] | None = None
+    time: Vector,
+    values: Matrix,
+    kind: str,
+    noise: float | None,
+    source: str,
+    lines: NDArray[np.int_] | None = None,
+    loads: Mapping[str, Vector] | None = None,
+    *,
+    settled: bool = False,
 ) -> ResponseRecord:
     """Put samples on a grid that begins when the load sets in, at time 0; that sample itself is left out.
 
@@ -105,6 +218,10 @@ def make_record(
         Where they come from, for messages.
     lines : ndarray of int or None
         Line of each sample in a file, for messages.
+    loads : mapping of str to ndarray of shape (n,), or None
+        Inputs of the membrane at these times; straight between them where samples are missing.
+    settled : bool
+        Whether the record begins with its first sample, in equilibrium under the loads there.
 
     Raises
     ------
@@ -116,6 +233,10 @@ def make_record(
         at = 1 + int(np.argmin(np.where(np.isfinite(steps), steps, -np.inf))) if len(time) > 1 else 0
         msg = f"the times of {source} must rise; {_place(at, lines)} does not. Sort the rows and remove doubled ones."
         raise DataError(msg)
+    loads, start = loads or {}, dict[str, float]()
+    if settled:
+        time = time - time[0]
+        start = {name: float(load[0]) for name, load in loads.items()}
     if time[0] < 0.0:
         msg = f"the times of {source} begin at {time[0]:g} s. Count them from the moment that the load sets in."
         raise DataError(msg)
@@ -133,7 +254,14 @@ def make_record(
         raise DataError(msg)
     grid = np.full((len(values), int(place[-1]) + 1), np.nan)
     grid[:, place] = values
-    return ResponseRecord(step=h, values=grid[:, 1:], kind=cast(Literal["strain", "resistance"], kind), noise=noise)
+    return ResponseRecord(
+        step=h,
+        values=grid[:, 1:],
+        kind=cast(Literal["strain", "resistance"], kind),
+        noise=noise,
+        inputs={name: np.interp(np.arange(1, grid.shape[1]), place, load) for name, load in loads.items()},
+        start=start,
+    )
 
 
 def _place(sample: int, lines: NDArray[np.int_] | None) -> str:

@@ -6,11 +6,14 @@ Symbols: ``y`` values, one row per sensor; ``n`` samples; ``h`` step [s].
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError
@@ -18,14 +21,9 @@ from ..errors import DataError
 LEAST_SAMPLES = 60  # per sensor: fewer cannot tell the damages
 DIFFERENCES = 6  # order of the differences that show noise
 DEAD = 1e-9  # spread over magnitude of a sensor that does not move
-# Orders of the histories that no mirror turns into each other, and what to say of them; the first is as given.
-ORDERS = {
-    (1, 0, 2, 3): "1 and 2, or 3 and 4",
-    (2, 1, 0, 3): "1 and 3, or 2 and 4",
-    (3, 1, 2, 0): "1 and 4, or 2 and 3",
-    (1, 2, 0, 3): "three of them",
-    (2, 0, 1, 3): "three of them",
-}
+MOST_WIRINGS = 12  # pairs of swapped sensors that are looked into, and wrong ones
+ALIKE = 0.02  # of a misfit: readings that fit equally well, as mirrored ones do
+LEAST_REPEATED = 8  # degrees of freedom of a noise that is estimated from repeated readings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +40,10 @@ class ResponseRecord:
         What the values are.
     noise : float, ndarray of shape (sensors,), or None
         Standard deviation of the noise, in the unit of the values; None to estimate it.
+    inputs : mapping of str to ndarray of shape (n,)
+        Loads and motions at the samples, by the names of the model's inputs, in its units.
+    start : mapping of str to float
+        Inputs in whose equilibrium the record begins; the others have the start values of the model.
 
     Raises
     ------
@@ -53,6 +55,8 @@ class ResponseRecord:
     values: Matrix
     kind: Literal["strain", "resistance"] = "strain"
     noise: float | Vector | None = None
+    inputs: Mapping[str, Vector] = field(default_factory=dict)
+    start: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         values = np.asarray(self.values, dtype=float)
@@ -70,14 +74,29 @@ class ResponseRecord:
             sensor, sample = np.argwhere(np.isinf(values))[0]
             msg = f"sensor {sensor + 1} is infinite at sample {sample + 1}. Write NaN where a value is missing."
             raise DataError(msg)
-        if self.samples < LEAST_SAMPLES:
-            msg = f"the record has {self.samples} samples; the twin needs {LEAST_SAMPLES} or more. Record longer."
+        if self.samples < self.least_samples:
+            msg = f"the record has {self.samples} samples; the twin needs {self.least_samples} or more. Record longer."
             raise DataError(msg)
+        wanted = (self.states,)
+        for name, load in self.inputs.items():
+            if np.shape(load) != wanted or not np.isfinite(load).all():
+                msg = f"the load {name!r} needs finite numbers of shape {wanted}, one for each sample or state"
+                raise DataError(msg)
         if self.noise is not None:
             noise = np.broadcast_to(np.asarray(self.noise, dtype=float), values.shape[:1])
             if not (np.isfinite(noise).all() and (noise > 0.0).all()):
                 msg = f"the noise of a record is a positive deviation, not {self.noise!r}. Leave it out to estimate it."
                 raise DataError(msg)
+
+    @property
+    def least_samples(self) -> int:
+        """How many samples of each sensor are needed."""
+        return LEAST_SAMPLES
+
+    @property
+    def states(self) -> int:
+        """How many loads there are of each kind: one for each sample."""
+        return self.samples
 
     @property
     def samples(self) -> int:
@@ -100,6 +119,11 @@ class ResponseRecord:
         values[list(sensors)] = np.nan
         return replace(self, values=values)
 
+    def first(self, samples: int) -> ResponseRecord:
+        """Return the beginning of the record."""
+        inputs = {name: load[:samples] for name, load in self.inputs.items()}
+        return replace(self, values=self.values[:, :samples], inputs=inputs)
+
     def ordered(self, order: Sequence[int]) -> ResponseRecord:
         """Return the record with its rows in another order."""
         return replace(self, values=self.values[list(order)])
@@ -113,9 +137,7 @@ class ResponseRecord:
         have the variance :math:`\binom{2m}{m} \sigma^2`. It is never smaller than what a history of this step leaves.
         """
         if self.noise is not None:
-            given = np.broadcast_to(np.asarray(self.noise, dtype=float), self.values.shape[:1]).copy()
-            given[~self.present.any(axis=1)] = np.nan
-            return given
+            return self._noise_as_given()
         found = np.full(len(self.values), np.nan)
         for k in self.sensors:
             d = np.diff(self.values[k], DIFFERENCES)
@@ -129,13 +151,75 @@ class ResponseRecord:
             found[k] = max(math.sqrt(float(np.mean(d**2)) / math.comb(2 * DIFFERENCES, DIFFERENCES)), 1e-7 * spread)
         return found
 
+    def _noise_as_given(self) -> Vector:
+        given = np.broadcast_to(np.asarray(self.noise, dtype=float), self.values.shape[:1]).copy()
+        given[~self.present.any(axis=1)] = np.nan
+        return given
+
+
+@dataclass(frozen=True, kw_only=True)
+class StaticRecord(ResponseRecord):
+    """Readings of the sensors at rest under some load states.
+
+    Attributes
+    ----------
+    state : ndarray of int, shape (n,)
+        Load state of each column of ``values``, from 0; a state may have several readings.
+    names : tuple of str
+        Names of the k states.
+    inputs : mapping of str to ndarray of shape (k,)
+        Loads and motions in each state.
+    """
+
+    step: float = 1.0
+    state: NDArray[np.int64]
+    names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if self.kind != "strain":
+            msg = "a table of load states holds strain: resistance depends on the history, which it lacks."
+            raise DataError(msg)
+        super().__post_init__()
+
+    @property
+    def least_samples(self) -> int:
+        """How many readings of each sensor are needed."""
+        return 1
+
+    @property
+    def states(self) -> int:
+        """How many load states there are."""
+        return len(self.names)
+
+    def first(self, samples: int) -> StaticRecord:
+        """Return the first readings, with all states."""
+        return replace(self, values=self.values[:, :samples], state=self.state[:samples])
+
+    def noise_deviation(self) -> Vector:
+        """Return the standard deviation of the noise of each sensor, shape (sensors,): given, or of repeated readings."""
+        if self.noise is not None:
+            return self._noise_as_given()
+        found = np.full(len(self.values), np.nan)
+        for k in self.sensors:
+            rows = [self.values[k][(self.state == each) & self.present[k]] for each in range(self.states)]
+            freedom = sum(max(0, row.size - 1) for row in rows)
+            if freedom < LEAST_REPEATED:
+                msg = f"sensor {k + 1} has too few repeated readings to estimate its noise. State the noise."
+                raise DataError(msg)
+            found[k] = math.sqrt(sum(float(np.sum((row - row.mean()) ** 2)) for row in rows if row.size) / freedom)
+            if found[k] == 0.0:
+                msg = f"sensor {k + 1} repeats its readings exactly, so its noise is not known. State the noise."
+                raise DataError(msg)
+        return found
+
 
 def dead_sensors(record: ResponseRecord) -> list[int]:
     """List the sensors, from 0, that have values but do not move, or have too few of them."""
     dead = []
     for k in record.sensors:
         row = record.values[k][record.present[k]]
-        if row.size < LEAST_SAMPLES or np.ptp(row) <= DEAD * max(1e-300, float(np.abs(row).max())):
+        still = record.states > 1 and np.ptp(row) <= DEAD * max(1e-300, float(np.abs(row).max()))
+        if row.size < record.least_samples or still:
             dead.append(k)
     return dead
 
@@ -147,7 +231,7 @@ class Wiring:
     Attributes
     ----------
     order : tuple of int
-        Sensors, from 0, whose histories are taken for those of sensors 0 to 3.
+        Sensors, from 0, whose histories are taken for those of the first, the second, ...
     without : tuple of int
         Sensors that are left out.
     doubt : str
@@ -156,43 +240,74 @@ class Wiring:
 
     order: tuple[int, ...]
     without: tuple[int, ...]
-    doubt: str
+    doubt: str = ""
 
     @property
-    def swaps(self) -> bool:
-        """Whether it swaps sensors."""
-        return self.order != tuple(range(len(self.order)))
+    def moved(self) -> list[int]:
+        """Sensors that stand in another place."""
+        return [k for k, sensor in enumerate(self.order) if k != sensor]
 
     def applied(self, record: ResponseRecord) -> ResponseRecord:
         """Return the record read this way."""
         return record.ordered(self.order).without(self.without)
 
 
-def other_wirings(record: ResponseRecord) -> list[Wiring]:
-    """List what else a record of these sensors may be: swapped sensors, and one wrong sensor."""
-    as_given, present = tuple(range(len(record.values))), record.sensors
-    found = []
-    for order, who in ORDERS.items():
-        if len(present) == len(as_given) == len(order):
-            doubt = f"the record fits with sensors swapped: {who}. Damage may be mirrored; check the wiring"
-            found.append(Wiring(order, (), doubt))
-    if len(present) > 2:
-        found += [Wiring(as_given, (k,), f"sensor {k + 1} contradicts the others and is left out") for k in present]
-    return found
-
-
-def best_wiring(record: ResponseRecord, misfit: Callable[[ResponseRecord], float]) -> Wiring | None:
-    """Return the reading with the smallest misfit, or None if none passes.
+def other_wirings(record: ResponseRecord, predicted: Matrix) -> list[Wiring]:
+    """List what else a record may be: two swapped sensors, the best order of all, and one wrong sensor.
 
     Parameters
     ----------
     record : ResponseRecord
         Record that does not fit as it is.
-    misfit : callable
-        Takes a record and returns by how many standard deviations chi2 is above the expected one; above 3 is no fit.
+    predicted : ndarray, shape (sensors, n)
+        What the sensors would read by the best fit; of many pairs those that it prefers are listed.
     """
-    wirings = other_wirings(record)
-    misfits = np.array([misfit(wiring.applied(record)) for wiring in wirings])
-    if misfits.size == 0 or not misfits.min() < 3.0:
+    as_given, present = tuple(range(len(record.values))), record.sensors
+    unlike = np.array([[_unlike(record.values[i], predicted[j]) for j in present] for i in present])
+    own = np.diag(unlike)
+    gain = own[:, None] + own - unlike - unlike.T
+    pairs = sorted(combinations(range(len(present)), 2), key=lambda pair: -gain[pair])[:MOST_WIRINGS]
+    orders = []
+    for pair in sorted(pairs):
+        i, j = (present[k] for k in pair)
+        order = list(as_given)
+        order[i], order[j] = j, i
+        orders.append(tuple(order))
+    best = list(as_given)
+    for row, column in zip(*linear_sum_assignment(unlike), strict=True):
+        best[present[column]] = present[row]
+    if len(Wiring(tuple(best), ()).moved) > 2:
+        orders.append(tuple(best))
+    found = [Wiring(order, ()) for order in orders]
+    if len(present) > 2:
+        worst = [present[k] for k in np.argsort(-own)[:MOST_WIRINGS]]
+        doubt = "sensor {} contradicts the others and is left out"
+        found += [Wiring(as_given, (k,), doubt.format(k + 1)) for k in sorted(worst)]
+    return found
+
+
+def _unlike(measured: Vector, predicted: Vector) -> float:
+    """Return the mean square difference of two histories without their means."""
+    difference = (measured - predicted)[np.isfinite(measured)]
+    return float(np.var(difference))
+
+
+def best_wiring(wirings: Sequence[Wiring], misfits: Sequence[float]) -> Wiring | None:
+    """Return the reading with the smallest misfit, or None if none passes.
+
+    Parameters
+    ----------
+    wirings : sequence of Wiring
+        Other readings of a record.
+    misfits : sequence of float
+        By how many standard deviations chi2 of each is above the expected one; above 3 is no fit.
+    """
+    if not len(misfits) or not min(misfits) < 3.0:
         return None
-    return wirings[int(misfits.argmin())]
+    alike = [wiring for wiring, misfit in zip(wirings, misfits, strict=True) if misfit < min(misfits) + ALIKE]
+    best = alike[0]
+    if best.moved:
+        swapped = ", or ".join(" and ".join(str(k + 1) for k in wiring.moved) for wiring in alike if wiring.moved)
+        doubt = f"the record fits with sensors swapped: {swapped}. Damage may be mirrored; check the wiring"
+        return replace(best, doubt=doubt)
+    return best

@@ -15,7 +15,7 @@ from scipy.stats import chi2 as chi2_distribution
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 from .least_squares import NEGLIGIBLE, Point, Quadratic, bounded_minimum, change, descend
-from .nuisances import LOAD, MODULUS
+from .nuisances import FACTORS, MODULUS
 from .problem import RecordProblem
 
 THRESHOLD = 9.0
@@ -271,7 +271,7 @@ def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:
     zones = problem.zones
     found, common = x.copy(), float(np.median(x[:zones]))
     found[:zones] = 1.0 - (1.0 - x[:zones]) / (1.0 - common)
-    found[zones + problem.nuisances.simulated.index(MODULUS)] += math.log(1.0 - common) / LOAD[MODULUS][1]
+    found[zones + problem.nuisances.simulated.index(MODULUS)] += math.log(1.0 - common) / FACTORS[MODULUS][1]
     return np.clip(found, problem.low, problem.high)
 
 
@@ -295,7 +295,7 @@ def modulus_instead(fit: Fit) -> float | None:
     M: Matrix = np.eye(n, n + 1)
     M[:zones, n] = -1.0
     A, at = M.T @ model.A @ M, np.append(model.at, 0.0)
-    A[n, n] += LOAD[MODULUS][1] ** -2
+    A[n, n] += FACTORS[MODULUS][1] ** -2
     wider = Quadratic(A=A, g=M.T @ model.g, at=at)
     with_modulus = Box(
         zones=np.append(limits.zones, False), low=np.append(limits.low, -WIDEST), high=np.append(limits.high, WIDEST)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -18,12 +18,13 @@ from ..errors import DataError, ParameterError
 from ..membrane import MembraneParams, Structure, square_structure
 from ..sensor import SensorArtifact
 from .discrepancy import Discrepancy, default_discrepancy
+from .forward import Forward, MembraneForward, forward_of
 from .least_squares import MOST_DAMAGE, descend
-from .nuisances import MODULUS, Nuisances
+from .nuisances import MODULUS, Loads, Nuisances
 from .problem import RecordProblem
-from .record import LEAST_SAMPLES, ResponseRecord, Wiring, best_wiring, dead_sensors
+from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
 from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, modulus_instead, probability, search
-from .simulation import Forward
+from .simulation import SensedForward
 
 EARLY = (0.03, 0.1)  # [s] of the first stages: early, chi2 has one valley; over 0.1 s it has several
 PRIOR_DEVIATION = MOST_DAMAGE / math.sqrt(12.0)  # of a damage that may be anything
@@ -44,6 +45,8 @@ class Answer:
 
     Attributes
     ----------
+    zones : tuple of str
+        Names of the zones.
     damage, deviation : ndarray, shape (zones,)
         Lost fraction of Young's modulus [1] and its standard deviation; where ``damage`` is zero, the deviation that it
         would have if it were fitted.
@@ -75,6 +78,7 @@ class Answer:
         What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
     """
 
+    zones: tuple[str, ...]
     damage: Vector
     deviation: Vector
     probability: Vector
@@ -106,17 +110,19 @@ class Twin:
 
     Parameters
     ----------
-    structure : Structure or None
-        Membrane, with the start values of its load; None for the square of the thesis.
+    structure : Structure, Forward or None
+        Membrane, with the start values of its load, or another forward model; None for the square of the thesis.
+    parameters : mapping of str to float
+        Parameters, and inputs at the start, of the membrane that differ from their start values.
     sensor : SensorArtifact or None
         Sensors, for records of resistance.
     sensor_parameters : mapping of str to float or array_like of shape (sensors,)
-        Parameters of the sensors that differ from their start values; they rest at the prestrain.
+        Parameters of the sensors that differ from their start values; they rest at the strain of the undamaged structure.
     nuisances : sequence of str
         What else is unknown, with a normal prior: ``offset`` and ``gain`` of each sensor (deviation 0.02 of strain, or of
-        the change of resistance at full scale; 2 %), ``amplitude`` (10 %), ``frequency`` (5 %) and ``phase`` (0.1 rad) of
-        the load, ``damping`` (a factor of 2), Young's ``modulus`` (2 %; only if ``sparse``), ``pressure`` (any, a spline
-        with knots every 20 ms).
+        the change of resistance at full scale; 2 %), ``amplitude`` of every load that changes (10 %), ``frequency`` (5 %)
+        and ``phase`` (0.1 rad) of the built-in one, ``damping`` (a factor of 2), Young's ``modulus`` (2 %; only if
+        ``sparse``), and a load by its name, for instance ``pressure`` (any, a spline in time that is added).
     sparse : bool
         Whether zones are dropped while chi2 rises by less than 9 for each.
     discrepancy : Discrepancy, "learned" or None
@@ -137,8 +143,9 @@ class Twin:
 
     def __init__(
         self,
-        structure: Structure | None = None,
+        structure: Structure | Forward | None = None,
         *,
+        parameters: Mapping[str, float] | None = None,
         sensor: SensorArtifact | None = None,
         sensor_parameters: Mapping[str, ArrayLike] | None = None,
         nuisances: Sequence[str] = ("offset",),
@@ -148,19 +155,24 @@ class Twin:
         if MODULUS in nuisances and not sparse:
             msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
             raise ParameterError(msg)
-        structure = structure or square_structure()
         self.nuisances, self.sparse = tuple(nuisances), sparse
-        Nuisances(self.nuisances, {}, 0)  # refuses unknown names
-        self._forward = Forward(structure, sensor, sensor_parameters)
+        self._forward = forward_of(structure, parameters)
+        self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
+        self._nuisances(Loads(), 0.0)  # refuses unknown names
         if discrepancy == "learned":
-            discrepancy = default_discrepancy() if _is_learned(structure, self.parameters) else None
+            discrepancy = default_discrepancy() if _is_learned(self._forward) else None
         self.discrepancy = discrepancy
 
     @property
     def zones(self) -> int:
         """Number of zones."""
-        return self._forward.n_zones
+        return len(self._forward.zones)
+
+    @property
+    def sensors(self) -> int:
+        """Number of sensors."""
+        return self._forward.sensors
 
     def fit(
         self,
@@ -188,8 +200,8 @@ class Twin:
             The record holds resistance and the twin has no sensor, or the start has another shape.
         """
         if record.kind == "resistance":
-            self._forward.require_sensors()
-        sensors = self._forward.n_sensors
+            self._sensed.require_bank()
+        sensors = self.sensors
         if len(record.values) != sensors:
             msg = (
                 f"a record needs one row for each of {sensors} sensors, shape ({sensors}, n), not {record.values.shape}"
@@ -207,13 +219,17 @@ class Twin:
             msg = "no sensor has values that move. Check the columns and the wiring."
             raise DataError(msg)
         fit = search(self._stages(record, report), given, sparse=self.sparse)
-        wiring = None if fit.passes else best_wiring(record, lambda other: self._early_misfit(other, report))
+        wiring = None if fit.passes else self._other_wiring(record, fit, report)
         if wiring is not None:
             record = wiring.applied(record)
             other = search(self._stages(record, report), given, sparse=self.sparse)
             if other.passes:
                 return self._answer(other, [*doubts, wiring.doubt], wiring)
         return self._answer(fit, doubts, None)
+
+    def _nuisances(self, loads: Loads, length: float) -> Nuisances:
+        model = self._forward
+        return Nuisances(self.nuisances, model.parameters, model.inputs, model.sensors, loads, length)
 
     def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
         """Make the problems of longer and longer beginnings of a record."""
@@ -227,12 +243,20 @@ class Twin:
 
     def _problem(self, record: ResponseRecord, samples: int, report: Callable[[float, int], None]) -> RecordProblem:
         """Make the problem of the beginning of a record; its noise is that of all of it."""
-        length = record.step * self._compared(record)
-        nuisances = Nuisances(
-            self.nuisances, self.parameters, self._forward.n_sensors, length, self.parameters["pressure_amplitude"]
+        nuisances = self._nuisances(Loads(record.start, record.inputs), record.step * self._compared(record))
+        return RecordProblem(
+            self._sensed,
+            record.first(samples),
+            nuisances,
+            record.noise_deviation(),
+            self.discrepancy,
+            report=report,
         )
-        part = replace(record, values=record.values[:, :samples])
-        return RecordProblem(self._forward, part, nuisances, record.noise_deviation(), self.discrepancy, report=report)
+
+    def _other_wiring(self, record: ResponseRecord, fit: Fit, report: Callable[[float, int], None]) -> Wiring | None:
+        """Return another reading of a record that does not fit as it is, or None if none fits either."""
+        wirings = other_wirings(record.first(fit.problem.record.samples), fit.point.predicted)
+        return best_wiring(wirings, [self._early_misfit(wiring.applied(record), report) for wiring in wirings])
 
     def _early_misfit(self, record: ResponseRecord, report: Callable[[float, int], None]) -> float:
         """Return the misfit of the last early stage, or of the first one that is hopeless."""
@@ -260,7 +284,7 @@ class Twin:
         damages = covariance[:zones, :zones].copy()
         np.fill_diagonal(damages, deviation[:zones] ** 2)
         per_sample, bound = fit.per_sample, chi2_bound(problem)
-        valid = fit.passes and (wiring is None or not wiring.swaps)
+        valid = fit.passes and (wiring is None or not wiring.moved)
         if not fit.passes:
             doubts.append(
                 f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
@@ -275,6 +299,7 @@ class Twin:
             )
         rise = evidence(fit.model, box(problem, x), kept)[:zones]
         return Answer(
+            zones=self._forward.zones,
             damage=x[:zones].copy(),
             deviation=deviation[:zones],
             probability=probability(rise),
@@ -284,8 +309,8 @@ class Twin:
             chi2_bound=bound,
             valid=valid,
             unresolved=tuple(int(k) + 1 for k in unresolved),
-            left_out=tuple(k + 1 for k in range(self._forward.n_sensors) if k not in problem.record.sensors),
-            order=tuple(k + 1 for k in (range(self._forward.n_sensors) if wiring is None else wiring.order)),
+            left_out=tuple(k + 1 for k in range(self.sensors) if k not in problem.record.sensors),
+            order=tuple(k + 1 for k in (range(self.sensors) if wiring is None else wiring.order)),
             doubts=tuple(doubts),
             samples=problem.values,
             simulations=problem.simulations,
@@ -296,12 +321,17 @@ class Twin:
 
 def _early_samples(record: ResponseRecord) -> list[int]:
     """Return the lengths of the early stages."""
+    if isinstance(record, StaticRecord):
+        return []
     lengths = [math.ceil(time / record.step) for time in EARLY]
     return [n for n in lengths if LEAST_SAMPLES <= n < record.samples]
 
 
-def _is_learned(structure: Structure, given: dict[str, float]) -> bool:
+def _is_learned(forward: Forward) -> bool:
     """Tell whether the learned discrepancy holds for a mesh and a membrane."""
+    if not isinstance(forward, MembraneForward):
+        return False
+    structure, given = forward.structure, forward.parameters
     learned, default = default_discrepancy(), asdict(MembraneParams())
     square = square_structure(learned.elements_per_side, learned.order)
     here, there = structure.mesh.nodes, square.mesh.nodes

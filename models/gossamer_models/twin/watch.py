@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,11 +17,12 @@ from scipy.stats import chi2 as chi2_distribution
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
-from ..membrane import Structure, square_structure
+from ..membrane import Structure
 from ..sensor import SensorArtifact
+from .forward import WORKERS, Forward, forward_of
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, Minimum, Quadratic, bounded_minimum, descend
 from .search import Box, drop_zones
-from .simulation import WORKERS, Forward, Place
+from .simulation import Place, SensedForward
 
 ONSETS = 16  # onsets tried
 SHARES = (0.4, 0.7, 1.0)  # of a step of Newton's method
@@ -44,12 +45,15 @@ class JudgedWindow:
         Readings; not a number where one is missing.
     expected : ndarray, shape (s, n)
         Readings of the twin without new damage.
+    loads : mapping of str to ndarray of shape (n,)
+        Inputs at the readings.
     """
 
     time: float
     place: Place
     y: Matrix
     expected: Matrix
+    loads: Mapping[str, Vector] = field(default_factory=dict)
 
 
 class OnsetProblem(LeastSquares):
@@ -59,7 +63,7 @@ class OnsetProblem(LeastSquares):
 
     Parameters
     ----------
-    forward : Forward
+    sensed : SensedForward
         Simulation.
     windows : sequence of JudgedWindow
         Windows one after the other.
@@ -72,9 +76,9 @@ class OnsetProblem(LeastSquares):
     """
 
     def __init__(
-        self, forward: Forward, windows: Sequence[JudgedWindow], sigma: Vector, before: Vector, h: float
+        self, sensed: SensedForward, windows: Sequence[JudgedWindow], sigma: Vector, before: Vector, h: float
     ) -> None:
-        self._forward, self._windows, self._sigma, self._before, self._h = forward, windows, sigma, before, h
+        self._sensed, self._windows, self._sigma, self._before, self._h = sensed, windows, sigma, before, h
         y = np.concatenate([seen.y for seen in windows], axis=1)
         self._starts = np.cumsum([0, *(seen.y.shape[1] for seen in windows[:-1])])
         self._present, self._length = np.isfinite(y), y.shape[1]
@@ -94,7 +98,9 @@ class OnsetProblem(LeastSquares):
         steps = np.arange(self._starts[first] + 1, self._length + 1)
         share = np.clip(steps - x[:, :1], 0.0, 1.0)  # a step in which damage begins has a part of it
         damage = self._before + share[:, :, None] * (x[:, None, 1:] - self._before)
-        readings, place = self._forward.advance(self._windows[first].place, damage, self._h)
+        later = [seen.loads for seen in self._windows[first:]]
+        loads = {name: np.concatenate([each[name] for each in later]) for name in later[0]}
+        readings, place = self._sensed.advance(self._windows[first].place, damage, loads, self._h)
         expected = [np.repeat(seen.expected[None], len(x), axis=0) for seen in self._windows[:first]]
         return np.concatenate([*expected, readings], axis=2), place
 
@@ -136,6 +142,8 @@ class DamageOnset:
 
     Attributes
     ----------
+    zones : tuple of str
+        Names of the zones.
     onset, onset_deviation : float
         When it began, and its standard deviation [s].
     damage, deviation : ndarray, shape (zones,)
@@ -144,6 +152,7 @@ class DamageOnset:
         Near 1 if this damage explains the readings.
     """
 
+    zones: tuple[str, ...]
     onset: float
     onset_deviation: float
     damage: Vector
@@ -183,8 +192,10 @@ class Watch:
     ----------
     noise : float or array_like, shape (sensors,)
         Standard deviation of the noise of each sensor, in the unit of the readings.
-    structure : Structure or None
-        Membrane, with the start values of its load; None for the square of the thesis.
+    structure : Structure, Forward or None
+        Membrane, with the start values of its load, or another forward model; None for the square of the thesis.
+    parameters : mapping of str to float
+        Parameters of the membrane, and inputs in whose equilibrium it begins, that differ from their start values.
     damage : array_like, shape (zones,)
         Damage when the load sets in [1].
     sensor : SensorArtifact or None
@@ -196,6 +207,11 @@ class Watch:
     false_alarms : float
         Share of the windows that may raise a false alarm.
 
+    Attributes
+    ----------
+    zones : tuple of str
+        Names of the zones.
+
     Raises
     ------
     ParameterError
@@ -204,11 +220,11 @@ class Watch:
     Notes
     -----
     The twin simulates each window from the state it has reached, and a neighbour with a little damage in one zone for each,
-    all in lanes. Rao's score statistic :math:`T = g^T A^{-1} g` [1]_ has a chi2 distribution with 16 degrees of freedom
-    while nothing changes; a constant offset of a sensor does not count. Where the model is not exact, T is larger: it is
-    divided by a scale, T/16 of the first window, at least 1, that goes half way to every larger one. Only a sudden rise
-    gives an alarm, and the first window never does. One window after an alarm, onset and damages are fitted to the windows
-    before, at and after it; zones are dropped as in ``Twin``. The watch then goes on from the damages that it has found.
+    all in lanes. Rao's score statistic :math:`T = g^T A^{-1} g` [1]_ has a chi2 distribution with a degree of freedom
+    for each zone while nothing changes; a constant offset of a sensor does not count. Where the model is not exact, T is
+    larger: it is divided by a scale, T/z of the first window, at least 1, that goes half way to every larger one. Only a
+    sudden rise gives an alarm, and the first window never does. One window after an alarm, onset and damages are fitted to
+    the windows before, at and after it; zones are dropped as in ``Twin``. The watch then goes on from the damages found.
 
     References
     ----------
@@ -219,16 +235,18 @@ class Watch:
     def __init__(
         self,
         noise: ArrayLike,
-        structure: Structure | None = None,
+        structure: Structure | Forward | None = None,
         *,
+        parameters: Mapping[str, float] | None = None,
         damage: ArrayLike = 0.0,
         sensor: SensorArtifact | None = None,
         sensor_parameters: Mapping[str, ArrayLike] | None = None,
         step: float = 3e-4,
         false_alarms: float = 1e-5,
     ) -> None:
-        self._forward = Forward(structure or square_structure(), sensor, sensor_parameters)
-        sensors, zones = self._forward.n_sensors, self._forward.n_zones
+        forward = forward_of(structure, parameters)
+        self._sensed, self.zones = SensedForward(forward, sensor, sensor_parameters), forward.zones
+        sensors, zones = forward.sensors, len(forward.zones)
         self._sigma = np.broadcast_to(np.asarray(noise, dtype=float), (sensors,)).copy()
         if not (np.isfinite(self._sigma).all() and (self._sigma > 0.0).all()):
             msg = f"the noise of the sensors is a positive standard deviation, not {noise!r}"
@@ -237,18 +255,13 @@ class Watch:
             msg = f"need 0 < false_alarms < 1 and a positive step [s], not {false_alarms:g} and {step:g}"
             raise ParameterError(msg)
         self._damage, self._h = np.broadcast_to(np.asarray(damage, dtype=float), (zones,)).copy(), step
-        self._place, self._time = self._forward.begin(self._damage, step), 0.0
+        self._place, self._time = self._sensed.begin(self._damage, {}, step), 0.0
         self._threshold = float(chi2_distribution.isf(false_alarms, zones)) / zones
         self._scale = 0.0  # nothing seen yet
         self._before: list[JudgedWindow] = []
         self._alarmed = False
 
-    @property
-    def zones(self) -> int:
-        """Number of zones."""
-        return self._forward.n_zones
-
-    def advance(self, readings: ArrayLike) -> Window:
+    def advance(self, readings: ArrayLike, loads: Mapping[str, Vector] | None = None) -> Window:
         """Judge the next window of readings.
 
         Parameters
@@ -256,6 +269,8 @@ class Watch:
         readings : array_like, shape (sensors, n)
             Strain [1] or resistance [ohm], a column per step; n may differ from window to window. Not a number where a
             reading is missing.
+        loads : mapping of str to ndarray of shape (n,)
+            Inputs of the membrane at the readings, by name; the same in every window.
 
         Returns
         -------
@@ -269,7 +284,7 @@ class Watch:
             The simulation has failed.
         """
         y = np.asarray(readings, dtype=float)
-        sensors, zones = self._forward.n_sensors, self._forward.n_zones
+        sensors, zones = len(self._sigma), len(self.zones)
         if y.ndim != 2 or y.shape[0] != sensors or y.shape[1] < zones + sensors:
             msg = (
                 f"a window needs one row for each of {sensors} sensors and {zones + sensors} or more columns, not shape "
@@ -280,7 +295,8 @@ class Watch:
         damages = np.repeat(self._damage[None], 1 + zones, axis=0)
         signs = np.where(self._damage + DAMAGE_STEP > MOST_DAMAGE, -1.0, 1.0)
         damages[1:] += DAMAGE_STEP * np.diag(signs)
-        found, place = self._forward.advance(self._place, np.repeat(damages[:, None], n, axis=1), self._h)
+        loads = loads or {}
+        found, place = self._sensed.advance(self._place, np.repeat(damages[:, None], n, axis=1), loads, self._h)
         if not np.isfinite(found).all():
             msg = f"the twin's membrane failed after t = {self._time:.6g} s. Check its load, damage and parameters."
             raise ConvergenceError(msg)
@@ -293,7 +309,7 @@ class Watch:
         statistic = T / max(self._scale, 1.0)
         alarm = not first and not self._alarmed and statistic > self._threshold
         kept = self._before if self._alarmed else self._before[-1:]
-        self._before = [*kept, JudgedWindow(self._time, self._place, y, found[0])]
+        self._before = [*kept, JudgedWindow(self._time, self._place, y, found[0], loads)]
         self._time += n * self._h
         finding = None
         if self._alarmed:
@@ -308,7 +324,7 @@ class Watch:
 
     def _find(self) -> DamageOnset:
         """Fit onset and damages to the windows since the one before the alarm, and go on from there."""
-        problem = OnsetProblem(self._forward, self._before, self._sigma, self._damage, self._h)
+        problem = OnsetProblem(self._sensed, self._before, self._sigma, self._damage, self._h)
         whole = np.ones(problem.low.size, dtype=bool)
         possible = sum(seen.y.shape[1] for seen in self._before[:-1])
         found = _deepest(problem, problem.first_guesses(possible), whole)
@@ -327,6 +343,7 @@ class Watch:
         self._place = problem.simulate(found.point.x[None])[1]
         self._damage = found.point.x[1:].copy()
         return DamageOnset(
+            zones=self.zones,
             onset=self._before[0].time + self._h * float(found.point.x[0]),
             onset_deviation=self._h * float(deviation[0]),
             damage=self._damage.copy(),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from gossamer_files.charts import Chart, band, curve, heat, points, section
 from gossamer_models.arrays import Vector
 from gossamer_models.twin import Answer
 from gossamer_orchestrator.pages import Page, table
 from gossamer_orchestrator.pages.page import Kind
+from gossamer_orchestrator.results.tables import zone_label
 from gossamer_orchestrator.words import uncertain
 
 from ..results import TableText, on_page
@@ -28,7 +31,8 @@ def twin_page(name: str, answer: Answer, compared: str) -> Page:
         A sentence if only the beginning of the record was compared.
     """
     found = np.flatnonzero(answer.damage > 0.0)
-    parts = [f"zone {z + 1} by {100.0 * answer.damage[z]:.2f} ± {100.0 * answer.deviation[z]:.2f} %" for z in found]
+    labels = [zone_label(name) for name in answer.zones]
+    parts = [f"zone {labels[z]} by {100.0 * answer.damage[z]:.2f} ± {100.0 * answer.deviation[z]:.2f} %" for z in found]
     kind: Kind = "invalid" if not answer.valid else "damage" if parts else "healthy"
     when = f"in the first {answer.record.step * answer.record.samples:.3g} s"
     said = f"damaged {when}: {', '.join(parts)}" if parts else f"no zone is damaged {when}"
@@ -41,7 +45,9 @@ def twin_page(name: str, answer: Answer, compared: str) -> Page:
         "999 of 1000 records."
     )
     if answer.unresolved:
-        more.append(f"The record cannot tell the damage of zones {', '.join(map(str, answer.unresolved))}.")
+        more.append(
+            f"The record cannot tell the damage of zones {', '.join(labels[k - 1] for k in answer.unresolved)}."
+        )
     return Page(
         title=f"Digital twin of {name}",
         kind=kind,
@@ -58,12 +64,12 @@ def zone_cells(answer: Answer) -> TableText:
     """Return damage and probability of damage, a row for each zone."""
     rows = [
         (
-            str(k + 1),
+            zone_label(name),
             f"{100.0 * answer.damage[k]:.2f} ± {100.0 * answer.deviation[k]:.2f}",
             f"{answer.probability[k]:.3f}",
             *(["cannot tell" if k + 1 in answer.unresolved else ""] if answer.unresolved else []),
         )
-        for k in range(len(answer.damage))
+        for k, name in enumerate(answer.zones)
     ]
     remarks = ["remark"] if answer.unresolved else []
     return TableText(("zone", "damage [%]", "P(damaged)", *remarks), rows, "Digital twin")
@@ -77,16 +83,19 @@ def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
     ]
 
 
-def damage_chart(damage: Vector, deviation: Vector) -> Chart:
+def damage_chart(names: Sequence[str], damage: Vector, deviation: Vector) -> Chart:
     """Draw the damage [1] of each zone with its standard deviation."""
-    zones = np.arange(1, len(damage) + 1)
+    zones = np.arange(1, len(names) + 1)
     estimate = points("damage", zones, 100.0 * damage, "@0", 100.0 * deviation)
     axis = {"tick0": 1, "dtick": 1, "tickangle": 0, "tickfont": {"size": 11}, "range": [0.4, len(zones) + 0.6]}
+    labels = [zone_label(name) for name in names]
+    if labels != [str(k) for k in zones]:
+        axis |= {"tickmode": "array", "tickvals": zones.tolist(), "ticktext": labels, "tickangle": -45}
     return Chart("Damage", "zone", "damage [%]", [estimate], layout={"xaxis": axis, "showlegend": False})
 
 
 def _damage(answer: Answer) -> list[Chart]:
-    zones, damage = np.arange(1, len(answer.damage) + 1), damage_chart(answer.damage, answer.deviation)
+    zones, damage = np.arange(1, len(answer.damage) + 1), damage_chart(answer.zones, answer.damage, answer.deviation)
     layout = {**damage.layout, "yaxis": {"range": [-0.03, 1.03]}}
     probability = points("P", zones, answer.probability, "@1")
     charts = [damage, Chart("Probability of damage", "zone", "P(damaged) [1]", [probability], layout=layout)]
@@ -94,7 +103,7 @@ def _damage(answer: Answer) -> list[Chart]:
     if kept.size > 1:
         deviation = answer.deviation[kept]
         correlation = answer.covariance[np.ix_(kept, kept)] / np.outer(deviation, deviation)
-        names = [str(z + 1) for z in kept]
+        names = [zone_label(answer.zones[z]) for z in kept]
         category = {axis: {"type": "category"} for axis in ("xaxis", "yaxis")}
         cells = heat(names, names, correlation, "[1]", zmin=-1.0, zmax=1.0, colorscale="RdBu")
         charts.append(Chart("Correlation of the damages", "zone", "zone", [cells], layout=category))

@@ -20,10 +20,18 @@ def since(onset: float, deviation: float) -> str:
     return f"Damage since t = {uncertain(onset, deviation, 's')}"
 
 
-def damage_rows(damage: Sequence[float], deviation: Sequence[float]) -> list[tuple[str, str]]:
-    """Return number and damage [%] of each damaged zone, from damages and standard deviations [1]."""
-    pairs = zip(damage, deviation, strict=True)
-    return [(f"{k}", f"{100.0 * d:.2f} ± {100.0 * s:.2f}") for k, (d, s) in enumerate(pairs, start=1) if d > 0.0]
+def damage_rows(
+    damage: Sequence[float], deviation: Sequence[float], names: Sequence[str] = ()
+) -> list[tuple[str, str]]:
+    """Return name, or number, and damage [%] of each damaged zone, from damages and standard deviations [1]."""
+    zones = [zone_label(name) for name in names] or [str(k + 1) for k in range(len(damage))]
+    rows = zip(zones, damage, deviation, strict=True)
+    return [(zone, f"{100.0 * d:.2f} ± {100.0 * s:.2f}") for zone, d, s in rows if d > 0.0]
+
+
+def zone_label(name: str) -> str:
+    """Return what stands for a zone after the word "zone": its name, or the number of one that is just numbered."""
+    return name.removeprefix("zone_")
 
 
 def zone_table(judgement: Judgement) -> Table:

@@ -10,10 +10,10 @@ from command_line import invoke
 from gossamer import TwinAnswer
 from gossamer.damage import _compared
 from gossamer.records import find_in_results
-from gossamer_models.membrane import MembraneParams, square_structure
+from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin import Answer, ResponseRecord
-from gossamer_models.twin.simulation import Forward
+from gossamer_models.twin import Answer, MembraneForward, ResponseRecord
+from gossamer_models.twin.simulation import SensedForward
 from gossamer_orchestrator import OrchestratorError
 from gossamer_orchestrator.results.files import save_results
 from reading_pages import read_page, values
@@ -33,12 +33,12 @@ def call():
 
 @pytest.fixture(scope="module")
 def forward():
-    return Forward(square_structure(4, 1, params=MembraneParams(mass_damping=30.0)), default_artifact())
+    return SensedForward(MembraneForward(square_structure(4, 1), {"mass_damping": 30.0}), default_artifact())
 
 
 @pytest.fixture(scope="module")
 def strain(forward):
-    return forward.strain(TRUE[None], {}, None, STEPS, STEP)
+    return forward.forward.strain(TRUE[None], {}, {}, STEPS, STEP)
 
 
 def table(path, values):
@@ -55,7 +55,7 @@ def results(tmp_path, forward, strain):
     resistance = forward.resistance(strain, STEP)[0]
     time = STEP * np.arange(STEPS + 1)
     variables = {"gauge.strain": (("time", "strain_index"), np.vstack([np.zeros(4), strain[0].T]))}
-    parameters = forward.sensors.parameters
+    parameters = forward.bank.parameters
     fmus = {"gauge": {"model": "membrane", "parameters": {"mass_damping": 30.0, "other": 1.0}}}
     connections = []
     for k in range(4):
@@ -182,7 +182,7 @@ def test_results_without_resistance_say_what_to_record(call, results, tmp_path):
 
 
 def test_the_table_has_a_column_of_remarks_only_where_there_is_one():
-    known = dict.fromkeys(("damage", "deviation", "probability"), np.zeros(16))
+    known = dict.fromkeys(("damage", "deviation", "probability"), np.zeros(16)) | {"zones": ("rim",) * 16}
     fields = dict.fromkeys(Answer.__dataclass_fields__) | known
     headings = [
         [str(column.header) for column in shown.columns]

@@ -87,9 +87,9 @@ def test_the_observer_hands_every_sample_to_the_twin_once(built, monkeypatch, tm
     taken, said = [], []
 
     class Twin:
-        zones = 16
+        zones = tuple(f"zone_{k}" for k in range(1, 17))
 
-        def advance(self, values):
+        def advance(self, values, loads):
             taken.append(values)
             return SimpleNamespace(
                 time=float(len(taken)), misfit=1.0, statistic=0.0, alarm=len(taken) == 2, finding=None

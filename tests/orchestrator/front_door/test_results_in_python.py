@@ -199,11 +199,11 @@ def test_a_sensor_is_built_from_what_identify_returns(sensor, tmp_path):
 def test_the_twin_gives_damage_by_zone(tmp_path):
     pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
     from gossamer_models.membrane import square_structure
-    from gossamer_models.twin.simulation import Forward
+    from gossamer_models.twin import MembraneForward
 
     true, step = np.zeros(16), 3e-4
     true[5] = 0.3
-    strain = Forward(square_structure(4, 1)).strain(true[None], {}, None, 300, step)[0]
+    strain = MembraneForward(square_structure(4, 1)).strain(true[None], {}, {}, 300, step)[0]
     rows = [f"{step * (k + 1)!r}," + ",".join(map(repr, row)) for k, row in enumerate(strain.T.tolist())]
     (tmp_path / "strain.csv").write_text("\n".join(["time [s],strain[1],strain[2],strain[3],strain[4]", *rows]))
     found = gossamer.twin(tmp_path / "strain.csv", fit="none", elements_per_side=4, order=1)

@@ -1,0 +1,248 @@
+r"""The one forward model: from damages and loads to the strain of the sensors, in motion or at rest.
+
+Symbols: ``z`` zones, ``s`` sensors, ``m`` cases, ``n`` samples, ``k`` load states, ``h`` step [s].
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import replace
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Matrix, Vector
+from ..batch import Batch
+from ..batch.cases import BatchState
+from ..errors import ParameterError
+from ..membrane import Structure, membrane_model, square_structure
+from ..membrane.gauges import Gauges
+from ..step_model import StepModel
+
+LANES = 8  # cases that advance at once
+WORKERS = os.cpu_count() or 1  # threads of a simulation of many cases
+MEMORY = 2**24  # numbers of one recording
+
+
+class Forward(Protocol):
+    """What a twin, a watch and a placement of sensors know of a structure."""
+
+    @property
+    def zones(self) -> tuple[str, ...]:
+        """Names of the z zones."""
+        ...
+
+    @property
+    def sensors(self) -> int:
+        """Number s of strain gauges."""
+        ...
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Parameters with their values."""
+        ...
+
+    @property
+    def inputs(self) -> Mapping[str, float]:
+        """Loads and motions that may change in time, with their values at the start."""
+        ...
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of parameters and inputs."""
+        ...
+
+    def strain(
+        self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix], steps: int, h: float
+    ) -> Matrix:
+        """Simulate the strain [1] of the sensors, shape (m, s, steps); not a number where a case fails.
+
+        Parameters
+        ----------
+        damage : ndarray, shape (m, z)
+            Lost fraction of Young's modulus [1].
+        parameters : mapping of str to ndarray of shape (m,)
+            Parameters, and inputs at time 0, that differ from those of the model. Every case begins at rest in equilibrium
+            with them.
+        histories : mapping of str to ndarray of shape (steps,) or (m, steps)
+            Inputs at the end of each step; the others stay.
+        steps, h : int, float
+            Samples and the time between them [s].
+        """
+        ...
+
+    def states(self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix]) -> Matrix:
+        """Return the strain [1] of the sensors in equilibrium, shape (m, s, k), of k load states.
+
+        Not a number where there is no equilibrium. ``histories`` are inputs in each state, shape (k,) or (m, k).
+        """
+        ...
+
+    def begin(self, damage: Vector, parameters: Mapping[str, float]) -> tuple[BatchState, Vector]:
+        """Return the state of rest of one case, and the strain [1] there, shape (s,)."""
+        ...
+
+    def advance(
+        self, state: BatchState, damage: Matrix, histories: Mapping[str, Matrix], h: float
+    ) -> tuple[Matrix, BatchState]:
+        """Go on from one state with many histories of damage, shape (m, n, z) [1].
+
+        Returns strain [1], shape (m, s, n), not a number where a case fails; and the state where the first case ends.
+        """
+        ...
+
+
+class MembraneForward:
+    """The membrane of any setup as a forward model.
+
+    Parameters
+    ----------
+    structure : Structure
+        Membrane with zones.
+    parameters : mapping of str to float
+        Parameters, and inputs at the start, that differ from the start values of the model.
+    gauges : Gauges or None
+        What reads the strain; None for the sensors of the structure.
+
+    Raises
+    ------
+    ParameterError
+        The setup has no zones, or the membrane has no such parameter or input.
+    """
+
+    def __init__(
+        self, structure: Structure, parameters: Mapping[str, float] | None = None, gauges: Gauges | None = None
+    ) -> None:
+        if not structure.n_zones:
+            msg = "the setup has no zones, so there is no damage to find. Write [[zones]] with groups of faces."
+            raise ParameterError(msg)
+        self.structure, self.gauges = structure, gauges
+        if gauges is not None:
+            structure = replace(structure, setup=replace(structure.setup, sensors=(), expose=True), gauges=())
+        self._model = membrane_model(structure)
+        self.zones = structure.zone_names
+        self.sensors = structure.n_sensors if gauges is None else len(gauges.sensors)
+        self._damages = self._model.elements("damage")
+        rows = {c: [v for v in self._model.variables if v.causality == c] for c in ("parameter", "input")}
+        self.units = {v.name: v.unit for each in rows.values() for v in each}
+        starts = {c: {v.name: float(v.start or 0.0) for v in rows[c] if v.name not in self._damages} for c in rows}
+        given = dict(parameters or {})
+        for name in given:
+            if name not in starts["parameter"] | starts["input"]:
+                known = ", ".join([*starts["parameter"], *starts["input"]][:12])
+                msg = f"this membrane has no parameter or input {name!r}. It has {known}, ..."
+                raise ParameterError(msg)
+        self.parameters, self.inputs = (
+            {name: given.get(name, value) for name, value in starts[c].items()} for c in ("parameter", "input")
+        )
+        self._given, self._batches = given, dict[tuple[str, ...], Batch]()
+
+    def strain(
+        self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix], steps: int, h: float
+    ) -> Matrix:
+        """Simulate the strain [1] of the sensors, see ``Forward``."""
+        batch = self._batch(tuple(histories))
+        start: dict[str, ArrayLike] = {**self._given, **parameters, "damage": damage}
+        if self.gauges is None and self.structure.starts_in_plane:
+            return batch.run(steps, h, start, histories, workers=WORKERS).results
+        state = self._in_equilibrium(batch, start, h)
+        if self.gauges is None:
+            return batch.run(steps, h, inputs=histories, state=state, workers=WORKERS).results
+        nodes, found, done = self.structure.mesh.nodes, np.empty((len(damage), self.sensors, steps)), 0
+        piece = max(1, MEMORY // (len(damage) * nodes.size))
+        while done < steps:
+            n = min(piece, steps - done)
+            part = {name: values[..., done : done + n] for name, values in histories.items()}
+            run = batch.run(n, h, inputs=part, state=state, workers=WORKERS)
+            for case, moved in enumerate(run.results):
+                found[case, :, done : done + n] = self.gauges.strain(nodes[:, :, None] + moved.reshape(*nodes.shape, n))
+            state, done = run.state, done + n
+        return found
+
+    def reading(self, gauges: Gauges) -> MembraneForward:
+        """Return the same membrane, read by other gauges, if it has some."""
+        found = copy(self)
+        found.gauges, found.sensors = gauges, len(gauges.sensors)
+        return found
+
+    def states(self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix]) -> Matrix:
+        """Return the strain [1] of the sensors in equilibrium, see ``Forward``."""
+        m, k = len(damage), max(np.shape(values)[-1] for values in histories.values())
+        start: dict[str, ArrayLike] = {name: np.repeat(values, k) for name, values in parameters.items()}
+        start |= {name: np.broadcast_to(values, (m, k)).ravel() for name, values in histories.items()}
+        start = {**self._given, **start, "damage": np.repeat(damage, k, axis=0)}
+        found = self._at_rest(self._in_equilibrium(self._batch(()), start, 1.0))
+        return np.moveaxis(found.reshape(m, k, self.sensors), 1, 2)
+
+    def begin(self, damage: Vector, parameters: Mapping[str, float]) -> tuple[BatchState, Vector]:
+        """Return the state of rest of one case, and the strain [1] there, see ``Forward``."""
+        batch = self._batch(self._damages)
+        start: dict[str, ArrayLike] = {**self._given, **parameters, "damage": damage[None]}
+        if self.structure.starts_in_plane:
+            run = batch.run(0, 1.0, start, dict.fromkeys(self._damages, np.zeros(0)))
+            return run.state, run.initial[0]
+        state = self._in_equilibrium(batch, start, 1.0)
+        return state, self._at_rest(state)[0]
+
+    def advance(
+        self, state: BatchState, damage: Matrix, histories: Mapping[str, Matrix], h: float
+    ) -> tuple[Matrix, BatchState]:
+        """Go on from one state with many histories of damage, see ``Forward``."""
+        m, n, _ = damage.shape
+        inputs = {**histories, **dict(zip(self._damages, np.moveaxis(damage, 2, 0), strict=True))}
+        run = self._batch(tuple(inputs)).run(n, h, inputs=inputs, state=repeated(state, m), workers=WORKERS)
+        return run.results, first(run.state, 1)
+
+    def _at_rest(self, state: BatchState) -> Matrix:
+        """Return the strain [1] of the sensors of the structure in states that have not moved, shape (m, s)."""
+        first_result = self._model.slices()[1].stop
+        return state.values[:, first_result : first_result + self.sensors]
+
+    def _batch(self, inputs: tuple[str, ...]) -> Batch:
+        if inputs not in self._batches:
+            model = self._model if self.structure.starts_in_plane else _without_init(self._model)
+            results = self._model.elements("strain" if self.gauges is None else "node")
+            self._batches[inputs] = Batch(model, results, inputs)
+        return self._batches[inputs]
+
+    def _in_equilibrium(self, batch: Batch, start: Mapping[str, ArrayLike], h: float) -> BatchState:
+        """Return the states in which cases begin."""
+        empty = batch.run(0, h, start, dict.fromkeys(batch.inputs, np.zeros(0))).state  # knows the order of the values
+        p, u, _ = self._model.slices()
+        rows = [self._model.names.index(name) - u.stop for name in (*batch.results, "max_step")]
+        x, values = empty.x.copy(), empty.values.copy()
+        for case, row in enumerate(empty.values):
+            at, results = self._model.init(row[u], row[p])
+            x[case], values[case, u.stop :] = np.asarray(at).ravel(), np.asarray(results).ravel()[rows]
+        return replace(empty, x=x, values=values)
+
+
+def forward_of(structure: Structure | Forward | None, parameters: Mapping[str, float] | None) -> Forward:
+    """Return the forward model of a membrane, of the square of the thesis for None, or the one that is given."""
+    if structure is None or isinstance(structure, Structure):
+        return MembraneForward(structure or square_structure(), parameters)
+    if parameters:
+        msg = "a forward model has its own parameters. Make it with them."
+        raise ParameterError(msg)
+    return structure
+
+
+def first(state: BatchState, cases: int) -> BatchState:
+    """Return the first cases of a state."""
+    return replace(state, x=state.x[:cases], values=state.values[:cases])
+
+
+def repeated(state: BatchState, times: int) -> BatchState:
+    """Return the cases of a state again and again."""
+    return replace(state, x=np.tile(state.x, (times, 1)), values=np.tile(state.values, (times, 1)))
+
+
+def _without_init(model: StepModel) -> StepModel:
+    """Leave out the relaxation, whose many steps are too much code for lanes."""
+    u, p = model.init.mx_in()
+    nothing = [ca.MX.zeros(model.n_states), ca.MX.zeros(len(model.names) - model.slices()[2].start)]
+    return replace(model, init=ca.Function("init", [u, p], nothing))
