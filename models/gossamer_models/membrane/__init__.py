@@ -8,12 +8,14 @@ from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
 from .structure import Structure, make_structure
 from .surface import SurfaceMesh, surface_mesh
+from .vibration import first_period
 from .zones import Zone
 
 __all__ = [
     # the model and its equations
     "membrane_model",
     "MembraneEquations",
+    "first_period",
     # what it is made of
     "Edge",
     "Gas",
