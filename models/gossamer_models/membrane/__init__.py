@@ -6,6 +6,7 @@ from .model import membrane_model
 from .reading import MeshFile, read_mesh
 from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
+from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
 from .structure import Structure, make_structure
 from .surface import SurfaceMesh, surface_mesh
 from .vibration import first_period
@@ -16,6 +17,9 @@ __all__ = [
     "membrane_model",
     "MembraneEquations",
     "first_period",
+    "Equilibria",
+    "Equilibrium",
+    "EquilibriumDerivatives",
     # what it is made of
     "Edge",
     "Gas",

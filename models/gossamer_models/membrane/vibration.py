@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse.linalg import eigsh
 
 from ..errors import ConvergenceError
+from .model import membrane_model
 from .statics import Equilibrium
 from .structure import Structure
 
@@ -41,7 +42,7 @@ def first_period(structure: Structure, given: Mapping[str, ArrayLike] | None = N
     The smallest :math:`\omega` of :math:`K v = \omega^2 M v`, with the inertia of the model,
     :math:`M = m\,(n n^T + k\,(1 - n n^T))`.
     """
-    equilibrium = Equilibrium(structure)
+    equilibrium = Equilibrium(structure, membrane_model(structure))
     found = equilibrium.solve(given or {"damage": np.zeros((1, structure.n_zones))})
     if found.failed[0]:
         msg = "there is no equilibrium to vibrate about. Check supports, prestress and loads of the setup."
