@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from gossamer_files.options import option
+from gossamer_files.tables import TableText
 from gossamer_orchestrator.errors import OrchestratorError, ScenarioError
 
 from .arguments import Address, AnyPath, Count, File, Folder, Seconds, assigned, command
 from .options import PlanOptions
 from .records import numbers_by_name
-from .results import Saved, TableText, by_label
+from .results import Saved, by_label
 from .terminal import progress_bar
 from .writing import json_file, keep_inputs, save_page
 
@@ -197,7 +198,7 @@ class TrainedDetector(Saved):
 
     def tables(self) -> list[TableText]:
         """Return the errors."""
-        from .pages.train import error_table
+        from gossamer_models.assessment.tables import error_table
 
         return [error_table(self.held_out)]
 

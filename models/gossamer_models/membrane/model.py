@@ -23,6 +23,7 @@ from .assembly import Forces, MembraneEquations
 from .equilibrium import FLOOR, in_plane, relax
 from .frame import RESTARTED, FrameState, flying
 from .gauges import Gauge
+from .portable import FILE, structure_text
 from .riding import Rider
 from .setup import Setup
 from .shape import SHAPE, membrane_shape
@@ -189,7 +190,7 @@ def membrane_model(
     def begin(q: ca.MX, u: Values, p: Values) -> tuple[MembraneState, dict[str, ca.MX]]:
         at, built_in = equations.positions(q, u, p), p.pressure_amplitude * ca.sin(p.pressure_phase)
         gas = equations.gas_of_start(u)
-        found = equations.forces(at, equations.shared(u, p, built_in, gas), p, small=True)
+        found = equations.forces(at, equations.shared(u, p, built_in, gas), p)
         phase = p.pressure_phase / (2.0 * np.pi)
         phase -= ca.floor(phase)
         V = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
@@ -256,7 +257,10 @@ def membrane_model(
         n_q=n,
         finder=None if structure.starts_in_plane else partial(_equilibrium, structure, frame=frame),
         step_limit="max_step",
-        resources={SHAPE: membrane_shape(structure, variables)},
+        resources={
+            SHAPE: membrane_shape(structure, variables),
+            **({} if structure.starts_in_plane else {FILE: structure_text(structure).encode()}),
+        },
         restarted=RESTARTED if frame else 0,
         residual=2 * n,
         advice=_advice(setup, frame),

@@ -1,23 +1,21 @@
-"""Tables of sensors that were identified or judged, printed and on pages: what was read, errors, rivals, trials."""
+"""Tables of sensors that were identified or judged: what was read, errors, rivals, trials, what a sensor consists of."""
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
 
-from .results import TableText, print_tables
-from .terminal import TERMINAL, talk
+from gossamer_files.tables import TableText
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from gossamer_models.fitting import Record
-    from gossamer_models.fitting.records import Quantity
-    from gossamer_models.identify import Identified
-    from gossamer_models.review import Judged
-
-logger = logging.getLogger(__name__)
+from .fitting import Record
+from .fitting.errors import Parameter
+from .fitting.records import Quantity
+from .fractional import FractionalArtifact
+from .identify import Identified
+from .review import Judged
+from .sensor import RelaxationTerm
+from .sensor.fit import PreisachFit
+from .sensor.plots import driven_by, time_of
 
 UNITS = {"ohm": " ohm", "1": "", None: " (unit not stated)"}  # after a number, of ``Record.unit``
 
@@ -129,30 +127,51 @@ def assessment_tables(judged: tuple[Judged, ...], stretch: str) -> list[TableTex
     return made
 
 
-def tell_recognised(records: Sequence[Record]) -> None:
-    """Tell columns, units, ranges, sampling and gaps of records, how they were repaired, and what a user should confirm."""
-    console = talk()
-    print_tables(console, [recognised_table(records)])
-    for record in records:
-        confirm = [f"{record.name}: {text}" for text in (record.summary.remarks if record.summary else ())]
-        for text in (*record.repaired, *confirm):
-            console.print(text, style="yellow", markup=False)
-            if not TERMINAL.talks and text in confirm:
-                logger.info("%s", text)
+def relaxation_table(relaxation: Sequence[RelaxationTerm]) -> TableText:
+    """Return the relaxation terms."""
+    head = ("driven by", "amplitude A [1]", "time tau [s]", "exponent c [1]", "exponentials")
+    rows = [
+        (
+            driven_by(each),
+            *(f"{x:.4g}" for x in (each.amplitude, time_of(each), each.exponent)),
+            str(len(each.decay_rates)),
+        )
+        for each in relaxation
+    ]
+    return TableText(head, rows, "Relaxation, terms A exp(-(t / tau)^c)")
 
 
-def histories(record: Record, predicted: Any) -> xr.Dataset:  # noqa: ANN401
-    """Return a record and its predicted resistance over time."""
-    import xarray as xr
+def parameter_table(known: Sequence[Parameter]) -> TableText:
+    """Return the fitted parameters with their standard deviations."""
+    rows = []
+    for p in known:
+        deviation = f"{p.deviation:.2g}" if math.isfinite(p.deviation) else "-"
+        rows.append((p.name, f"{p.value:.5g}", deviation, "yes" if p.determined else "no"))
+    return TableText(("parameter", "value", "standard deviation", "determined by the data"), rows, "Fitted parameters")
 
-    unit = record.unit or "not stated"
-    columns = {
-        "strain": (record.strain, "1"),
-        "resistance": (record.resistance, unit),
-        "predicted": (predicted, unit),
-    }
-    return xr.Dataset(
-        {name: ("time", values, {"units": unit}) for name, (values, unit) in columns.items()},
-        coords={"time": ("time", record.time, {"units": "s", "long_name": "time"})},
-        attrs={"record": record.name},
-    )
+
+def preisach_facts(fit: PreisachFit) -> list[tuple[str, str]]:
+    """Return what a sensor of the Preisach models consists of."""
+    artifact, rise = fit.artifact, f"where the output has risen by {fit.resistance_change:.5g}"
+    noise = "not measured" if artifact.noise is None else f"{artifact.noise:.3g} of its range"
+    beside = ", a direct inverse beside it" * bool(artifact.inverse)
+    return [
+        ("Model", f"modified Preisach, {fit.settings.density}, {artifact.n_lines} lines"),
+        ("Full scale", f"{100.0 * fit.full_scale:.4g} % strain, {rise}"),
+        ("At rest", f"{fit.rest_resistance:.6g}"),
+        ("Compensator", f"{artifact.compensator or 'inverse'}{beside}"),
+        ("Network that corrects the output", "none" if artifact.residual is None else "yes"),
+        ("White noise of the output", noise),
+    ]
+
+
+def fractional_facts(artifact: FractionalArtifact) -> list[tuple[str, str]]:
+    """Return what a fractional sensor consists of."""
+    return [
+        ("Model", f"fractional-{artifact.model}, {len(artifact.terms)} terms, {len(artifact.fading)} fading"),
+        ("Full scale", f"{100.0 * artifact.full_scale_strain:.4g} % strain"),
+        ("Change at an output of one", f"{artifact.resistance_change:.5g}"),
+        ("At rest", f"{artifact.rest_resistance:.6g}"),
+        ("Memory", f"{artifact.shortest:.4g} to {artifact.longest:.4g} s"),
+        ("Compensator", "none: a fractional model has no inverse"),
+    ]
