@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
@@ -265,7 +266,7 @@ def train(
         gossamer train multiple_noisy --kind thesis
     """
     if kind == "thesis":
-        if window is not None or epochs is not None or plan:
+        if window is not None or epochs is not None or _given(plan):
             given = f"{option('window')}, {option('epochs')} and what is simulated"
             msg = f"{given} are not for {option('kind', kind)}, whose cases, windows and networks are fixed. Leave them out."
             raise OrchestratorError(msg)
@@ -289,7 +290,9 @@ def train(
     path = path or Path("out/detector") / f"{name}{end}.json"
     with progress_bar("training") as bar:
         artifact = train_posterior(data, training, lambda done: bar.update(done, 1.0))
-    made = f"gossamer train {'--setup ' * ('setup' in plan)}{name} --kind {kind} --epochs {training.epochs}"
+    made = (
+        f"gossamer train {'--setup ' * (plan.get('setup') is not None)}{name} --kind {kind} --epochs {training.epochs}"
+    )
     made += f" --window {window:g}" if window is not None else ""
     judged = held_out_verdicts(artifact, data, training)
     artifact = replace(
@@ -309,7 +312,7 @@ def _data(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptio
     from .descriptions import locating
 
     if source is not None and Path(source).is_dir():
-        if plan:
+        if _given(plan):
             msg = f"{source} has been run: leave out what is simulated, or name a campaign file in its place."
             raise OrchestratorError(msg)
         return read_campaign(Path(source)), Path(source).stem
@@ -319,6 +322,11 @@ def _data(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptio
     with locating(text), progress_bar("simulating damage") as bar:
         run_campaign(wanted, path, progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"))
     return read_campaign(path), name
+
+
+def _given(plan: Mapping[str, object]) -> bool:
+    """Tell whether something is said of what is simulated."""
+    return any(value is not None for value in plan.values())
 
 
 def _planned(
