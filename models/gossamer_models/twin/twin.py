@@ -28,6 +28,7 @@ from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, mod
 from .simulation import SensedForward
 
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
+VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
 # How far membrane and load may be from those that the discrepancy was learned with, as a share.
 LEARNED = {
@@ -230,11 +231,13 @@ class Twin:
             raise DataError(msg)
         self._check(record)
         stages = self._stages(record, report)
-        fit, minima = search(stages, given, sparse=self.sparse)
+        static = isinstance(record, StaticRecord)
+        one_valley = not static and stages[0].record.samples * record.step <= VALLEY * self._forward.period
+        fit, minima = search(stages, given, sparse=self.sparse, one_valley=one_valley)
         wiring = None if fit.passes else self._other_wiring(record, fit, report)
         if wiring is not None:
             changed = wiring.applied(record)
-            other, others = search(self._stages(changed, report), given, sparse=self.sparse)
+            other, others = search(self._stages(changed, report), given, sparse=self.sparse, one_valley=one_valley)
             if other.passes:
                 record, fit, minima = changed, other, others
                 doubts.append(wiring.doubt)
@@ -295,8 +298,8 @@ class Twin:
         """Return the lengths of the early stages."""
         if isinstance(record, StaticRecord):
             return []
-        lengths = [math.ceil(periods * self._forward.period / record.step) for periods in EARLY]
-        return [n for n in lengths if LEAST_SAMPLES <= n < self._compared(record)]
+        lengths = {max(LEAST_SAMPLES, math.ceil(periods * self._forward.period / record.step)) for periods in EARLY}
+        return [n for n in sorted(lengths) if n < self._compared(record)]
 
     def _problem(
         self,
