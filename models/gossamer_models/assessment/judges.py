@@ -260,7 +260,7 @@ def shipped_judges() -> list[Judge]:
 
 
 def twin_judges(most: int, sizes: int, structure: Structure | None = None) -> tuple[TwinJudge, ...]:
-    """Return the twins: one that fits damage and offsets; of the square one with load and sensors, and one on resistance, too.
+    """Return the twins: one that fits damage and offsets; of the square one with load and sensors, one on resistance.
 
     Parameters
     ----------
