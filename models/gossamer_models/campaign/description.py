@@ -137,6 +137,10 @@ class Mesh:
         """Parameters and inputs that a campaign can hold or vary, by name: all but the damage."""
         return _settable(self.structure)
 
+    def base(self, name: str) -> float:
+        """Return the constant value of a quantity."""
+        return float(self.parameters.get(name, self.settable[name].start or 0.0))
+
     def outside(self, place: tuple[str, ...], value: float) -> Iterator[Mistake]:
         """Refuse an unknown variable of the membrane, the last part of a place, or a value out of its range."""
         name, known = place[-1], self.settable
@@ -267,6 +271,8 @@ class CampaignPlan:
         Sampling step and last time [s]; the first sample is taken one step after the start.
     sampling : {"random", "latin-hypercube"}
         Independent draws, or one in each of ``cases`` equal strata of every quantity.
+    window : float or None
+        Length of the windows of a detector that is trained on it [s]; None where the training says it.
     chunk : int
         Cases of one task and of one file, 64 to 256 are good.
     membrane, damage, vary, noise, chain
@@ -283,6 +289,7 @@ class CampaignPlan:
     seed: int = 0
     step: float = 3e-4
     stop: float = 0.3
+    window: float | None = None
     sampling: Literal["random", "latin-hypercube"] = "random"
     chunk: int = 128
     membrane: Mesh = field(default_factory=Mesh)
@@ -314,6 +321,9 @@ class CampaignPlan:
             if not 0.0 < getattr(self, name) < math.inf:
                 yield Mistake((name,), f"{name!r} is {getattr(self, name):g} s. Write a positive time.")
                 return
+        if self.window is not None and not 0.0 < self.window <= self.stop * (1.0 + 1e-9):
+            text = f"'window' is {self.window:g} s and the run {self.stop:g} s long. Write a shorter time."
+            yield Mistake(("window",), text)
         ratio = self.stop / self.step
         if ratio > MOST_STEPS:
             text = f"'step' = {self.step:g} s makes {ratio:.3g} steps, more than {MOST_STEPS:.0e}. Use a longer one."
@@ -346,7 +356,7 @@ class CampaignPlan:
         """Return the constant value of a quantity that can vary."""
         if name in (SENSOR_GAIN, NOISE):
             return 1.0
-        return float(self.membrane.parameters.get(name, self.membrane.settable[name].start or 0.0))
+        return self.membrane.base(name)
 
     @property
     def count(self) -> int:
