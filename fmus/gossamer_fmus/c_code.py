@@ -118,6 +118,7 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function], tab
         "SIZE_RES": max(f.sz_res() for f in functions),
         "SIZE_IW": max(1, *(f.sz_iw() for f in functions)),
         "SIZE_W": max(1, *(f.sz_w() for f in functions)),
+        "RESIDUAL": -1 if model.residual is None else model.residual,
         "STEP_LIMIT": -1 if model.step_limit is None else model.names.index(model.step_limit),
         "HAS_LOOPS": int(model.tables is not None),
         "HAS_DERIVATIVES": int(model.tables is None or model.expression is not None),

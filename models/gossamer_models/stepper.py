@@ -306,7 +306,7 @@ class Stepper:
     def _require_finite(self, what: str) -> None:
         if not np.isfinite(self._next).all():
             left = math.nan if self.model.residual is None else self._x_next[self.model.residual]
-            stopped = f" It stopped where forces are {left:.3g} times the rounding of their sums." if left > 1.0 else ""
+            stopped = f" It stopped where forces are {left:.3g} times those that are accepted." if left > 1.0 else ""
             msg = f"{what} of model {self.model.name!r} gave a result that is not finite.{stopped} {self.model.advice}"
             raise ConvergenceError(msg)
 

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from .arguments import Cases, File, Files, Folder, Form, Names, command, several
 from .options import ColumnOptions
-from .results import Result, TableText, by_label, first_of
-from .sensor_tables import assessment_tables, histories, tell_recognised
+from .results import Result, by_label, first_of
+from .sensor_tables import histories, tell_recognised
 from .terminal import progress_bar
 from .writing import keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
+    from gossamer_files.tables import TableText
     from gossamer_models.assessment import AssessmentResults
     from gossamer_models.review import Judged
 
@@ -82,6 +83,8 @@ class Assessment(Result):
 
     def tables(self) -> list[TableText]:
         """Return the errors, and the scales where they were fitted."""
+        from gossamer_models.tables import assessment_tables
+
         return assessment_tables(self.judged, self.stretch)
 
     def to_json(self) -> dict[str, Any]:
@@ -167,6 +170,7 @@ def assess(
     from gossamer_models.fitting import Columns
     from gossamer_models.replay import table_path
     from gossamer_models.review import judge_files, save_judged
+    from gossamer_models.tables import assessment_tables
 
     from .pages.assess import assessment_page
 
@@ -251,7 +255,7 @@ class DetectorAssessment(Result):
 
     def tables(self) -> list[TableText]:
         """Return errors by condition, and probabilities of detection."""
-        from .pages.assess_detector import condition_table, detection_table
+        from gossamer_models.assessment.tables import condition_table, detection_table
 
         return [condition_table(self.result), detection_table(self.result)]
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
+
+from gossamer_files.tables import TableText
 
 from .arguments import AnyPath, Files, command, several
 from .options import RunOptions, as_settings
@@ -56,24 +59,23 @@ class Validation(Result):
     def __repr__(self) -> str:
         return f"Validation({' '.join([self.sentence, *self.outline.warnings])})"
 
-    def tables(self) -> list[Table]:
+    def tables(self) -> list[TableText]:
         """Return the components, and the connections if there are some and not too many."""
-        from rich.markup import escape
-        from rich.table import Table
-
-        found = self.outline
-        components = Table(
-            "component", "FMU", "FMI", "steps at every n-th point", "connected inputs", title="In stepping order"
-        )
-        connections = Table("from", "unit", "to", "unit", "gain", "bias", title="Connections")
-        for table, rows in ((components, found.components), (connections, found.connections)):
-            for each in rows:
-                table.add_row(*("" if cell is None else escape(str(cell)) for cell in each.values()))
-        return [components, *[connections] * (0 < len(found.connections) <= MOST_CONNECTIONS)]
+        found, few = self.outline, 0 < len(self.outline.connections) <= MOST_CONNECTIONS
+        components = ("component", "FMU", "FMI", "steps at every n-th point", "connected inputs")
+        connections = ("from", "unit", "to", "unit", "gain", "bias")
+        return [
+            _cells(components, found.components, "In stepping order"),
+            *[_cells(connections, found.connections, "Connections")] * few,
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """Return what the run would do."""
         return asdict(self.outline) | {"units": {"start": "s", "stop": "s", "step": "s"}}
+
+
+def _cells(head: tuple[str, ...], rows: Iterable[Mapping[str, object]], caption: str) -> TableText:
+    return TableText(head, [tuple("" if x is None else str(x) for x in row.values()) for row in rows], caption)
 
 
 @command

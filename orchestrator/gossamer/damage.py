@@ -17,8 +17,8 @@ from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
+    from gossamer_files.tables import TableText
     from gossamer_models.twin import Answer, ResponseRecord
-    from rich.table import Table
 
 logger = logging.getLogger(__name__)
 
@@ -95,17 +95,11 @@ class TwinAnswer(Saved):
 
         return as_png(damage_chart(self.answer.zones, self.answer.damage, self.answer.deviation))
 
-    def tables(self) -> list[Table]:
+    def tables(self) -> list[TableText]:
         """Return a row per zone."""
-        from rich.table import Table
-
         from .pages.twin import zone_cells
 
-        shown = zone_cells(self.answer)
-        table = Table(*shown.head, title=shown.caption)
-        for row, damage in zip(shown.rows, self.answer.damage, strict=True):
-            table.add_row(*row, style="bold" if damage > 0.0 else "dim")
-        return [table]
+        return [zone_cells(self.answer)]
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer."""

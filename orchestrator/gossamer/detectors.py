@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gossamer_files.options import option
+from gossamer_files.tables import TableText
 from gossamer_orchestrator.errors import OrchestratorError, ScenarioError
 
 from .arguments import Address, AnyPath, Count, File, Folder, Seconds, command
-from .results import Saved, TableText, by_label
+from .results import Saved, by_label
 from .terminal import progress_bar
 from .writing import json_file, keep_inputs, save_page
 
@@ -190,7 +191,7 @@ class TrainedDetector(Saved):
 
     def tables(self) -> list[TableText]:
         """Return the errors."""
-        from .pages.train import error_table
+        from gossamer_models.assessment.tables import error_table
 
         return [error_table(self.held_out)]
 

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gossamer_files.options import option
+from gossamer_files.tables import TableText
 from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import Count, CountOrNone, File, Folder, NotNegative, Values, assigned, command
 from .records import numbers_by_name
-from .results import Saved, TableText, first_of, on_page
+from .results import Saved, first_of
 from .terminal import progress_bar
 from .writing import keep_inputs
 
@@ -168,7 +169,7 @@ class SensorPlacement(Saved):
     def describe(self) -> Page:
         """Return the page: the smallest damage that is found, by zone and on the membrane, and its check."""
         from gossamer_models.placement.plots import placement_charts
-        from gossamer_orchestrator.pages import Page, table
+        from gossamer_orchestrator.pages import Page, on_page, table
 
         sensors = [
             (

@@ -9,7 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+
+from gossamer_files.tables import TableText
 
 from .writing import save_page
 
@@ -24,24 +26,6 @@ INVALID = 3  # exit code: all went well, and the judgement is not valid
 _PERCENT = ("all_zones", "damaged_zones", "error_all", "error_damaged")  # the others are ratios
 _WIDTH = 160  # characters of a table in a notebook
 _CODE = '<pre style="white-space:pre;overflow-x:auto;line-height:normal">{code}</pre>'
-
-
-class TableText(NamedTuple):
-    """A table that a command prints and its page holds.
-
-    Attributes
-    ----------
-    head : tuple of str
-        Headings of the columns.
-    rows : sequence of tuple of str
-        Cells.
-    caption : str
-        What it shows.
-    """
-
-    head: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
-    caption: str
 
 
 class Result:
@@ -169,13 +153,6 @@ def print_tables(console: Console, tables: Iterable[TableText | Table | str]) ->
             console.print(each, markup=False, highlight=False, soft_wrap=True)
         else:
             console.print(each)
-
-
-def on_page(shown: TableText) -> str:
-    """Return a table in HTML; nothing without rows."""
-    from gossamer_orchestrator.pages import table
-
-    return table(shown.head, shown.rows, shown.caption, row_heads=False) if shown.rows else ""
 
 
 def typed(path: Path) -> str:

@@ -21,6 +21,7 @@ from .writing import save_page
 
 if TYPE_CHECKING:
     import xarray as xr
+    from gossamer_files.tables import TableText
     from gossamer_orchestrator.results.drawing import Drawing
     from gossamer_orchestrator.results.judgements import Judgement
     from gossamer_orchestrator.results.verdict import Verdict
@@ -122,12 +123,13 @@ class Run(Result):
         """Return the first picture of the run that there is."""
         return next(filter(None, (first_of([self.folder / name], name) for name in RUN_PICTURES)), None)
 
-    def tables(self) -> list[Table]:
+    def tables(self) -> list[TableText | Table]:
         """Return all judgements, and the last one that is valid by zone."""
-        from gossamer_orchestrator.results.tables import history_table, zone_table
+        from gossamer_orchestrator.results.tables import window_table, zone_table
 
-        history = [history_table(self.judgements)] if len(self.judgements) > 1 else []
-        return history + [zone_table(each) for each in self.judgements if each.valid][-1:]
+        history = [window_table(self.judgements)] if len(self.judgements) > 1 else []
+        last = [each for each in self.judgements if each.valid][-1:]
+        return [*history, *map(zone_table, last)]
 
     def to_json(self) -> dict[str, Any]:
         """Return what was judged."""

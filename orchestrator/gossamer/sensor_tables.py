@@ -1,136 +1,25 @@
-"""Tables of sensors that were identified or judged, printed and on pages: what was read, errors, rivals, trials."""
+"""What is told of measured records while a command works, and what they become in a result."""
 
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from .results import TableText, print_tables
+from .results import print_tables
 from .terminal import TERMINAL, talk
 
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_models.fitting import Record
-    from gossamer_models.fitting.records import Quantity
-    from gossamer_models.identify import Identified
-    from gossamer_models.review import Judged
 
 logger = logging.getLogger(__name__)
-
-UNITS = {"ohm": " ohm", "1": "", None: " (unit not stated)"}  # after a number, of ``Record.unit``
-
-
-def recognised_table(records: Sequence[Record]) -> TableText:
-    """Return what was recognised in the files of records, a row per quantity; nothing of one that comes from no file."""
-    rows: list[tuple[str, ...]] = []
-    for record in records:
-        if (found := record.summary) is None:
-            continue
-        even = found.longest - found.shortest < 1e-3 * found.step
-        varied = f"{found.shortest:.3g} to {found.longest:.4g} s, median {found.step:.3g} s"
-        samples = f"{found.samples} samples" + f" of {found.rows} rows" * (found.rows > found.samples)
-        first = (record.name, found.written, "")
-        last = (
-            samples,
-            f"{found.step:.4g} s" if even else varied,
-            f"gaps: {len(found.gaps)}" if found.gaps else "no gap",
-        )
-        cells = [_cells(each) for each in found.quantities] + [("",) * 4]  # no time in a record without a clock
-        rows += [(one, *four, six) for one, four, six in zip(first, cells[:3], last, strict=True)]
-    return TableText(("record", "quantity", "column", "unit", "range", "samples, steps"), rows, "Read as")
-
-
-def _cells(quantity: Quantity) -> tuple[str, ...]:
-    column = quantity.column
-    factor = 100.0 if column.what == "strain" else 1.0
-    low, high = factor * quantity.lowest, factor * quantity.highest
-    unit = column.unit or {"time": "s, not stated", "strain": "ratio, not stated"}.get(column.what, "not stated")
-    resistance = " ohm" if column.unit is not None and column.si == "ohm" else ""
-    after = {"time": " s", "strain": " %"}.get(column.what, resistance)
-    return column.what, column.name, unit, f"{low:.5g} to {high:.5g}{after}"
-
-
-def error_table(result: Identified, rest: str) -> TableText:
-    """Return the errors on training and test stretches; ``rest`` is the resistance from which changes count, in words."""
-    caption = f"E1: sum of errors over sum of changes from the {rest}"
-    starts = result.fit.artifact.provenance.get("starts ended at", "")
-    if "," in starts:
-        caption += f".\nStarts ended at {starts} of the fitted range, regularisation included"
-    head = ("record", "stretch", "samples", "E1 [% of change]", "NRMSE [% of range]", "recovered strain, NRMSE")
-    rows = []
-    for e in result.errors:
-        recovered = "-" if e.strain_nrmse is None else f"{e.strain_nrmse:.3f}"
-        rows.append((e.record, e.stretch, str(e.samples), f"{e.e1:.3f}", f"{e.nrmse:.3f}", recovered))
-    return TableText(head, rows, caption)
-
-
-def standing_table(result: Identified) -> TableText:
-    """Return the errors of the sensor beside those of its rivals."""
-    caption = "NRMSE [% of range] on the test stretch; in brackets 90 % confidence from blocks of it"
-    rows = [(each.record, each.model, _interval(each.forward), _interval(each.strain)) for each in result.standings]
-    return TableText(("record", "model", "output", "recovered strain"), rows, caption)
-
-
-def _interval(numbers: tuple[float, float, float] | None) -> str:
-    return "-" if numbers is None else f"{numbers[0]:.2f} ({numbers[1]:.2f} to {numbers[2]:.2f})"
-
-
-def trial_table(result: Identified, most: int) -> TableText:
-    """Return what an automatic choice tried, of each stage the best ones."""
-    caption = (
-        "Error: NRMSE [% of range] on the later part of the training stretch; finalists are judged at two cuts of it. "
-        "Extension, earlier relaxation, ridge, knots and residual network are options of gossamer identify --help. A filter "
-        "that trusts its models less allows for outliers and for strain that changes its speed more."
-    )
-    rows: list[tuple[str, ...]] = []
-    for stage in dict.fromkeys(trial.stage for trial in result.trials):
-        here = [trial for trial in result.trials if trial.stage == stage]
-        known = sorted((t for t in here if math.isfinite(t.error)), key=lambda t: (not t.final, t.error))[:most]
-        rows += [(t.stage, t.what, f"{t.error:.2f}", "yes" if t.final else "no", f"{t.seconds:.1f}") for t in known]
-        failed = sum(not math.isfinite(trial.error) for trial in here)
-        for count, what in ((len(here) - failed - len(known), "not shown"), (failed, "that failed")):
-            if count:
-                rows.append((stage, f"{count} more {what}", "", "", ""))
-    return TableText(("choice of", "tried", "error", "finalist", "time [s]"), rows, caption)
-
-
-def assessment_tables(judged: tuple[Judged, ...], stretch: str) -> list[TableText]:
-    """Return the errors of a sensor on other records, and the scales where they were fitted."""
-    fitted = judged[0].scales is not None
-    first = (
-        "fitted scales and the cubic know" if fitted else "the cubic knows; the sensor knows nothing of these records"
-    )
-    head = ("record", "stretch", "samples", "resistance", "by a cubic", "recovered by", "strain", "by a cubic")
-    errors: list[tuple[str, ...]] = []
-    for each in judged:
-        for name, rows in each.stretches().items():
-            left = (each.record.name, name, str(int(rows.sum())), f"{each.forward(rows):.2f}")
-            cubic = f"{each.forward(rows, each.cubic):.2f}"
-            for k, (kind, found) in enumerate(each.recovered.items()):
-                ratio = each.deviation_ratio(rows, kind)
-                right = (kind, f"{each.strain(rows, found.strain):.2f}", f"{each.strain(rows, each.cubic_strain):.2f}")
-                errors.append(
-                    ((*left, cubic) if k == 0 else ("",) * 5) + (*right, "-" if ratio is None else f"{ratio:.2f}")
-                )
-    caption = f"Errors: NRMSE in % of range. The first stretch ({stretch}) of a record is what {first}."
-    made = [TableText((*head, "stated / true deviation"), errors, caption)]
-    if fitted:
-        numbers = [
-            (each.record.name, (own.gain[0], own.last_gain, own.offset[0], own.last_offset))
-            for each in judged
-            if (own := each.scales) is not None
-        ]
-        scales = [(name, *(f"{number:.4g}" for number in four)) for name, four in numbers]
-        names = ("record", "gain, first", "relaxed", "offset, first", "relaxed")
-        in_ohm = " in ohm" * all(each.record.unit == "ohm" for each in judged)
-        made.append(TableText(names, scales, f"Scales of each record{in_ohm}."))
-    return made
 
 
 def tell_recognised(records: Sequence[Record]) -> None:
     """Tell columns, units, ranges, sampling and gaps of records, how they were repaired, and what a user should confirm."""
+    from gossamer_models.tables import recognised_table
+
     console = talk()
     print_tables(console, [recognised_table(records)])
     for record in records:

@@ -15,13 +15,14 @@ from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import Budget, File, Files, Form, Name, Numbers, call_of, command, several
 from .options import ColumnOptions, FitOptions
-from .results import Saved, TableText, first_of
-from .sensor_tables import UNITS, error_table, histories, standing_table, tell_recognised, trial_table
+from .results import Saved, first_of
+from .sensor_tables import histories, tell_recognised
 from .terminal import TERMINAL, progress_bar
 from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
+    from gossamer_files.tables import TableText
     from gossamer_models.identify import Identified
 
 SHOWN = 6  # trials of each stage, the best ones
@@ -104,6 +105,8 @@ class Identification(Saved):
 
     def tables(self) -> list[TableText]:
         """Return trials, errors and rivals."""
+        from gossamer_models.tables import error_table, standing_table, trial_table
+
         return [trial_table(self.result, SHOWN), error_table(self.result, self.rest), standing_table(self.result)]
 
     def to_json(self) -> dict[str, Any]:
@@ -223,6 +226,7 @@ def identify(
     from gossamer_models.automatic import BUDGET
     from gossamer_models.fitting import Columns
     from gossamer_models.identify import AUTO, identify_files, save_pictures, save_predictions, settings_for
+    from gossamer_models.tables import UNITS
 
     from .pages.identify import identification_page
 

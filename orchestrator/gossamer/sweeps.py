@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from gossamer_files.tables import TableText
+
 from .arguments import Address, AnyPath, Count, Folder, Name, Ranges, assigned, command
 from .options import ScenarioOptions
 from .results import Result
@@ -18,7 +20,6 @@ from .writing import keep_inputs, save_page
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_orchestrator.run.sweep import Case
-    from rich.table import Table
 
 MOST_CASES = 30  # in a table
 
@@ -71,18 +72,16 @@ class Sweep(Result):
     def __fspath__(self) -> str:
         return str(self.folder)
 
-    def tables(self) -> list[Table]:
+    def tables(self) -> list[TableText]:
         """Return the first cases and those that failed."""
-        from rich.markup import escape
-        from rich.table import Table
-
-        table = Table("case", *map(escape, self.cases[0].values), "ended")
-        for case, text, finished in zip(self.cases, self.ended, self.finished, strict=True):
-            if case.number <= MOST_CASES or not finished:
-                table.add_row(str(case.number), *(f"{value}" for value in case.values.values()), escape(text))
-        if len(self.cases) > MOST_CASES:
-            table.caption = f"the first {MOST_CASES} of {len(self.cases)} cases, and those that failed"
-        return [table]
+        listed = zip(self.cases, self.ended, self.finished, strict=True)
+        rows = [
+            (str(case.number), *map(str, case.values.values()), text)
+            for case, text, finished in listed
+            if case.number <= MOST_CASES or not finished
+        ]
+        some = f"the first {MOST_CASES} of {len(self.cases)} cases, and those that failed"
+        return [TableText(("case", *self.cases[0].values, "ended"), rows, some * (len(self.cases) > MOST_CASES))]
 
     def to_json(self) -> dict[str, Any]:
         """Return the cases, their values and how they ended."""

@@ -15,17 +15,17 @@ from gossamer_orchestrator.words import counted
 from .arguments import AnyPath, File, command, expected_errors
 from .options import TwinOptions
 from .records import KnownRecord, beside, file_of, find_in_results, find_record
-from .results import INVALID, Saved, as_json, as_png, typed, zone_coordinates
+from .results import INVALID, Saved, as_json, as_png, print_tables, typed, zone_coordinates
 from .terminal import TERMINAL, progress_bar, talk
 from .writing import keep_inputs
 
 if TYPE_CHECKING:
     import xarray as xr
+    from gossamer_files.tables import TableText
     from gossamer_models.arrays import Matrix, Vector
     from gossamer_models.twin import DamageOnset, ResponseRecord, Watch, Window
     from gossamer_orchestrator import Simulation
     from rich.console import Console
-    from rich.table import Table
 
 LEAST_WINDOW = 20  # samples
 ROUNDING = 1e-9
@@ -72,7 +72,7 @@ class Watching(Saved):
             console.print(text, style="bold red", highlight=False)
         if judged.finding is not None:
             self.findings.append(judged.finding)
-            console.print(_table(judged.finding))
+            print_tables(console, [_table(judged.finding)])
 
     def end(self, console: Console) -> None:
         """Print a summary, and write the file."""
@@ -158,7 +158,7 @@ class Watching(Saved):
         last = self.findings[-1:]
         return as_png(damage_chart(self.zones, last[0].damage, last[0].deviation)) if last else None
 
-    def tables(self) -> list[Table]:
+    def tables(self) -> list[TableText]:
         """Return what was found at each onset."""
         return [_table(finding) for finding in self.findings]
 
@@ -167,16 +167,12 @@ class Watching(Saved):
         return {"file": self.path, **self.content, "units": UNITS}
 
 
-def _table(finding: DamageOnset) -> Table:
+def _table(finding: DamageOnset) -> TableText:
     """Return a table of the damaged zones."""
-    from gossamer_orchestrator.results.tables import damage_rows, since
-    from rich.table import Table
+    from gossamer_orchestrator.results.tables import onset_table
 
-    title = since(finding.onset, finding.onset_deviation)
-    table = Table("zone", "damage [%]", title=title, min_width=len(title))
-    for row in damage_rows(finding.damage.tolist(), finding.deviation.tolist(), finding.zones):
-        table.add_row(*row)
-    return table
+    damage, deviation = finding.damage.tolist(), finding.deviation.tolist()
+    return onset_table(finding.onset, finding.onset_deviation, damage, deviation, finding.zones)
 
 
 class LiveWatch:

@@ -202,7 +202,7 @@ def test_a_prestress_that_is_not_found_is_refused_with_advice(monkeypatch):
     stepper = Stepper(membrane_model(square_structure(4, 1)))
     stepper.set("damage[6]", 0.9)
     with pytest.raises(
-        ConvergenceError, match=r"forces are .* times the rounding of their sums. Check supports \(edge_displacement\)"
+        ConvergenceError, match=r"forces are .* times those that are accepted. Check supports \(edge_displacement\)"
     ):
         stepper.initialize()
 

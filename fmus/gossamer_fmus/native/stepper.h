@@ -178,9 +178,14 @@ static bool stepper_warns(Stepper *s) {
 }
 
 static bool all_finite(Stepper *s, const double *results, const char *what) {
+  const int residual = RESIDUAL;
   for (int i = 0; i < N_STATES + N_RESULTS; i++) {
     if (!isfinite(results[i])) {
-      return refuse(s, "%s of model '%s' gave a result that is not finite. %s", what, MODEL_NAME, MODEL_ADVICE);
+      char stopped[80] = "";
+      if (residual >= 0 && results[residual] > 1.0) {
+        snprintf(stopped, sizeof stopped, " It stopped where forces are %.3g times those that are accepted.", results[residual]);
+      }
+      return refuse(s, "%s of model '%s' gave a result that is not finite.%s %s", what, MODEL_NAME, stopped, MODEL_ADVICE);
     }
   }
   return true;

@@ -183,8 +183,8 @@ class MembraneEquations:
             found += ["absorbed", "mirrored", "light_x", "light_y", "light_z"]
         return tuple(found)
 
-    def forces(self, x: ca.MX, shared: Shared, p: Values, *, small: bool = False) -> Forces:
-        r"""Write the nodal forces of stress, follower pressure and light; ``small`` where code matters more than speed.
+    def forces(self, x: ca.MX, shared: Shared, p: Values) -> Forces:
+        r"""Write the nodal forces of stress, follower pressure and light.
 
         Notes
         -----
@@ -201,10 +201,10 @@ class MembraneEquations:
             own = {name: value * unit if name in _PER_LENGTH else value for name, value in shared.items()}
             if self._compiled:
                 found = self._looped(i, x / unit, own)
+            elif self._is_mapped:
+                found = self._mapped(i, x / unit, own)
             else:
-                found = (
-                    self._mapped(i, x / unit, own) if small or self._is_mapped else self._at_once(block, x / unit, own)
-                )
+                found = self._at_once(block, x / unit, own)
             parts.append(replace(found, f=unit * found.f, compressed=side**2 * found.compressed))
         total = parts[0]
         for part in parts[1:]:

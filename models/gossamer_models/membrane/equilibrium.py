@@ -123,7 +123,7 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
     q = ca.MX.sym("q", n)
     shared = equations.shared(by_symbol_u, by_symbol_p, ca.MX(0.0), ca.MX(0.0)) | {"pressure": ca.MX(0.0)}
     x = equations.positions(q, by_symbol_u, by_symbol_p)
-    f = equations.forces(x, shared, by_symbol_p, small=True).f[:n]
+    f = equations.forces(x, shared, by_symbol_p).f[:n]
     q_next = q + 0.0
     q_next[plane] += ca.solve(equations.tangent(x, shared, by_symbol_p, axes=2), f[plane], "ldl")
     newton = ca.Function("newton", [q, *table, *symbols], [q_next])
@@ -132,7 +132,7 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
     for _ in range(NEWTON_STEPS):
         q = newton(q, *table, *(value for _, value in given))
     shared = equations.shared(u, p, ca.MX(0.0), ca.MX(0.0)) | {"pressure": ca.MX(0.0)}
-    found = equations.forces(equations.positions(q, u, p), shared, p, small=True)
+    found = equations.forces(equations.positions(q, u, p), shared, p)
     size = equations.structure.elements[0].geometry.side * equations.size(p)
     accepted = PLANE * size * ca.mmax(shared["D"]) * (1.0 + ca.fmax(found.strain, 0.0)) ** 1.5
     left = ca.norm_inf(found.f[:n]) / accepted

@@ -186,7 +186,7 @@ def membrane_model(
         start = filled(u) - (setup.gas.ambient if setup.gas else 0.0)
         q, left = in_plane(equations, u, p) if structure.starts_in_plane else relaxed(u, p)
         at, built_in = equations.positions(q, u, p), p.pressure_amplitude * ca.sin(p.pressure_phase)
-        found = equations.forces(at, equations.shared(u, p, built_in, start), p, small=True)
+        found = equations.forces(at, equations.shared(u, p, built_in, start), p)
         phase = p.pressure_phase / (2.0 * np.pi)
         # where there is no equilibrium, what is left of the forces is told in the place of the phase
         phase = ca.if_else(left <= 1.0, phase - ca.floor(phase), left)

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gossamer_files.charts import Chart, curve, section
+from gossamer_files.tables import TableText
 from gossamer_models.automatic.compare import RIVALS
 from gossamer_models.plots import record_charts
 from gossamer_models.review import Judged
 from gossamer_models.sensor import SensorArtifact
-from gossamer_orchestrator.pages import Page, folded
+from gossamer_orchestrator.pages import Page, folded, on_page
 
-from ..results import TableText, on_page
 from . import facts
 from .comparison import Comparison, comparison_chart, verdict
 

@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
-
+from gossamer_files.tables import percent
 from gossamer_models.assessment import AssessmentResults
 from gossamer_models.assessment.plots import ZERO, assessment_charts
 from gossamer_models.assessment.results import Row
-from gossamer_models.detector.thesis_tables import TABLES
-from gossamer_orchestrator.pages import Page, folded, table
-
-from ..results import TableText, on_page
+from gossamer_models.assessment.tables import condition_table, detection_table, thesis_tables
+from gossamer_orchestrator.pages import Page, folded, on_page, table
 
 MAIN = "noise"  # the condition of the verdict: the thesis' noise on strain, nothing else wrong
 FEW = 30  # records below which a judge's figures are rough
-CONDITIONS = (
-    "Errors [% damage] and shares [%]. call: valid estimate above 5 %; false calls: records with a call in an undamaged "
-    "zone, and the upper 95 % bound; wrong: error above 10 % in a zone; z rms, in 95 %: of the stated deviations, damaged "
-    "zones of valid records"
-)
-DETECTIONS = "Probability of detection: sizes [% damage]"
 
 
 def assessment_page(found: AssessmentResults) -> Page:
@@ -84,7 +74,7 @@ def _smallest(found: AssessmentResults) -> list[str]:
     sentences = []
     for condition in dict.fromkeys(row.condition for row in found.detections):
         rows = [row for row in found.detections if row.condition == condition and not row.zone and row.judge != ZERO]
-        parts = [f"{row.judge} {_percent(row.a90_95)} %" for row in rows if row.a90_95 <= 1.0]
+        parts = [f"{row.judge} {percent(row.a90_95)} %" for row in rows if row.a90_95 <= 1.0]
         none = [row.judge for row in rows if not row.a90_95 <= 1.0]
         parts += [f"not shown for {', '.join(none)}"] if none else []
         if parts:
@@ -98,105 +88,11 @@ def _few(found: AssessmentResults) -> list[str]:
     return [f"Few records, so rough figures, and none for the verdict: {'; '.join(parts)}."] if parts else []
 
 
-def condition_table(found: AssessmentResults) -> TableText:
-    """Return errors and shares, a row for each judge and condition."""
-    head = (
-        "detector",
-        "condition",
-        "records",
-        "error, all zones",
-        "damaged zones",
-        "hits",
-        "false calls",
-        "valid",
-        "wrong, of them invalid",
-        "z rms",
-        "in 95 %",
-        "Brier",
-    )
-    rows: list[tuple[str, ...]] = []
-    for row in found.rows:
-        f = row.figures
-        rows.append(
-            (
-                row.judge,
-                row.condition,
-                str(f.records),
-                _number(f.error_all),
-                _number(f.error_damaged),
-                _percent(f.hits.value),
-                f"{_percent(f.false_calls.value)} (< {100.0 * f.false_calls.high:.1f})",
-                _percent(f.valid.value),
-                f"{f.wrong.number}, {_percent(f.wrong_and_invalid.value)}",
-                _number(f.damaged_z_rms),
-                _percent(f.damaged_within_95),
-                _number(f.brier),
-            )
-        )
-    return TableText(head, rows, CONDITIONS)
-
-
-def detection_table(found: AssessmentResults) -> TableText:
-    """Return the probability of detection, a row for each judge, condition and zone; zones without a hit are left out."""
-    head = (
-        "detector",
-        "condition",
-        "zone",
-        "call above",
-        "false calls",
-        "hits of sizes",
-        "a50",
-        "a90",
-        "a90/95",
-        "remark",
-    )
-    rows = [
-        (
-            row.judge,
-            row.condition,
-            str(row.zone or "all"),
-            f"{row.score} > {100.0 * row.threshold:.2g} %",
-            f"{_percent(row.false_calls.value)} (< {100.0 * row.false_calls.high:.1f})",
-            f"{row.hits} of {row.sizes}",
-            *map(_percent, (row.a50, row.a90, row.a90_95)),
-            row.remark,
-        )
-        for row in found.detections
-        if row.hits or not row.zone
-    ]
-    return TableText(head, rows, DETECTIONS)
-
-
 def _facts(found: AssessmentResults) -> str:
     parts = [
         folded("Errors and shares by condition", on_page(condition_table(found))),
         folded("Probability of detection by zone", on_page(detection_table(found))),
-        *_thesis(found),
+        *(folded(name, on_page(shown)) for name, shown in thesis_tables(found).items()),
         table((), found.provenance.items(), "The assessment"),
     ]
     return "\n".join(parts)
-
-
-def _thesis(found: AssessmentResults) -> Iterable[str]:
-    """Return the cases of the thesis, true damage and what each judge says."""
-    true = {(t.name, case): 100.0 * damage for t in TABLES for case, damage in zip(t.cases, t.damage, strict=True)}
-    for name, condition in dict.fromkeys((row.table, row.condition) for row in found.tables):
-        rows: list[Sequence[object]] = []
-        for row in (row for row in found.tables if (row.table, row.condition) == (name, condition)):
-            if (name, row.case) in true and row.judge == found.judges[0]:
-                rows.append((f"{row.case}", "true", *(f"{d:g}" if d else "" for d in true[name, row.case])))
-            remark = "" if row.valid else ", not valid"
-            rows.append((f"{row.case}", f"{row.judge}{remark}", *(f"{d:.1f}" if d >= 0.05 else "" for d in row.damage)))
-        rows.sort(key=lambda row: int(str(row[0])))
-        head = ("case", "judge", *map(str, range(1, 17)))
-        yield folded(
-            f"{name} of the thesis, {condition}", table(head, rows, "Damage of each zone [%]; empty below 0.05")
-        )
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "-"
-
-
-def _percent(value: float) -> str:
-    return _number(100.0 * value)

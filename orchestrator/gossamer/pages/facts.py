@@ -9,10 +9,8 @@ from pathlib import Path
 
 from gossamer_files import digest
 from gossamer_models.fitting import Record
-from gossamer_orchestrator.pages import table
-
-from ..results import on_page
-from ..sensor_tables import recognised_table
+from gossamer_models.tables import recognised_table
+from gossamer_orchestrator.pages import on_page, table
 
 PACKAGES = ("gossamer", "numpy", "scipy", "casadi")
 HOW = (

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import isfinite
 from pathlib import Path
 
 from gossamer_models.automatic import HERE, defeats
-from gossamer_models.fitting.errors import Parameter
-from gossamer_models.fractional import FractionalArtifact, FractionalFit
+from gossamer_models.fractional import FractionalFit
 from gossamer_models.identify import Identified
 from gossamer_models.plots import record_charts
-from gossamer_models.sensor import RelaxationTerm, SensorArtifact
+from gossamer_models.sensor import SensorArtifact
 from gossamer_models.sensor.fit import PreisachFit
 from gossamer_models.sensor.fit.doubts import parameters
-from gossamer_models.sensor.plots import driven_by, sensor_charts, time_of
-from gossamer_orchestrator.pages import Page, folded, table
+from gossamer_models.sensor.plots import sensor_charts
+from gossamer_models.tables import (
+    error_table,
+    fractional_facts,
+    parameter_table,
+    preisach_facts,
+    relaxation_table,
+    standing_table,
+    trial_table,
+)
+from gossamer_orchestrator.pages import Page, folded, on_page, table
 from gossamer_orchestrator.pages.page import Kind
 
-from ..results import on_page
-from ..sensor_tables import error_table, standing_table, trial_table
 from . import facts
 from .comparison import Comparison, comparison_chart, verdict
 
@@ -106,77 +110,13 @@ def _trials(result: Identified) -> str:
 
 
 def sensor_tables(fit: PreisachFit | FractionalFit) -> str:
-    """Return the relaxation terms and the fitted parameters as tables in HTML."""
+    """Return what the sensor consists of, its relaxation terms and the fitted parameters as tables in HTML."""
     if isinstance(fit, FractionalFit):
-        return table((), _fractional(fit.artifact), "The sensor") + _parameters(fit.parameters)
-    known, _ = parameters(fit)
+        return table((), fractional_facts(fit.artifact), "The sensor") + table(*parameter_table(fit.parameters))
+    (known, _), terms = parameters(fit), relaxation_table(fit.artifact.relaxation)
+    inner = on_page(terms) or "<p>The sensor has no relaxation.</p>"
     return (
-        table((), _preisach(fit), "The sensor")
-        + _terms(fit.artifact.relaxation)
-        + folded(f"{len(known)} fitted parameters", _parameters(known))
+        table((), preisach_facts(fit), "The sensor")
+        + (folded(f"{len(terms.rows)} relaxation terms", inner) if len(terms.rows) > FEW else inner)
+        + folded(f"{len(known)} fitted parameters", table(*parameter_table(known)))
     )
-
-
-def _terms(relaxation: Sequence[RelaxationTerm]) -> str:
-    if not relaxation:
-        return "<p>The sensor has no relaxation.</p>"
-    head = ("driven by", "amplitude A [1]", "time tau [s]", "exponent c [1]", "exponentials")
-    rows = [
-        (
-            driven_by(each),
-            f"{each.amplitude:.4g}",
-            f"{time_of(each):.4g}",
-            f"{each.exponent:.4g}",
-            len(each.decay_rates),
-        )
-        for each in relaxation
-    ]
-    inner = table(head, rows, "Relaxation, terms A exp(-(t / tau)^c)", row_heads=False)
-    return folded(f"{len(rows)} relaxation terms", inner) if len(rows) > FEW else inner
-
-
-def _parameters(known: Sequence[Parameter]) -> str:
-    head = ("parameter", "value", "standard deviation", "determined by the data")
-    rows = [
-        (
-            p.name,
-            f"{p.value:.5g}",
-            f"{p.deviation:.2g}" if isfinite(p.deviation) else "-",
-            "yes" if p.determined else "no",
-        )
-        for p in known
-    ]
-    return table(head, rows, "Fitted parameters")
-
-
-def _preisach(fit: PreisachFit) -> list[tuple[str, str]]:
-    """Return what the sensor consists of."""
-    artifact = fit.artifact
-    return [
-        ("Model", f"modified Preisach, {fit.settings.density}, {artifact.n_lines} lines"),
-        (
-            "Full scale",
-            f"{100.0 * fit.full_scale:.4g} % strain, where the output has risen by {fit.resistance_change:.5g}",
-        ),
-        ("At rest", f"{fit.rest_resistance:.6g}"),
-        (
-            "Compensator",
-            f"{artifact.compensator or 'inverse'}{', a direct inverse beside it' * bool(artifact.inverse)}",
-        ),
-        ("Network that corrects the output", "none" if artifact.residual is None else "yes"),
-        (
-            "White noise of the output",
-            "not measured" if artifact.noise is None else f"{artifact.noise:.3g} of its range",
-        ),
-    ]
-
-
-def _fractional(artifact: FractionalArtifact) -> list[tuple[str, str]]:
-    return [
-        ("Model", f"fractional-{artifact.model}, {len(artifact.terms)} terms, {len(artifact.fading)} fading"),
-        ("Full scale", f"{100.0 * artifact.full_scale_strain:.4g} % strain"),
-        ("Change at an output of one", f"{artifact.resistance_change:.5g}"),
-        ("At rest", f"{artifact.rest_resistance:.6g}"),
-        ("Memory", f"{artifact.shortest:.4g} to {artifact.longest:.4g} s"),
-        ("Compensator", "none: a fractional model has no inverse"),
-    ]

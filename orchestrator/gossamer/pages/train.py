@@ -10,10 +10,9 @@ from gossamer_models.arrays import Matrix, Vector
 from gossamer_models.assessment import AlwaysZero, Verdicts, reliability, share
 from gossamer_models.assessment.figures import CALL, NOMINAL
 from gossamer_models.assessment.plots import COLORS, reliability_chart
+from gossamer_models.assessment.tables import error_table
 from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
-from gossamer_orchestrator.pages import Page, table
-
-from ..results import TableText, on_page
+from gossamer_orchestrator.pages import Page, on_page, table
 
 ZERO = AlwaysZero.name
 FIRST = "window 1, damaged, "  # records that are drawn case by case
@@ -88,21 +87,6 @@ def thesis_page(name: str, artifact: DetectorArtifact, found: Errors) -> Page:
         facts=on_page(error_table(found)) + _provenance(artifact),
         how="The test cases are those of the thesis, in their first window.",
     )
-
-
-def error_table(found: Errors) -> TableText:
-    """Return the errors on held-out cases, a row for each kind of record."""
-    errors = ("all zones", "damaged zones")
-    shares = ("in 95 % band", "valid", "false calls", "wrong", "wrong and valid")
-    rows = [
-        (
-            kind,
-            *(f"{row[name]:.2f}" if name in row else "" for name in errors),
-            *(f"{100.0 * row[name]:.1f}" if name in row else "" for name in shares),
-        )
-        for kind, row in found.items()
-    ]
-    return TableText(("cases", *errors, *shares), rows, "Mean absolute error [% damage]; shares [%]")
 
 
 def _line(kind: str, row: Mapping[str, float]) -> str:

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from gossamer_files.charts import Chart, band, curve, heat, points, section
+from gossamer_files.tables import TableText
 from gossamer_models.arrays import Vector
 from gossamer_models.twin import Answer
-from gossamer_orchestrator.pages import Page, table
+from gossamer_orchestrator.pages import Page, on_page, table
 from gossamer_orchestrator.pages.page import Kind
 from gossamer_orchestrator.results.tables import zone_label
 from gossamer_orchestrator.words import uncertain
-
-from ..results import TableText, on_page
 
 NUISANCE_UNITS = {"phase": "rad", "pressure": "Pa"}  # of what is fitted beside damage; the others are ratios
 

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from urllib.parse import quote
 
+from gossamer_files.tables import TableText
+
 from .words import written
 
 
@@ -32,6 +34,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], caption: str, *
         begin = f'<th scope="row">{_cell(first)}</th>' if row_heads else f"<td>{_cell(first)}</td>"
         lines.append(f"<tr>{begin}" + "".join(f"<td>{_cell(cell)}</td>" for cell in rest) + "</tr>")
     return '<div class="wide">' + "\n".join(lines) + "</tbody></table></div>"
+
+
+def on_page(shown: TableText) -> str:
+    """Return a table in HTML as it is printed; nothing without rows."""
+    return table(shown.head, shown.rows, shown.caption, row_heads=False) if shown.rows else ""
 
 
 def folded(summary: str, inner: str) -> str:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from rich.markup import escape
+from gossamer_files.tables import TableText
 from rich.table import Table
 
 from ..words import uncertain
@@ -20,13 +20,14 @@ def since(onset: float, deviation: float) -> str:
     return f"Damage since t = {uncertain(onset, deviation, 's')}"
 
 
-def damage_rows(
-    damage: Sequence[float], deviation: Sequence[float], names: Sequence[str] = ()
-) -> list[tuple[str, str]]:
-    """Return name, or number, and damage [%] of each damaged zone, from damages and standard deviations [1]."""
+def onset_table(
+    onset: float, spread: float, damage: Sequence[float], deviation: Sequence[float], names: Sequence[str] = ()
+) -> TableText:
+    """Return the damage [%] of each zone that is damaged since an onset [s], each with its standard deviation."""
     zones = [zone_label(name) for name in names] or [str(k + 1) for k in range(len(damage))]
     rows = zip(zones, damage, deviation, strict=True)
-    return [(zone, f"{100.0 * d:.2f} ± {100.0 * s:.2f}") for zone, d, s in rows if d > 0.0]
+    cells = [(zone, f"{100.0 * d:.2f} ± {100.0 * s:.2f}") for zone, d, s in rows if d > 0.0]
+    return TableText(("zone", "damage ± standard deviation [%]"), cells, since(onset, spread))
 
 
 def zone_label(name: str) -> str:
@@ -66,31 +67,19 @@ def zone_table(judgement: Judgement) -> Table:
     return table
 
 
-def history_table(ended: list[Judgement]) -> Table:
-    """Tabulate the windows: the most damaged zone by the estimate, and the errors if the truth is known."""
+def window_table(ended: Sequence[Judgement], most: int | None = None) -> TableText:
+    """Tabulate the windows, or the last ones: the most damaged zone, and the errors if the truth is known."""
     likeness = next((judgement.likeness for judgement in ended if judgement.likeness), "similarity")
     known = all(np.isfinite(judgement.true).all() for judgement in ended)
     compared = ("true there [%]", "mean abs. error [%]") if known else ()
-    headings = ("t [s]", "most damaged zone", "estimated [%]", *compared, likeness, "valid")
     rows = []
-    for judgement in ended:
+    for judgement in ended[-(most or len(ended)) :]:
         zone = int(np.argmax(judgement.estimated))
         found = judgement.estimated[zone] >= LEAST_SHOWN
         true = f"{100 * judgement.true[zone]:.0f}" if found else "-"
-        rows.append(
-            (
-                f"{judgement.time:.4f}",
-                f"{zone + 1}" if found else "-",
-                f"{100 * judgement.estimated[zone]:.1f}",
-                *((true, f"{100 * judgement.mean_absolute_error:.2f}") if known else ()),
-                f"{judgement.likeness_value:.2g}",
-                "yes" if judgement.valid else "no",
-            )
-        )
-    table = Table(title="Judgements")
-    for heading, *cells in zip(headings, *rows, strict=True):
-        width = max(map(len, [*heading.split(), *cells]))  # as narrow as words allow, so that it fits 80 columns
-        table.add_column(escape(heading), justify="right", width=width)
-    for judgement, row in zip(ended, rows, strict=True):
-        table.add_row(*row, style=None if judgement.valid else "dim")
-    return table
+        cells = [f"{judgement.time:.4f}", f"{zone + 1}" if found else "-", f"{100 * judgement.estimated[zone]:.1f}"]
+        cells += [true, f"{100 * judgement.mean_absolute_error:.2f}"] * known
+        rows.append((*cells, f"{judgement.likeness_value:.2g}", "yes" if judgement.valid else "no"))
+    some = f", the last {len(rows)} of {len(ended)}" if len(rows) < len(ended) else ""
+    head = ("t [s]", "most damaged zone", "estimated [%]", *compared, likeness, "valid")
+    return TableText(head, rows, f"Windows of the detector{some}")

@@ -143,12 +143,13 @@ def test_every_shipped_membrane_starts_in_equilibrium_and_stays_there(name):
     assert path.with_suffix(".msh").stat().st_size < 100_000
     model = Stepper(membrane_model(load_structure(path)))
     model.warn = lambda text: None
+    model.set("pressure_amplitude", 0.0)
     model.initialize()
     before = model.get("strain[1]")
     for _ in range(3):
         model.step(1e-3)
     assert model.get("strain[1]") == pytest.approx(before, rel=1e-6)
-    assert 1e-5 < before < 0.05
+    assert 1e-4 < model.get("largest_strain") < 0.05
 
 
 def test_all_membranes_ship():

@@ -185,7 +185,7 @@ def test_the_table_has_a_column_of_remarks_only_where_there_is_one():
     known = dict.fromkeys(("damage", "deviation", "probability"), np.zeros(16)) | {"zones": ("rim",) * 16}
     fields = dict.fromkeys(Answer.__dataclass_fields__) | known
     headings = [
-        [str(column.header) for column in shown.columns]
+        list(shown.head)
         for zones in ((), (3,))
         for shown in TwinAnswer(files=[Path()], compared="", answer=Answer(**fields | {"unresolved": zones})).tables()
     ]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from gossamer_fmus import build_all
+from gossamer.descriptions import load_structure
+from gossamer_fmus import build_all, build_fmu
 from gossamer_models.identify import identify_files, settings_for
+from gossamer_models.membrane import membrane_model
 from gossamer_orchestrator import judge, load_results, load_scenario, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.results.shapes import load_shapes
@@ -21,7 +24,24 @@ def real_fmus(built) -> Path:
     return built("python")["sensor"].parent
 
 
-@pytest.mark.parametrize("name", sorted(shipped_scenarios()))
+OF_SETUPS = {name for name in shipped_scenarios() if name.removesuffix("_damaged") in shipped_scenarios("membrane")}
+
+
+@pytest.mark.parametrize("name", sorted(OF_SETUPS))
+def test_a_shipped_setup_has_a_scenario_in_which_one_of_its_zones_is_damaged(name, tmp_path):
+    structure = load_structure(shipped_scenarios("membrane")[name.removesuffix("_damaged")])
+    assert structure.n_zones >= 12
+    assert structure.n_sensors == 8
+    build_fmu(membrane_model(structure), tmp_path)
+    scenario = load_scenario(shipped_scenarios()[name])
+    data = run_scenario(scenario, tmp_path)
+    assert data["membrane.strain"].sizes["sensor"] == 8
+    (damaged,) = np.flatnonzero(data["membrane.damage"].isel(time=-1))
+    words = set(structure.zone_names[damaged].split())
+    assert words <= set(re.findall(r"\w+", scenario.title))  # which says where
+
+
+@pytest.mark.parametrize("name", sorted(set(shipped_scenarios()) - OF_SETUPS))
 def test_a_shipped_scenario_fits_the_fmus(name, real_fmus):
     plan = make_plan(load_scenario(shipped_scenarios()[name]), real_fmus)
     if name.startswith("own_sensor"):

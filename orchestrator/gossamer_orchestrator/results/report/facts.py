@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ...pages import folded, table, written
+from ...pages import folded, on_page, table, written
 from ...words import counted, recorded
 from ..files import MESSAGES
 from ..judgements import Judgement
-from ..tables import damage_rows, since
-from ..verdict import found_zones
+from ..tables import onset_table, window_table
 
 SHOWN_WINDOWS = 60
 SHOWN_MESSAGES = 40
@@ -119,10 +118,11 @@ def scenario(data: xr.Dataset) -> str:
 def watch_tables(watched: Mapping[str, Any] | None) -> str:
     """Return a table of the damages that began while the twin watched the run, for each onset."""
     found = (watched or {}).get("findings", [])
-    titles = [f"{since(each['onset'], each['onset_deviation'])}, by the digital twin" for each in found]
-    rows = [damage_rows(each["damage"], each["deviation"]) for each in found]
-    head = ("zone", "damage ± standard deviation [%]")
-    return "\n".join(table(head, *each) for each in zip(rows, titles, strict=True))
+    shown = [
+        onset_table(each["onset"], each["onset_deviation"], each["damage"], each["deviation"], each.get("zones", ()))
+        for each in found
+    ]
+    return "\n".join(table(each.head, each.rows, f"{each.caption}, by the digital twin") for each in shown)
 
 
 def judgement_tables(ended: Sequence[Judgement]) -> str:
@@ -133,23 +133,9 @@ def judgement_tables(ended: Sequence[Judgement]) -> str:
     parts = []
     for last in [window for window in ended if window.valid][-1:]:
         head = ["zone", *["true [%]"] * known, "estimated [%]", *["standard deviation [%]"] * certain]
-        rows = []
-        for z, value in enumerate(last.estimated):
-            row = [str(z + 1)]
-            row += [f"{100 * last.true[z]:.1f}"] * known
-            row += [f"{100 * value:.1f}"]
-            row += [f"{100 * last.deviation[z]:.2f}"] * certain
-            rows.append(row)
+        columns = [[f"{100 * x:.1f}" for x in each] for each in (*[last.true] * known, last.estimated)]
+        columns += [[f"{100 * x:.2f}" for x in last.deviation]] * certain
+        rows = zip(map(str, range(1, len(last.estimated) + 1)), *columns, strict=True)
         inner = table(head, rows, f"Damage of every zone at t = {last.time:.4f} s")
         parts.append(folded("Damage in numbers", inner))
-    likeness = ended[-1].likeness or "similarity"
-    head = ["t [s]", "damaged zones", *["mean abs. error [%]"] * known, likeness, "valid"]
-    rows = []
-    for window in ended[-SHOWN_WINDOWS:]:
-        zones = ", ".join(str(z + 1) for z in found_zones(window)) or "-"
-        row = [f"{window.time:.4f}", zones]
-        row += [f"{100 * window.mean_absolute_error:.2f}"] * known
-        rows.append([*row, f"{window.likeness_value:.3g}", "yes" if window.valid else "no"])
-    more = f", the last {SHOWN_WINDOWS} of {len(ended)}" if len(ended) > SHOWN_WINDOWS else ""
-    inner = table(head, rows, f"Windows of the detector{more}")
-    return "\n".join([*parts, folded(counted(len(ended), "window"), inner)])
+    return "\n".join([*parts, folded(counted(len(ended), "window"), on_page(window_table(ended, SHOWN_WINDOWS)))])
