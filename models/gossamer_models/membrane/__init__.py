@@ -3,6 +3,7 @@
 from .assembly import MembraneEquations
 from .law import LAWS
 from .model import membrane_model
+from .portable import read_structure
 from .reading import MeshFile, read_mesh
 from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
@@ -28,6 +29,7 @@ __all__ = [
     "make_structure",
     "MeshFile",
     "read_mesh",
+    "read_structure",
     "Structure",
     "SurfaceMesh",
     "surface_mesh",

@@ -23,6 +23,7 @@ from .assembly import Forces, MembraneEquations
 from .equilibrium import FLOOR, in_plane, relax
 from .frame import RESTARTED, FrameState, flying
 from .gauges import Gauge
+from .portable import FILE, structure_text
 from .riding import Rider
 from .setup import Setup
 from .shape import SHAPE, membrane_shape
@@ -253,7 +254,10 @@ def membrane_model(
         init=init,
         step=step,
         step_limit="max_step",
-        resources={SHAPE: membrane_shape(structure, variables)},
+        resources={
+            SHAPE: membrane_shape(structure, variables),
+            **({} if structure.starts_in_plane else {FILE: structure_text(structure).encode()}),
+        },
         restarted=RESTARTED if frame else 0,
         residual=2 * n,
         advice=_advice(setup, frame),
