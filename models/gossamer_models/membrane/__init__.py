@@ -7,6 +7,7 @@ from .portable import read_structure
 from .reading import MeshFile, read_mesh
 from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
+from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
 from .structure import Structure, make_structure
 from .surface import SurfaceMesh, surface_mesh
 from .zones import Zone
@@ -15,6 +16,9 @@ __all__ = [
     # the model and its equations
     "membrane_model",
     "MembraneEquations",
+    "Equilibria",
+    "Equilibrium",
+    "EquilibriumDerivatives",
     # what it is made of
     "Edge",
     "Gas",

@@ -109,13 +109,9 @@ def test_options_of_native_fmus_alone_are_refused_with_the_way_out(call, tmp_pat
     assert "only with --fmi 3" in result.stderr
 
 
-def test_what_a_file_is_instead_is_said(call, fmus, tmp_path):
+def test_a_scenario_in_place_of_an_fmu_is_named(call, tmp_path):
     (tmp_path / "a.toml").write_text(GAIN)
-    assert (
-        "It is an FMU: look at it with 'gossamer info' or 'gossamer verify'." in call("run", fmus / "gain.fmu").stderr
-    )
     assert "run it with 'gossamer run'." in call("info", tmp_path / "a.toml").stderr
-    assert "there is no file" in call("info", tmp_path / "nothing.fmu").stderr
 
 
 def test_an_fmu_for_scheduled_execution_is_refused_once_though_two_components_use_it(call, tmp_path):
