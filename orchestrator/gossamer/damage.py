@@ -179,6 +179,7 @@ def twin(
             **found.twin(options["sensor"]),
             nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
             sparse=sparse,
+            whole=stop is not None,
         ).fit(
             found.record,
             report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,"),
