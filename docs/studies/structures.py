@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 SAMPLES, READINGS = 400, 10
 NOISE = 1e-4  # of strain, a sample [1]
-TUBE = {"base_acceleration[2]": (40.0, 25.0), "base_acceleration[3]": (40.0, 40.0), "base_acceleration[1]": (20.0, 60.0)}
+TUBE = {
+    "base_acceleration[2]": (40.0, 25.0),
+    "base_acceleration[3]": (40.0, 40.0),
+    "base_acceleration[1]": (20.0, 60.0),
+}
 
 
 def shipped(name: str) -> Structure:

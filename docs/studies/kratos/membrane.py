@@ -1,15 +1,17 @@
 """Solve a membrane with Kratos: ``python membrane.py problem.npz answer.npz``, with a Python that has Kratos.
 
-The problem: ``nodes`` (N, 3) [m]; ``cells`` (n, 3 or 4) counter-clockwise, about the normal that pressure acts along;
-``modulus`` (n,) [Pa]; ``nu``, ``density`` [kg/m3], ``thickness`` [m]; ``held`` (N, 3); ``pressure`` (k,) [Pa] in k states or at the
-end of k steps; ``displaced`` (k, N, 3) [m] of what is held; ``step`` [s], 0 for states; ``damping`` [1/s]; ``wrinkles``; ``guess``
-(k or 1, N, 3), where Newton's method begins. The answer: ``displacement`` (k, N, 3) [m], ``converged`` (k,).
+The problem: ``nodes`` (N, 3) [m]; ``cells`` (n, 3 or 4) counter-clockwise about the normal that pressure acts along;
+``modulus`` (n,) [Pa]; ``nu``, ``density`` [kg/m3], ``thickness`` [m]; ``held`` (N, 3); ``pressure`` (k,) [Pa] in k states or
+at the end of k steps; ``displaced`` (k, N, 3) [m] of what is held; ``step`` [s], 0 for states; ``damping`` [1/s];
+``wrinkles``; ``guess`` (k or 1, N, 3), where Newton's method begins. The answer: ``displacement`` (k, N, 3) [m] and
+``converged`` (k,).
 """
 
 import sys
+from typing import Any
 
 import KratosMultiphysics as Kratos
-import KratosMultiphysics.LinearSolversApplication  # noqa: F401
+import KratosMultiphysics.LinearSolversApplication  # registers the solver
 import KratosMultiphysics.StructuralMechanicsApplication as Structural
 import numpy as np
 
@@ -27,7 +29,7 @@ NODAL = (
 )
 
 
-def material(part, number, modulus, problem):
+def material(part: Any, number: int, modulus: float, problem: Any) -> Any:  # noqa: ANN401
     """Add the properties of elements with one modulus."""
     found = part.CreateNewProperties(number)
     found.SetValue(Kratos.YOUNG_MODULUS, modulus)
@@ -42,7 +44,7 @@ def material(part, number, modulus, problem):
     return found
 
 
-def model_part(model, problem):
+def model_part(model: Any, problem: Any) -> Any:  # noqa: ANN401
     """Make nodes, elements, pressed faces and supports."""
     part = model.CreateModelPart("membrane")
     part.ProcessInfo[Kratos.DOMAIN_SIZE] = 3
@@ -73,7 +75,7 @@ def model_part(model, problem):
     return part
 
 
-def main():
+def main() -> None:
     """Solve the states or steps one after the other."""
     problem = np.load(sys.argv[1])
     step, states = float(problem["step"]), len(problem["pressure"])
@@ -98,7 +100,7 @@ def main():
     strategy.SetEchoLevel(0)
     strategy.Initialize()
     part.ProcessInfo[Kratos.DELTA_TIME] = step or 1.0
-    displacement, converged = np.empty((states, len(problem["nodes"]), 3)), []
+    displacement, converged = np.empty((states, len(problem["nodes"]), 3)), list[bool]()
     for k in range(states):
         part.CloneTimeStep((k + 1) * (step or 1.0))
         part.ProcessInfo[Kratos.STEP] = k + 1

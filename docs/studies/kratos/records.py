@@ -1,9 +1,9 @@
 """Records of the shipped dish and sail, computed by Kratos on their own meshes, in tests/oracles/kratos.
 
 ``python -m studies.kratos.records PYTHON`` from the folder ``docs``, with the Python of an environment that has
-``KratosStructuralMechanicsApplication`` and ``KratosLinearSolversApplication``; an hour. Kratos has Saint Venant and Kirchhoff's
-law, wrinkled in the sail, and integrates by Newmark's method of the average acceleration with half of the record's step. A
-column ``truth`` in the heading's comment says what is damaged.
+``KratosStructuralMechanicsApplication`` and ``KratosLinearSolversApplication``; half an hour. Kratos has the law of Saint
+Venant and Kirchhoff, wrinkled in the sail, and integrates by Newmark's method of the average acceleration with half of the
+record's step. The first line of a record says what is damaged.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from gossamer_models.membrane import Structure, membrane_model
 from gossamer_models.membrane.gauges import stacked
 from numpy.typing import NDArray
 
-from ..structures import NOISE, READINGS, SAMPLES, pulled, shipped
+from ..structures import SAMPLES, pulled, shipped
 
 Array = NDArray[np.float64]
 FOLDER = Path(__file__).parents[3] / "tests" / "oracles" / "kratos"
@@ -96,7 +96,7 @@ def structure_of(name: str) -> Structure:
 
 
 def dish(python: str, number: int, zones: dict[int, float]) -> None:
-    """The dish under its own pressure and the built-in one, which sets in at time 0."""
+    """Record the dish under its own pressure and the built-in one, which sets in at time 0."""
     structure = structure_of("dish")
     damage = np.zeros(structure.n_zones)
     damage[[zone - 1 for zone in zones]] = list(zones.values())
@@ -113,7 +113,7 @@ def dish(python: str, number: int, zones: dict[int, float]) -> None:
 
 
 def sail(python: str, number: int, zones: dict[int, float]) -> None:
-    """The sail in the load states of the study."""
+    """Record the sail in the load states of the study."""
     structure = structure_of("sail")
     damage = np.zeros(structure.n_zones)
     damage[[zone - 1 for zone in zones]] = list(zones.values())
@@ -130,7 +130,6 @@ def sail(python: str, number: int, zones: dict[int, float]) -> None:
 
 def main() -> None:
     """Write all records; noise is added where they are read."""
-    assert NOISE and READINGS
     for name, make in (("sail", sail), ("dish", dish)):
         for number, zones in enumerate(DAMAGE[name]):
             make(sys.argv[1], number + 1, zones)
