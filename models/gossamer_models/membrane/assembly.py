@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..arrays import Vector
 from ..element_loop import Tables
 from ..variables import Values
-from .element import balance, tangents
+from .element import balance, sum_at, tangents
 from .geometry import stiffest
 from .loops import at_points, element_tangent, encloses, force_loop, limits, own_numbers, swept, tilts, volume_loop
 from .structure import Elements, Structure
@@ -395,9 +395,3 @@ def _named(arrays: dict[str, Vector], column: ca.MX | None) -> dict[str, ca.MX]:
 def _places(nodes: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the places in x of x of the nodes of each element, then y, then z, shape (n, 3 m)."""
     return (3 * nodes[:, None, :] + np.arange(3)[:, None]).reshape(len(nodes), -1)
-
-
-def sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
-    """Sum values at their places, shape (size,): the transpose of indexing."""
-    x = ca.MX.sym("x", size)
-    return ca.jtimes(x[places.tolist()], x, values, True)

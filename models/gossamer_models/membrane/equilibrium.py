@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..variables import Values
-from .assembly import MembraneEquations, Shared, sum_at
+from .assembly import MembraneEquations, Shared
+from .element import sum_at
 
 LEVELS = 5  # at most 10^5 steps
 NEWTON_STEPS = 8
