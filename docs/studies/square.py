@@ -13,6 +13,7 @@ import scipy.sparse
 from gossamer_models.membrane import MembraneEquations, MembraneParams, Structure, square_structure
 from gossamer_models.membrane.assembly import Shared
 from gossamer_models.membrane.element import dense
+from gossamer_models.membrane.equilibrium import tangent
 from gossamer_models.membrane.square import PARAMETERS
 from gossamer_models.variables import Values, by_name
 from numpy.typing import NDArray
@@ -50,7 +51,7 @@ class SquareEquations:
     @cached_property
     def tangent(self) -> ca.Function:
         """``K = -df/dq`` [N/m], sparse; not symmetric under pressure."""
-        return self._function(lambda x, shared, p: self._equations.tangent(x, shared, p, axes=3))
+        return self._function(lambda x, shared, p: tangent(self._equations, x, shared, p, axes=3))
 
     def node_mass(self, params: MembraneParams) -> Vector:
         """Masses [kg] of the moving nodes, once for each of x, y, z."""

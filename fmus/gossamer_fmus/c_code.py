@@ -21,9 +21,10 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 from gossamer_models import StepModel
+from gossamer_models.batch.code import with_loops
 
 from .description import FmiVersion, arrays_of
-from .loop_code import loop_sources, table_sizes, with_loops
+from .loop_code import loop_sources, table_sizes
 
 TABLES_FILE = "tables.bin"
 _LONG, _MANY = 1_000, 100_000  # numbers of a list, and of all such lists, that text and every library need not repeat

@@ -12,16 +12,13 @@ from pathlib import Path
 
 import casadi as ca
 import gossamer_models.batch
-from gossamer_models.batch.code import safe_for_lanes
-from gossamer_models.element_loop import LANES, ElementLoop, Tables
+from gossamer_models.batch.code import internal_name, safe_for_lanes
+from gossamer_models.element_loop import LANES, Tables
 
-_FUNCTION = r"static int {name}\(const casadi_real\*\* arg, [^)]*\) \{{"
-_ZEROS = re.compile(r"(static const casadi_real casadi_zeros\[\d+\]) =\s*\{[0., \n]*\};")
 _INTERFACE = re.compile(r"^CASADI_SYMBOL_EXPORT .*?\n\}\n\n?", re.DOTALL | re.MULTILINE)
 _CONSTANT_MACRO = re.compile(r"#define casadi_c\d+ .*\n")
 _CONSTANT = re.compile(r"\bcasadi_(c\d+)")
 _SPREAD = re.compile(r"static const double element_c.*?\n\}\n", re.DOTALL)
-_EXPOSED = r"CASADI_SYMBOL_EXPORT int {name}\([^)]*\)\s*\{{\s*return (casadi_f\d+)\("
 
 
 def loop_sources(model: str, tables: Tables) -> dict[str, bytes]:
@@ -33,7 +30,7 @@ def loop_sources(model: str, tables: Tables) -> dict[str, bytes]:
     for loop in tables.loops:
         generator.add(loop.function)
     code = safe_for_lanes(generator.dump())
-    internal = [_internal(code, loop.function.name()) for loop in tables.loops]
+    internal = [internal_name(code, loop.function.name()) for loop in tables.loops]
     # constants are there once: what spreads them over the lanes runs on any processor
     code = _CONSTANT.sub(r"element_\1", _CONSTANT_MACRO.sub("", _INTERFACE.sub("", code)))
     constants = "".join(_SPREAD.findall(code))
@@ -49,36 +46,6 @@ def table_sizes(tables: Tables) -> dict[str, int | str]:
         "N_PLACES": sum(loop.places().size for loop in tables.loops),
         "BLOCK": LANES,
     }
-
-
-def with_loops(code: str, loops: tuple[ElementLoop, ...]) -> str:
-    """Let the functions that stand in for loops run them, and leave out long lists of zeros.
-
-    Parameters
-    ----------
-    code : str
-        From CasADi's generator, to which the ``stand_in`` of each was added.
-    loops : tuple of ElementLoop
-        The loops.
-    """
-    for number, loop in enumerate(loops):
-        name = _internal(code, loop.name)
-        begin = re.search(_FUNCTION.format(name=name), code)
-        if begin is None:
-            msg = f"CasADi wrote no body of {loop.name!r}; its generator must have changed"
-            raise RuntimeError(msg)
-        end = code.index("\n}\n", begin.end())
-        code = f"{code[: begin.end()]}\n return run_loop({number}, arg, res);{code[end:]}"
-    return _ZEROS.sub(r"\1;", code)  # zero anyway
-
-
-def _internal(code: str, name: str) -> str:
-    """Return the name that CasADi gave the function behind one that it exposes."""
-    exposed = re.search(_EXPOSED.format(name=name), code)
-    if exposed is None:
-        msg = f"CasADi wrote no function {name!r}; its generator must have changed"
-        raise RuntimeError(msg)
-    return exposed[1]
 
 
 def _sizes(model: str, tables: Tables) -> str:

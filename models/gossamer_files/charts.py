@@ -8,18 +8,16 @@ share after a stroke, ``@0/0.25``, it is translucent. ``@over/0.7`` is what can 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-PIXELS = 2500  # in the width of a picture
-ROWS = 20_000  # that are in memory at a time
+from .thinning import Array as Array
+from .thinning import thinned
 
-
-Array = NDArray[np.float64]
 Trace = dict[str, Any]
 
 
@@ -113,7 +111,7 @@ def curve(name: str, x: ArrayLike, y: ArrayLike, color: str = "@0", **line: Any)
     **line
         More of the line: ``dash="dash"``, ``width=3``, ``shape="hv"`` for values that hold until the next.
     """
-    thin_x, thin_y = _thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    thin_x, thin_y = thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     return {"type": "scatter", "mode": "lines", "name": name, "x": thin_x, "y": thin_y, "line": {"color": color} | line}
 
 
@@ -198,86 +196,3 @@ def area(x0: float, x1: float, color: str = "@grey/0.15") -> Trace:
 def names_from_top(names: Sequence[str]) -> dict[str, Any]:
     """Return the layout of y with names from the top down, for bars or points of ``"orientation": "h"``; all find place."""
     return {"type": "category", "categoryorder": "array", "categoryarray": list(names)[::-1], "dtick": 1}
-
-
-def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return fewer points: of a curve over time smallest and largest of each pixel, of a loop those of x and of y."""
-    pixels = Pixels(len(x))
-    if pixels.stride == 1:
-        return x, y
-    if (np.diff(x) > 0.0).all():
-        parts = [(pixels.times(x[rows]), pixels.thin(y[rows])) for rows in pixels.parts()]
-        return np.concatenate([time for time, _ in parts]), np.concatenate([values for _, values in parts])
-    rows = _turns(x, y, 2 * pixels.stride)
-    return x[rows], y[rows]
-
-
-def _turns(x: Array, y: Array, length: int) -> NDArray[np.intp]:
-    """Return the rows of the smallest and the largest x and y of every so many points, in their order along the curve."""
-    rows = np.arange(-(-len(x) // length) * length).clip(max=len(x) - 1).reshape(-1, length)
-    found = []
-    for values in (x[rows], y[rows]):
-        known = np.isfinite(values)
-        found += [np.where(known, values, np.inf).argmin(axis=1), np.where(known, values, -np.inf).argmax(axis=1)]
-    return np.unique(np.take_along_axis(rows, np.column_stack(found), axis=1))
-
-
-class Pixels:
-    """The rows of a long curve as pixels: of each the smallest and the largest value are kept, in their order.
-
-    Up to twice as many rows as pixels are kept as they are. So no peak is lost, and
-    a page of any run has about the same size.
-
-    Parameters
-    ----------
-    rows : int
-        How many there are.
-    pixels : int
-        How many pixels they become, at most.
-
-    Attributes
-    ----------
-    stride : int
-        Rows of a pixel; 1 if every row is kept.
-    """
-
-    def __init__(self, rows: int, pixels: int = PIXELS) -> None:
-        self.rows = rows
-        self.stride = 1 if rows <= 2 * pixels else -(-rows // pixels)
-
-    def parts(self) -> Iterator[slice]:
-        """Divide the rows into parts of whole pixels that fit in memory."""
-        size = self.stride * max(1, ROWS // self.stride)
-        return (slice(first, min(first + size, self.rows)) for first in range(0, self.rows, size))
-
-    def thin(self, values: Array) -> Array:
-        """Return the values to draw of one part.
-
-        Parameters
-        ----------
-        values : numpy.ndarray, shape (n,)
-            Values of the rows of a part.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n,) or (2 * ceil(n / stride),)
-            The values, or smallest and largest of each pixel. A pixel without any value is not a number.
-        """
-        if self.stride == 1:
-            return values
-        table = self._table(values)
-        known = np.isfinite(table)
-        low, high = np.where(known, table, np.inf).argmin(axis=1), np.where(known, table, -np.inf).argmax(axis=1)
-        order = np.sort(np.column_stack([low, high]), axis=1)
-        return np.take_along_axis(table, order, axis=1).ravel()
-
-    def times(self, time: Array) -> Array:
-        """Return the times at which the values of a part are drawn: a quarter and three quarters into each pixel."""
-        if self.stride == 1:
-            return time
-        return self._table(time)[:, [self.stride // 4, 3 * self.stride // 4]].ravel()
-
-    def _table(self, values: Array) -> Array:
-        """Return a row of values for each pixel; the last is filled with its last value."""
-        missing = -len(values) % self.stride
-        return np.concatenate([values, np.repeat(values[-1:], missing)]).reshape(-1, self.stride)

@@ -1,7 +1,8 @@
 """A sum over the elements of a mesh, as compiled code takes it: one element's function, and tables of all elements.
 
 CasADi would write such a sum with every index as text. Instead a function of the same signature stands in for it, whose
-body the writer of C replaces by a loop over blocks of elements in SIMD lanes; see ``fmus/gossamer_fmus/native/loop.h``.
+body the writer of C replaces by a loop: over blocks of elements in SIMD lanes, see ``fmus/gossamer_fmus/native/loop.h``, or
+over elements where a lane is a case, see ``batch/loop.h``.
 """
 
 from __future__ import annotations
@@ -57,8 +58,8 @@ class ElementLoop:
     def stand_in(self) -> ca.Function:
         """``stand_in(x, d) -> (f, r, ...)`` for the loop: positions of all nodes, shape (3 N,), shared numbers, (K G,)."""
         x, d = ca.MX.sym("x", 3 * self.n_nodes), ca.MX.sym("d", self.function.nnz_in(1) * self.columns)
-        # each result depends on each input, or CasADi would leave it out; the numbers have no meaning
-        value = x[0] + d[0]
+        # each result depends on each input, or CasADi would leave it out; where the loop does not run, none is a number
+        value = (x[0] + d[0]) * np.nan
         outputs = [x[: 3 * self.n_forces] * value] if self.forces else []
         outputs += [value * (i + 1) for i in range(len(self.reductions))]
         return ca.Function(self.name, [x, d], outputs, {"never_inline": True})

@@ -27,9 +27,31 @@ from .errors import ArtifactError, ParameterError
 from .variables import CAUSALITIES, Causality, Results, State, Values, Variable, by_name, in_order, pack, unpack
 
 if TYPE_CHECKING:
+    from .arrays import Matrix
     from .element_loop import Tables  # stays behind when this file travels
 
 FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rest:
+    """Where a model of displacements is at rest, for those who find that without ``init``.
+
+    Attributes
+    ----------
+    begin : casadi.Function
+        ``begin(u, p, q) -> (x, y)``: state and results at rest with displacements q [m], which are the first states.
+    balance : casadi.Function
+        ``balance(u, p, q) -> (f, accepted)``: forces [N] at these displacements, zero where held, and the largest force over
+        the stiffness of its node [m/s2] that rounding leaves.
+    finder : callable or None
+        Returns ``find(u, p) -> q`` for one row per case; a row is not a number where there is no rest. None: ``init`` finds
+        it without an iteration that could run away, in batches too.
+    """
+
+    begin: ca.Function
+    balance: ca.Function
+    finder: Callable[[], Callable[[Matrix, Matrix], Matrix]] | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +84,10 @@ class StepModel:
         Arrays that both functions take as one more input; such a model is for compiled code only.
     expression : callable or None
         Of a model with tables: returns the same model without, of which derivatives can be taken.
+    compiled : callable or None
+        Of a model without tables: returns the same model with loops over tables, for compiled code.
+    at_rest : Rest or None
+        Of a model of displacements.
     resources : dict
         Files by name that an FMU of the model carries beside it, for programs that draw it; no part of ``card``.
     """
@@ -78,6 +104,8 @@ class StepModel:
     provenance: dict[str, str] = field(default_factory=dict)
     tables: Tables | None = None
     expression: Callable[[], StepModel] | None = None
+    compiled: Callable[[], StepModel] | None = None
+    at_rest: Rest | None = None
     resources: dict[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -112,6 +140,10 @@ class StepModel:
         variables: tuple[Variable, ...],
         init: Callable[[Values, Values], tuple[State, Results]],
         step: Callable[[State, Values, Values, ca.MX], tuple[State, Results]],
+        begin: Callable[[ca.MX, Values, Values], tuple[State, Results]] | None = None,
+        balance: Callable[[ca.MX, Values, Values], tuple[ca.MX, ca.MX]] | None = None,
+        n_q: int = 0,
+        finder: Callable[[], Callable[[Matrix, Matrix], Matrix]] | None = None,
         table_column: ca.MX | None = None,
         **rest: Any,  # noqa: ANN401
     ) -> StepModel:
@@ -127,6 +159,9 @@ class StepModel:
             locals by name, arrays as columns.
         step : callable
             ``step(x, u, p, h) -> (x_next, results)`` with states as ``init`` returns them.
+        begin, balance, n_q, finder : optional
+            Of a model of n_q displacements: ``begin(q, u, p) -> (x, results)``, ``balance(q, u, p) -> (f, accepted)``, and
+            the last attribute of ``Rest``.
         table_column : casadi.MX, optional
             Symbol for ``tables.numbers`` that both use.
         **rest
@@ -145,8 +180,18 @@ class StepModel:
         x, h = ca.MX.sym("x", pack(x0).numel()), ca.MX.sym("h")
         x_next, y = step(unpack(x0, x), inputs, parameters, h)
         t = [] if table_column is None else [table_column]
+        at_rest = None
+        if begin is not None and balance is not None:
+            q = ca.MX.sym("q", n_q)
+            x_q, y_q = begin(q, inputs, parameters)
+            at_rest = Rest(
+                begin=ca.Function("begin", [u, p, q, *t], [pack(x_q), in_order(results, y_q)]),
+                balance=ca.Function("balance", [u, p, q, *t], [*balance(q, inputs, parameters)]),
+                finder=finder,
+            )
         return cls(
             variables=variables,
+            at_rest=at_rest,
             init=ca.Function("init", [u, p, *t], [pack(x0), in_order(results, y0)]),
             # what a model and its parts compute alike, such as the decay of the modes, is computed once
             step=ca.Function("step", [x, u, p, h, *t], ca.cse([pack(x_next), in_order(results, y)])),

@@ -85,11 +85,21 @@ def array(
     name: str,
     unit: str,
     description: str,
-    parts: Sequence[str],
-    **rest: Any,  # noqa: ANN401
+    start: float | Sequence[float] | None = None,
+    limit: float | None = None,
+    nominal: float | None = None,
+    parts: Sequence[str] = "xyz",
 ) -> tuple[Variable, ...]:
-    """Make the rows of an array whose elements are alike but for what ends their descriptions."""
-    return tuple(kind(f"{name}[{k}]", unit, f"{description}, {part}", **rest) for k, part in enumerate(parts, 1))
+    """Make the rows of an array whose elements are alike but for start values and the part that ends their descriptions.
+
+    ``limit`` holds on both sides of zero.
+    """
+    starts = start if isinstance(start, Sequence) else [start] * len(parts)
+    low = None if limit is None else -limit
+    return tuple(
+        kind(f"{name}[{k}]", unit, f"{description}, {part}", value, low, limit, nominal)
+        for k, (part, value) in enumerate(zip(parts, starts, strict=True), 1)
+    )
 
 
 def by_name(variables: Iterable[Variable], column: ca.MX) -> Values:

@@ -14,7 +14,8 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Se
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cache, wraps
+from functools import cache, reduce, wraps
+from operator import or_
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, ParamSpec, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -351,7 +352,7 @@ def _plain_type(hint: Any) -> Any:  # noqa: ANN401
     if get_origin(hint) is Annotated:
         return _plain_type(get_args(hint)[0])
     if get_origin(hint) in (Union, UnionType):
-        return Union[tuple(map(_plain_type, get_args(hint)))]  # noqa: UP007
+        return reduce(or_, map(_plain_type, get_args(hint)))
     return hint
 
 

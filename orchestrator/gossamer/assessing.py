@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from .arguments import Cases, File, Files, Folder, Form, Names, command, several
+from .measured import histories, tell_recognised
 from .options import ColumnOptions
 from .results import Result, by_label, first_of
-from .sensor_tables import histories, tell_recognised
 from .terminal import progress_bar
 from .writing import keep_inputs, save_page
 

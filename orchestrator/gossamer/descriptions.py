@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from gossamer_files.options import option
-from gossamer_models import campaign, membrane
+from gossamer_models import campaign
 from gossamer_models.campaign import CampaignPlan
 from gossamer_models.membrane import Setup, Structure, make_structure, read_mesh, surface_mesh
+from gossamer_models.membrane.portable import TABLES
 from gossamer_models.mistakes import DescriptionError
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.names import suggest
@@ -37,15 +38,6 @@ USUAL = {
     "density": (1.0, 3e4, "kg/m3"),
     "thickness": (1e-8, 0.1, "m"),
 }  # of a region
-OF_A_SETUP: dict[str, type] = {
-    "regions": membrane.Region,
-    "zones": membrane.Zone,
-    "supports": membrane.Support,
-    "edges": membrane.Edge,
-    "loads": membrane.Load,
-    "sensors": membrane.Sensor,
-    "gas": membrane.Gas,
-}
 OF_A_CAMPAIGN: dict[str, type] = {
     "membrane": campaign.Mesh,
     "damage": campaign.Damage,
@@ -175,7 +167,7 @@ def load_structure(path: Path, mesh: Path | None = None, *, expose: bool = False
     DataError
         The mesh cannot be used.
     """
-    setup, source = read_description(path, "setup", Setup, OF_A_SETUP)
+    setup, source = read_description(path, "setup", Setup, TABLES)
     if mesh is None and not setup.mesh:
         msg = f'{path.name} names no mesh. Write mesh = "sail.msh" at its top, or name the file with {option("mesh")}.'
         raise ScenarioError(msg)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -118,6 +117,8 @@ def view(results: AnyPath) -> Path:
 
         gossamer view out/mine/sensor
     """
+    import webbrowser  # slow to load
+
     path = newest_page(Path(results))
     if not webbrowser.open(path.resolve().as_uri()):
         say(f"No browser could be started. Open {path} in one.", logging.WARNING)

@@ -82,16 +82,18 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
         An option makes no sense, or the results lack what is needed.
     """
     from gossamer_files.measured import header_of, of_a_run
+    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import read_table
     from gossamer_orchestrator import load_results
 
     kind, noise, values = options["kind"], options["noise"], assigned(options["set"])
-    structure = _structure(options)
+    structure, mesh = _structure(options), (options["elements_per_side"], options["order"])
     if path.suffix == ".csv" and not of_a_run(header_of(path)):
+        structure = structure or square_structure(*mesh)
         record = read_table(path, kind, noise, structure, options["begins"])
         found = KnownRecord(record=record, structure=structure, parameters=_assigned(values, structure))
     else:
-        found = find_in_results(load_results(path), kind, noise, values, structure)
+        found = find_in_results(load_results(path), kind, noise, values, structure, mesh)
     if stop is not None:
         if not math.isfinite(stop):
             msg = f"{option('stop')} is {stop:g}. Write a positive number."
@@ -107,14 +109,17 @@ def find_in_results(
     noise: float | None = None,
     values: Sequence[str] = (),
     structure: Structure | None = None,
+    mesh: tuple[int, int] = (4, 4),
 ) -> KnownRecord:
-    """Find a record in the results of a run, as ``find_record`` does; without a structure, of the square."""
-    from gossamer_models.membrane import square_structure
+    """Find a record in the results of a run, see ``find_record``; by default of the membrane that its FMU carries."""
+    from gossamer_models.membrane import read_structure, square_structure
     from gossamer_models.twin.reading import input_units
     from gossamer_orchestrator.results import dataset
 
-    structure = structure or square_structure()
     data, membrane = _on_grid(data), dataset.find(data, "membrane")
+    if structure is None:
+        carried = json.loads(data.attrs.get("fmus", "{}")).get(membrane, {}).get("setup")
+        structure = square_structure(*mesh) if carried is None else read_structure(carried)
     names = {v.name for v in structure.table if v.causality == "parameter"}
     recorded = _parameters(data, membrane)
     if unknown := [name for name in recorded if name.startswith("youngs_modulus") and name not in names]:
@@ -135,17 +140,15 @@ def find_in_results(
     )
 
 
-def _structure(options: TwinOptions) -> Structure:
-    """Return the membrane that is named, or the square."""
-    from gossamer_models.membrane import square_structure
+def _structure(options: TwinOptions) -> Structure | None:
+    """Return the membrane that is named."""
     from gossamer_orchestrator.scenario.source import find_scenario
 
     from .descriptions import load_structure
 
-    mesh = options["elements_per_side"], options["order"]
     if options["setup"] is None:
-        return square_structure(*mesh)
-    if mesh != (4, 4):
+        return None
+    if (options["elements_per_side"], options["order"]) != (4, 4):
         sizes = f"{option('elements_per_side')} and {option('order')}"
         msg = f"{sizes} are of the square, and a setup has its own. Leave them out."
         raise OrchestratorError(msg)

@@ -148,9 +148,8 @@ def sweep(
 
         gossamer sweep damaged --set "membrane.damage[1]=0:0.5:6" --scheduler tcp://192.168.0.5:8786
     """
-    import xarray as xr
     from gossamer_orchestrator.results.places import with_places
-    from gossamer_orchestrator.results.report.cases import save_cases
+    from gossamer_orchestrator.results.report.cases import open_cases, save_cases
     from gossamer_orchestrator.run.sweep import (
         TABLE,
         combine,
@@ -192,10 +191,11 @@ def sweep(
         if pictures:
             varied = [name for name in cases[0].values if len({str(case.values[name]) for case in cases}) > 1]
             files += save_cases(store, folder, plot, varied)
+    data = None if store is None else open_cases(store)
     if pictures:
-        files += save_page(lambda: sweep_page(path.stem, cases, ended, folder, plot), folder)
+        files += save_page(lambda: sweep_page(path.stem, cases, ended, data, folder, plot), folder)
     first = next((folder / case.name for case, text in zip(cases, ended, strict=True) if is_finished(text)), None)
-    data = None if store is None else with_places(xr.open_zarr(store, consolidated=False), first)
+    data = None if data is None else with_places(data, first)
     return Sweep(folder=folder, cases=cases, ended=ended, data=data, files=files)
 
 

@@ -20,6 +20,7 @@ from gossamer_models.sensor import sensor_model
 from gossamer_models.variables import input_, local, output, parameter
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles.shells import SHELLS, shell
 
 pytest.importorskip("ziglang", reason="the batch kernel needs the compiler ziglang")
 H = 3e-4
@@ -364,7 +365,41 @@ def test_a_kernel_that_is_gone_is_refused(own_cache):
         pickle.loads(content)
 
 
-def test_a_model_of_loops_over_tables_is_refused():
-    """Its lanes would run what stands in for the loops in the expression."""
-    with pytest.raises(ParameterError, match="without compiled=True"):
-        Batch(membrane_model(square_structure(4, 1), compiled=True), ["deflection"])
+@pytest.mark.parametrize("name", SHELLS)
+def test_a_membrane_of_any_shape_runs_as_stepper_runs_it(name):
+    """Loops over its elements in the lanes, from the equilibrium that Newton's method finds."""
+    model = membrane_model(shell(name))
+    rng = np.random.default_rng(3)
+    start = {"damage": rng.uniform(0.0, 0.5, (3, 2)), "base_acceleration[3]": [0.0, 1.0, 2.0]}
+    pressure = model.variables[model.names.index("pressure")].start * rng.uniform(1.0, 2.0, (3, 12))
+    results = ["strain[1]", "largest_strain", "compressed_share"]
+    batch = Batch(model, results, ["pressure"])
+    assert batch.compiled
+    h = 3.3 * float(batch.run(0, 1.0, start, {"pressure": pressure[:, :0]}).state.values[0, -1])
+    run = batch.run(12, h, start, {"pressure": pressure})
+    expected = one_by_one(model, results, 12, h, start, {"pressure": pressure}, 3)
+    agree(run.results, expected, 1e-7)  # relaxation stops where rounding is met, Newton's method well below
+
+
+def test_a_membrane_without_equilibrium_fails_alone():
+    batch = Batch(membrane_model(shell("plate")), ["strain[1]"])
+    run = batch.run(2, 1e-4, {"force": [0.0, -1e5]})
+    assert run.failed.tolist() == [False, True]
+    assert np.isnan(run.initial[1]).all()
+
+
+def test_loops_are_run_or_refused_but_nothing_stands_in_for_them(monkeypatch):
+    """With a compiler they are the same as the expression; without one, a model that has no other form is named."""
+    square = square_structure(4, 1)
+    looped = membrane_model(square, compiled=True)
+    found = [
+        Batch(model, ["deflection"]).run(5, H, {"pressure": 9.0}).results for model in (membrane_model(square), looped)
+    ]
+    np.testing.assert_array_equal(*found)
+    x, d = (np.zeros(looped.tables.loops[0].stand_in.nnz_in(i)) for i in range(2))
+    assert all(np.isnan(np.asarray(part)).all() for part in looped.tables.loops[0].stand_in(x, d))
+    monkeypatch.setattr(batch_module, "has_compiler", lambda: False)
+    assert not Batch(looped, ["deflection"]).compiled
+    drum = membrane_model(shell("plate"), compiled=True)
+    with pytest.raises(ParameterError, match="'membrane' has loops over tables"):
+        Batch(drum, ["strain[1]"])

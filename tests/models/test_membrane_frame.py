@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from flight import get, matrix, put
 from gossamer_models import ConvergenceError, Stepper
-from gossamer_models.membrane import MembraneParams, membrane_model, square_structure
+from gossamer_models.membrane import MembraneParams, Support, membrane_model, square_structure
+from gossamer_models.mistakes import DescriptionError
 from oracles.membrane import energy_function, equations, membrane, started
+from oracles.meshes import thesis_square
 from scipy.integrate import solve_ivp
 
 AXIS = np.array([0.36, 0.48, 0.8])
@@ -61,6 +63,44 @@ def test_on_a_frame_that_stands_still_or_moves_along_its_normal_it_is_the_same_m
             stepper.step(4e-4)
     for name in ("deflection", "strain[1]", "strain[4]", "w[2,6]", "largest_strain"):
         assert flying.get(name) == pytest.approx(plain.get(name), rel=1e-11)
+
+
+def test_a_mesh_flies_as_the_square_membrane_does():
+    """The origin of the mesh is its corner, that of the square membrane its centre."""
+    square, mesh = (Stepper(membrane_model(s, frame=True)) for s in (square_structure(8, 1), thesis_square(8, 1)))
+    for stepper, corner in ((square, 0.0), (mesh, 0.588 / 2)):
+        stepper.set("pressure_amplitude", 1e4)
+        stepper.set("enclosed_pressure", 0.3)
+        put(stepper, "mount_position", (0.7 - corner, -corner, 0.2))
+        put(stepper, "angular_velocity", (0.1, 0.2, 0.3))
+        stepper.initialize()
+    w, turning, h = np.array([0.1, 0.2, 0.3]), np.array([1.0, -0.5, 0.3]), 1e-4
+    for _ in range(300):
+        w = w + h * turning
+        for stepper in (square, mesh):
+            put(stepper, "frame_acceleration", (0.3, 0.1, -0.2))
+            put(stepper, "angular_velocity", w)
+            put(stepper, "angular_acceleration", turning)
+            stepper.step(h)
+    vectors = ("force", "torque", "momentum", "angular_momentum", "moving_first_moment", "held_first_moment")
+    for name in vectors:
+        one, other = (get(stepper, name) for stepper in (square, mesh))
+        assert other == pytest.approx(one, abs=1e-11 * np.abs(one).max()), name
+        assert np.abs(one).max() > 0.0
+    for name in ("strain[1]", "moving_mass", "held_mass", "moving_inertia[1]", "held_inertia[5]"):
+        assert mesh.get(name) == pytest.approx(square.get(name), rel=1e-11), name
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"supports": (Support(group="rim", fixed="xz"), Support(group="left", fixed="y"))}, "in all directions or in"),
+        ({"inplane_mass": 10.0}, "Leave out 'inplane_mass'"),
+    ],
+)
+def test_what_cannot_ride_is_refused(wrong, message):
+    with pytest.raises(DescriptionError, match=message):
+        membrane_model(thesis_square(8, 1, **wrong), frame=True)
 
 
 def test_it_moves_as_the_apparent_accelerations_of_a_textbook_say(model):

@@ -39,15 +39,20 @@ def test_the_explicit_step_is_of_second_order(model):
     assert rates == pytest.approx(2.0, abs=0.15)
 
 
-def test_explicit_and_implicit_steps_converge_to_each_other(model):
-    fine = deflections(started(model), 960 * [0.024 / 960])[79::80]  # every 2 ms
+@pytest.mark.parametrize(
+    ("n", "order", "samples", "parts", "spread", "nearest"),
+    [(8, 1, 12, (5, 10, 20), 0.2, 1.5e-3), (4, 4, 6, (10, 20), 0.3, 2e-3)],
+)
+def test_explicit_and_implicit_steps_converge_to_each_other(n, order, samples, parts, spread, nearest):
+    mesh, steps = equations(n, order), 80 if order == 1 else 120
+    fine = deflections(started(membrane(n, order)), samples * steps * [2e-3 / steps])[steps - 1 :: steps]  # every 2 ms
     distance = []
-    for per_sample in (5, 10, 20):
-        history = integrate_implicit(equations(8), MembraneParams(), 12 * per_sample, h=2e-3 / per_sample)
-        distance.append(relative(history.q[per_sample::per_sample, CENTRE], fine))
+    for per_sample in parts:
+        history = integrate_implicit(mesh, MembraneParams(), samples * per_sample, h=2e-3 / per_sample)
+        distance.append(relative(history.q[per_sample::per_sample, 3 * mesh.mesh.centre + 2], fine))
     rates = np.log2(np.array(distance[:-1]) / distance[1:])
-    assert rates == pytest.approx(2.0, abs=0.2)
-    assert distance[-1] < 1.5e-3
+    assert rates == pytest.approx(2.0, abs=spread)
+    assert distance[-1] < nearest
 
 
 def test_an_explicit_step_is_closer_to_the_converged_run_than_an_implicit_one_of_the_same_length(model):
@@ -89,18 +94,22 @@ def test_the_default_run_needs_two_internal_steps_per_3e_4_seconds(model):
         assert 1.5e-4 < limits.min() <= limits.max() < 3e-4
 
 
-@pytest.mark.parametrize("n", [4, 8, 16])
-def test_max_step_stays_below_the_true_limit_and_not_far_below(n):
+SQUARES = [(n, 1, 6, 0.45) for n in (4, 8, 16)] + [(4, order, 4 if order < 5 else 2, 0.75) for order in range(2, 9)]
+
+
+@pytest.mark.parametrize(("n", "order", "cases", "highest"), SQUARES)
+def test_max_step_stays_below_the_true_limit_and_not_far_below(n, order, cases, highest):
     """2/omega_max of the assembled, stretched mesh, flat and under static pressure, with and without damage."""
-    mesh, model, params = equations(n), membrane(n), MembraneParams()
-    for pressure, damage in [(0.0, {}), (1e4, {}), (1e5, {}), (1e4, {1: 0.4}), (1e4, {6: 0.95}), (0.0, {6: 0.8})]:
+    mesh, model, params = equations(n, order), membrane(n, order), MembraneParams()
+    loaded = [(0.0, {}), (1e4, {6: 0.95}), (1e4, {}), (1e5, {}), (1e4, {1: 0.4}), (0.0, {6: 0.8})]
+    for pressure, damage in loaded[:cases]:  # statics of high orders take long
         d = np.array([damage.get(k, 0.0) for k in range(1, 17)])
-        q = static_deflection(mesh, params, pressure, d, load_steps=8)
+        q = static_deflection(mesh, params, pressure, d, load_steps=8 if order == 1 or pressure == 1e5 else 3)
         loads = {"pressure": pressure, **{f"damage[{k}]": value for k, value in damage.items()}}
         x = np.concatenate([q, np.zeros(mesh.n_q + 1)])
         _, y = model.step(x, *vectors(model, pressure_amplitude=0.0, **loads), 1e-9)
         true = 1.0 / (np.pi * natural_frequencies(mesh, params, q, d, count=1, highest=True)[0])
-        assert 0.3 < float(y[-1]) / true < 0.45
+        assert 0.3 < float(y[-1]) / true < highest
 
 
 def test_steps_beyond_the_true_limit_would_indeed_be_unstable(model):

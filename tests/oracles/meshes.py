@@ -2,7 +2,17 @@
 
 import numpy as np
 from gossamer_models import Stepper
-from gossamer_models.membrane import MeshFile, Setup, make_structure, membrane_model, surface_mesh
+from gossamer_models.membrane import (
+    MeshFile,
+    Region,
+    Sensor,
+    Setup,
+    Support,
+    Zone,
+    make_structure,
+    membrane_model,
+    surface_mesh,
+)
 
 # of the 3 x 3 nodes of a cell, row by row: corners counter-clockwise, middles of the sides, middle
 _NINE = [(0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0), (1, 1)]
@@ -107,3 +117,32 @@ def started(file, warn=None, **setup):
     away = structure.ways.sum(axis=0).reshape(-1, 3)
     away[structure.moving] += model.x[: 3 * len(structure.moving)].reshape(-1, 3)
     return structure, model, away
+
+
+def rim(side):
+    """Return the group of the rim of a square between the axes, for ``meshed``."""
+    return {"rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > side - 1e-9)}
+
+
+def thesis_square(n, order, **changes):
+    """Return the square of the thesis as any other membrane: a mesh from its corner, whose numbers are none of its table."""
+    side, stretch = 0.588, 1.0 + 2.0 * 0.006 / 0.588
+    zones = {
+        f"zone{4 * j + i + 1}": (
+            lambda x, y, z, i=i, j=j: (np.floor(4.0 * x / side) == i) & (np.floor(4.0 * y / side) == j)
+        )
+        for j in range(4)
+        for i in range(4)
+    }
+    file = meshed([rectangle(side, side)], n, faces=zones, points=rim(side) | {"left": lambda x, y, z: x < 1e-9})
+    setup = {
+        "order": order,
+        "mass_damping": 20.0,
+        "regions": (Region(youngs_modulus=1e7, poisson_ratio=0.33, density=1100.0, thickness=1e-3),),
+        "supports": (Support(group="rim", stretch=(stretch, stretch, 1.0), centre=(side / 2, side / 2, 0.0)),),
+        "zones": tuple(Zone(group=name) for name in zones),
+        "sensors": tuple(
+            Sensor(point=(side * a / 3, side * b / 3, 0.0), direction=(0.0, 1.0, 0.0)) for b in (1, 2) for a in (1, 2)
+        ),
+    }
+    return make_structure(Setup(**setup | changes), surface_mesh(file, order))

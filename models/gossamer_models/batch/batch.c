@@ -3,9 +3,11 @@
    Symbols: x state, u inputs, p parameters, y recorded results and, last, the step limit where it is a result, h step [s]:
 
        init(u, p)       -> (x, y)        once, when a run begins without a saved state
+       init(u, p, q)    -> (x, y)        of a model whose displacements at rest q are found elsewhere: they begin x then
        step(x, u, p, h) -> (x_next, y)   u holds at the end of the step
 
-   sizes.h holds the sizes of the model, functions.h the C code of init and step with lanes as numbers. A communication
+   sizes.h holds the sizes of the model, functions.h the C code of init and step with lanes as numbers, loops.h the tables of
+   its mesh and the loops over them. A communication
    step is divided in each lane as gossamer_models/stepper.py divides it; a lane that has finished keeps its numbers while
    the others go on. A lane whose state or results are not finite, or that needs too many internal steps, becomes NaN and
    stays so. Nothing is global but constants, so blocks may run in different threads. */
@@ -18,7 +20,10 @@
 #define CASADI_SYMBOL_EXPORT static
 #define CASADI_CODEGEN_PREFIX
 #define CODEGEN_PREFIX kernel_
+static int run_loop(int which, const lanes **arg, lanes **res) __attribute__((noinline)); /* its code is large */
 #include "functions.h"
+#include "loop.h"
+#include "loops.h"
 
 #if defined(_WIN32)
 #define EXPORT __declspec(dllexport)
@@ -137,8 +142,10 @@ static void run_block(const Run *run, Block *b, int64_t first) {
   load(b->p, run->p, N_PARAMETERS, row);
   load(b->u, run->u, N_INPUTS, row);
   if (run->starts) {
+    load(b->x[1 - now], run->x, N_STATES, row);
     b->arg[0] = b->u;
     b->arg[1] = b->p;
+    b->arg[2] = b->x[1 - now];
     b->res[0] = b->x[now];
     b->res[1] = b->y[now];
     mask well = init(b->arg, b->res, b->iw, b->w, 0) ? (mask)(0) : all_finite(b->x[now], b->y[now]);

@@ -11,12 +11,13 @@ import logging
 import math
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Vector
+from ..arrays import Matrix, Vector
 from ..compiler import PACKAGE, has_compiler
 from ..errors import GossamerError, InputError, ParameterError, StateError
 from ..step_model import StepModel
@@ -33,15 +34,16 @@ class Batch:
 
     Eight cases stand in the lanes of one vector, and the C code of the model's own ``init`` and ``step`` works on them with
     strict arithmetic: each case has the numbers that ``Stepper`` gives it up to the round-off of CasADi's own ways of
-    writing an expression, and they do not depend on the other cases, their number or the number of workers. The code is
-    compiled once for each model and set of results, in seconds, or half a minute for a fine mesh, and kept in the user's
-    cache folder.
+    writing an expression, and they do not depend on the other cases, their number or the number of workers. Sums over the
+    elements of a mesh are loops there. Where a model finds its start by an iteration, the batch begins with what the model's
+    own finder of rest returns. The code is compiled once for each model and set of results, in seconds, and kept in the
+    user's cache folder.
     Without a compiler ``Stepper`` runs the cases one after the other; the log says so.
 
     Parameters
     ----------
     model : StepModel
-        Model, without tables: a membrane created without ``compiled=True``.
+        Model.
     results : sequence of str
         Outputs and locals to record.
     inputs : sequence of str
@@ -52,7 +54,7 @@ class Batch:
     InputError
         A name is not that of a result or an input, or comes twice.
     ParameterError
-        The model has tables, which the lanes cannot loop over.
+        The model has loops over tables, has no other form, and there is no compiler or it does not know an operation.
 
     Notes
     -----
@@ -70,17 +72,17 @@ class Batch:
     """
 
     def __init__(self, model: StepModel, results: Sequence[str], inputs: Sequence[str] = ()) -> None:
-        if model.tables is not None:
-            msg = f"model {model.name!r} has loops over tables, for the C of an FMU. Make it without compiled=True."
-            raise ParameterError(msg)
         p, u, y = model.slices()
         _require(model, results, model.names[y], "result")
         _require(model, inputs, model.names[u], "input")
         self.results, self.inputs = tuple(results), tuple(inputs)
         self._table = CaseTable(model=model.name, parameters=model.variables[p], inputs=model.variables[u])
         self._n_x, self._recorded = model.n_states, code.recorded(model, results)
-        self._identity = " ".join([model.digest, *self._recorded])
-        self._engine = _compiled(model, self.results) or OneByOne(model, self._recorded)
+        looped = model if model.compiled is None else model.compiled()
+        self._identity = " ".join([looped.digest, *self._recorded])
+        self._engine = _compiled(looped, self.results) or OneByOne(_without_tables(model), self._recorded)
+        self._finder = looped.at_rest.finder if looped.at_rest and self.compiled else None
+        self._find: Callable[[Matrix, Matrix], Matrix] | None = None
 
     @property
     def compiled(self) -> bool:
@@ -108,7 +110,8 @@ class Batch:
             Step [s]; divided as ``Stepper`` divides it where a case needs shorter steps.
         start : mapping of str to array_like
             Parameters and inputs that differ from the model's table: scalars, or shape (cases,). The name of an array,
-            ``damage``, stands for all its elements: shape (size,), or (cases, size).
+            ``damage``, stands for all its elements: shape (size,), or (cases, size). A membrane begins in equilibrium with
+            them; a case without one has failed.
         inputs : mapping of str to array_like, shape (steps,) or (cases, steps)
             Values at the end of each step of the inputs that vary in time. Until the first step they have the value of
             ``start`` or of the table.
@@ -151,6 +154,10 @@ class Batch:
             initial=np.empty((cases, n_y)),
             results=np.empty((cases, len(self.results), steps // every)),
         )
+        if task.starts and self._finder is not None:
+            self._find = self._find or self._finder()
+            q = self._find(task.u, task.p)
+            task.x[:, : q.shape[1]] = q
         self._engine.run(task, workers)
         values = np.concatenate([task.p, task.u, task.y], axis=1)
         return BatchRun(
@@ -166,13 +173,33 @@ def _compiled(model: StepModel, results: Sequence[str]) -> Kernel | None:
     if not has_compiler():
         log.warning(slow, model.name, f"the compiler ziglang is missing. Install it with: pip install {PACKAGE}")
         return None
-    parts = [model.digest, *results, *code.own_sources().values(), code.MAX_EXPANDED]
+    parts = [
+        model.digest,
+        *results,
+        Path(code.__file__).read_bytes(),
+        *code.own_sources().values(),
+        code.MAX_EXPANDED,
+        code.MAX_ELEMENT,
+    ]
     key = hashlib.sha256(repr(parts).encode()).hexdigest()
     try:
         return Kernel(library(key, lambda: code.sources(model, results), f"model '{model.name}'"))
     except RuntimeError as error:  # an operation that lanes.h does not know
         log.warning(slow, model.name, error)
         return None
+
+
+def _without_tables(model: StepModel) -> StepModel:
+    """Return the form of a model that CasADi's virtual machine runs."""
+    if model.tables is None:
+        return model
+    if model.expression is None:
+        msg = (
+            f"model {model.name!r} has loops over tables, which only compiled code runs. Make it without compiled=True, or "
+            f"install the compiler with: pip install {PACKAGE}"
+        )
+        raise ParameterError(msg)
+    return model.expression()
 
 
 def _require(model: StepModel, names: Sequence[str], known: Sequence[str], what: str) -> None:

@@ -131,7 +131,8 @@ class CaseTable:
                 msg = f"parameter {name!r} is fixed once model {self.model!r} runs. Run it without a saved state."
                 raise StateError(msg)
             array = _numbers(name, value)
-            shape = (cases,) if len(places) == 1 else (cases, len(places))
+            one = name == self.variables[places[0]].name
+            shape = (cases,) if one else (cases, len(places))
             fits = array.ndim <= len(shape) and all(
                 a in (1, b) for a, b in zip(array.shape[::-1], shape[::-1], strict=False)
             )
@@ -200,7 +201,7 @@ def count_cases(
     counts = {} if before is None else {"the saved state": before}
     for name, value in start.items():
         shape = np.shape(value)
-        if len(shape) == (1 if len(table.places(name)) == 1 else 2):
+        if len(shape) == (1 if name == table.variables[table.places(name)[0]].name else 2):
             counts[name] = shape[0]
     counts |= {name: np.shape(value)[0] for name, value in inputs.items() if np.ndim(value) == 2}
     different = {count for count in counts.values() if count != 1 or len(counts) == 1}

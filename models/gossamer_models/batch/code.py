@@ -4,25 +4,32 @@ The sources of a kernel are one translation unit::
 
     batch.c        the time loop; the same for every model
     lanes.h        eight numbers as one; the same for every model
+    loop.h         a sum over the elements of a mesh; the same for every model
     sizes.h        sizes of the model, written here
     functions.h    init and step, written by CasADi and made safe for lanes here
+    loops.h        of a model with tables: the numbers of its mesh, and its loops over them
 
-Each function is expanded to scalar operations where that is possible and gives at most ``MAX_EXPANDED`` of them: straight
-code without loops or memory between operations runs two to five times as fast. Where not (a sparse solve, a table that is
-looked up, a fine mesh), CasADi's loops over arrays are compiled, whose time to compile does not grow with the model.
+A function without sums over a mesh is expanded to scalar operations where that is possible and gives at most
+``MAX_EXPANDED`` of them: straight code without loops or memory between operations runs two to five times as fast. Where
+not (a sparse solve, a table that is looked up), CasADi's loops over arrays are compiled. Of a mesh one element is expanded,
+and the sums over elements and all that is done at each node are loops, so that the time to compile does not grow with it.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 
+from ..element_loop import ElementLoop, Tables
 from ..step_model import StepModel
 
 MAX_EXPANDED = 100_000  # half a minute of compiling
+MAX_ELEMENT = 10_000  # of one element's function
 
 
 def sources(model: StepModel, results: Sequence[str]) -> dict[str, bytes]:
@@ -31,25 +38,32 @@ def sources(model: StepModel, results: Sequence[str]) -> dict[str, bytes]:
     Parameters
     ----------
     model : StepModel
-        Model.
+        Model; of one that has a form with loops, this form.
     results : sequence of str
         Outputs and locals to record.
     """
-    rows = [model.names.index(name) - model.slices()[2].start for name in recorded(model, results)]
-    functions = [_expanded(_with_results(function, rows)) for function in (model.init, model.step)]
+    begin = model.at_rest.begin if model.at_rest is not None and model.at_rest.finder is not None else model.init
+    functions = [_with_results(*pair, model, results) for pair in (("init", begin), ("step", model.step))]
+    loops = () if model.tables is None else model.tables.loops
+    if model.tables is not None:
+        functions = [_with_numbers(function, model.tables) for function in functions]
+    functions = functions if loops else [*map(_expanded, functions)]
+    elements = [_expanded(loop.function, MAX_ELEMENT) for loop in loops]
     generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 0})
-    for function in functions:
+    for function in [*functions, *elements, *(loop.stand_in for loop in loops)]:
         generator.add(function)
+    code = with_loops(safe_for_lanes(generator.dump()), loops)
     return {
         **own_sources(),
-        "sizes.h": _sizes(model, results, functions).encode(),
-        "functions.h": safe_for_lanes(generator.dump()).encode(),
+        "sizes.h": _sizes(model, results, functions, elements).encode(),
+        "functions.h": code.encode(),
+        "loops.h": _loops(loops).encode(),
     }
 
 
 def own_sources() -> dict[str, bytes]:
     """Return the C sources that are the same for every model, by file name."""
-    return {name: (Path(__file__).parent / name).read_bytes() for name in ("batch.c", "lanes.h")}
+    return {name: (Path(__file__).parent / name).read_bytes() for name in ("batch.c", "lanes.h", "loop.h")}
 
 
 def recorded(model: StepModel, results: Sequence[str]) -> list[str]:
@@ -59,14 +73,25 @@ def recorded(model: StepModel, results: Sequence[str]) -> list[str]:
     return [*results, *([limit] if limit is not None and is_result else [])]
 
 
-def _with_results(function: ca.Function, rows: list[int]) -> ca.Function:
-    """Keep the state and some of the results."""
+def _with_results(name: str, function: ca.Function, model: StepModel, results: Sequence[str]) -> ca.Function:
+    """Keep the state and some of the results, in pieces of one array each, so that no other is computed."""
+    first = model.slices()[2].start
+    names = recorded(model, results)
+    rows = [model.names.index(name) - first for name in names]
+    pieces = groupby(range(len(rows)), lambda i: (names[i].partition("[")[0], rows[i] - i))
     symbols = function.mx_in()
     x, y = function.call(symbols, True, False)
-    return ca.Function(function.name(), symbols, [x, y[rows]])
+    parts = [y[rows[i[0]] : rows[i[-1]] + 1] for i in (list(places) for _, places in pieces)]
+    return ca.Function(name, symbols, [x, ca.vertcat(*parts)])
 
 
-def _expanded(function: ca.Function) -> ca.Function:
+def _with_numbers(function: ca.Function, tables: Tables) -> ca.Function:
+    """Take the numbers of the tables as constants rather than as the last input."""
+    symbols = function.mx_in()[:-1]
+    return ca.Function(function.name(), symbols, function.call([*symbols, ca.MX(ca.DM(tables.numbers))], True, False))
+
+
+def _expanded(function: ca.Function, most: int = MAX_EXPANDED) -> ca.Function:
     """Write a function as scalar operations, each once, if that is possible and they are not too many."""
     try:
         expanded = function.expand()
@@ -74,13 +99,78 @@ def _expanded(function: ca.Function) -> ca.Function:
         return function
     symbols = expanded.sx_in()
     expanded = ca.Function(function.name(), symbols, ca.cse(expanded.call(symbols)))
-    return expanded if expanded.n_instructions() <= MAX_EXPANDED else function
+    return expanded if expanded.n_instructions() <= most else function
 
 
-def _sizes(model: StepModel, results: Sequence[str], functions: Sequence[ca.Function]) -> str:
+_FUNCTION = r"static int {name}\(const casadi_real\*\* arg, [^)]*\) \{{"
+_EXPOSED = r"CASADI_SYMBOL_EXPORT int {name}\([^)]*\)\s*\{{\s*return (casadi_f\d+)\("
+_ZEROS = re.compile(r"(static const casadi_real casadi_zeros\[\d+\]) =\s*\{[0., \n]*\};")
+
+
+def with_loops(code: str, loops: Sequence[ElementLoop]) -> str:
+    """Let the functions that stand in for loops run them, and leave out long lists of zeros.
+
+    Parameters
+    ----------
+    code : str
+        From CasADi's generator, to which the ``stand_in`` of each was added.
+    loops : sequence of ElementLoop
+        The loops.
+    """
+    for number, loop in enumerate(loops):
+        name = internal_name(code, loop.name)
+        begin = re.search(_FUNCTION.format(name=name), code)
+        if begin is None:
+            msg = f"CasADi wrote no body of {loop.name!r}; its generator must have changed"
+            raise RuntimeError(msg)
+        end = code.index("\n}\n", begin.end())
+        code = f"{code[: begin.end()]}\n return run_loop({number}, arg, res);{code[end:]}"
+    return _ZEROS.sub(r"\1;", code)  # zero anyway
+
+
+def internal_name(code: str, name: str) -> str:
+    """Return the name that CasADi gave the function behind one that it exposes."""
+    exposed = re.search(_EXPOSED.format(name=name), code)
+    if exposed is None:
+        msg = f"CasADi wrote no function {name!r}; its generator must have changed"
+        raise RuntimeError(msg)
+    return exposed[1]
+
+
+def _loops(loops: Sequence[ElementLoop]) -> str:
+    """Write the tables of the mesh, and what runs the loops over them."""
+    text, cases = [], []
+    for number, loop in enumerate(loops):
+        n, m = loop.nodes.shape
+        places = np.column_stack([3 * loop.nodes, loop.shared * loop.function.nnz_in(1)])
+        text += [
+            f"static const int32_t places_{number}[] = {{{','.join(map(str, places.ravel().tolist()))}}};",
+            f"static const double numbers_{number}[] = {{{','.join(map(repr, loop.own.ravel().tolist()))}}};",
+        ]
+        sizes = f"{n}, {m}, {loop.own.shape[1]}, {loop.forces}, {3 * loop.n_forces}"
+        kinds = "".join(kind[0] for kind in loop.reductions)
+        cases.append(
+            f"case {number}: return sum_over({loop.function.name()}, {sizes}, "
+            f'"{kinds}", places_{number}, numbers_{number}, arg, res);'
+        )
+    text += [
+        "static int run_loop(int which, const lanes **arg, lanes **res) {",
+        "switch (which) {",
+        *cases,
+        "}",
+        "return 1;",
+        "}",
+    ]
+    return "\n".join([*text, ""])
+
+
+def _sizes(
+    model: StepModel, results: Sequence[str], functions: Sequence[ca.Function], elements: Sequence[ca.Function]
+) -> str:
     parameters, inputs, _ = model.slices()
     n_p, n_u, n_y = parameters.stop, inputs.stop - inputs.start, len(recorded(model, results))
     limit = -1 if model.step_limit is None else model.names.index(model.step_limit)
+    loops = () if model.tables is None else model.tables.loops
     sizes = {
         "N_PARAMETERS": n_p,
         "N_INPUTS": n_u,
@@ -99,6 +189,11 @@ def _sizes(model: StepModel, results: Sequence[str], functions: Sequence[ca.Func
         "SIZE_RES": max(f.sz_res() for f in functions),
         "SIZE_IW": max(1, *(f.sz_iw() for f in functions)),
         "SIZE_W": max(1, *(f.sz_w() for f in functions)),
+        "MOST_ARG": max([1, *(f.sz_arg() for f in elements)]),
+        "MOST_RES": max([1, *(f.sz_res() for f in elements)]),
+        "MOST_IW": max([1, *(f.sz_iw() for f in elements)]),
+        "MOST_W": max([1, *(f.sz_w() for f in elements)]),
+        "MOST_REDUCTIONS": max([1, *(len(loop.reductions) for loop in loops)]),
     }
     return "".join(f"#define {name} {value}\n" for name, value in sizes.items())
 

@@ -3,9 +3,11 @@
 from .assembly import MembraneEquations
 from .law import LAWS
 from .model import membrane_model
+from .portable import read_structure
 from .reading import MeshFile, read_mesh
 from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
+from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
 from .structure import Structure, make_structure
 from .surface import SurfaceMesh, surface_mesh
 from .zones import Zone
@@ -14,6 +16,9 @@ __all__ = [
     # the model and its equations
     "membrane_model",
     "MembraneEquations",
+    "Equilibria",
+    "Equilibrium",
+    "EquilibriumDerivatives",
     # what it is made of
     "Edge",
     "Gas",
@@ -28,6 +33,7 @@ __all__ = [
     "make_structure",
     "MeshFile",
     "read_mesh",
+    "read_structure",
     "Structure",
     "SurfaceMesh",
     "surface_mesh",

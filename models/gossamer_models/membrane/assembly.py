@@ -12,7 +12,6 @@ are parts of a table; see ``loops``. Equal squares are computed in units of thei
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -23,10 +22,9 @@ from numpy.typing import NDArray
 from ..arrays import Vector
 from ..element_loop import Tables
 from ..variables import Values
-from .element import balance, element_tangent_function, tangents
+from .element import balance, tangents
 from .geometry import stiffest
-from .law import Entry
-from .loops import at_points, encloses, force_loop, limits, swept, tilts, volume_loop
+from .loops import at_points, element_tangent, encloses, force_loop, limits, own_numbers, swept, tilts, volume_loop
 from .structure import Elements, Structure
 
 Shared: TypeAlias = dict[str, ca.MX]
@@ -103,17 +101,21 @@ class MembraneEquations:
         """Return the factor on all lengths of the mesh [1]."""
         return p.side_length / self.structure.mesh.size if hasattr(p, "side_length") else 1.0
 
-    def weight(self, p: Values) -> Any:  # noqa: ANN401
-        """Return the factor on all masses of the structure [1]."""
-        return self._ratio(p, "density") * self._ratio(p, "thickness") * self.size(p) ** 2
+    def shortness(self, p: Values) -> Any:  # noqa: ANN401
+        """Return one over it [1]: a vector is multiplied in a fraction of the time that it is divided in."""
+        return self.structure.mesh.size / p.side_length if hasattr(p, "side_length") else 1.0
 
     def mass(self, p: Values) -> ca.MX:
         """Return the mass of each node [kg], all nodes, shape (N,)."""
-        return self.weight(p) * self.arrays["mass"]
+        return self.arrays["mass"] / self.lightness(p)
+
+    def lightness(self, p: Values) -> Any:  # noqa: ANN401
+        """Return one over the factor on all masses of the structure [1]."""
+        return self._share(p, "density") * self._share(p, "thickness") * self.shortness(p) ** 2
 
     def mobility(self, p: Values) -> ca.MX:
         """Return one over the mass of its node for each displacement, zero where it is held [1/kg], shape (3 M,)."""
-        return 1.0 / self.weight(p) * self.arrays["mobility"]
+        return self.lightness(p) * self.arrays["mobility"]
 
     def positions(self, q: ca.MX, u: Values, p: Values) -> ca.MX:
         """Write the positions of all nodes [m], shape (3 N,)."""
@@ -122,6 +124,15 @@ class MembraneEquations:
             if support.motion:
                 x += getattr(u if hasattr(u, support.motion) else p, support.motion) * self.arrays[f"way_{i}"]
         return ca.vertcat(x[: self.n_q] + q, x[self.n_q :])
+
+    def filled(self, u: Values) -> ca.MX:
+        """Write the pressure of the gas at its volume of the start, with the ambient one [Pa]."""
+        gas = self.structure.setup.gas
+        return (gas.pressure + gas.ambient) * u.gas_amount if gas else ca.MX(0.0)
+
+    def gas_of_start(self, u: Values) -> ca.MX:
+        """Write the pressure of the gas at its volume of the start [Pa]."""
+        return self.filled(u) - (self.structure.setup.gas.ambient if self.structure.setup.gas else 0.0)
 
     def shared(self, u: Values, p: Values, built_in: ca.MX, gas: ca.MX) -> Shared:
         """Write what elements share, with the built-in pressure and that of the gas [Pa]."""
@@ -197,14 +208,14 @@ class MembraneEquations:
         parts = []
         for i, block in enumerate(self.structure.elements):
             side = block.geometry.side or 1.0
-            unit = side * self.size(p)
+            unit, per_unit = side * self.size(p), self.shortness(p) / side
             own = {name: value * unit if name in _PER_LENGTH else value for name, value in shared.items()}
             if self._compiled:
-                found = self._looped(i, x / unit, own)
+                found = self._looped(i, per_unit * x, own)
             elif self._is_mapped:
-                found = self._mapped(i, x / unit, own)
+                found = self._mapped(i, per_unit * x, own)
             else:
-                found = self._at_once(block, x / unit, own)
+                found = self._at_once(block, per_unit * x, own)
             parts.append(replace(found, f=unit * found.f, compressed=side**2 * found.compressed))
         total = parts[0]
         for part in parts[1:]:
@@ -238,29 +249,32 @@ class MembraneEquations:
             np.add.at(areas, block.nodes[on], block.geometry.node_normals[on])
         return float(np.sum(structure.free.reshape(-1, 3) * areas**2 / structure.mass[:, None]))
 
-    def tangent(self, x: ca.MX, shared: Shared, p: Values, axes: int) -> ca.MX:
-        """Write ``-df/dx`` [N/m] of the moving nodes along the first axes, sparse, shape (axes M, axes M).
+    def tangents(self, x: ca.MX, shared: Shared, p: Values, axes: int = 3) -> list[ca.MX]:
+        """Write the derivative of the forces [N/m] of the elements of each kind by their nodes' positions, side by side.
 
-        Of a membrane whose elements are equal squares.
+        Shape (axes m, axes m n), along x of all nodes first; see ``places`` for where they belong.
         """
-        block, m = self.structure.elements[0], self.n_q // 3 * axes
-        side = block.geometry.side
-        unit = side * self.size(p) if side else np.nan
-        n, size = block.nodes.shape
-        columns = ca.reshape((x / unit)[_places(self._rank[block.nodes]).reshape(-1).tolist()], -1, n)
-        D, nu, load = (
-            ca.repmat(value, 1, n) if value.is_scalar() else value[:, block.combination.tolist()]
-            for value in (shared["D"], ca.MX(self._nu(shared)), shared["pressure"] * unit)
-        )
-        blocks = element_tangent_function(block.element, axes).map(n, "serial")(columns, D, nu, load)
-        node = self._rank[block.nodes]
-        row = np.where(node < self.n_q // 3, axes * node, m)[:, None, :] + np.arange(axes)[:, None]
-        row = np.minimum(row, m).reshape(n, axes * size)
-        return -_assembled(blocks, row, m)
+        found, columns = [], len(self.structure.region)
+        for i, block in enumerate(self.structure.elements):
+            side = block.geometry.side or 1.0
+            unit = side * self.size(p)
+            own = (value * unit if name in _PER_LENGTH else value for name, value in shared.items())
+            d = ca.vertcat(*(ca.repmat(value, 1, columns) if ca.MX(value).is_scalar() else value for value in own))
+            each = element_tangent(self.structure, i, self.shared_names, axes).map(len(block.nodes), "serial")
+            at = ca.vertcat(*self._positions(block, self.shortness(p) / side * x))
+            numbers = ca.DM(own_numbers(self.structure, block)).T
+            found.append(each(at, d[:, block.combination.tolist()], numbers))
+        return found
 
-    def _ratio(self, p: Values, name: str) -> Any:  # noqa: ANN401
-        """Return a parameter over the number of the setup [1]; 1 if it is none."""
-        return getattr(p, name) / getattr(self.structure.setup.regions[0], name) if hasattr(p, name) else 1.0
+    def places(self, block: Elements, axes: int = 3) -> NDArray[np.int64]:
+        """Return the places in q of the displacements of each element, ``n_q`` of those that are held, shape (n, axes m)."""
+        node = self._rank[block.nodes]
+        row = np.where(node < self.n_q // 3, axes * node, self.n_q // 3 * axes)[:, None, :] + np.arange(axes)[:, None]
+        return np.minimum(row, self.n_q // 3 * axes).reshape(len(node), -1)
+
+    def _share(self, p: Values, name: str) -> Any:  # noqa: ANN401
+        """Return the number of the setup over a parameter [1]; 1 if it is none."""
+        return getattr(self.structure.setup.regions[0], name) / getattr(p, name) if hasattr(p, name) else 1.0
 
     def _material(self, p: Values, name: str, of_region: Any) -> Any:  # noqa: ANN401
         if hasattr(p, name):
@@ -268,15 +282,12 @@ class MembraneEquations:
         values = np.array([getattr(region, name) for region in self.structure.setup.regions])
         return float(values[0]) if np.ptp(values) == 0.0 else of_region(values)
 
-    def _nu(self, shared: Mapping[str, Entry]) -> Entry:
-        return shared.get("nu", self.structure.setup.regions[0].poisson_ratio)
-
     def _quickening(self, p: Values) -> Any:  # noqa: ANN401
         """Return the factor on the squared frequencies [1], but for the stiffness, of parameters against the setup.
 
         That of Poisson's ratio is convex, so its chords are above it.
         """
-        factor = 1.0 / self.weight(p)
+        factor = self.lightness(p)
         if not hasattr(p, "poisson_ratio"):
             return factor
         at, chords = self.structure.setup.regions[0].poisson_ratio, []
@@ -304,7 +315,7 @@ class MembraneEquations:
         w = ca.repmat(ca.DM(block.element.w), 1, n)
         P, load, rate, strain, compressed = at_points(self.structure.setup, T, block.element, w, spread, limit, tilt)
         f, rate, strain, compressed = ca.cse([balance(P, load, block.element), rate, strain, compressed])
-        f = _sum_at(_places(self._rank[block.nodes]).reshape(-1), ca.vec(f), 3 * len(self._rank))
+        f = sum_at(_places(self._rank[block.nodes]).reshape(-1), ca.vec(f), 3 * len(self._rank))
         return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum1(ca.sum2(compressed)))
 
     def _mapped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
@@ -316,7 +327,7 @@ class MembraneEquations:
         elements = ca.reshape(x[places.tolist()], -1, len(loop.nodes))
         each = loop.function.map(len(loop.nodes))
         f, rate, strain, *rest = each(elements, ca.vertcat(*d)[:, loop.shared.tolist()], ca.DM(loop.own).T)
-        f = _sum_at(places, ca.vec(f), 3 * len(self._rank))
+        f = sum_at(places, ca.vec(f), 3 * len(self._rank))
         return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum2(rest[0]) if rest else ca.MX(0.0))
 
     def _looped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
@@ -370,19 +381,7 @@ def _places(nodes: NDArray[np.int64]) -> NDArray[np.int64]:
     return (3 * nodes[:, None, :] + np.arange(3)[:, None]).reshape(len(nodes), -1)
 
 
-def _sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
+def sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
     """Sum values at their places, shape (size,): the transpose of indexing."""
     x = ca.MX.sym("x", size)
     return ca.jtimes(x[places.tolist()], x, values, True)
-
-
-def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
-    """Sum square matrices of all elements, side by side, into a sparse matrix, shape (size, size), without row ``size``."""
-    n, m = rows.shape
-    row = np.repeat(rows.reshape(n, 1, m), m, axis=1).reshape(-1)  # CasADi stores column by column
-    column = np.repeat(rows.reshape(n, m, 1), m, axis=2).reshape(-1)
-    held = (row == size) | (column == size)
-    key, place = np.unique(np.where(held, size**2, column * size + row), return_inverse=True)
-    known = key[key < size**2]
-    pattern = ca.Sparsity.triplet(size, size, (known % size).tolist(), (known // size).tolist())
-    return ca.MX(pattern, _sum_at(place, ca.vec(blocks), len(known) + 1)[: len(known)])

@@ -153,38 +153,6 @@ def _triangle(law: str) -> Element:
     return Element(0, corners, (third,), (slopes[0],), (slopes[1],), np.array([0.5]), 1.0, _UNIT, LAWS[law].stress)
 
 
-def element_tangent_function(element: Element, axes: int) -> ca.Function:
-    """Make ``K(x, D, nu, load)``, the derivative of the force by the node positions, both along the first ``axes`` axes.
-
-    The chain rule: derivatives of stress and load at the points, between the operators of the element, whose reference map
-    is one number for all points. ``D`` is the stiffness, ``load`` the pressure in the units of ``element_points``.
-    """
-    m, points = len(element.nodes), len(element.w)
-    inputs = [ca.SX.sym(name, size) for name, size in zip("TwDnp", (6, 1, 1, 1, 1), strict=True)]
-    at = element_points(by_axis(inputs[0]), element, *inputs[1:])
-    derivative = ca.jacobian(ca.vertcat(*at.P.flat, *at.load), inputs[0])
-    by_tangents = ca.Function("law_derivative", inputs, [ca.densify(derivative)])
-    N, *slopes = (dense(operator, m) for operator in (element.N, element.D_s, element.D_t))
-    x, D, nu, pressure = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("D"), ca.MX.sym("nu"), ca.MX.sym("load")]
-    T = tangents(ca.vertsplit(x, m), element)
-    derivatives = by_tangents.map(points, [False, False, True, True, True])
-    A = ca.reshape(derivatives(ca.horzcat(*T.flat).T, ca.DM(element.w).T, D, nu, pressure), 9, -1)  # 6 columns a point
-
-    def at_points(row: int, k: int, b: int) -> ca.MX:
-        return ca.diag(A[row, 2 * k + b :: 6].T)
-
-    def block(i: int, k: int) -> ca.MX:
-        sides = (
-            ca.mtimes(N.T, at_points(6 + i, k, b))
-            - sum(ca.mtimes(slope.T, at_points(2 * i + a, k, b)) for a, slope in enumerate(slopes))
-            for b in range(2)
-        )
-        return sum(ca.mtimes(side, slope) for side, slope in zip(sides, slopes, strict=True))
-
-    K = ca.vertcat(*(ca.horzcat(*(block(i, k) for k in range(axes))) for i in range(axes)))
-    return ca.Function("element_tangent", symbols, [ca.densify(K)])
-
-
 def by_axis(rows: Entry) -> Matrix:
     """Return six rows, of x,s and x,t along x, then y, then z, as entries, shape (3, 2)."""
     return matrix([[rows[2 * i + a, :].T for a in range(2)] for i in range(3)])

@@ -13,9 +13,10 @@ from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from ..variables import Values
-from .assembly import MembraneEquations
+from .assembly import MembraneEquations, Shared, sum_at
 
 LEVELS = 5  # at most 10^5 steps
 NEWTON_STEPS = 8
@@ -125,7 +126,7 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
     x = equations.positions(q, by_symbol_u, by_symbol_p)
     f = equations.forces(x, shared, by_symbol_p).f[:n]
     q_next = q + 0.0
-    q_next[plane] += ca.solve(equations.tangent(x, shared, by_symbol_p, axes=2), f[plane], "ldl")
+    q_next[plane] += ca.solve(tangent(equations, x, shared, by_symbol_p, axes=2), f[plane], "ldl")
     newton = ca.Function("newton", [q, *table, *symbols], [q_next])
 
     q = ca.MX.zeros(n)
@@ -137,3 +138,24 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
     accepted = PLANE * size * ca.mmax(shared["D"]) * (1.0 + ca.fmax(found.strain, 0.0)) ** 1.5
     left = ca.norm_inf(found.f[:n]) / accepted
     return ca.if_else(left <= 1.0, q, float("nan")), left
+
+
+def tangent(equations: MembraneEquations, x: ca.MX, shared: Shared, p: Values, axes: int) -> ca.MX:
+    """Write ``-df/dx`` [N/m] of the moving nodes along the first axes, sparse, shape (axes M, axes M).
+
+    Of a membrane with elements of one kind.
+    """
+    (blocks,), (kind,) = equations.tangents(x, shared, p, axes), equations.structure.elements
+    return -_assembled(blocks, equations.places(kind, axes), equations.n_q // 3 * axes)
+
+
+def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
+    """Sum square matrices of all elements, side by side, into a sparse matrix, shape (size, size), without row ``size``."""
+    n, m = rows.shape
+    row = np.repeat(rows.reshape(n, 1, m), m, axis=1).reshape(-1)  # CasADi stores column by column
+    column = np.repeat(rows.reshape(n, m, 1), m, axis=2).reshape(-1)
+    held = (row == size) | (column == size)
+    key, place = np.unique(np.where(held, size**2, column * size + row), return_inverse=True)
+    known = key[key < size**2]
+    pattern = ca.Sparsity.triplet(size, size, (known % size).tolist(), (known // size).tolist())
+    return ca.MX(pattern, sum_at(place, ca.vec(blocks), len(known) + 1)[: len(known)])

@@ -249,30 +249,19 @@ def frame_results(mount: Mounting, moving: ca.MX, held: ca.MX, reaction: ca.MX) 
     return results
 
 
-_vector = partial(array, parts=[f"along {axis}" for axis in "xyz"])
-_inertia = partial(array, parts=_LETTERS)
-
-
-def _direction(name: str, text: str, axis: int) -> tuple[Variable, ...]:
-    """Make the rows of a direction that is one of the body axes by default."""
-    return tuple(
-        parameter(f"{name}[{k}]", "1", f"{text}, along {letter}", float(k == axis), -1e3, 1e3)
-        for k, letter in enumerate("xyz", 1)
-    )
-
-
+_vector = partial(array, parts=[f"in body axes, along {axis}" for axis in "xyz"])
+_inertia = partial(array, parts=[f"in body axes, {letters}" for letters in _LETTERS])
 FRAME_PARAMETERS = (
+    *_vector(parameter, "mount_position", "m", "Place of the membrane's centre from the frame's origin", 0.0, 1e4),
+    *_vector(parameter, "mount_normal", "1", "Normal of the membrane, its z axis, of any length", (0.0, 0.0, 1.0), 1e3),
     *_vector(
         parameter,
-        "mount_position",
-        "m",
-        "Place of the membrane's centre from the frame's origin, in body axes",
-        start=0.0,
-        minimum=-1e4,
-        maximum=1e4,
+        "mount_x",
+        "1",
+        "Direction of the membrane's x axis, freed of what lies along the normal",
+        (1.0, 0.0, 0.0),
+        1e3,
     ),
-    *_direction("mount_normal", "Normal of the membrane, its z axis, of any length, in body axes", 3),
-    *_direction("mount_x", "Direction of the membrane's x axis, freed of what lies along the normal, in body axes", 1),
     parameter(
         "enclosed_pressure",
         "1",
@@ -282,65 +271,33 @@ FRAME_PARAMETERS = (
         1.0,
     ),
 )
+_MEAN = "mean over the step"
 FRAME_INPUTS = (
     *_vector(
         input_,
         "frame_acceleration",
         "m/s2",
-        "Acceleration of the frame's origin less gravity, mean over the step, in body axes",
-        start=0.0,
-        minimum=-1e5,
-        maximum=1e5,
-        nominal=10.0,
+        f"Acceleration of the frame's origin less gravity, {_MEAN}",
+        0.0,
+        1e5,
+        10.0,
     ),
     *_vector(
-        input_,
-        "angular_velocity",
-        "rad/s",
-        "Angular velocity of the frame at the end of the step, in body axes",
-        start=0.0,
-        minimum=-1e3,
-        maximum=1e3,
-        nominal=0.1,
+        input_, "angular_velocity", "rad/s", "Angular velocity of the frame at the end of the step", 0.0, 1e3, 0.1
     ),
-    *_vector(
-        input_,
-        "angular_acceleration",
-        "rad/s2",
-        "Angular acceleration of the frame, mean over the step, in body axes",
-        start=0.0,
-        minimum=-1e6,
-        maximum=1e6,
-        nominal=1.0,
-    ),
+    *_vector(input_, "angular_acceleration", "rad/s2", f"Angular acceleration of the frame, {_MEAN}", 0.0, 1e6, 1.0),
 )
 FRAME_OUTPUTS = (
-    *_vector(output, "force", "N", "Force on the frame, mean over the step, in body axes", nominal=1.0),
-    *_vector(
-        output,
-        "torque",
-        "N m",
-        "Torque on the frame about its origin, mean over the step, in body axes",
-        nominal=1.0,
-    ),
+    *_vector(output, "force", "N", f"Force on the frame, {_MEAN}", nominal=1.0),
+    *_vector(output, "torque", "N m", f"Torque on the frame about its origin, {_MEAN}", nominal=1.0),
     output("held_mass", "kg", "Mass of the held edge, to be added to what carries the frame"),
-    *_vector(output, "held_first_moment", "kg m", "Mass times place of the held edge, in body axes"),
-    *_inertia(output, "held_inertia", "kg m2", "Inertia of the held edge about the frame's origin, in body axes"),
+    *_vector(output, "held_first_moment", "kg m", "Mass times place of the held edge"),
+    *_inertia(output, "held_inertia", "kg m2", "Inertia of the held edge about the frame's origin"),
     output("moving_mass", "kg", "Mass that moves relative to the frame"),
-    *_vector(output, "moving_first_moment", "kg m", "Mass times place of what moves, in body axes"),
-    *_inertia(output, "moving_inertia", "kg m2", "Inertia of what moves about the frame's origin, in body axes"),
-    *_vector(
-        output,
-        "momentum",
-        "kg m/s",
-        "Momentum of what moves, of its velocity less that of the frame's origin, in body axes",
-    ),
-    *_vector(
-        output,
-        "angular_momentum",
-        "kg m2/s",
-        "Angular momentum about the frame's origin, of the same velocity, in body axes",
-    ),
+    *_vector(output, "moving_first_moment", "kg m", "Mass times place of what moves"),
+    *_inertia(output, "moving_inertia", "kg m2", "Inertia of what moves about the frame's origin"),
+    *_vector(output, "momentum", "kg m/s", "Momentum of what moves, of its velocity less that of the frame's origin"),
+    *_vector(output, "angular_momentum", "kg m2/s", "Angular momentum about the frame's origin, of the same velocity"),
 )
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..element_loop import ElementLoop
-from .element import Element, Extras, apply, balance, by_axis, element_points, tangents
+from .element import Element, Extras, apply, balance, by_axis, dense, element_points, tangents
 from .geometry import stiffest
 from .law import Entry, matrix
 from .setup import Setup
@@ -77,17 +77,8 @@ def force_loop(
         Whether the area under compression is a result.
     """
     block = structure.elements[number]
-    element, n, points = block.element, len(block.nodes), len(block.element.w)
-    own = [np.broadcast_to(each(structure, block), n) for each in (limits, tilts)]
-    maps = np.zeros((n, 0)) if block.geometry.side is not None else _maps(element, n)
-
-    T, g, w = ca.SX.sym("T", 6), ca.SX.sym("g", maps.shape[1] // points), ca.SX.sym("w")
-    d, limit, tilt = ca.SX.sym("d", len(names)), ca.SX.sym("limit"), ca.SX.sym("tilt")
-    placed = replace(element, J=g[0], J_inverse=matrix([[g[1], g[2]], [g[3], g[4]]])) if maps.size else element
-    shared = {name: d[i] for i, name in enumerate(names)}
-    P, load, *rest = at_points(structure.setup, by_axis(T), placed, w, shared, limit, tilt)
-    results = ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), *rest[: 2 + compressed]])
-    point = ca.Function("point", [T, g, w, d, limit, tilt], results)
+    element, points = block.element, len(block.element.w)
+    point, maps = _point(structure, number, names, compressed=compressed)
 
     x = ca.SX.sym("x", 3 * block.nodes.shape[1])
     columns = tangents(ca.vertsplit(x, block.nodes.shape[1]), element)
@@ -97,9 +88,9 @@ def force_loop(
     row = ca.SX.sym("row", 1, points)
     largest = ca.Function("largest", [row], [reduce(ca.fmax, ca.horzsplit(row))])
 
-    x, d, g = symbols = [ca.MX.sym("x", x.numel()), ca.MX.sym("d", len(names)), ca.MX.sym("g", maps.shape[1] + 2)]
+    x, d, g = symbols = [ca.MX.sym("x", x.numel()), ca.MX.sym("d", len(names)), ca.MX.sym("g", maps + 2)]
     all_points = point.map(points, [False, False, False, True, True, True])
-    each = ca.reshape(g[:-2], maps.shape[1] // points, points)
+    each = ca.reshape(g[:-2], maps // points, points)
     P, load, rate, strain, *area = all_points(stretches(x), each, ca.DM(element.w).T, d, g[-2], g[-1])
     sums = [on_nodes(P, load), largest(rate), largest(strain), *(ca.sum2(part) for part in area)]
     function = ca.Function(f"element_{number}", symbols, sums)
@@ -112,8 +103,65 @@ def force_loop(
         len(structure.region),
         rank[block.nodes],
         block.combination,
-        np.column_stack([maps, *own]),
+        own_numbers(structure, block),
     )
+
+
+def element_tangent(structure: Structure, number: int, names: Sequence[str], axes: int = 3) -> ca.Function:
+    """Write ``K(x, d, g)``, the derivative of the forces on one element's nodes by their positions, along the first axes.
+
+    The chain rule: derivatives of stress and load at the points, between the operators of the element. Arguments are those
+    of ``force_loop``; the shape is (axes m, axes m).
+    """
+    element = structure.elements[number].element
+    m, points = len(element.nodes), len(element.w)
+    point, maps = _point(structure, number, names, compressed=False)
+    inputs = [ca.SX.sym("i", point.sparsity_in(i)) for i in range(point.n_in())]
+    P, load, *_ = point.call(inputs, True, False)
+    derivative = ca.jacobian(ca.vertcat(P, load), inputs[0])
+    by_tangents = ca.Function("law_derivative", inputs[:4], [ca.densify(derivative)])
+    N, *slopes = (dense(operator, m) for operator in (element.N, element.D_s, element.D_t))
+    x, d, g = symbols = [ca.MX.sym("x", 3 * m), ca.MX.sym("d", len(names)), ca.MX.sym("g", maps + 2)]
+    T = tangents(ca.vertsplit(x, m), element)
+    each = ca.reshape(g[:-2], maps // points, points)
+    derivatives = by_tangents.map(points, [False, False, False, True])
+    A = ca.reshape(derivatives(ca.horzcat(*T.flat).T, each, ca.DM(element.w).T, d), 9, -1)  # 6 columns a point
+
+    def at_points(row: int, k: int, b: int) -> ca.MX:
+        return ca.diag(A[row, 2 * k + b :: 6].T)
+
+    def block(i: int, k: int) -> ca.MX:
+        sides = (
+            ca.mtimes(N.T, at_points(6 + i, k, b))
+            - sum(ca.mtimes(slope.T, at_points(2 * i + a, k, b)) for a, slope in enumerate(slopes))
+            for b in range(2)
+        )
+        return sum(ca.mtimes(side, slope) for side, slope in zip(sides, slopes, strict=True))
+
+    K = ca.vertcat(*(ca.horzcat(*(block(i, k) for k in range(axes))) for i in range(axes)))
+    return ca.Function("element_tangent", symbols, [ca.densify(K)])
+
+
+def _point(structure: Structure, number: int, names: Sequence[str], *, compressed: bool) -> tuple[ca.Function, int]:
+    """Write ``point(T, g, w, d, limit, tilt)``, what a point of an element adds; return the size of its maps, too."""
+    block = structure.elements[number]
+    element, points = block.element, len(block.element.w)
+    maps = 0 if block.geometry.side is not None else 5 * points
+    T, g, w = ca.SX.sym("T", 6), ca.SX.sym("g", maps // points), ca.SX.sym("w")
+    d, limit, tilt = ca.SX.sym("d", len(names)), ca.SX.sym("limit"), ca.SX.sym("tilt")
+    placed = replace(element, J=g[0], J_inverse=matrix([[g[1], g[2]], [g[3], g[4]]])) if maps else element
+    shared = {name: d[i] for i, name in enumerate(names)}
+    P, load, *rest = at_points(structure.setup, by_axis(T), placed, w, shared, limit, tilt)
+    results = ca.cse([ca.vertcat(*P.flat), ca.vertcat(*load), *rest[: 2 + compressed]])
+    return ca.Function("point", [T, g, w, d, limit, tilt], results), maps
+
+
+def own_numbers(structure: Structure, block: Elements) -> Vector:
+    """Return what each element has alone, shape (n, L): maps of its points, limit of its frequency, tilt of its nodes."""
+    n = len(block.nodes)
+    own = [np.broadcast_to(each(structure, block), n) for each in (limits, tilts)]
+    maps = np.zeros((n, 0)) if block.geometry.side is not None else _maps(block.element, n)
+    return np.column_stack([maps, *own])
 
 
 def volume_loop(structure: Structure, rank: Integers, number: int, names: Sequence[str]) -> ElementLoop:

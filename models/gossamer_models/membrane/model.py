@@ -23,10 +23,12 @@ from .assembly import Forces, MembraneEquations
 from .equilibrium import FLOOR, in_plane, relax
 from .frame import RESTARTED, FrameState, flying
 from .gauges import Gauge
+from .portable import FILE, structure_text
 from .riding import Rider
 from .setup import Setup
 from .shape import SHAPE, membrane_shape
 from .square import square_structure
+from .statics import Equilibrium
 from .structure import Structure
 
 STEP_FRACTION = 0.6  # of the stable step
@@ -146,9 +148,6 @@ def membrane_model(
         across = ca.vec(ca.repmat(_products(a, t["normals"]).T, 3, 1))
         return t["free"] * (a / k + (1.0 - 1.0 / k) * t["normals"] * across)
 
-    def filled(u: Values) -> ca.MX:  # pressure of the gas at its volume of the start, with the ambient one
-        return (setup.gas.pressure + setup.gas.ambient) * u.gas_amount if setup.gas else ca.MX(0.0)
-
     def all_volume(bounded: ca.MX, start: ca.MX) -> ca.MX:  # with what lies behind an open surface
         given = setup.gas.volume if setup.gas else None
         return bounded if given is None else bounded - start + given
@@ -164,7 +163,7 @@ def membrane_model(
                 found = equations.forces(at, equations.shared(u, p, built_in, ca.MX(0.0)), p)
                 return found, with_dead_loads(found.f, u), ca.MX(0.0)
             V = all_volume(equations.volume(at), x.volume)
-            inside = filled(u) * (all_volume(x.volume, x.volume) / V) ** setup.gas.exponent
+            inside = equations.filled(u) * (all_volume(x.volume, x.volume) / V) ** setup.gas.exponent
             gas = inside - setup.gas.ambient
             found = equations.forces(at, equations.shared(u, p, built_in, gas), p)
             found = replace(found, rate=found.rate + setup.gas.exponent * inside / V * equations.gas_mobility())
@@ -183,45 +182,46 @@ def membrane_model(
         return state, results(state, u, p, found, gas)
 
     def init(u: Values, p: Values) -> tuple[MembraneState, dict[str, ca.MX]]:
-        start = filled(u) - (setup.gas.ambient if setup.gas else 0.0)
         q, left = in_plane(equations, u, p) if structure.starts_in_plane else relaxed(u, p)
-        at, built_in = equations.positions(q, u, p), p.pressure_amplitude * ca.sin(p.pressure_phase)
-        found = equations.forces(at, equations.shared(u, p, built_in, start), p)
-        phase = p.pressure_phase / (2.0 * np.pi)
+        state, values = begin(q, u, p)
         # where there is no equilibrium, what is left of the forces is told in the place of the phase
-        phase = ca.if_else(left <= 1.0, phase - ca.floor(phase), left)
+        return replace(state, phase=ca.if_else(left <= 1.0, state.phase, left)), values
+
+    def begin(q: ca.MX, u: Values, p: Values) -> tuple[MembraneState, dict[str, ca.MX]]:
+        at, built_in = equations.positions(q, u, p), p.pressure_amplitude * ca.sin(p.pressure_phase)
+        gas = equations.gas_of_start(u)
+        found = equations.forces(at, equations.shared(u, p, built_in, gas), p)
+        phase = p.pressure_phase / (2.0 * np.pi)
+        phase -= ca.floor(phase)
         V = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
         if rider is not None:
-            ride = rider.start(q, found, with_dead_loads(found.f, u), start, u, p)
+            ride = rider.start(q, found, with_dead_loads(found.f, u), gas, u, p)
             state = MembraneState(q, ride.s, phase, V, ride.frame)
-            return state, results(state, u, p, found, start) | ride.results
+            return state, results(state, u, p, found, gas) | ride.results
         state = MembraneState(q, ca.MX.zeros(n), phase, V, ca.MX.zeros(0))
-        return state, results(state, u, p, found, start)
+        return state, results(state, u, p, found, gas)
+
+    def balance(q: ca.MX, u: Values, p: Values) -> tuple[ca.MX, ca.MX, ca.MX]:
+        # masses of its own, so that neither a small element nor a stiff region nor inplane_mass delays the others
+        shared = equations.shared(u, p, ca.MX(0.0), equations.gas_of_start(u))
+        stiffer = ca.mmax(p.youngs_modulus / ca.DM([r.youngs_modulus for r in setup.regions]))
+        parts = [ca.fabs(shared[name]) for name in ("along", "across", "shear") if name in shared]
+        strained = ca.mmax(sum(parts)) if parts else 0.0
+        x = equations.positions(q, u, p)
+        found = equations.forces(x, shared, p)
+        f = with_dead_loads(found.f, u)[:n]
+        f = f if frame else f - mass(p) * base(u)
+        strain = ca.fmax(found.strain, 0.0)
+        rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
+        # as forces grow, and their rounding
+        return t["free"] * f, rate, FLOOR * stiffer * (1.0 + strain) ** 1.5 * ca.norm_inf(x)
 
     def relaxed(u: Values, p: Values) -> tuple[ca.MX, ca.MX]:
         given = [(ca.MX.sym(name, value.numel()), value) for name, value in [*vars(u).items(), *vars(p).items()]]
         by_symbol = SimpleNamespace(**{symbol.name(): symbol for symbol, _ in given})
         if equations.column is not None:
             given.append((equations.column, equations.column))
-        start = filled(by_symbol) - (setup.gas.ambient if setup.gas else 0.0)
-
-        # masses of its own, so that neither a small element nor a stiff region nor inplane_mass delays the others
-        shared = equations.shared(by_symbol, by_symbol, ca.MX(0.0), start)
-        stiffer = ca.mmax(by_symbol.youngs_modulus / ca.DM([r.youngs_modulus for r in setup.regions]))
-        parts = [ca.fabs(shared[name]) for name in ("along", "across", "shear") if name in shared]
-        strained = ca.mmax(sum(parts)) if parts else 0.0
-
-        def balance(q: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-            x = equations.positions(q, by_symbol, by_symbol)
-            found = equations.forces(x, shared, by_symbol)
-            f = with_dead_loads(found.f, by_symbol)[:n]
-            f = f if frame else f - mass(by_symbol) * base(by_symbol)
-            strain = ca.fmax(found.strain, 0.0)
-            rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
-            # as forces grow, and their rounding
-            return t["free"] * f, rate, FLOOR * stiffer * (1.0 + strain) ** 1.5 * ca.norm_inf(x)
-
-        return relax(balance, ca.MX.zeros(n), t["stiffness"], given)
+        return relax(lambda q: balance(q, by_symbol, by_symbol), ca.MX.zeros(n), t["stiffness"], given)
 
     def results(state: MembraneState, u: Values, p: Values, found: Forces, gas: ca.MX) -> dict[str, ca.MX]:
         x = equations.positions(state.q, u, p)
@@ -252,8 +252,15 @@ def membrane_model(
         variables=variables,
         init=init,
         step=step,
+        begin=begin,
+        balance=lambda q, u, p: balance(q, u, p)[::2],
+        n_q=n,
+        finder=None if structure.starts_in_plane else partial(_equilibrium, structure, frame=frame),
         step_limit="max_step",
-        resources={SHAPE: membrane_shape(structure, variables)},
+        resources={
+            SHAPE: membrane_shape(structure, variables),
+            **({} if structure.starts_in_plane else {FILE: structure_text(structure).encode()}),
+        },
         restarted=RESTARTED if frame else 0,
         residual=2 * n,
         advice=_advice(setup, frame),
@@ -262,7 +269,12 @@ def membrane_model(
         expression=partial(membrane_model, structure, frame=frame, mapped=True)
         if _is_differentiable(structure)
         else None,
+        compiled=None if compiled else partial(membrane_model, structure, frame=frame, compiled=True),
     )
+
+
+def _equilibrium(structure: Structure, *, frame: bool) -> Equilibrium:
+    return Equilibrium(structure, membrane_model(structure, frame=frame))
 
 
 def _is_differentiable(structure: Structure) -> bool:

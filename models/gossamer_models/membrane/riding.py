@@ -144,7 +144,7 @@ class Rider:
         return Ride(at - rest[:n], s, state, found, gas, frame_results(mount, *results, reaction))
 
     def _common(self, half: ca.MX, h: ca.MX, a: ca.MX, w: ca.MX, mount: Mounting, p: Values) -> Common:
-        weight = ca.MX(self._equations.weight(p))
+        weight = ca.MX(1.0 / self._equations.lightness(p))
         return Common(half, h, a, w, p.mass_damping, p.enclosed_pressure, mount.shift, weight)
 
     def _kicked(

@@ -21,9 +21,8 @@ from scipy.stats import norm
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
-from ..twin.least_squares import MOST_DAMAGE
+from ..twin.least_squares import MOST_DAMAGE, PRIOR_DEVIATION
 from ..twin.nuisances import OFFSET
-from ..twin.twin import PRIOR_DEVIATION
 
 FALSE_ALARMS, DETECTED = 0.05, 0.9
 THRESHOLD = float(norm.isf(FALSE_ALARMS))  # 1.645 deviations

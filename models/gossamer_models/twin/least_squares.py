@@ -6,6 +6,7 @@ curvature and slope of half of chi2, ``d`` moves: :math:`d^T A d - 2 g^T d` is t
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from ..errors import ConvergenceError
 
 MOST_SWAPS = 40
 MOST_DAMAGE = 0.95
+PRIOR_DEVIATION = MOST_DAMAGE / math.sqrt(12.0)  # of a damage that may be anything
 DAMAGE_STEP = 2e-3  # of finite differences
 DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])  # one for each lane
 NEGLIGIBLE = 0.02  # of chi2: no damage moves by more than a seventh of its deviation
@@ -95,7 +97,7 @@ class Point:
     ----------
     x : ndarray, shape (n,)
         Unknowns.
-    predicted : ndarray, shape (4, samples)
+    predicted : ndarray, shape (sensors, samples)
         Strain or resistance that sensors without gain and offset read.
     r : ndarray, shape (values,)
         Weighed residuals.

@@ -7,6 +7,7 @@ Symbols: ``x`` unknowns, first the damages [1], then the nuisances in units of t
 from __future__ import annotations
 
 from collections.abc import Callable
+from threading import Lock
 from typing import TypeAlias
 
 import numpy as np
@@ -45,6 +46,28 @@ class NoiseWeights:
     def weigh(self, y: Matrix) -> Matrix:
         """Turn rows of readings, shape (m, s, n), into independent numbers of variance 1, shape (m, values)."""
         return np.asarray(y[:, self._present] / self._sigma)
+
+
+class ErrorWeights(NoiseWeights):
+    """Divide by the noise, and weigh by the covariance of noise and model error.
+
+    Parameters
+    ----------
+    present, noise : ndarray
+        As of ``NoiseWeights``.
+    error : ndarray, shape (k, s, n)
+        Components of the model error, in the unit of the record; their outer products add up to its covariance.
+    """
+
+    def __init__(self, present: Rows, noise: Vector, error: Matrix) -> None:
+        super().__init__(present, noise)
+        _, size, self._along = np.linalg.svd(super().weigh(error), full_matrices=False)
+        self._less = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
+
+    def weigh(self, y: Matrix) -> Matrix:
+        """Turn rows of readings, shape (m, s, n), into independent numbers of variance 1, shape (m, values)."""
+        scaled = super().weigh(y)
+        return np.asarray(scaled - (scaled @ self._along.T * self._less) @ self._along)
 
 
 class SplineWeights:
@@ -157,9 +180,11 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     noise : ndarray, shape (s,)
         Standard deviation of the noise, in the unit of the record.
     discrepancy : Discrepancy or None
-        Model error.
+        Model error that is learned on splines; nothing faster is compared then.
     groups : ndarray of int, shape (zones,), or None
         Which unknown each zone's damage is, from 0; None for one each.
+    error : ndarray, shape (k, s, n or more), or None
+        Components of an error of the model, strain [1] at the samples, or in the states of a static record.
     report : callable, optional
         Called before each group of simulations with the length of the record [s] and the simulations that were made.
     """
@@ -172,24 +197,35 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         noise: Vector,
         discrepancy: Discrepancy | None,
         groups: NDArray[np.int64] | None = None,
+        error: Matrix | None = None,
         report: Callable[[float, int], None] = lambda *_: None,
     ) -> None:
         super().__init__(sensed.forward, nuisances, groups)
         self.sensed, self.record = sensed, record
         self._zero, self._scale = sensed.scale(record.kind)
-        self.simulations, self._report = 0, report
+        self.simulations, self._report, self._counting = 0, report, Lock()
         self._weights: NoiseWeights | SplineWeights
-        if discrepancy is None:
-            self._weights = NoiseWeights(record.present, noise)
+        if discrepancy is not None:
+            components = self._as_read(discrepancy.basis(record.samples, record.step))
+            self._weights = SplineWeights(record.present, noise, components, record.step, discrepancy.length)
+        elif error is not None:
+            self._weights = ErrorWeights(record.present, noise, self._as_read(error))
         else:
-            error = discrepancy.basis(record.samples, record.step)
-            if record.kind == "resistance":
-                strain = self._strain(np.zeros((1, self.size)))
-                both = sensed.resistance(np.concatenate([strain, strain + error]), record.step)
-                error = both[1:] - both[:1]
-            self._weights = SplineWeights(record.present, noise, error, record.step, discrepancy.length)
+            self._weights = NoiseWeights(record.present, noise)
         self.values = self._weights.values
         self.y = self._weights.weigh(np.where(record.present, record.values, 0.0)[None])[0]
+
+    def _as_read(self, error: Matrix) -> Matrix:
+        """Return components of an error of strain in the unit of the record, at its samples."""
+        record = self.record
+        if isinstance(record, StaticRecord):
+            return error[:, :, record.state]
+        error = error[:, :, : record.samples]
+        if record.kind == "strain":
+            return error
+        strain = self._strain(np.zeros((1, self.size)))
+        both = self.sensed.resistance(np.concatenate([strain, strain + error]), record.step)
+        return both[1:] - both[:1]
 
     def predict(self, x: Matrix) -> Matrix:
         """Return strain or resistance without gain and offset, shape (m, s, n)."""
@@ -209,8 +245,9 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def _strain(self, x: Matrix) -> Matrix:
         record = self.record
-        self._report(record.samples * record.step, self.simulations)
-        self.simulations += len(x)
+        with self._counting:  # starts run side by side
+            self._report(record.samples * record.step, self.simulations)
+            self.simulations += len(x)
         if isinstance(record, StaticRecord):
             z = x[:, self.zones :]
             loads = self.nuisances.histories(z, np.zeros(record.states))

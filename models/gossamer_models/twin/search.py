@@ -6,24 +6,31 @@ Symbols: ``x`` unknowns, first the damages.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
+from .forward import WORKERS
 from .least_squares import NEGLIGIBLE, Point, Quadratic, bounded_minimum, change, descend
 from .nuisances import FACTORS, MODULUS
 from .problem import RecordProblem
 
+S = TypeVar("S")
+T = TypeVar("T")
 THRESHOLD = 9.0
 CONFIDENCE = 0.999  # of the bound on chi2 per sample
 NOISE_DOUBT = math.sqrt(2.0 * 3.4)  # of a variance from n differences of order 6, relative, times sqrt(n)
 ROUGH = 1.0  # of chi2: where a stage may stop that another follows
 MOST_CHANGES = 4  # of the zones that are kept
 MOST_STARTS = 4  # after the first
+MORE_STARTS = 2  # after one that passes
+FEW_SENSORS = 1.5  # zones for each: with more zones there may be several minima that pass
 HOPELESS = 5.0  # deviations of chi2 above the expected one
 MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
@@ -160,8 +167,8 @@ def chi2_bound(problem: RecordProblem) -> float:
     return bound
 
 
-def search(stages: Sequence[RecordProblem], given: Vector | None, *, sparse: bool) -> Fit:
-    """Return the first fit that passes its bound, or else the best of all starts.
+def search(stages: Sequence[RecordProblem], given: Vector | None, *, sparse: bool) -> tuple[Fit, list[Fit]]:
+    """Return the first fit that passes its bound, or else the best of all starts; and other minima that were found.
 
     Parameters
     ----------
@@ -181,28 +188,83 @@ def search(stages: Sequence[RecordProblem], given: Vector | None, *, sparse: boo
     -----
     A start is followed to the end only where its early stages end below those of the best fit before: that is what finds
     false minima. The first stage has one valley: where its bottom is hopeless from no damage, other starts are not tried.
+    They are tried, side by side, where nothing passes; and where there are few sensors and no early stages, which have fewer
+    valleys, even if it does.
     """
-    *early, whole = stages
-    best: Fit | None = None
-    for damage in _starts(stages[0], given):
-        try:
-            x, reached, hopeless = _unknowns(whole, damage), np.inf, False
-            for stage in early:
-                most = FEW_STEPS if hopeless else MOST_STEPS
-                begun = descend(stage, x, np.ones(stage.size, dtype=bool), most, enough=ROUGH)
-                x, reached = begun.point.x, begun.point.chi2
-                hopeless |= stage is stages[0] and misfit(stage, begun.point) > HOPELESS
-            if best is None or reached <= best.early_chi2 - THRESHOLD:
-                fit = _finish(whole, x, reached, sparse=sparse, hopeless=hopeless)
-                best = fit if best is None or fit.point.chi2 < best.point.chi2 else best
-        except ConvergenceError:
+    whole, ends, hopeless = stages[-1], list[Fit](), False
+    few = not stages[:-1] and FEW_SENSORS * len(whole.record.sensors) < whole.zones
+
+    def beside(count: int, reached: float) -> list[_Begun]:  # other starts that end lower
+        others = _others(stages[0])[:count]
+        starts = _side_by_side(lambda damage: _begun(stages, damage), others)
+        return [begun for begun in starts if begun is not None and begun.reached <= reached - THRESHOLD]
+
+    def end(starts: list[_Begun]) -> list[Fit]:
+        found = _side_by_side(lambda begun: _ended(whole, begun, sparse=sparse), starts)
+        return [fit for fit in found if fit is not None]
+
+    for damage in [*([] if given is None else [given]), np.zeros(whole.zones)]:
+        begun = _begun(stages, damage)
+        if begun is None:
             continue
-        if best.passes or (hopeless and not damage.any()):
+        hopeless = begun.hopeless and not damage.any()
+        if not ends or begun.reached <= ends[-1].early_chi2 - THRESHOLD:
+            more = beside(MORE_STARTS, begun.reached) if few and not begun.hopeless else []
+            ends += end([begun, *more])
+        if hopeless or any(fit.passes for fit in ends):
             break
-    if best is None:
+    if not (hopeless or any(fit.passes for fit in ends)):
+        ends += end(beside(MOST_STARTS, min((fit.early_chi2 for fit in ends), default=np.inf)))
+    if not ends:
         msg = "the twin's membrane fails from every start. Check its parameters and the load."
         raise ConvergenceError(msg)
-    return best
+    best = min(ends, key=lambda fit: fit.point.chi2)
+    return best, [fit for fit in ends if fit is not best and _elsewhere(fit, best)]
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """Where the early stages have led: unknowns, smallest chi2 of the last one, and whether no damage explains them."""
+
+    x: Vector
+    reached: float
+    hopeless: bool
+
+
+def _begun(stages: Sequence[RecordProblem], damage: Vector) -> _Begun | None:
+    """Follow a start through the early stages; None if the simulation fails."""
+    x, reached, hopeless = _unknowns(stages[-1], damage), np.inf, False
+    try:
+        for stage in stages[:-1]:
+            most = FEW_STEPS if hopeless else MOST_STEPS
+            point = descend(stage, x, np.ones(stage.size, dtype=bool), most, enough=ROUGH).point
+            x, reached = point.x, point.chi2
+            hopeless |= stage is stages[0] and misfit(stage, point) > HOPELESS
+    except ConvergenceError:
+        return None
+    return _Begun(x, reached, hopeless)
+
+
+def _ended(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit | None:
+    """Return the fit of the whole record from there, or None if the simulation fails."""
+    try:
+        return _finish(whole, begun.x, begun.reached, sparse=sparse, hopeless=begun.hopeless)
+    except ConvergenceError:
+        return None
+
+
+def _side_by_side(what: Callable[[S], T], each: Sequence[S]) -> list[T]:
+    """Return what a function gives of each, in threads where there are several."""
+    if len(each) < 2:
+        return [what(one) for one in each]
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return list(pool.map(what, each))
+
+
+def _elsewhere(fit: Fit, best: Fit) -> bool:
+    """Tell whether two fits are different minima: further apart than the curvature of the better one lets through."""
+    d = fit.point.x - best.point.x
+    return bool(d @ best.model.A @ d > THRESHOLD * max(1, int(best.kept.sum())))
 
 
 def misfit(problem: RecordProblem, point: Point) -> float:
@@ -215,18 +277,14 @@ def box(problem: RecordProblem, at: Vector) -> Box:
     return Box(zones=np.arange(problem.size) < problem.zones, low=problem.low - at, high=problem.high - at)
 
 
-def _starts(problem: RecordProblem, given: Vector | None) -> Iterator[Vector]:
-    """Give damages to start from: the given one, none, then the best of one-zone and random damages."""
-    if given is not None:
-        yield given
+def _others(problem: RecordProblem) -> list[Vector]:
+    """Return damages to start from after none: those of one zone and random ones, best first."""
     zones = problem.zones
-    yield np.zeros(zones)
     random = np.random.default_rng(zones)
     few = random.random((32, zones)) < 0.2
     many = np.vstack([0.4 * np.eye(zones), 0.6 * few * random.random((32, zones))])
-    x = np.array([_unknowns(problem, damage) for damage in many])
-    order = np.argsort([point.chi2 for point in problem.points(x)])
-    yield from many[order[:MOST_STARTS]]
+    points = problem.points(np.array([_unknowns(problem, damage) for damage in many]))
+    return list(many[np.argsort([point.chi2 for point in points])])
 
 
 def _unknowns(problem: RecordProblem, damage: Vector) -> Vector:

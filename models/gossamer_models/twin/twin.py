@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, ParameterError
@@ -19,7 +19,8 @@ from ..membrane import MembraneParams, Structure, square_structure
 from ..sensor import SensorArtifact
 from .discrepancy import Discrepancy, default_discrepancy
 from .forward import Forward, MembraneForward, forward_of
-from .least_squares import MOST_DAMAGE, descend
+from .groups import UNRESOLVED, alike, without_nuisances
+from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
 from .nuisances import MODULUS, Loads, Nuisances
 from .problem import RecordProblem
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
@@ -27,7 +28,6 @@ from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, mod
 from .simulation import SensedForward
 
 EARLY = (0.03, 0.1)  # [s] of the first stages: early, chi2 has one valley; over 0.1 s it has several
-PRIOR_DEVIATION = MOST_DAMAGE / math.sqrt(12.0)  # of a damage that may be anything
 # How far membrane and load may be from those that the discrepancy was learned with, as a share.
 LEARNED = {
     "pressure_amplitude": 0.15,
@@ -36,7 +36,6 @@ LEARNED = {
     "mass_damping": 1.5,
     "youngs_modulus": 0.05,
 }
-UNRESOLVED = 0.5  # of the prior's deviation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +62,9 @@ class Answer:
     valid : bool
         Whether the answer can be used: chi2 is below its bound and no doubt forbids it.
     unresolved : tuple of int
-        Zones, from 1, that this record cannot tell.
+        Zones, from 1, that this record cannot tell by themselves.
+    together_with : tuple of tuple of str
+        Of each zone the names of those that it was answered together with: all have their mean damage and its deviation.
     left_out : tuple of int
         Sensors, from 1, that were left out.
     order : tuple of int
@@ -88,6 +89,7 @@ class Answer:
     chi2_bound: float
     valid: bool
     unresolved: tuple[int, ...] = ()
+    together_with: tuple[tuple[str, ...], ...] = ()
     left_out: tuple[int, ...] = ()
     order: tuple[int, ...]
     doubts: tuple[str, ...] = field(default=())
@@ -129,6 +131,9 @@ class Twin:
         What finer meshes would add to the strain: by default, what was learned of the default mesh, if the twin has that
         mesh and nearly the default membrane and load. Only the time and the frequencies that it covers are then compared,
         0.3 s and 150 Hz. None if the record comes from a simulation with the twin's mesh.
+    mesh_error : callable or None
+        Of a record: components of the error of the twin's mesh, strain [1] at its samples or in its states, shape
+        (k, sensors, n); their outer products add up to its covariance.
 
     Raises
     ------
@@ -151,11 +156,12 @@ class Twin:
         nuisances: Sequence[str] = ("offset",),
         sparse: bool = True,
         discrepancy: Discrepancy | Literal["learned"] | None = "learned",
+        mesh_error: Callable[[ResponseRecord], Matrix] | None = None,
     ) -> None:
         if MODULUS in nuisances and not sparse:
             msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
             raise ParameterError(msg)
-        self.nuisances, self.sparse = tuple(nuisances), sparse
+        self.nuisances, self.sparse, self._mesh_error = tuple(nuisances), sparse, mesh_error
         self._forward = forward_of(structure, parameters)
         self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
@@ -218,14 +224,50 @@ class Twin:
         if not record.sensors:
             msg = "no sensor has values that move. Check the columns and the wiring."
             raise DataError(msg)
-        fit = search(self._stages(record, report), given, sparse=self.sparse)
+        self._check(record)
+        stages = self._stages(record, report)
+        fit, minima = search(stages, given, sparse=self.sparse)
         wiring = None if fit.passes else self._other_wiring(record, fit, report)
         if wiring is not None:
-            record = wiring.applied(record)
-            other = search(self._stages(record, report), given, sparse=self.sparse)
+            changed = wiring.applied(record)
+            other, others = search(self._stages(changed, report), given, sparse=self.sparse)
             if other.passes:
-                return self._answer(other, [*doubts, wiring.doubt], wiring)
-        return self._answer(fit, doubts, None)
+                record, fit, minima = changed, other, others
+                doubts.append(wiring.doubt)
+            else:
+                wiring = None
+        if minima:
+            reached = ", ".join(f"{each.per_sample:.4g}" for each in minima)
+            doubts.append(
+                f"{1 + len(minima)} minima were found; the one with the smallest chi2 per sample was taken, "
+                f"{fit.per_sample:.4g} against {reached}"
+            )
+        unresolved = _unresolved(fit)
+        groups = alike(without_nuisances(fit.model.A, self.zones))
+        if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
+            whole = self._problem(record, self._compared(record), report, groups)
+            counts = np.bincount(groups)
+            means = np.bincount(groups, fit.point.x[: self.zones]) / counts
+            together, _ = search([whole], means, sparse=self.sparse)
+            fit = together if together.passes else fit
+        return self._answer(fit, doubts, wiring, unresolved)
+
+    def _check(self, record: ResponseRecord) -> None:
+        """Refuse more unknowns than readings, and load states without an equilibrium."""
+        problem = self._problem(record, self._compared(record))
+        readings = len(record.sensors) * problem.record.states
+        if problem.size > readings:
+            msg = (
+                f"{problem.size} unknowns, {self.zones} of them damages, cannot be told from {readings} readings under "
+                "different loads. Add load states, samples or sensors, or fit less."
+            )
+            raise DataError(msg)
+        if isinstance(record, StaticRecord):
+            lost = ~np.isfinite(problem.predict(np.zeros((1, problem.size)))[0]).all(axis=0)
+            if lost.any():
+                names = ", ".join(dict.fromkeys(record.names[k] for k in record.state[lost]))
+                msg = f"the undamaged membrane has no equilibrium in load state {names}. Check its loads and supports."
+                raise DataError(msg)
 
     def _nuisances(self, loads: Loads, length: float) -> Nuisances:
         model = self._forward
@@ -241,7 +283,13 @@ class Twin:
             return record.samples
         return min(record.samples, math.floor(self.discrepancy.length / record.step * (1.0 + 1e-12)))
 
-    def _problem(self, record: ResponseRecord, samples: int, report: Callable[[float, int], None]) -> RecordProblem:
+    def _problem(
+        self,
+        record: ResponseRecord,
+        samples: int,
+        report: Callable[[float, int], None] = lambda *_: None,
+        groups: NDArray[np.int64] | None = None,
+    ) -> RecordProblem:
         """Make the problem of the beginning of a record; its noise is that of all of it."""
         nuisances = self._nuisances(Loads(record.start, record.inputs), record.step * self._compared(record))
         return RecordProblem(
@@ -250,7 +298,9 @@ class Twin:
             nuisances,
             record.noise_deviation(),
             self.discrepancy,
-            report=report,
+            groups,
+            None if self._mesh_error is None else self._mesh_error(record),
+            report,
         )
 
     def _other_wiring(self, record: ResponseRecord, fit: Fit, report: Callable[[float, int], None]) -> Wiring | None:
@@ -270,8 +320,8 @@ class Twin:
                 break
         return found
 
-    def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None) -> Answer:
-        problem, kept, zones = fit.problem, fit.kept, self.zones
+    def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
+        problem, kept, zones, groups = fit.problem, fit.kept, fit.problem.zones, fit.problem.groups
         A, x = fit.model.A, fit.point.x
         covariance = _covariance(A, kept)
         deviation = np.sqrt(np.diag(covariance)).copy()
@@ -279,8 +329,6 @@ class Twin:
             alone = kept.copy()
             alone[k] = True
             deviation[k] = math.sqrt(_covariance(A, alone)[k, k])
-        everything = np.sqrt(np.diag(_covariance(A, np.ones(len(x), dtype=bool))))[:zones]
-        unresolved = np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION)
         damages = covariance[:zones, :zones].copy()
         np.fill_diagonal(damages, deviation[:zones] ** 2)
         per_sample, bound = fit.per_sample, chi2_bound(problem)
@@ -300,15 +348,16 @@ class Twin:
         rise = evidence(fit.model, box(problem, x), kept)[:zones]
         return Answer(
             zones=self._forward.zones,
-            damage=x[:zones].copy(),
-            deviation=deviation[:zones],
-            probability=probability(rise),
-            covariance=damages,
+            damage=x[:zones][groups],
+            deviation=deviation[:zones][groups],
+            probability=probability(rise)[groups],
+            covariance=damages[np.ix_(groups, groups)],
             nuisances=problem.nuisances.values(x[zones:], deviation[zones:]),
             chi2_per_sample=per_sample,
             chi2_bound=bound,
             valid=valid,
-            unresolved=tuple(int(k) + 1 for k in unresolved),
+            unresolved=unresolved,
+            together_with=_together(groups, self._forward.zones),
             left_out=tuple(k + 1 for k in range(self.sensors) if k not in problem.record.sensors),
             order=tuple(k + 1 for k in (range(self.sensors) if wiring is None else wiring.order)),
             doubts=tuple(doubts),
@@ -325,6 +374,20 @@ def _early_samples(record: ResponseRecord) -> list[int]:
         return []
     lengths = [math.ceil(time / record.step) for time in EARLY]
     return [n for n in lengths if LEAST_SAMPLES <= n < record.samples]
+
+
+def _unresolved(fit: Fit) -> tuple[int, ...]:
+    """Return the zones, from 1, whose own damage the record cannot tell."""
+    everything = np.sqrt(np.diag(_covariance(fit.model.A, np.ones(len(fit.model.g), dtype=bool))))[: fit.problem.zones]
+    return tuple(int(k) + 1 for k in np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION))
+
+
+def _together(groups: NDArray[np.int64], names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Return the names of the other zones of the group of each."""
+    return tuple(
+        tuple(names[other] for other in np.flatnonzero(groups == group).tolist() if other != zone)
+        for zone, group in enumerate(groups.tolist())
+    )
 
 
 def _is_learned(forward: Forward) -> bool:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from gossamer_files.charts import Array, Chart, Trace, curve, heat, points, section
-from gossamer_orchestrator.errors import ResultsError
 from gossamer_orchestrator.pages import PAGE, Page, link, table
 from gossamer_orchestrator.results.dataset import find_all
-from gossamer_orchestrator.results.files import load_results
-from gossamer_orchestrator.results.judgements import Judgement, windows
+from gossamer_orchestrator.results.judgements import Judgement, windows_of
 from gossamer_orchestrator.results.tables import LEAST_SHOWN
 from gossamer_orchestrator.run.sweep import Case, is_finished
 from numpy.typing import NDArray
@@ -28,38 +26,6 @@ LOOKS = {"last": ("@0", "circle"), "largest": ("@1", "triangle-up"), "RMS": ("@2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scalar:
-    """The scalar that a page draws.
-
-    Attributes
-    ----------
-    variable : str
-        What recorded it.
-    element : int or None
-        Which element of the variable, from 0; None if it is a scalar.
-    unit : str
-        As it was recorded.
-    """
-
-    variable: str
-    element: int | None
-    unit: str
-
-    @property
-    def text(self) -> str:
-        """Name, with the unit in brackets."""
-        index = "" if self.element is None else f"[{self.element + 1}]"
-        return f"{self.variable}{index} [{self.unit}]"
-
-    def of(self, data: xr.Dataset) -> Array:
-        """Return its values, shape (n,); empty if the case did not record it."""
-        if self.variable not in data.data_vars:
-            return np.zeros(0)
-        table = data[self.variable].to_numpy().reshape(data.sizes["time"], -1)
-        return np.asarray(table[:, self.element or 0], dtype=float)
-
-
-@dataclass(frozen=True, kw_only=True)
 class CaseEnd:
     """A case, how it ended, and what it recorded.
 
@@ -69,28 +35,40 @@ class CaseEnd:
         Number and values.
     text : str
         The attribute ``ended`` of its results, or what the run said.
-    detector : bool
-        Whether it has a detector.
+    data : xarray.Dataset or None
+        Its results; they stay on the disk until they are used.
     judgement : Judgement or None
         The last valid one; None without any.
-    numbers : dict of str to float
-        Last value, largest size and RMS of the scalar that is drawn; empty if there is none.
+    numbers : dict
+        Last value, largest size and RMS of the scalar that is drawn.
     """
 
     case: Case
     text: str
-    detector: bool = False
+    data: xr.Dataset | None = None
     judgement: Judgement | None = None
-    numbers: dict[str, float]
+    numbers: dict[str, float] = field(default_factory=dict)
 
     @property
     def finished(self) -> bool:
-        """Whether it came to its end."""
+        """Whether it is finished."""
         return is_finished(self.text)
 
+    @property
+    def detector(self) -> bool:
+        """Whether it has a detector."""
+        return self.data is not None and bool(find_all(self.data, "detector"))
 
-def sweep_page(name: str, cases: Sequence[Case], texts: Sequence[str], folder: Path, variable: str | None) -> Page:
-    """Describe a sweep from the results of its cases.
+
+def sweep_page(
+    name: str,
+    cases: Sequence[Case],
+    texts: Sequence[str],
+    data: xr.Dataset | None,
+    folder: Path,
+    variable: str | None = None,
+) -> Page:
+    """Describe a sweep from what its cases recorded.
 
     Parameters
     ----------
@@ -98,12 +76,15 @@ def sweep_page(name: str, cases: Sequence[Case], texts: Sequence[str], folder: P
         What was swept.
     cases, texts : sequence of Case and of str
         All cases, and how each ended.
+    data : xarray.Dataset or None
+        What they recorded along ``case``; None if none did.
     folder : Path
         Folder of the sweep.
     variable : str or None
-        Variable to draw; see ``read_cases``.
+        Variable to draw, of an array the element that is largest in the first case; None for the first scalar that changes.
     """
-    ended, what = read_cases(cases, texts, folder, variable)
+    scalar = None if data is None else _choose(data, variable)
+    ended = read_cases(cases, texts, data, scalar)
     varied = [each for each in cases[0].values if len({str(case.values[each]) for case in cases}) > 1]
     over = varied or ["case"]
     failed = [each for each in ended if not each.finished]
@@ -115,7 +96,7 @@ def sweep_page(name: str, cases: Sequence[Case], texts: Sequence[str], folder: P
         more=[_what_varies(cases, varied), *_failures(failed), *_judged(ended)],
         charts=[
             *section("Damage", _damage_charts(ended, over)),
-            *(_scalar_charts(ended, over, what, folder) if what else []),
+            *([] if scalar is None else _scalar_charts(ended, over, scalar)),
         ],
         facts=_case_table(ended, folder) + _about(name, ended, folder),
         how="Numbers are of all recorded points. Bars of estimates are one standard deviation long to each side.",
@@ -210,9 +191,9 @@ def _zones(
     return traces
 
 
-def _scalar_charts(ended: Sequence[CaseEnd], over: Sequence[str], what: Scalar, folder: Path) -> list[Chart]:
+def _scalar_charts(ended: Sequence[CaseEnd], over: Sequence[str], scalar: xr.DataArray) -> list[Chart]:
     """Draw a scalar over time, and its last value, largest size and RMS over what varies."""
-    there = [each for each in ended if each.numbers]
+    there, label = [each for each in ended if each.numbers], str(scalar.name)
     if not there:
         return []
     numbers = {kind: np.array([each.numbers[kind] for each in there]) for kind in LOOKS}
@@ -221,32 +202,32 @@ def _scalar_charts(ended: Sequence[CaseEnd], over: Sequence[str], what: Scalar, 
         values = _values(there, name)
         traces = [points(kind, values, numbers[kind], color, symbol=symbol) for kind, (color, symbol) in LOOKS.items()]
         title = f"Last value, largest size and RMS over {name}"
-        charts.append(Chart(title, name, what.text, traces, layout=_ticks(there, name)))
-    charts += _map(there, over, f"Last value of {what.text}", numbers["last"])
+        charts.append(Chart(title, name, label, traces, layout=_ticks(there, name)))
+    charts += _map(there, over, f"Last value of {label}", numbers["last"])
     chosen = dict.fromkeys(np.linspace(0, len(there) - 1, min(CURVES, len(there))).round().astype(int).tolist())
     some = [there[k] for k in chosen]
     traces = [
-        curve(_label(each, over), *read_history(each, what, folder), f"@{k % 6}", dash="solid" if k < 6 else "dash")
+        curve(_label(each, over), *_history(scalar, each), f"@{k % 6}", dash="solid" if k < 6 else "dash")
         for k, each in enumerate(some)
     ]
     few = "" if len(some) == len(there) else f"{len(some)} of {len(there)} cases, evenly chosen by number."
-    charts.append(Chart("Over time", "time [s]", what.text, traces, note=few, broad=True))
-    return section(what.text, [*charts, *_differences(some, over, what, folder)])
+    charts.append(Chart("Over time", "time [s]", label, traces, note=few, broad=True))
+    return section(label, [*charts, *_differences(some, over, scalar)])
 
 
-def _differences(some: Sequence[CaseEnd], over: Sequence[str], what: Scalar, folder: Path) -> list[Chart]:
+def _differences(some: Sequence[CaseEnd], over: Sequence[str], scalar: xr.DataArray) -> list[Chart]:
     """Draw what the curves of cases are over that of the first, which may hardly differ."""
     first, *others = some
-    time, values = read_history(first, what, folder)
+    time, values = _history(scalar, first)
     traces = []
     for k, each in enumerate(others, start=1):
-        own, theirs = read_history(each, what, folder)
+        own, theirs = _history(scalar, each)
         there = own <= time[-1]
         if len(own) > 1:
             less = theirs[there] - np.interp(own[there], time, values)
             traces.append(curve(_label(each, over), own[there], less, f"@{k % 6}", dash="solid" if k < 6 else "dash"))
     title = f"Difference to case {first.case.number}"
-    return [Chart(title, "time [s]", what.text, traces, broad=True)] if traces else []
+    return [Chart(title, "time [s]", str(scalar.name), traces, broad=True)] if traces else []
 
 
 def _values(ended: Sequence[CaseEnd], name: str) -> NDArray[np.float64] | list[str]:
@@ -318,66 +299,47 @@ def _about(name: str, ended: Sequence[CaseEnd], folder: Path) -> str:
 
 
 def read_cases(
-    cases: Sequence[Case], texts: Sequence[str], folder: Path, variable: str | None
-) -> tuple[list[CaseEnd], Scalar | None]:
-    """Read all cases, one after the other.
-
-    Parameters
-    ----------
-    cases, texts : sequence of Case and of str
-        All cases, and how each ended.
-    folder : Path
-        Folder of the sweep.
-    variable : str or None
-        Variable to draw, of an array the element that is largest in the first case; None for the first scalar that changes.
-
-    Returns
-    -------
-    list of CaseEnd, and Scalar or None
-        The cases, and what is drawn; None if no case recorded a scalar.
-    """
-    ended, what = [], None
+    cases: Sequence[Case], texts: Sequence[str], data: xr.Dataset | None, scalar: xr.DataArray | None
+) -> list[CaseEnd]:
+    """Read the last valid judgement of each case, and numbers of a scalar."""
+    recorded = [] if data is None else data["case"].to_numpy().tolist()
+    ended = []
     for case, text in zip(cases, texts, strict=True):
-        try:
-            with load_results(folder / case.name) as data:
-                what = what or _choose(data, variable)
-                detector = bool(find_all(data, "detector"))
-                ended.append(
-                    CaseEnd(
-                        case=case,
-                        text=text,
-                        detector=detector,
-                        judgement=_last_valid(data) if detector else None,
-                        numbers={} if what is None else _numbers(what.of(data)),
-                    )
-                )
-        except ResultsError:  # the text says why there are none
-            ended.append(CaseEnd(case=case, text=text, numbers={}))
-    return ended, what
+        found = CaseEnd(case=case, text=text)
+        if data is not None and case.number in recorded:
+            own = data.sel(case=case.number).dropna("time", how="all")  # where another case has more
+            numbers = {} if scalar is None else _numbers(_history(scalar, found)[1])
+            found = replace(found, data=own, judgement=_last_valid(own), numbers=numbers)
+        ended.append(found)
+    return ended
 
 
-def read_history(ended: CaseEnd, what: Scalar, folder: Path) -> tuple[Array, Array]:
-    """Return times [s] and values of what is drawn of a case, shape (n,)."""
-    with load_results(folder / ended.case.name) as data:
-        return data["time"].to_numpy(), what.of(data)
+def _history(scalar: xr.DataArray, ended: CaseEnd) -> tuple[Array, Array]:
+    """Return times [s] and values of a scalar in a case, shape (n,)."""
+    own = scalar.sel(case=ended.case.number).dropna("time")
+    return own["time"].to_numpy(), own.to_numpy().astype(float)
 
 
-def _choose(data: xr.Dataset, variable: str | None) -> Scalar | None:
+def _choose(data: xr.Dataset, variable: str | None) -> xr.DataArray | None:
+    """Return what is drawn, by case and time; its name has the unit in brackets."""
     over_time = {
-        str(name): each
+        str(name): each.dims[2:]
         for name, each in data.data_vars.items()
-        if each.dims[:1] == ("time",) and each.size and each.dtype.kind in "fiub"  # numbers and truth values
+        if each.dims[:2] == ("case", "time") and each.size and each.dtype.kind in "fiub"  # numbers and truth values
     }
+    first = data.isel(case=0)
     if variable is None:
-        scalars = [name for name, each in over_time.items() if each.ndim == 1]
-        changing = (name for name in scalars if np.ptp(data[name].to_numpy().astype(float)) > 0.0)
+        scalars = [name for name, dims in over_time.items() if not dims]
+        changing = (name for name in scalars if np.ptp(first[name].dropna("time").to_numpy().astype(float)) > 0.0)
         variable = next(changing, scalars[0] if scalars else None)
     if variable not in over_time:
         return None
-    values = over_time[variable]
-    table = np.abs(values.to_numpy().astype(float).reshape(values.shape[0], -1))
-    element = None if values.ndim == 1 else int(np.nan_to_num(table).max(axis=0).argmax())
-    return Scalar(variable=variable, element=element, unit=str(values.attrs.get("units", "1")))
+    values, index = data[variable], ""
+    if dims := over_time[variable]:
+        table = np.abs(first[variable].to_numpy().astype(float).reshape(first.sizes["time"], -1))
+        element = int(np.nan_to_num(table).max(axis=0).argmax())
+        values, index = values.stack(element=dims).isel(element=element, drop=True), f"[{element + 1}]"
+    return values.rename(f"{variable}{index} [{data[variable].attrs.get('units', '1')}]")
 
 
 def _numbers(values: Array) -> dict[str, float]:
@@ -388,7 +350,4 @@ def _numbers(values: Array) -> dict[str, float]:
 
 
 def _last_valid(data: xr.Dataset) -> Judgement | None:
-    try:
-        return next((window for window in reversed(windows(data)) if window.valid), None)
-    except ResultsError:
-        return None  # damage was not recorded
+    return next((window for window in reversed(windows_of(data)) if window.valid), None)

@@ -12,6 +12,7 @@ from itertools import product
 from math import prod
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import fmpy
 from attrs import evolve
@@ -206,6 +207,12 @@ class FmuFile:
             self._folder = tempfile.TemporaryDirectory(prefix="gossamer-", ignore_cleanup_errors=True)
             unpack(self.path, Path(self._folder.name))
         return Path(self._folder.name)
+
+    def resource(self, name: str) -> str | None:
+        """Return a text file of its resources, None if it has none of this name."""
+        with ZipFile(self.path) as archive:
+            path = f"resources/{name}"
+            return archive.read(path).decode("utf-8") if path in archive.namelist() else None
 
     def close(self) -> None:
         """Remove the temporary folder."""

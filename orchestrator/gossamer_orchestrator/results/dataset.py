@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 SCHEMA, VERSION = "gossamer.results", 1
 UNFINISHED = "unfinished"
 DETECTOR = "detector"  # model name of a detector
+SETUP = "setup.json"  # what a membrane was built from, among the resources of its FMU
 LIKENESS = ("similarity", "misfit")  # outputs of the detectors
 WATCHED = ("damage", "deviation", "valid", "index", *LIKENESS)  # those that change when a window ends
 _OF_MEMBRANES = {"damage": "zone", "strain": "sensor"}
@@ -162,7 +163,9 @@ def _provenance(component: ComponentPlan) -> dict[str, Any]:
     """Describe a component: its FMU, what the scenario set, all Real parameters with their values, and units of both."""
     fmu, start = component.fmu, component.start
     values = {v: start.get(v, fmu.variables[v].start) for v in fmu.names("parameter", kind="Real")}
+    setup = fmu.resource(SETUP)
     return {
+        **({} if setup is None else {"setup": setup}),
         "file": fmu.path.name,
         "model": fmu.description.modelName,
         "guid": fmu.description.guid,

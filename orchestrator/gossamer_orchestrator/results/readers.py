@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 import xarray as xr
-from gossamer_files.charts import Array, Pixels
+from gossamer_files.thinning import Array, Pixels
 
 from ..errors import ResultsError
 from .dataset import compensators, find_all, origins_of, sensors

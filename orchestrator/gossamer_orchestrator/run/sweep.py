@@ -251,6 +251,9 @@ def combine(cases: Sequence[Case], out: Path) -> Path | None:
     each = [load_results(out / case.name).chunk() for case in there]
     data = xr.concat(each, "case", join="outer", combine_attrs="drop_conflicts")
     data = data.assign_coords(case=[case.number for case in there])
+    fmus = json.loads(each[0].attrs.get("fmus", "{}"))  # whose parameters may differ from case to case
+    data.attrs.setdefault("fmus", json.dumps({name: {"model": fmu.get("model", "")} for name, fmu in fmus.items()}))
+    data.attrs["variables"] = [str(name) for name in data.data_vars]  # a store has no order
     values = {name: ("case", np.array([_cell(case.values[name]) for case in there])) for name in cases[0].values}
     shutil.rmtree(out / STORE, ignore_errors=True)
     with writing(out / STORE, ResultsError):

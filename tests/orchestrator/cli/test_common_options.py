@@ -37,12 +37,6 @@ def run(call, fmus, tmp_path):
     )
 
 
-def test_every_command_has_the_common_options(call):
-    assert len(commands()) == 22
-    for name in commands():
-        assert call(name.replace("_", "-"), "--help").stdout.count("--log-file") == 1, name
-
-
 def test_json_is_the_only_thing_on_stdout(run, tmp_path):
     result = run("--json")
     assert result.exit_code == 0, result.stderr

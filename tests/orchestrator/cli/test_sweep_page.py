@@ -9,7 +9,8 @@ from command_line import invoke
 from gossamer.pages.sweep import sweep_page
 from gossamer_orchestrator.pages import write_page
 from gossamer_orchestrator.results.files import save_results
-from gossamer_orchestrator.run.sweep import make_cases
+from gossamer_orchestrator.results.report.cases import open_cases
+from gossamer_orchestrator.run.sweep import combine, make_cases
 from reading_pages import read_page, values
 
 DEPTHS, GAINS = [0.0, 0.2, 0.4], [1.0, 2.0]
@@ -44,7 +45,9 @@ def swept(tmp_path):
 
 def page_of(swept, variable=None):
     cases, ended, folder = swept
-    return read_page(write_page(sweep_page("mine", cases, ended, folder, variable), folder / "report.html"))
+    store = combine(cases, folder)
+    data = None if store is None else open_cases(store)
+    return read_page(write_page(sweep_page("mine", cases, ended, data, folder, variable), folder / "report.html"))
 
 
 def test_the_verdict_counts_cases_and_compares_with_always_zero(swept):

@@ -32,8 +32,11 @@ HEAVY = {
 
 @pytest.mark.parametrize("name", commands())
 def test_every_parameter_is_explained_and_is_an_option(name):
-    function = getattr(gossamer, name)
-    help_of = " ".join(invoke([name.replace("_", "-"), "--help"]).stdout.split())
+    function, flag = getattr(gossamer, name), name.replace("_", "-")
+    help_of = " ".join(invoke([flag, "--help"]).stdout.split())
+    assert "For example:" in help_of
+    assert f"gossamer {flag}" in help_of
+    assert help_of.count("--log-file") == 1
     signature = inspect.signature(function).parameters
     for called, each in declared(function).items():
         owner = each.owner or function
@@ -52,10 +55,11 @@ def test_importing_it_imports_nothing_heavy():
 
 def test_its_public_names_are_there_and_others_are_not():
     assert set(commands()) <= set(dir(gossamer))
-    for name in dir(gossamer):
-        assert getattr(gossamer, name).__name__ == name
-    with pytest.raises(AttributeError, match="has no attribute 'fly'"):
-        _ = gossamer.fly
+    for package in (gossamer, gossamer_orchestrator):
+        for name in package.__all__:
+            assert getattr(package, name).__name__ == name
+        with pytest.raises(AttributeError, match="has no attribute 'fly'"):
+            _ = package.fly
 
 
 def test_its_errors_are_those_of_the_orchestrator():

@@ -68,15 +68,6 @@ def test_titles_and_names_are_escaped_in_a_display(data, tmp_path):
     assert "<script>" not in run._repr_html_()
 
 
-def test_view_opens_the_page_and_writes_it_where_it_is_missing(scenario, fmus, tmp_path, monkeypatch):
-    opened = []
-    monkeypatch.setattr("webbrowser.open", lambda uri: opened.append(uri) or True)
-    run = gossamer.run(scenario, fmus=fmus, out=tmp_path / "out", pictures=False)
-    assert not (run.folder / "report.html").exists()
-    assert gossamer.view(run) == tmp_path / "out/report.html"
-    assert opened == [(tmp_path / "out/report.html").as_uri()]
-
-
 def test_a_sweep_gives_all_cases_along_a_dimension(scenario, fmus, tmp_path):
     pytest.importorskip("zarr", reason="a sweep is gathered by zarr")
     sweep = gossamer.sweep(scenario, set={"g.u": [1.0, 2.0]}, fmus=fmus, out=tmp_path / "out", workers=2)

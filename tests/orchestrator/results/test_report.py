@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from command_line import invoke
-from gossamer_files.charts import Chart, Pixels
+from gossamer_files.charts import Chart
+from gossamer_files.thinning import Pixels
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.pages import Page, write_page
 from gossamer_orchestrator.pages.words import unbroken

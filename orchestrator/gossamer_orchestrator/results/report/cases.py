@@ -20,6 +20,12 @@ PICTURE = "sweep.png"
 PANELS = 36  # of more cases every k-th is drawn
 
 
+def open_cases(store: Path) -> xr.Dataset:
+    """Open what the cases of a sweep recorded, in the order in which it was; it stays on the disk until it is used."""
+    data: xr.Dataset = xr.open_zarr(store, consolidated=False)
+    return data[list(data.attrs["variables"])]
+
+
 def save_cases(store: Path, folder: Path, variable: str | None, varied: Sequence[str]) -> list[Path]:
     """Draw a variable of a sweep and write it as PNG; return the path, nothing if no case recorded any variable.
 
@@ -39,7 +45,7 @@ def save_cases(store: Path, folder: Path, variable: str | None, varied: Sequence
     ResultsError
         There is no such variable.
     """
-    with xr.open_zarr(store, consolidated=False) as data:
+    with open_cases(store) as data:
         names = [str(name) for name, each in data.data_vars.items() if "time" in each.dims]
         if not names:
             return []

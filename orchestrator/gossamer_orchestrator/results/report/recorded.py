@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from gossamer_files.charts import Array, Chart, Pixels, Trace, curve
+from gossamer_files.charts import Array, Chart, Trace, curve
+from gossamer_files.thinning import Pixels
 from numpy.typing import NDArray
 
 from ...errors import ResultsError

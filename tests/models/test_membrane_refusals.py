@@ -52,6 +52,10 @@ REFUSED = {
         {"sensors": (Sensor(point=(2.0, 0.5, 0.0), direction=(1.0, 0.0, 0.0)),)},
         "sensor 1 at .* away from the surface by 1 m. Move it onto the membrane",
     ),
+    "gauge across": (
+        {"sensors": (Sensor(point=(0.5, 0.5, 0.0), direction=(0.0, 0.0, 1.0)),)},
+        "sensor 1: its direction .* is across the surface",
+    ),
     "gauge over the edge": (
         {"sensors": (Sensor(point=(0.9, 0.5, 0.0), direction=(1.0, 0.0, 0.0), gauge_length=0.4),)},
         "its gauge reaches beyond an edge",
@@ -89,6 +93,23 @@ MEANINGLESS = {
     "thick": (lambda: replace(FILM, thickness=3.0), "'thickness' is 3. Write a number from 1e-07 to 1"),
     "no direction": (lambda: Sensor(point=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 0.0)), "not all zero"),
     "held nowhere": (lambda: Support(group="rim", fixed="xw"), "Write the directions that are held"),
+    "two take the rest": (lambda: Setup(**{**RIGHT, "regions": (FILM, FILM)}), "only one can take the rest"),
+    "no Hooke": (
+        lambda: Setup(**{**RIGHT, "regions": (replace(FILM, prestress=(1e5, 1e5, 0.0)),)}, law="hencky"),
+        "Hooke's",
+    ),
+    "moves along what is free": (
+        lambda: Support(group="rim", fixed="z", displacement=(0.1, 0.0, 0.0)),
+        "moves along x, which 'fixed' = 'z' does not hold",
+    ),
+    "motion of nothing": (
+        lambda: Support(group="rim", motion="stroke"),
+        "'motion' multiplies the way of the nodes, and there is none",
+    ),
+    "motion without a name": (
+        lambda: Support(group="rim", motion="my motion", displacement=(0.1, 0.0, 0.0)),
+        "Use letters",
+    ),
     "high order": (lambda: Setup(**RIGHT, order=30), "'order' is 30. Write 1 for bilinear"),
     "empty gas": (lambda: Gas(pressure=0.0), "there is no gas"),
 }
@@ -115,6 +136,12 @@ def test_elements_without_area_or_inside_out_are_refused_with_their_place(bad):
         file.quadrilaterals[0] = file.quadrilaterals[0][[0, 1, 1, 0]]
     with pytest.raises(DescriptionError, match=r"no area or are turned inside out; the first is face \d+ near"):
         make_structure(Setup(**RIGHT), surface_mesh(file))
+
+
+def test_a_second_sheet_that_nothing_holds_is_refused():
+    both = meshed([rectangle(1.0, 1.0), lambda s, t: (s, t, 1.0 + 0.0 * s)], 4, points={"rim": lambda x, y, z: z < 0.5})
+    with pytest.raises(DescriptionError, match=r"2 sheets: the one around \[0.5, 0.5, 1.0\] m"):
+        make_structure(Setup(**RIGHT), surface_mesh(both))
 
 
 def test_a_moebius_strip_is_refused():

@@ -1,0 +1,83 @@
+"""A structure as one text: setup, mesh and groups, which an FMU carries so that a twin can be made from it.
+
+Numbers are written with all their digits, so what is read equals what was written.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from gossamer_files import reason
+
+from ..errors import DataError
+from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
+from .structure import Structure, make_structure
+from .surface import Block, SurfaceMesh
+from .zones import Zone
+
+FILE = "setup.json"
+SCHEMA, VERSION = "gossamer.structure", 1
+TABLES: dict[str, type] = {
+    "regions": Region,
+    "zones": Zone,
+    "supports": Support,
+    "edges": Edge,
+    "loads": Load,
+    "sensors": Sensor,
+    "gas": Gas,
+}  # of a setup
+
+
+def structure_text(structure: Structure) -> str:
+    """Return a structure that was made from a setup and a mesh as JSON."""
+    mesh = structure.mesh
+    groups = {kind: {name: rows.tolist() for name, rows in getattr(mesh, kind).items()} for kind in _GROUPS}
+    blocks = [{"order": b.order, "elements": b.elements.tolist(), "faces": b.faces.tolist()} for b in mesh.blocks]
+    content = {"name": mesh.name, "nodes": mesh.nodes.tolist(), "blocks": blocks, **groups}
+    card = {"schema": SCHEMA, "version": VERSION, "setup": asdict(structure.setup), "mesh": content}
+    return json.dumps(card)
+
+
+def read_structure(text: str) -> Structure:
+    """Make a structure from what ``structure_text`` wrote.
+
+    Raises
+    ------
+    DataError
+        The text is none of a structure, or of another version.
+    """
+    try:
+        card = json.loads(text)
+        if (card["schema"], card["version"]) != (SCHEMA, VERSION):
+            msg = f"it is {card['schema']} version {card['version']}, this program reads {SCHEMA} version {VERSION}"
+            raise ValueError(msg)
+        setup, mesh = card["setup"], card["mesh"]
+        groups = {kind: {name: np.array(rows, dtype=np.int64) for name, rows in mesh[kind].items()} for kind in _GROUPS}
+        blocks = tuple(Block(b["order"], np.array(b["elements"]), np.array(b["faces"])) for b in mesh["blocks"])
+        return make_structure(
+            Setup(**{name: _table(name, value) for name, value in setup.items()}),
+            SurfaceMesh(name=mesh["name"], nodes=np.array(mesh["nodes"]), blocks=blocks, **groups),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        msg = f"this is no structure of a membrane: {reason(error)}. Build the FMU again."
+        raise DataError(msg) from error
+
+
+_GROUPS = ("faces", "points", "sides")
+
+
+def _table(name: str, value: Any) -> Any:  # noqa: ANN401
+    """Return what a key of a setup holds."""
+    if name in TABLES and isinstance(value, dict):
+        return TABLES[name](**{key: _tuples(each) for key, each in value.items()})
+    if name in TABLES and isinstance(value, list):
+        return tuple(_table(name, each) for each in value)
+    return value
+
+
+def _tuples(value: Any) -> Any:  # noqa: ANN401
+    """Return arrays of JSON as tuples."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
