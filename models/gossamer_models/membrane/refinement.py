@@ -7,16 +7,12 @@ surface is curved from the start; ``Structure.chord_error`` states how far from 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..arrays import Matrix
 from .element import lobatto_points, value_matrix
 from .reading import MeshFile
-from .structure import Structure, make_structure
 from .surface import Integers, SurfaceMesh, corners_of, surface_mesh
-from .zones import Zone
 
 RAISED = 2  # by which the order of spectral elements is raised
 # of a quadrilateral: places on a grid of 5 x 5 of the nine nodes of each quarter, corners first, then sides, then middle
@@ -26,25 +22,9 @@ _WHOLE = [5 * 2 * b + 2 * a for a, b in _NINE]
 _CORNERS, _SIDES = [0, 4, 24, 20], [2, 14, 22, 10]
 
 
-def finer(structure: Structure) -> Structure:
-    """Return a membrane with spectral elements two orders higher, or all other elements in four.
-
-    Zones are divided anew where their description says where they are, and kept where it only says how many parts.
-
-    Raises
-    ------
-    DataError
-        The finer mesh cannot be used.
-    """
-    setup, mesh, raised = structure.setup, structure.mesh, structure.setup.order > 1
-    zones, faces = setup.zones, {}
-    if any(zone.parts for zone in zones):
-        each = structure.zone[np.concatenate([block.combination for block in structure.elements])]
-        faces = {f"zone {k}": np.flatnonzero(each == k) for k in range(structure.n_zones)}
-        zones = tuple(Zone(group=group, name=name) for group, name in zip(faces, structure.zone_names, strict=True))
-    file = _file(replace(mesh, faces=mesh.faces | faces), quarters=not raised)
-    order = setup.order + RAISED * raised
-    return make_structure(replace(setup, order=order, zones=zones), surface_mesh(file, order))
+def refined(mesh: SurfaceMesh, order: int, *, quarters: bool = True) -> SurfaceMesh:
+    """Return a surface whose elements are divided in four, or not, and have some order; its groups hold the same places."""
+    return surface_mesh(_file(mesh, quarters=quarters), order)
 
 
 def _file(mesh: SurfaceMesh, *, quarters: bool) -> MeshFile:
@@ -97,4 +77,4 @@ def _file(mesh: SurfaceMesh, *, quarters: bool) -> MeshFile:
 def _on_grid(order: int) -> Matrix:
     """Evaluate the shape functions of a quadrilateral on a grid of 5 x 5 places, shape (25, m)."""
     along = value_matrix(lobatto_points(order + 1)[0], np.linspace(-0.5, 0.5, 5))
-    return np.kron(along, along)
+    return np.asarray(np.kron(along, along))
