@@ -42,15 +42,19 @@ class TwinAnswer(Saved):
 
     @property
     def data(self) -> xr.Dataset:
-        """``damage``, ``deviation`` and ``probability`` [1] by ``zone``, with its ``name``; ``covariance`` [1]."""
+        """``damage``, ``deviation`` and ``probability`` [1] by ``zone``, with its ``name`` and those that it was answered
+        ``together_with``; ``covariance`` [1].
+        """  # noqa: D205
         import numpy as np
         import xarray as xr
 
         answer, ratio, n = self.answer, {"units": "1"}, self.answer.damage.size
         values = {name: ("zone", getattr(answer, name), ratio) for name in ("damage", "deviation", "probability")}
+        together = [", ".join(others) for others in answer.together_with]
         return xr.Dataset(
             values | {"covariance": (("zone", "other_zone"), answer.covariance, ratio)},
-            coords=zone_coordinates(answer.zones) | {"other_zone": np.arange(1, n + 1)},
+            coords=zone_coordinates(answer.zones)
+            | {"other_zone": np.arange(1, n + 1), "together_with": ("zone", together)},
             attrs={
                 "valid": int(answer.valid),
                 "chi2_per_sample": answer.chi2_per_sample,

@@ -9,9 +9,10 @@ import os
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
+from threading import Lock
 from typing import Protocol
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,9 +20,8 @@ from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..batch.cases import BatchState
 from ..errors import ParameterError
-from ..membrane import Structure, membrane_model, square_structure
+from ..membrane import Equilibria, Equilibrium, Structure, membrane_model, square_structure
 from ..membrane.gauges import Gauges
-from ..step_model import StepModel
 
 LANES = 8  # cases that advance at once
 WORKERS = os.cpu_count() or 1  # threads of a simulation of many cases
@@ -82,6 +82,10 @@ class Forward(Protocol):
         """
         ...
 
+    def state_slopes(self, damage: Vector, parameters: Mapping[str, float], histories: Mapping[str, Vector]) -> Matrix:
+        """Return how the strain in equilibrium changes with the damage of each zone [1], shape (z, s, k), at one damage."""
+        ...
+
     def begin(self, damage: Vector, parameters: Mapping[str, float]) -> tuple[BatchState, Vector]:
         """Return the state of rest of one case, and the strain [1] there, shape (s,)."""
         ...
@@ -139,7 +143,7 @@ class MembraneForward:
         self.parameters, self.inputs = (
             {name: given.get(name, value) for name, value in starts[c].items()} for c in ("parameter", "input")
         )
-        self._given, self._batches = given, dict[tuple[str, ...], Batch]()
+        self._given, self._batches, self._solving = given, dict[tuple[str, ...], Batch](), Lock()
 
     def strain(
         self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix], steps: int, h: float
@@ -147,11 +151,11 @@ class MembraneForward:
         """Simulate the strain [1] of the sensors, see ``Forward``."""
         batch = self._batch(tuple(histories))
         start: dict[str, ArrayLike] = {**self._given, **parameters, "damage": damage}
-        if self.gauges is None and self.structure.starts_in_plane:
-            return batch.run(steps, h, start, histories, workers=WORKERS).results
-        state = self._in_equilibrium(batch, start, h)
         if self.gauges is None:
-            return batch.run(steps, h, inputs=histories, state=state, workers=WORKERS).results
+            return batch.run(steps, h, start, histories, workers=WORKERS).results
+        state = batch.run(
+            0, h, start, {name: values[..., :0] for name, values in histories.items()}, workers=WORKERS
+        ).state
         nodes, found, done = self.structure.mesh.nodes, np.empty((len(damage), self.sensors, steps)), 0
         piece = max(1, MEMORY // (len(damage) * nodes.size))
         while done < steps:
@@ -171,22 +175,21 @@ class MembraneForward:
 
     def states(self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix]) -> Matrix:
         """Return the strain [1] of the sensors in equilibrium, see ``Forward``."""
-        m, k = len(damage), max(np.shape(values)[-1] for values in histories.values())
-        start: dict[str, ArrayLike] = {name: np.repeat(values, k) for name, values in parameters.items()}
-        start |= {name: np.broadcast_to(values, (m, k)).ravel() for name, values in histories.items()}
-        start = {**self._given, **start, "damage": np.repeat(damage, k, axis=0)}
-        found = self._at_rest(self._in_equilibrium(self._batch(()), start, 1.0))
-        return np.moveaxis(found.reshape(m, k, self.sensors), 1, 2)
+        found = self._at_rest(damage, parameters, histories)
+        return np.moveaxis(found.strain.reshape(len(damage), -1, self.sensors), 1, 2)
+
+    def state_slopes(self, damage: Vector, parameters: Mapping[str, float], histories: Mapping[str, Vector]) -> Matrix:
+        """Return how the strain in equilibrium changes with damage, see ``Forward``."""
+        found = self._at_rest(damage[None], {name: np.array([value]) for name, value in parameters.items()}, histories)
+        with self._solving:
+            slopes = self._equilibrium.derivatives(found, ["damage"]).strain
+        return np.moveaxis(slopes, 0, 2)
 
     def begin(self, damage: Vector, parameters: Mapping[str, float]) -> tuple[BatchState, Vector]:
         """Return the state of rest of one case, and the strain [1] there, see ``Forward``."""
-        batch = self._batch(self._damages)
         start: dict[str, ArrayLike] = {**self._given, **parameters, "damage": damage[None]}
-        if self.structure.starts_in_plane:
-            run = batch.run(0, 1.0, start, dict.fromkeys(self._damages, np.zeros(0)))
-            return run.state, run.initial[0]
-        state = self._in_equilibrium(batch, start, 1.0)
-        return state, self._at_rest(state)[0]
+        run = self._batch(()).run(0, 1.0, start)
+        return run.state, run.initial[0]
 
     def advance(
         self, state: BatchState, damage: Matrix, histories: Mapping[str, Matrix], h: float
@@ -197,28 +200,23 @@ class MembraneForward:
         run = self._batch(tuple(inputs)).run(n, h, inputs=inputs, state=repeated(state, m), workers=WORKERS)
         return run.results, first(run.state, 1)
 
-    def _at_rest(self, state: BatchState) -> Matrix:
-        """Return the strain [1] of the sensors of the structure in states that have not moved, shape (m, s)."""
-        first_result = self._model.slices()[1].stop
-        return state.values[:, first_result : first_result + self.sensors]
-
     def _batch(self, inputs: tuple[str, ...]) -> Batch:
         if inputs not in self._batches:
-            model = self._model if self.structure.starts_in_plane else _without_init(self._model)
             results = self._model.elements("strain" if self.gauges is None else "node")
-            self._batches[inputs] = Batch(model, results, inputs)
+            self._batches[inputs] = Batch(self._model, results, inputs)
         return self._batches[inputs]
 
-    def _in_equilibrium(self, batch: Batch, start: Mapping[str, ArrayLike], h: float) -> BatchState:
-        """Return the states in which cases begin."""
-        empty = batch.run(0, h, start, dict.fromkeys(batch.inputs, np.zeros(0))).state  # knows the order of the values
-        p, u, _ = self._model.slices()
-        rows = [self._model.names.index(name) - u.stop for name in (*batch.results, "max_step")]
-        x, values = empty.x.copy(), empty.values.copy()
-        for case, row in enumerate(empty.values):
-            at, results = self._model.init(row[u], row[p])
-            x[case], values[case, u.stop :] = np.asarray(at).ravel(), np.asarray(results).ravel()[rows]
-        return replace(empty, x=x, values=values)
+    @cached_property
+    def _equilibrium(self) -> Equilibrium:
+        return Equilibrium(self.structure, self._model)
+
+    def _at_rest(self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix]) -> Equilibria:
+        """Return the equilibria of m cases in k load states, case by case."""
+        m, k = len(damage), max(np.shape(values)[-1] for values in histories.values())
+        start: dict[str, ArrayLike] = {name: np.repeat(values, k) for name, values in parameters.items()}
+        start |= {name: np.broadcast_to(values, (m, k)).ravel() for name, values in histories.items()}
+        with self._solving:  # it keeps what it has found
+            return self._equilibrium.solve({**self._given, **start, "damage": np.repeat(damage, k, axis=0)})
 
 
 def forward_of(structure: Structure | Forward | None, parameters: Mapping[str, float] | None) -> Forward:
@@ -239,10 +237,3 @@ def first(state: BatchState, cases: int) -> BatchState:
 def repeated(state: BatchState, times: int) -> BatchState:
     """Return the cases of a state again and again."""
     return replace(state, x=np.tile(state.x, (times, 1)), values=np.tile(state.values, (times, 1)))
-
-
-def _without_init(model: StepModel) -> StepModel:
-    """Leave out the relaxation, whose many steps are too much code for lanes."""
-    u, p = model.init.mx_in()
-    nothing = [ca.MX.zeros(model.n_states), ca.MX.zeros(len(model.names) - model.slices()[2].start)]
-    return replace(model, init=ca.Function("init", [u, p], nothing))

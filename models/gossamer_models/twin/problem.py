@@ -236,6 +236,22 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         """Weigh what sensors with gain and offset read, shape (m, values)."""
         return self._weights.weigh(self._read(predicted, x))
 
+    def derivatives(self, point: Point, free: Rows) -> Matrix:
+        """Return the derivatives of the weighed predictions; of equilibria by the damages from the tangent there."""
+        if not isinstance(self.record, StaticRecord):
+            return super().derivatives(point, free)
+        zones = np.flatnonzero(free[: self.zones])
+        x, z = point.x[None], point.x[None, self.zones :]
+        loads = {
+            name: np.ravel(load) for name, load in self.nuisances.histories(z, np.zeros(self.record.states)).items()
+        }
+        given = {name: float(value[0]) for name, value in self.nuisances.moved(z).items()}
+        slopes = self.model.state_slopes(self.damage(x)[0], given, loads)
+        moves = np.array([slopes[self.groups == zone].sum(axis=0) for zone in zones]).reshape(-1, *slopes.shape[1:])
+        moved = self.weigh(point.predicted + moves[:, :, self.record.state], np.repeat(x, len(zones), axis=0))
+        by_damage = require_finite((moved - (self.y - point.r)).T)
+        return np.hstack([by_damage, super().derivatives(point, free & (np.arange(self.size) >= self.zones))])
+
     def reading(self, point: Point) -> Matrix:
         """Return what the sensors read at a point, shape (s, n), in the unit of the record."""
         return np.asarray(self._read(point.predicted[None], point.x[None])[0])

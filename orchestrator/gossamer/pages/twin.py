@@ -8,7 +8,7 @@ import numpy as np
 from gossamer_files.charts import Chart, band, curve, heat, points, section
 from gossamer_files.tables import TableText
 from gossamer_models.arrays import Vector
-from gossamer_models.twin import Answer
+from gossamer_models.twin import Answer, StaticRecord
 from gossamer_orchestrator.pages import Page, on_page, table
 from gossamer_orchestrator.pages.page import Kind
 from gossamer_orchestrator.results.tables import zone_label
@@ -29,11 +29,17 @@ def twin_page(name: str, answer: Answer, compared: str) -> Page:
     compared : str
         A sentence if only the beginning of the record was compared.
     """
-    found = np.flatnonzero(answer.damage > 0.0)
     labels = [zone_label(name) for name in answer.zones]
-    parts = [f"zone {labels[z]} by {100.0 * answer.damage[z]:.2f} ± {100.0 * answer.deviation[z]:.2f} %" for z in found]
+    parts = []
+    for z in np.flatnonzero(answer.damage > 0.0).tolist():
+        together = [z, *(k for k, name in enumerate(answer.zones) if name in answer.together_with[z])]
+        if z == min(together):  # once for all that are answered together
+            which = f"zone{'s' * (len(together) > 1)} {' and '.join(labels[k] for k in together)}"
+            parts.append(f"{which} by {100.0 * answer.damage[z]:.2f} ± {100.0 * answer.deviation[z]:.2f} %")
     kind: Kind = "invalid" if not answer.valid else "damage" if parts else "healthy"
-    when = f"in the first {answer.record.step * answer.record.samples:.3g} s"
+    record = answer.record
+    static = isinstance(record, StaticRecord)
+    when = f"in {record.states} load states" if static else f"in the first {record.step * record.samples:.3g} s"
     said = f"damaged {when}: {', '.join(parts)}" if parts else f"no zone is damaged {when}"
     sentence = f"{said[0].upper()}{said[1:]}." if answer.valid else f"Not valid. What it says, not to be used: {said}."
     explained = "within" if answer.chi2_per_sample <= answer.chi2_bound else "ABOVE"
@@ -61,17 +67,24 @@ def twin_page(name: str, answer: Answer, compared: str) -> Page:
 
 def zone_cells(answer: Answer) -> TableText:
     """Return damage and probability of damage, a row for each zone."""
+    labels = dict(zip(answer.zones, map(zone_label, answer.zones), strict=True))
+    remarks = [
+        f"with {', '.join(labels[other] for other in others)}"
+        if others
+        else "cannot tell" * (k + 1 in answer.unresolved)
+        for k, others in enumerate(answer.together_with)
+    ]
     rows = [
         (
-            zone_label(name),
+            label,
             f"{100.0 * answer.damage[k]:.2f} ± {100.0 * answer.deviation[k]:.2f}",
             f"{answer.probability[k]:.3f}",
-            *(["cannot tell" if k + 1 in answer.unresolved else ""] if answer.unresolved else []),
+            *([remarks[k]] if any(remarks) else []),
         )
-        for k, name in enumerate(answer.zones)
+        for k, label in enumerate(labels.values())
     ]
-    remarks = ["remark"] if answer.unresolved else []
-    return TableText(("zone", "damage [%]", "P(damaged)", *remarks), rows, "Digital twin")
+    more = ["remark"] if any(remarks) else []
+    return TableText(("zone", "damage [%]", "P(damaged)", *more), rows, "Digital twin")
 
 
 def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
@@ -112,7 +125,9 @@ def _damage(answer: Answer) -> list[Chart]:
 def _histories(answer: Answer) -> list[Chart]:
     """Draw for each sensor its record and what it reads by the answer, and the difference of both."""
     record = answer.record
-    time = record.step * np.arange(1, record.samples + 1)
+    static = isinstance(record, StaticRecord)
+    time = np.arange(1, record.samples + 1) * (1.0 if static else record.step)
+    axis = "reading" if static else "time [s]"
     factor, unit = (100.0, "%") if record.kind == "strain" else (1.0, "ohm")
     noise = factor * np.broadcast_to(record.noise_deviation(), len(record.values))
     charts = []
@@ -124,9 +139,7 @@ def _histories(answer: Answer) -> list[Chart]:
             curve("record less answer", time, measured - read, "@grey"),
         ]
         name, y = f"Sensor {answer.order[k]}", f"{record.kind} [{unit}]"
-        pair = [
-            Chart(title, "time [s]", y, some, linked="time") for title, some in ((name, traces), ("Difference", left))
-        ]
+        pair = [Chart(title, axis, y, some, linked="time") for title, some in ((name, traces), ("Difference", left))]
         charts += section(name, pair)
     return charts
 

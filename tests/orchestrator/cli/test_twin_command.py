@@ -182,7 +182,8 @@ def test_results_without_resistance_say_what_to_record(call, results, tmp_path):
 
 
 def test_the_table_has_a_column_of_remarks_only_where_there_is_one():
-    known = dict.fromkeys(("damage", "deviation", "probability"), np.zeros(16)) | {"zones": ("rim",) * 16}
+    known = dict.fromkeys(("damage", "deviation", "probability"), np.zeros(16))
+    known |= {"zones": tuple(f"rim {k}" for k in range(16)), "together_with": ((),) * 16}
     fields = dict.fromkeys(Answer.__dataclass_fields__) | known
     headings = [
         list(shown.head)
