@@ -1,12 +1,12 @@
 r"""How far the strain of a mesh is from that of a finer one, and what that means for damages fitted on it.
 
-Symbols: ``m`` pairs of simulations, ``s`` sensors, ``n`` samples or load states, ``z`` zones; ``delta`` strain of the finer mesh
-less that of the twin's [1]; ``J`` derivatives of the strain by the damages [1].
+Symbols: ``m`` pairs of simulations, ``s`` sensors, ``n`` samples or load states, ``z`` zones; ``delta`` strain of the finer
+mesh less that of the twin's [1]; ``J`` derivatives of the strain by the damages [1].
 
-Pairs with random damages under the loads of the record tell the covariance of the error: an offset of each sensor, the largest
-principal components of all pairs, and what is left of pairs that had no part in them, as a stationary process of each sensor.
-A still finer mesh shows that the finer one is not the truth either. The covariance is enlarged until damages that are fitted to
-errors which it was not learned from are as far off as it says.
+Pairs with random damages under the loads of the record tell the covariance of the error: an offset of each sensor, the
+largest principal components of all pairs, and what is left of pairs that had no part in them, as a stationary process of
+each sensor. A still finer mesh shows that the finer one is not the truth either. The covariance is enlarged until damages
+that are fitted to errors which it was not learned from are as far off as it says.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class MeshError:
 
     def _learned(self, delta: Matrix) -> Matrix:
         """Return components of some differences, shape (m, s, n)."""
-        m, s, n = delta.shape
+        _, s, n = delta.shape
         means = delta.mean(axis=2)
         offsets = np.sqrt(np.mean(means**2, axis=0))[:, None, None] * np.eye(s)[:, :, None] * np.ones(n)
         moving = _moving(delta)
@@ -136,7 +136,7 @@ class MeshError:
         """Return weights, the weighed derivatives and the covariance of damages with unknown offsets."""
         weights = ErrorWeights(np.ones(self.strain.shape, dtype=bool), self.noise, components)
         J = weights.weigh(_moving(self.slopes)).T
-        return weights, J, np.linalg.pinv(J.T @ J, hermitian=True)
+        return weights, J, np.asarray(np.linalg.pinv(J.T @ J, hermitian=True), dtype=np.float64)
 
     def _deviations(self, components: Matrix) -> Vector:
         return np.asarray(np.sqrt(np.diag(self._weights(components)[2])))
@@ -244,7 +244,7 @@ class MeshErrors:
             "still_finer": found[2] - own[:STILL_FINER] if small else np.zeros((0, *strain.shape)),
         }
         content = io.BytesIO()
-        np.savez(content, **{name: value.astype(np.float32) for name, value in arrays.items()})  # type: ignore[arg-type]
+        np.savez(content, **{name: value.astype(np.float32) for name, value in arrays.items()})
         return content.getvalue()
 
     def _strain(self, structure: Structure, damage: Matrix, record: ResponseRecord, name: str) -> Matrix:
@@ -280,7 +280,7 @@ def _principal(delta: Matrix) -> tuple[Vector, Matrix]:
 
 
 def _moving(y: Matrix) -> Matrix:
-    return y - y.mean(axis=-1, keepdims=True)
+    return np.asarray(y - y.mean(axis=-1, keepdims=True))
 
 
 def _rms(y: Matrix) -> float:
