@@ -64,7 +64,7 @@ class ModelOptions(TypedDict, total=False):
     elements_per_side, order : int
         Mesh of the membrane, which must be the only name; see ``membrane_model``.
     law : str
-        Law of the membrane's material: st_venant_kirchhoff, hencky, neo_hookean or relaxed.
+        Law of the membrane's material, one of ``gossamer_models.membrane.LAWS``.
     structure : Structure
         Membrane on a mesh in place of the square one.
     """

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from gossamer_files.options import option
 from gossamer_files.tables import TableText
 from gossamer_orchestrator.errors import OrchestratorError, ScenarioError
 
-from .arguments import Address, AnyPath, Count, File, Folder, Seconds, command
+from .arguments import Address, AnyPath, Count, File, Folder, Seconds, assigned, command
+from .options import PlanOptions
+from .records import numbers_by_name
 from .results import Saved, by_label
 from .terminal import progress_bar
 from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.campaign import CampaignPlan, Summary
+    from gossamer_models.campaign import CampaignPlan, Mesh, Summary
     from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
+    from gossamer_orchestrator.scenario.source import Source
 
 Method = Literal["neuro-fuzzy", "perceptron", "thesis"]
 NOMINAL = "detector_nominal"
+WINDOW = 0.2532  # [s] of the shipped detectors
 DRIFT = 2  # steps that cover how the phase of the load drifts from window to window
 
 logger = logging.getLogger(__name__)
@@ -87,11 +92,12 @@ class Campaign(Saved):
 
 @command
 def campaign(
-    campaign: AnyPath,
+    campaign: AnyPath | None = None,
     *,
     out: Folder | None = None,
     workers: Count | None = None,
     scheduler: Address | None = None,
+    **plan: Unpack[PlanOptions],
 ) -> Campaign:
     """Simulate the cases of a campaign: random damage, load, material and sensors.
 
@@ -101,13 +107,15 @@ def campaign(
     Parameters
     ----------
     campaign
-        A campaign file, or the name of a shipped campaign.
+        A campaign file, or the name of a shipped campaign; not needed with a setup.
     out
         Folder of the store; out/campaigns/NAME.zarr by default.
     workers
         Processes; all cores by default.
     scheduler
         Run on the Dask cluster of this scheduler, tcp://host:8786.
+    **plan
+        What is simulated, see ``PlanOptions``.
 
     Returns
     -------
@@ -123,19 +131,19 @@ def campaign(
         gossamer campaign training
 
         gossamer campaign my_campaign.toml --out out/mine.zarr --scheduler tcp://192.168.0.5:8786
+
+        gossamer campaign --setup reflector --cases 200
     """
     from gossamer_models.campaign import read_campaign, run_campaign
-    from gossamer_orchestrator.scenario.source import find_scenario
 
-    from .descriptions import load_campaign, locating
+    from .descriptions import locating
     from .pages.campaign import campaign_page
 
-    file = find_scenario(str(campaign), "campaign")
-    store = Path("out/campaigns") / f"{file.stem}.zarr" if out is None else Path(out)
-    keep_inputs([file], [store])
-    bar = progress_bar(file.stem)
+    wanted, source, name = _planned(campaign, None, **plan)
+    store = Path("out/campaigns") / f"{name}.zarr" if out is None else Path(out)
+    keep_inputs([campaign, plan.get("setup"), plan.get("mesh")], [store])
+    bar = progress_bar(name)
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
-    wanted, source = load_campaign(file)
     try:
         with locating(source), bar:
             bar.update(text="compiling,")
@@ -150,7 +158,7 @@ def campaign(
     except KeyboardInterrupt:
         msg = "Interrupted; finished chunks are kept. Run the same command again to go on."
         raise KeyboardInterrupt(msg) from None
-    title = wanted.title or file.stem
+    title = wanted.title or name
     # not inside the store, where programs that read Zarr would warn of it
     folder = store.with_suffix("") if store.suffix else store.with_name(f"{store.name}_page")
     pages = save_page(lambda: campaign_page(title, read_campaign(store), summary), folder)
@@ -209,29 +217,32 @@ def train(
     out: File | None = None,
     window: Seconds | None = None,
     epochs: Count | None = None,
+    **plan: Unpack[PlanOptions],
 ) -> TrainedDetector:
     """Train a detector on simulated damage.
 
     Runs the campaign first if that has not been done, which takes many minutes; the training itself takes some. What varies
-    in the campaign is what the detector is trained over. For a scenario, damage varies and the membrane is its own. Errors
-    on cases that were held out stand beside those of the answer "always 0"; after a training of the thesis those on its test
-    cases, beside its own.
+    in the campaign is what the detector is trained over. For a scenario, damage varies and the membrane is its own; for a
+    setup, windows and steps are the structure's, and the load is that which the setup states. Errors on cases that were held
+    out stand beside those of the answer "always 0"; after a training of the thesis those on its test cases, beside its own.
 
     Parameters
     ----------
     source
         Folder of a campaign that has been run, a campaign file, a scenario with the membrane to train for, or the name of a
         shipped one; detector_nominal by default. Of the kind thesis: single (default), single_noisy, multiple or
-        multiple_noisy.
+        multiple_noisy. Of a setup, at most a scenario with its parameters.
     kind
         neuro-fuzzy: the thesis' network on indices that are trained; perceptron: two hidden layers; thesis: one of its own
         trainings, on 16 energies.
     out
         File to write, with its arrays beside it; out/detector/NAME.json by default.
     window
-        Length of a window [s]; 0.2532 or what the scenario says.
+        Length of a window [s]; 0.2532, what the scenario says, or whole periods of the load of a setup.
     epochs
         Passes through the cases; 150 by default.
+    **plan
+        What is simulated, see ``PlanOptions``.
 
     Returns
     -------
@@ -250,35 +261,38 @@ def train(
 
         gossamer train my_scenario.toml
 
+        gossamer train --setup reflector && gossamer build detector --artifact out/detector/reflector.json
+
         gossamer train multiple_noisy --kind thesis
     """
     if kind == "thesis":
-        if window is not None or epochs is not None:
-            given = f"{option('window')} and {option('epochs')}"
-            msg = f"{given} are not for {option('kind', kind)}, whose windows and networks are fixed. Leave them out."
+        if window is not None or epochs is not None or _given(plan):
+            given = f"{option('window')}, {option('epochs')} and what is simulated"
+            msg = f"{given} are not for {option('kind', kind)}, whose cases, windows and networks are fixed. Leave them out."
             raise OrchestratorError(msg)
         return _train_thesis(str(source or "single"), out)
     path = None if out is None else json_file(out)
-    keep_inputs([source or NOMINAL], [out, path])
+    keep_inputs([source, plan.get("setup"), plan.get("mesh")], [out, path])
     from gossamer_models.assessment.figures import errors, held_out_verdicts
     from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
     from .pages.train import training_page
 
-    data, name, length = _data(str(source or NOMINAL))
-    length = window or length
-    samples = Training().samples if length is None else 4 * max(round(length / float(data["time"][0])) // 4, 1)
-    windows = min(Training().windows, max(data.sizes["time"] // samples, 1))
-    training = Training(network=kind, samples=samples, windows=windows)
+    data, name = _data(source, window, **plan)
+    training = Training.of(data, network=kind, window=window)
     if epochs is not None:
         training = replace(training, epochs=epochs)
-    logger.info("%s: %d cases, windows of %d samples, %d epochs", name, data.sizes["case"], samples, training.epochs)
+    logger.info(
+        "%s: %d cases, windows of %d samples, %d epochs", name, data.sizes["case"], training.samples, training.epochs
+    )
     end = "" if kind == "neuro-fuzzy" else f"_{kind}"
     path = path or Path("out/detector") / f"{name}{end}.json"
     with progress_bar("training") as bar:
         artifact = train_posterior(data, training, lambda done: bar.update(done, 1.0))
-    made = f"gossamer train {name} --kind {kind} --epochs {training.epochs}"
+    made = (
+        f"gossamer train {'--setup ' * (plan.get('setup') is not None)}{name} --kind {kind} --epochs {training.epochs}"
+    )
     made += f" --window {window:g}" if window is not None else ""
     judged = held_out_verdicts(artifact, data, training)
     artifact = replace(
@@ -291,27 +305,75 @@ def train(
     return TrainedDetector(files=[path, *pages], artifact=artifact, held_out=artifact.held_out)
 
 
-def _data(source: str) -> tuple[xr.Dataset, str, float | None]:
-    """Return the campaign of a source, run if need be, its name, and the length of a window that a scenario states [s]."""
+def _data(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptions]) -> tuple[xr.Dataset, str]:
+    """Return the campaign of a source, run if need be, and its name."""
     from gossamer_models.campaign import read_campaign, run_campaign
-    from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios
 
-    from .descriptions import load_campaign, locating
+    from .descriptions import locating
 
-    if Path(source).is_dir():
-        return read_campaign(Path(source)), Path(source).stem, None
-    length = None
-    if is_scenario(source):
-        file = find_scenario(source)
-        nominal, text = load_campaign(shipped_scenarios("campaign")[NOMINAL])
-        wanted, length = campaign_of(file, nominal)
-    else:
-        file = find_scenario(source, "campaign")
-        wanted, text = load_campaign(file)
-    path = Path("out/campaigns") / f"{file.stem}.zarr"
+    if source is not None and Path(source).is_dir():
+        if _given(plan):
+            msg = f"{source} has been run: leave out what is simulated, or name a campaign file in its place."
+            raise OrchestratorError(msg)
+        return read_campaign(Path(source)), Path(source).stem
+    wanted, text, name = _planned(source, window, **plan)
+    path = Path("out/campaigns") / f"{name}.zarr"
+    logger.info("%d cases of %g s in %d steps", wanted.count, wanted.stop, wanted.steps)
     with locating(text), progress_bar("simulating damage") as bar:
         run_campaign(wanted, path, progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"))
-    return read_campaign(path), file.stem, length
+    return read_campaign(path), name
+
+
+def _given(plan: Mapping[str, object]) -> bool:
+    """Tell whether something is said of what is simulated."""
+    return any(value is not None for value in plan.values())
+
+
+def _planned(
+    source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptions]
+) -> tuple[CampaignPlan, Source, str]:
+    """Return the campaign of a file, a scenario or a setup, the text that its mistakes are in, and its name."""
+    from gossamer_models.campaign import Distribution, MeasurementNoise, Mesh, campaign_of_setup
+    from gossamer_models.campaign.defaults import CASES, NOISE
+    from gossamer_orchestrator.scenario.source import Source, find_scenario
+
+    from .descriptions import load_campaign, setup_of
+
+    setup, cases, noise = plan.get("setup"), plan.get("cases"), plan.get("noise")
+    constants = numbers_by_name(assigned(plan.get("set")), "for instance pressure_amplitude=100")
+    run = source is not None and is_scenario(str(source))
+    if setup is not None:
+        file = find_scenario(str(setup), "membrane")
+        if source is not None and not run:
+            msg = f"{source} says what is simulated, and so does {option('setup')}. Leave one of them out."
+            raise OrchestratorError(msg)
+        mesh = plan.get("mesh")
+        membrane = Mesh(setup=setup_of(file, None if mesh is None else Path(mesh)))
+        if run:
+            found, length = membrane_of(find_scenario(str(source)), membrane)
+            membrane, window = found, window or length
+        membrane = replace(membrane, parameters={**membrane.parameters, **constants})
+        wanted = campaign_of_setup(
+            membrane, cases=CASES if cases is None else cases, noise=NOISE if noise is None else noise, window=window
+        )
+        return wanted, Source(file.name, ""), file.stem
+    if plan.get("mesh") is not None:
+        msg = f"{option('mesh')} needs a setup of material and supports. Name its file with {option('setup')}."
+        raise OrchestratorError(msg)
+    file = find_scenario(str(source or NOMINAL), "scenario" if run else "campaign")
+    wanted, text = load_campaign(find_scenario(NOMINAL, "campaign") if run else file)
+    if run:
+        membrane, length = membrane_of(file, wanted.membrane)
+        window = window or length or WINDOW
+        steps = 3 * 4 * max(round(window / wanted.step) // 4, 1) + DRIFT
+        wanted = replace(wanted, membrane=membrane, stop=steps * wanted.step, window=window)
+    wanted = replace(
+        wanted,
+        cases=wanted.cases if cases is None else cases,
+        membrane=replace(wanted.membrane, parameters={**wanted.membrane.parameters, **constants}),
+        noise=wanted.noise if noise is None else MeasurementNoise(strain=Distribution(normal=noise)),
+    )
+    return wanted, text, file.stem
 
 
 def is_scenario(source: str) -> bool:
@@ -323,28 +385,31 @@ def is_scenario(source: str) -> bool:
     return "components" in parse_toml(read_text(Path(source), "scenario"), source, "scenario")
 
 
-def campaign_of(file: Path, nominal: CampaignPlan) -> tuple[CampaignPlan, float | None]:
-    """Return the nominal campaign with the membrane and the windows of a scenario, and the length of a window [s]."""
+def membrane_of(file: Path, mesh: Mesh) -> tuple[Mesh, float | None]:
+    """Return a membrane with the parameters and constant inputs of a scenario's, and the length of its windows [s]."""
+    from fnmatch import fnmatchcase
+
     from gossamer_orchestrator import load_scenario
 
     scenario = load_scenario(file)
     found = [c for c in scenario.components.values() if Path(c.fmu).stem == "membrane"]
-    fed = {c.target.partition(".")[2] for c in scenario.connections}
-    if len(found) != 1 or fed & {"pressure", "base_acceleration"}:
+    fed = {c.target.partition(".")[2].partition("[")[0] for c in scenario.connections}
+    loads = {name.partition("[")[0] for name, row in mesh.settable.items() if row.causality == "input"}
+    if len(found) != 1 or fed & loads:
         msg = (
             f"{file.name} does not hold one membrane under its built-in pressure, so there is no campaign for it. Write a "
             "campaign file: its [membrane] takes mesh, parameters and constant inputs."
         )
         raise ScenarioError(msg)
-    given = {**found[0].parameters, **found[0].inputs}
-    numbers = {name: float(value) for name, value in given.items() if isinstance(value, int | float)}
-    constants = {name: value for name, value in numbers.items() if not name.startswith("damage")}
+    constants: dict[str, float] = {}
+    for pattern, value in {**found[0].parameters, **found[0].inputs}.items():
+        if isinstance(value, int | float) and not pattern.startswith("damage"):
+            names = [name for name in mesh.settable if fnmatchcase(name, pattern.replace("[", "[[]"))]
+            constants |= dict.fromkeys(names or [pattern], float(value))
     detectors = [c for c in scenario.components.values() if Path(c.fmu).stem == "detector"]
     lengths = [c.parameters.get("window_length") for c in detectors]
     length = next((float(value) for value in lengths if isinstance(value, int | float)), None)
-    window = 0.2532 if length is None else length
-    steps = 3 * 4 * max(round(window / nominal.step) // 4, 1) + DRIFT
-    return replace(nominal, membrane=replace(nominal.membrane, parameters=constants), stop=steps * nominal.step), length
+    return replace(mesh, parameters=constants), length
 
 
 def _train_thesis(name: str, out: AnyPath | None) -> TrainedDetector:

@@ -103,6 +103,31 @@ class TwinOptions(TypedDict, total=False):
     order: Annotated[int, Written("N", default=4)]
 
 
+class PlanOptions(TypedDict, total=False):
+    """What is simulated.
+
+    Attributes
+    ----------
+    setup
+        Setup of the membrane, with zones and sensors (docs/setup.md), or reflector, drum, ...; steps, windows and load are
+        those of the structure.
+    mesh
+        With a setup: mesh file in place of its own.
+    set
+        Parameter or constant input of the membrane, NAME=VALUE; may be repeated.
+    cases
+        How many, in place of the campaign's; 4000 of a setup.
+    noise
+        Standard deviation of a sample of strain [1], in place of the campaign's; 1e-4 of a setup.
+    """
+
+    setup: File | None
+    mesh: File | None
+    set: Values | None
+    cases: Count | None
+    noise: NotNegative | None
+
+
 class ColumnOptions(TypedDict, total=False):
     """Columns of the records.
 

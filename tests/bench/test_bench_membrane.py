@@ -45,7 +45,7 @@ def test_step_with_avx2_without_and_on_a_frame_that_flies(step_cost, measured, t
             if not frame:
                 (binary,) = unpacked.glob("binaries/*/*")
                 code = {file.name: file.read_bytes() for file in (unpacked / "sources").iterdir()}
-                options = ["-DONE_INSTRUCTION_SET", "-I", str(fmi_headers())]
+                options = ["-mcpu=baseline", "-DONE_INSTRUCTION_SET", "-I", str(fmi_headers())]
                 baseline = unpacked.rename(unpacked.with_name("baseline")) / binary.relative_to(unpacked)
                 baseline.write_bytes(compile_shared(code, "fmi2.c", binary.name, options, "the baseline"))
                 costs["baseline"] = step_cost(path, baseline.parents[2], (n * order) ** 2)

@@ -125,7 +125,7 @@ def test_the_baseline_and_avx2_give_the_same_bits(order, tmp_path):
     baseline = shutil.copytree(chosen, tmp_path / "baseline")
     (binary,) = baseline.glob("binaries/*/*")
     code = {path.name: path.read_bytes() for path in (chosen / "sources").iterdir()}
-    options = ["-DONE_INSTRUCTION_SET", "-I", str(fmi_headers())]
+    options = ["-mcpu=baseline", "-DONE_INSTRUCTION_SET", "-I", str(fmi_headers())]
     binary.write_bytes(compile_shared(code, "fmi2.c", binary.name, options, "the baseline"))
     rows = []
     for folder in (chosen, baseline):

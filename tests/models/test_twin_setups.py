@@ -42,7 +42,9 @@ def lifted(patch):
 def dish():
     """A parabolic dish of 1 m radius that 500 Pa keep in shape, in five zones: one in the middle, four around it."""
     file = meshed([lifted(patch) for patch in disc(1.0)], 3, points={"rim": lambda x, y, z: x**2 + y**2 > 0.999})
-    at = [(0.3, 0.1, 0.0), (0.75, 0.1, 0.0), (0.1, 0.75, 0.0), (-0.75, -0.1, 0.0), (-0.1, -0.75, 0.0)]
+    middles = file.nodes[file.quadrilaterals].mean(axis=1)  # sensors lie in the middle of an element
+    near = [(0.3, 0.1), (0.75, 0.1), (0.1, 0.75), (-0.75, -0.1), (-0.1, -0.75)]
+    points = [middles[np.argmin(np.linalg.norm(middles[:, :2] - place, axis=1))] for place in near]
     setup = Setup(
         law="hencky",
         mass_damping=20.0,
@@ -51,8 +53,8 @@ def dish():
         zones=(Zone(rings=(0.5,), sectors=(1, 4), name="ring {ring} sector {sector}"),),
         loads=(Load(name="pressure", start=-500.0),),
         sensors=tuple(
-            Sensor(point=(x, y, 0.25 * (x**2 + y**2)), direction=(y, -x, 0.0) if k % 2 else (x, y, 0.0))
-            for k, (x, y, _) in enumerate(at)
+            Sensor(point=(x, y, z), direction=(y, -x, 0.0) if k % 2 else (x, y, 0.0))
+            for k, (x, y, z) in enumerate(points)
         ),
     )
     return make_structure(setup, surface_mesh(file))
@@ -158,7 +160,7 @@ def test_the_slopes_of_equilibria_are_those_of_the_closed_form(strip):
     damage, d = np.array([0.1, 0.2, 0.0, 0.45]), 1e-6
     slopes = MembraneForward(strip).state_slopes(damage, {}, {"pull": LOADS})
     expected = np.array([(pulled(damage + d * e) - pulled(damage - d * e)) / (2.0 * d) for e in np.eye(4)])
-    np.testing.assert_allclose(slopes, expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(slopes, expected, rtol=1e-6, atol=1e-8)
 
 
 def test_damage_is_found_from_load_states_of_the_closed_form(strip):
@@ -204,7 +206,8 @@ def write(path, rows, head="state,pull [N],strain[1],strain[2],strain[3],strain[
 
 
 def test_a_table_of_load_states_is_read_with_repeated_readings(strip, tmp_path):
-    rows = [f"{name},{pull},0.01,0.02,,{k}" for name, pull in (("low", 2.0), ("high", 4.0)) for k in range(5)]
+    loads = {"low": 2.0, "high": 4.0}
+    rows = [f"{name},{pull},0.01{k},0.02{k},,{k}" for name, pull in loads.items() for k in range(5)]
     record = read_table(write(tmp_path / "r.csv", rows), structure=strip)
     assert isinstance(record, StaticRecord)
     assert record.names == ("low", "high")
@@ -221,8 +224,10 @@ def test_loads_of_a_table_are_in_the_units_of_the_membrane(dish, tmp_path):
     assert record.samples == 100
     assert record.start == {"pressure": -500.0}
     assert record.inputs["pressure"][:2] == pytest.approx([-501.0, -502.0])
-    with pytest.raises(DataError, match="begin"):
-        read_table(write(tmp_path / "r.csv", [f"-1{row}" for row in rows], head), structure=dish, begins="rest")
+    from_rest = read_table(
+        write(tmp_path / "r.csv", [row[2:] for row in rows[1:]], head), structure=dish, begins="rest"
+    )
+    assert (from_rest.samples, from_rest.start) == (100, {})
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,17 @@
 """Campaigns: many cases of damage, load, material and sensors, a function of a seed, in a store that can be resumed."""
 
 from .cases import Cases, draw_cases, measured_resistance, measured_strain
+from .defaults import campaign_of_setup, check_monitored
 from .description import CampaignPlan, Chain, Damage, Distribution, MeasurementNoise, Mesh, Vary
 from .run import CampaignStoppedError, Summary, run_campaign
 from .store import read_campaign
 
 __all__ = [
     # what to run
+    "campaign_of_setup",
     "CampaignPlan",
     "Chain",
+    "check_monitored",
     "Damage",
     "Distribution",
     "Mesh",

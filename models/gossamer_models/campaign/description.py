@@ -267,6 +267,8 @@ class CampaignPlan:
         Sampling step and last time [s]; the first sample is taken one step after the start.
     sampling : {"random", "latin-hypercube"}
         Independent draws, or one in each of ``cases`` equal strata of every quantity.
+    window : float or None
+        Length of the windows of a detector that is trained on it [s]; None where the training says it.
     chunk : int
         Cases of one task and of one file, 64 to 256 are good.
     membrane, damage, vary, noise, chain
@@ -283,6 +285,7 @@ class CampaignPlan:
     seed: int = 0
     step: float = 3e-4
     stop: float = 0.3
+    window: float | None = None
     sampling: Literal["random", "latin-hypercube"] = "random"
     chunk: int = 128
     membrane: Mesh = field(default_factory=Mesh)
@@ -314,6 +317,9 @@ class CampaignPlan:
             if not 0.0 < getattr(self, name) < math.inf:
                 yield Mistake((name,), f"{name!r} is {getattr(self, name):g} s. Write a positive time.")
                 return
+        if self.window is not None and not 0.0 < self.window <= self.stop * (1.0 + 1e-9):
+            text = f"'window' is {self.window:g} s and the run {self.stop:g} s long. Write a shorter time."
+            yield Mistake(("window",), text)
         ratio = self.stop / self.step
         if ratio > MOST_STEPS:
             text = f"'step' = {self.step:g} s makes {ratio:.3g} steps, more than {MOST_STEPS:.0e}. Use a longer one."

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 STATED = 0.02 / np.sqrt(12.0)  # what the campaign states
 LEAST_NOISE, MOST_NOISE = 1e-5, 6.5e-3  # white
 COLOURED = 2e-3  # most of what is not white, as an estimator leaves it
+PER_SENSOR, MOST_COMPONENTS = 32, 512  # principal components
 USUAL = 0.03  # noise over the swing of the strain [1], of a campaign that states none
 SWINGS = 64  # cases that tell the swing
 
@@ -78,6 +79,18 @@ class Training:
     rate: float = 2e-3
     held_out: float = 0.15
     seed: int = 0
+
+    @classmethod
+    def of(cls, data: xr.Dataset, network: Network = "neuro-fuzzy", window: float | None = None) -> Training:
+        """Return the settings that suit a campaign: sizes from its sensors, windows of a length [s], or as it says."""
+        length = window or json.loads(data.attrs["campaign"])["window"]
+        samples = cls.samples if length is None else 4 * max(round(length / float(data["time"][0])) // 4, 1)
+        return cls(
+            network=network,
+            samples=samples,
+            windows=min(cls.windows, max(data.sizes["time"] // samples, 1)),
+            components=min(PER_SENSOR * data.sizes["sensor"], MOST_COMPONENTS),
+        )
 
     @property
     def decoder_epochs(self) -> int:

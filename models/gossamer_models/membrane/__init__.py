@@ -10,12 +10,14 @@ from .square import MembraneParams, square_structure
 from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
 from .structure import Structure, make_structure
 from .surface import SurfaceMesh, surface_mesh
+from .vibration import first_period
 from .zones import Zone
 
 __all__ = [
     # the model and its equations
     "membrane_model",
     "MembraneEquations",
+    "first_period",
     "Equilibria",
     "Equilibrium",
     "EquilibriumDerivatives",

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from ..element_loop import ElementLoop
+from ..element_loop import LANES, ElementLoop
 from .element import Element, Extras, apply, balance, by_axis, dense, element_points, tangents
 from .geometry import stiffest
 from .law import Entry, matrix
@@ -215,24 +215,20 @@ class NodeLoop:
         """Return the vectors, shape (3 n,), and the sums, shape (numbers,)."""
         if not compiled:
             found, numbers = self.write([[v[axis::3] for axis in range(3)] for v in vectors], d, ca.DM(self.own))
-            return [ca.vec(ca.horzcat(*columns).T) for columns in found], _total(numbers)
+            return [ca.vec(ca.horzcat(*columns).T) for columns in found], _total(
+                numbers, len(self.own)
+            ) if numbers else ca.MX.zeros(0)
         results = self.loop.stand_in.call([ca.vertcat(*vectors), d])
         moved = ca.vertsplit(results[0], 3 * len(self.own)) if self.loop.forces else []
         return moved, ca.vertcat(*results[bool(self.loop.forces) :])
 
 
-def _total(columns: list[ca.MX]) -> ca.MX:
-    """Sum each of n columns, shape (n,), by halves: that many additions at once, and less round-off than one by one."""
-    if not columns:
-        return ca.MX.zeros(0)
-    rows = ca.horzcat(*columns)
-    odd = ca.MX.zeros(1, len(columns))
-    while rows.shape[0] > 1:
-        half = rows.shape[0] // 2
-        if rows.shape[0] % 2:
-            odd += rows[-1, :]
-        rows = rows[:half, :] + rows[half : 2 * half, :]
-    return (rows + odd).T
+def _total(columns: list[ca.MX], n: int) -> ca.MX:
+    """Sum each of K columns, shape (n,), in the order of the loop: every lane by itself, then the lanes."""
+    blocks = -(-n // LANES)
+    rows = ca.vertcat(ca.horzcat(*columns), ca.DM.zeros(blocks * LANES - n, len(columns)))
+    of_column = ca.kron(ca.DM.eye(len(columns)), ca.DM.ones(blocks, 1))
+    return ca.sum1(ca.mtimes(ca.reshape(rows, LANES, -1), of_column)).T
 
 
 def swept(element: Element, positions: list[Entry]) -> Entry:

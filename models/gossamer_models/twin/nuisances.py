@@ -7,7 +7,7 @@ and deviation 1; ``c`` coefficients of a load that is unknown; ``m`` rows of nui
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -84,11 +84,8 @@ class Nuisances:
     spacing: float = KNOT_SPACING
 
     def __post_init__(self) -> None:
+        check_names(self.kinds, self.inputs)
         for kind in self.kinds:
-            if kind not in (*NAMES, *self.inputs):
-                loads = ", ".join(list(self.inputs)[:8])
-                msg = f"there is no nuisance {kind!r}. Choose from {', '.join(NAMES)}, and the loads {loads}."
-                raise ParameterError(msg)
             if kind in (*FACTORS, "phase") and kind not in dict.fromkeys(k.partition("[")[0] for k in self.simulated):
                 what = (
                     "no damping" if kind == "damping" else "no built-in load, and the record has no load that changes"
@@ -100,9 +97,6 @@ class Nuisances:
                     f"the size of the load {kind!r} is not known. Give it a start value that is as large as it may be."
                 )
                 raise ParameterError(msg)
-        if len(set(self.kinds)) < len(self.kinds):
-            msg = f"a nuisance is named twice in {', '.join(self.kinds)}. Name each once."
-            raise ParameterError(msg)
 
     @property
     def knots(self) -> int:
@@ -213,6 +207,18 @@ class Nuisances:
         if load == "pressure":
             sizes.append(self.parameters.get("pressure_amplitude", 0.0))
         return max(sizes)
+
+
+def check_names(kinds: Sequence[str], inputs: Iterable[str]) -> None:
+    """Raise ``ParameterError`` unless each kind is one of ``NAMES``, or an input, and stands once."""
+    for kind in kinds:
+        if kind not in (*NAMES, *inputs):
+            loads = ", ".join(list(inputs)[:8])
+            msg = f"there is no nuisance {kind!r}. Choose from {', '.join(NAMES)}, and the loads {loads}."
+            raise ParameterError(msg)
+    if len(set(kinds)) < len(kinds):
+        msg = f"a nuisance is named twice in {', '.join(kinds)}. Name each once."
+        raise ParameterError(msg)
 
 
 def spline_basis(time: Vector, length: float, count: int) -> Matrix:

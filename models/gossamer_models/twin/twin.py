@@ -21,7 +21,7 @@ from .discrepancy import Discrepancy, default_discrepancy
 from .forward import Forward, MembraneForward, forward_of
 from .groups import UNRESOLVED, alike, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
-from .nuisances import MODULUS, Loads, Nuisances
+from .nuisances import MODULUS, Loads, Nuisances, check_names
 from .problem import RecordProblem
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
 from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, modulus_instead, probability, search
@@ -165,7 +165,7 @@ class Twin:
         self._forward = forward_of(structure, parameters)
         self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
-        self._nuisances(Loads(), 0.0)  # refuses unknown names
+        check_names(self.nuisances, self._forward.inputs)
         if discrepancy == "learned":
             discrepancy = default_discrepancy() if _is_learned(self._forward) else None
         self.discrepancy = discrepancy
