@@ -1,6 +1,7 @@
 """The digital twin: damages with standard deviations, from a record of strain or resistance."""
 
 from .forward import Forward, MembraneForward
+from .mesh_error import MeshErrors
 from .nuisances import Loads, Nuisances
 from .reading import make_record, read_table
 from .record import ResponseRecord, StaticRecord
@@ -13,6 +14,7 @@ __all__ = [
     "Forward",
     "Loads",
     "MembraneForward",
+    "MeshErrors",
     "Nuisances",
     "ResponseRecord",
     "StaticRecord",

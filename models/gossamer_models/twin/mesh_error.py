@@ -32,6 +32,7 @@ from .record import ResponseRecord, StaticRecord
 PAIRS, STILL_FINER = 32, 8  # simulations with random damage, and how many of them on a still finer mesh
 MOST_NODES = 6000  # of a still finer mesh: else hours
 LARGEST = 5  # principal components of all sensors together
+SHRUNK = 0.2  # of the variance: to each sensor alone
 SMALL = 0.2  # of the noise: components below it change nothing
 SCALES = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
 UNSEEN = 1.4  # where no still finer mesh can be had: an error as large again, independent
@@ -125,16 +126,19 @@ class MeshError:
             flat = moving[k::2].reshape(-1, s * n)
             rest.append((flat - (flat @ others.T) @ others).reshape(-1, s, n))
         found = [offsets, largest]
-        for j, each in enumerate(np.concatenate(rest).transpose(1, 0, 2)):
+        parts = [(1.0, np.concatenate(rest)), (SHRUNK, moving)]  # another mesh may err in other ways
+        for j in range(s):
             if self.static:
-                variance, modes = np.mean(each**2, axis=0), np.eye(n)
+                variance = sum(share * np.mean(part[:, j] ** 2, axis=0) for share, part in parts)
+                modes = np.eye(n)
             else:
-                spectrum = np.abs(np.fft.rfft(each, 2 * n, axis=1)) ** 2
-                variance, modes = np.linalg.eigh(toeplitz(np.fft.irfft(spectrum.mean(axis=0))[:n] / n))
+                spectra = [(share, np.abs(np.fft.rfft(part[:, j], 2 * n, axis=1)) ** 2) for share, part in parts]
+                spectrum = sum(share * each.mean(axis=0) for share, each in spectra)
+                variance, modes = np.linalg.eigh(toeplitz(np.fft.irfft(spectrum)[:n] / n))
             seen = variance > (SMALL * self.noise[j]) ** 2
-            part = np.zeros((int(seen.sum()), s, n))
-            part[:, j] = (np.sqrt(variance[seen]) * modes[:, seen]).T
-            found.append(part)
+            mine = np.zeros((int(seen.sum()), s, n))
+            mine[:, j] = (np.sqrt(variance[seen]) * modes[:, seen]).T
+            found.append(mine)
         return np.concatenate(found)
 
     def _weights(self, components: Matrix) -> tuple[ErrorWeights, Matrix, Matrix]:
@@ -174,39 +178,46 @@ class MeshErrors:
         report: Report = lambda *_: None,
     ) -> None:
         self.structure, self.parameters, self._report = structure, dict(parameters or {}), report
-        self._known: dict[str, MeshError] = {}
+        self._known: dict[tuple[str, bytes], MeshError] = {}
 
     def of(self, record: ResponseRecord) -> MeshError:
-        """Return the error under the loads of a record of strain.
+        """Return the error under the loads of a record.
 
         Raises
         ------
         ConvergenceError
             A simulation fails.
         """
+        noise = record.noise_deviation()
         key = self._key(record)
-        if key not in self._known:
+        if (key, noise.tobytes()) not in self._known:
             file = kept_library([key], ".npz", lambda: self._simulated(record), "the error of a mesh")
             with np.load(file, allow_pickle=False) as arrays:
-                self._known[key] = MeshError(
-                    **{name: arrays[name].astype(float) for name in ("strain", "slopes", "finer", "still_finer")},
-                    noise=record.noise_deviation(),
-                    static=isinstance(record, StaticRecord),
-                )
-        return self._known[key]
+                found = {name: arrays[name].astype(float) for name in ("strain", "slopes", "finer", "still_finer")}
+            if record.kind == "resistance":  # strain with as much noise in its change
+                change = [
+                    _rms(_moving(row[np.isfinite(row)])) if np.isfinite(row).any() else math.nan
+                    for row in record.values
+                ]
+                noise = noise * np.sqrt(np.mean(_moving(found["strain"]) ** 2, axis=1)) / np.array(change)
+            noise = noise * math.sqrt(record.states / record.samples)  # a state is read several times
+            noise = np.where(noise > 0.0, noise, np.nanmax(noise))  # of sensors that are left out
+            self._known[key, record.noise_deviation().tobytes()] = MeshError(
+                **found, noise=noise, static=isinstance(record, StaticRecord)
+            )
+        return self._known[key, record.noise_deviation().tobytes()]
 
-    def __call__(self, record: ResponseRecord) -> Matrix:
-        """Return components of the error of strain [1] at the samples or in the states of a record, shape (k, s, n)."""
-        return self.of(record).components
-
-    def advice(self, found: MeshError) -> str:
-        """Return a sentence on the error, and which order or mesh would do; nothing if it is small."""
+    def doubts(self, found: MeshError) -> list[str]:
+        """Return sentences on the error, and which order or mesh would do; none if it is small."""
         if found.share <= GOAL:
-            return ""
-        text = f"the mesh of the twin changes the strain by {100.0 * found.share:.2g} % of its change"
+            return []
         better = self._better(found)
-        curved = "quadrilaterals of 9 nodes and order = 3 or more"
-        return f"{text}. {better or f'Finer elements of this mesh change it again: mesh with {curved}'}"
+        again = "finer elements of this mesh change it again: mesh with quadrilaterals of 9 nodes and order = 3 or more"
+        hides = (
+            f", which makes the damages {found.blur:.2g} times as uncertain as the noise alone, so no answer is valid"
+        )
+        text = f"finer elements change the strain by {100.0 * found.share:.2g} % of its change{hides * found.buries}"
+        return [f"{text}. {(better or again).capitalize()}"]
 
     def _better(self, found: MeshError) -> str:
         """Say which order or refinement would reach the goal; nothing if none would."""
@@ -216,7 +227,7 @@ class MeshErrors:
         times = max(1, math.ceil(math.log(GOAL / found.share) / math.log(left)))
         setup = self.structure.setup
         key, value = ("order", setup.order + 2 * times) if setup.order > 1 else ("refine", setup.refine + times)
-        return f"Write {key} = {value} in its setup to reach {100.0 * GOAL:g} %"
+        return f"write {key} = {value} in the setup to reach {100.0 * GOAL:g} %"
 
     def _key(self, record: ResponseRecord) -> str:
         digest = hashlib.sha256()

@@ -21,6 +21,7 @@ from .discrepancy import Discrepancy, default_discrepancy
 from .forward import Forward, MembraneForward, forward_of
 from .groups import UNRESOLVED, alike, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
+from .mesh_error import MeshErrors
 from .nuisances import MODULUS, Loads, Nuisances, check_names
 from .problem import RecordProblem
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
@@ -131,9 +132,9 @@ class Twin:
         What finer meshes would add to the strain: by default, what was learned of the default mesh, if the twin has that
         mesh and nearly the default membrane and load. Only the time and the frequencies that it covers are then compared,
         0.3 s and 150 Hz. None if the record comes from a simulation with the twin's mesh.
-    mesh_error : callable or None
-        Of a record: components of the error of the twin's mesh, strain [1] at its samples or in its states, shape
-        (k, sensors, n); their outer products add up to its covariance.
+    mesh_error : MeshErrors or None
+        What finer meshes change under the loads of a record; None if it comes from a simulation with the twin's mesh, or
+        where a discrepancy is known. Where it hides more of the damages than the noise does, no answer is valid.
 
     Raises
     ------
@@ -156,7 +157,7 @@ class Twin:
         nuisances: Sequence[str] = ("offset",),
         sparse: bool = True,
         discrepancy: Discrepancy | Literal["learned"] | None = "learned",
-        mesh_error: Callable[[ResponseRecord], Matrix] | None = None,
+        mesh_error: MeshErrors | None = None,
     ) -> None:
         if MODULUS in nuisances and not sparse:
             msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
@@ -299,7 +300,7 @@ class Twin:
             record.noise_deviation(),
             self.discrepancy,
             groups,
-            None if self._mesh_error is None else self._mesh_error(record),
+            None if self._mesh_error is None else self._mesh_error.of(record).components,
             report,
         )
 
@@ -345,6 +346,10 @@ class Twin:
                 f"a change of Young's modulus by {100.0 * other:.1f} % explains the record with fewer damaged zones. Fit it "
                 "too: nuisances with 'modulus'"
             )
+        if self._mesh_error is not None and self.discrepancy is None:
+            error = self._mesh_error.of(problem.record)
+            doubts += self._mesh_error.doubts(error)
+            valid = valid and not error.buries
         rise = evidence(fit.model, box(problem, x), kept)[:zones]
         return Answer(
             zones=self._forward.zones,
