@@ -18,13 +18,12 @@ from ..campaign import Distribution
 from ..errors import DataError
 from .features import block_means
 from .networks import Rows32
-from .posterior_artifact import Network
+from .posterior_artifact import STATED, Network
 
 if TYPE_CHECKING:
     import xarray as xr
 
 # Deviations of the noise of a sample, in units of ``Sensing.unit``:
-STATED = 0.02 / np.sqrt(12.0)  # what the campaign states
 LEAST_NOISE, MOST_NOISE = 1e-5, 6.5e-3  # white
 COLOURED = 2e-3  # most of what is not white, as an estimator leaves it
 PER_SENSOR, MOST_COMPONENTS = 32, 512  # principal components

@@ -22,13 +22,15 @@ from .forward import Forward, MembraneForward, forward_of
 from .groups import UNRESOLVED, alike, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
 from .mesh_error import MeshErrors
-from .nuisances import MODULUS, Loads, Nuisances, check_names
+from .nuisances import KNOTS, MODULUS, Loads, Nuisances, check_names
 from .problem import RecordProblem
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
 from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, modulus_instead, probability, search
 from .simulation import SensedForward
 
-EARLY = (0.03, 0.1)  # [s] of the first stages: early, chi2 has one valley; over 0.1 s it has several
+EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
+VALLEY = 0.7  # first periods over which chi2 has one valley, at most
+MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
 # How far membrane and load may be from those that the discrepancy was learned with, as a share.
 LEARNED = {
     "pressure_amplitude": 0.15,
@@ -135,6 +137,8 @@ class Twin:
     mesh_error : MeshErrors or None
         What finer meshes change under the loads of a record; None if it comes from a simulation with the twin's mesh, or
         where a discrepancy is known. Where it hides more of the damages than the noise does, no answer is valid.
+    whole : bool
+        Whether a record is compared whole that takes more than 5000 internal steps.
 
     Raises
     ------
@@ -158,11 +162,12 @@ class Twin:
         sparse: bool = True,
         discrepancy: Discrepancy | Literal["learned"] | None = "learned",
         mesh_error: MeshErrors | None = None,
+        whole: bool = False,
     ) -> None:
         if MODULUS in nuisances and not sparse:
             msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
             raise ParameterError(msg)
-        self.nuisances, self.sparse, self._mesh_error = tuple(nuisances), sparse, mesh_error
+        self.nuisances, self.sparse, self._mesh_error, self._whole = tuple(nuisances), sparse, mesh_error, whole
         self._forward = forward_of(structure, parameters)
         self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
@@ -227,11 +232,13 @@ class Twin:
             raise DataError(msg)
         self._check(record)
         stages = self._stages(record, report)
-        fit, minima = search(stages, given, sparse=self.sparse)
+        static = isinstance(record, StaticRecord)
+        one_valley = not static and stages[0].record.samples * record.step <= VALLEY * self._forward.period
+        fit, minima = search(stages, given, sparse=self.sparse, one_valley=one_valley)
         wiring = None if fit.passes else self._other_wiring(record, fit, report)
         if wiring is not None:
             changed = wiring.applied(record)
-            other, others = search(self._stages(changed, report), given, sparse=self.sparse)
+            other, others = search(self._stages(changed, report), given, sparse=self.sparse, one_valley=one_valley)
             if other.passes:
                 record, fit, minima = changed, other, others
                 doubts.append(wiring.doubt)
@@ -272,17 +279,28 @@ class Twin:
 
     def _nuisances(self, loads: Loads, length: float) -> Nuisances:
         model = self._forward
-        return Nuisances(self.nuisances, model.parameters, model.inputs, model.sensors, loads, length)
+        spacing = KNOTS * model.period if set(self.nuisances) & set(model.inputs) else math.inf
+        return Nuisances(self.nuisances, model.parameters, model.inputs, model.sensors, loads, length, spacing)
 
     def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
         """Make the problems of longer and longer beginnings of a record."""
-        return [self._problem(record, samples, report) for samples in (*_early_samples(record), self._compared(record))]
+        return [self._problem(record, n, report) for n in (*self._early_samples(record), self._compared(record))]
 
     def _compared(self, record: ResponseRecord) -> int:
-        """Return how many samples are compared: all, or those that the discrepancy covers."""
-        if self.discrepancy is None:
+        """Return how many samples are compared: those that the discrepancy covers, or that do not take too many steps."""
+        if isinstance(record, StaticRecord) or (self.discrepancy is None and self._whole):
             return record.samples
+        if self.discrepancy is None:
+            most = MOST_STEPS // math.ceil(record.step / self._forward.limit)
+            return min(record.samples, max(LEAST_SAMPLES, most))
         return min(record.samples, math.floor(self.discrepancy.length / record.step * (1.0 + 1e-12)))
+
+    def _early_samples(self, record: ResponseRecord) -> list[int]:
+        """Return the lengths of the early stages."""
+        if isinstance(record, StaticRecord):
+            return []
+        lengths = {max(LEAST_SAMPLES, math.ceil(periods * self._forward.period / record.step)) for periods in EARLY}
+        return [n for n in sorted(lengths) if n < self._compared(record)]
 
     def _problem(
         self,
@@ -292,7 +310,8 @@ class Twin:
         groups: NDArray[np.int64] | None = None,
     ) -> RecordProblem:
         """Make the problem of the beginning of a record; its noise is that of all of it."""
-        nuisances = self._nuisances(Loads(record.start, record.inputs), record.step * self._compared(record))
+        compared = record.first(self._compared(record))
+        nuisances = self._nuisances(Loads(record.start, record.inputs), compared.step * compared.samples)
         return RecordProblem(
             self._sensed,
             record.first(samples),
@@ -300,7 +319,7 @@ class Twin:
             record.noise_deviation(),
             self.discrepancy,
             groups,
-            None if self._mesh_error is None else self._mesh_error.of(record).components,
+            None if self._mesh_error is None else self._mesh_error.of(compared).components,
             report,
         )
 
@@ -312,7 +331,7 @@ class Twin:
     def _early_misfit(self, record: ResponseRecord, report: Callable[[float, int], None]) -> float:
         """Return the misfit of the last early stage, or of the first one that is hopeless."""
         x, found = None, np.inf
-        for samples in _early_samples(record) or [self._compared(record)]:
+        for samples in self._early_samples(record) or [self._compared(record)]:
             stage = self._problem(record, samples, report)
             start = np.zeros(stage.size) if x is None else x
             point = descend(stage, start, np.ones(stage.size, dtype=bool), enough=ROUGH).point
@@ -371,14 +390,6 @@ class Twin:
             record=problem.record,
             predicted=problem.reading(fit.point),
         )
-
-
-def _early_samples(record: ResponseRecord) -> list[int]:
-    """Return the lengths of the early stages."""
-    if isinstance(record, StaticRecord):
-        return []
-    lengths = [math.ceil(time / record.step) for time in EARLY]
-    return [n for n in lengths if LEAST_SAMPLES <= n < record.samples]
 
 
 def _unresolved(fit: Fit) -> tuple[int, ...]:
