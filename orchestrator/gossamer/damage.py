@@ -125,18 +125,20 @@ def twin(
 ) -> TwinAnswer:
     """Fit a simulation to a record: the damage of each zone, with its standard deviation.
 
-    The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or resistance[1] to
-    resistance[4]; empty cells are gaps. Results of a run bring the parameters of the membrane and of the sensors along.
+    A CSV file has the columns time, and strain[1], strain[2], ... or resistance[1], ...; empty cells are gaps. Columns with
+    the names of the membrane's inputs, such as pressure [kPa], are its loads; without them the record begins when the
+    built-in load sets in. With a column state in place of time, each row is a reading at rest under its loads. Results of a
+    run bring setup, loads, and the parameters of the membrane and of the sensors along.
 
     Parameters
     ----------
     record
         Results of a run (results.nc, results.csv or their folder), or a CSV file.
     fit
-        What is unknown beside damage: offset, gain, amplitude, frequency, phase, damping, modulus, pressure, with commas
-        between, or none. By default offset for strain and none for resistance.
+        What is unknown beside damage: offset, gain, amplitude, frequency, phase, damping, modulus, or a load by its name,
+        such as pressure; with commas between, or none. By default offset for strain and none for resistance.
     stop
-        Use the record up to this time [s] only; it costs less.
+        Use the record up to this time [s]; by default, of a long one as much as a fit of some minutes takes.
     sparse
         Drop the zones that the record does not need.
     out
@@ -158,6 +160,8 @@ def twin(
         gossamer run damaged && gossamer twin out/damaged/results.nc
 
         gossamer twin measured.csv --fit offset,amplitude,frequency,damping --set pressure_amplitude=9500
+
+        gossamer twin states.csv --setup sail
     """
     from gossamer_files import replacing
     from gossamer_models.twin import Twin
@@ -179,6 +183,7 @@ def twin(
             **found.twin(options["sensor"]),
             nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
             sparse=sparse,
+            whole=stop is not None,
         ).fit(
             found.record,
             report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,"),
