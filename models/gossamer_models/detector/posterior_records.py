@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 
 from ..arrays import Matrix, Vector
 from ..campaign import Distribution
+from ..campaign.symmetry import Symmetry
 from ..errors import DataError
 from .features import block_means
 from .networks import Rows32
