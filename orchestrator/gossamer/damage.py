@@ -120,6 +120,7 @@ def twin(
     fit: NamesWithCommas | None = None,
     stop: float | None = None,
     sparse: bool = True,
+    mesh_error: bool | None = None,
     out: File | None = None,
     **options: Unpack[TwinOptions],
 ) -> TwinAnswer:
@@ -141,6 +142,9 @@ def twin(
         Use the record up to this time [s]; by default, of a long one as much as a fit of some minutes takes.
     sparse
         Drop the zones that the record does not need.
+    mesh_error
+        Allow for what finer meshes change, from simulations that take minutes once; by default of a table with a setup, not
+        of results of a run, whose mesh is that of the twin.
     out
         JSON file to write; twin.json beside the record by default.
     **options
@@ -164,7 +168,8 @@ def twin(
         gossamer twin states.csv --setup sail
     """
     from gossamer_files import replacing
-    from gossamer_models.twin import Twin
+    from gossamer_files.measured import header_of, of_a_run
+    from gossamer_models.twin import MeshErrors, Twin
     from gossamer_orchestrator.results.files import TWIN
 
     from .pages.twin import twin_page
@@ -179,8 +184,19 @@ def twin(
     names = with_commas(default if fit is None else fit).split(",")
     with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
+        known = found.twin(options["sensor"])
+        measured = source.suffix == ".csv" and not of_a_run(header_of(source))
+        wanted = options["setup"] is not None and measured if mesh_error is None else mesh_error
+        errors = None
+        if wanted and not found.structure.starts_in_plane:  # the error of the square is known
+            errors = MeshErrors(
+                found.structure,
+                found.parameters,
+                report=lambda what, done, total: bar.update(done, total, f"{done} of {total} {what},"),
+            )
         answer = Twin(
-            **found.twin(options["sensor"]),
+            **known,
+            mesh_error=errors,
             nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
             sparse=sparse,
             whole=stop is not None,

@@ -7,20 +7,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import asdict
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Matrix, Rows, Vector
+from ..arrays import Matrix, Rows
 from ..errors import DataError, ParameterError
 from ..membrane import MembraneParams, Structure, square_structure
 from ..sensor import SensorArtifact
+from .answer import Answer
 from .discrepancy import Discrepancy, default_discrepancy
 from .forward import Forward, MembraneForward, forward_of
 from .groups import UNRESOLVED, alike, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
+from .mesh_error import MeshErrors
 from .nuisances import KNOTS, MODULUS, Loads, Nuisances, check_names
 from .problem import RecordProblem
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
@@ -38,75 +40,6 @@ LEARNED = {
     "mass_damping": 1.5,
     "youngs_modulus": 0.05,
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Answer:
-    """Damage of all zones with its uncertainty, and whether the twin explains the record.
-
-    Attributes
-    ----------
-    zones : tuple of str
-        Names of the zones.
-    damage, deviation : ndarray, shape (zones,)
-        Lost fraction of Young's modulus [1] and its standard deviation; where ``damage`` is zero, the deviation that it
-        would have if it were fitted.
-    probability : ndarray, shape (zones,)
-        How likely each zone is damaged [1].
-    covariance : ndarray, shape (zones, zones)
-        Covariance of the damages [1]; rows and columns of zones that were dropped are zero outside the diagonal.
-    nuisances : dict of tuple of float
-        Value and standard deviation of each nuisance: a factor for load, damping, modulus and gain; phase [rad]; pressure
-        [Pa]; offset [1], of strain or of the sensor's change at full scale.
-    chi2_per_sample, chi2_bound : float
-        Mean square of the residuals in units of the expected ones, and the bound that a right model passes in 999 of
-        1000 records.
-    valid : bool
-        Whether the answer can be used: chi2 is below its bound and no doubt forbids it.
-    unresolved : tuple of int
-        Zones, from 1, that this record cannot tell by themselves.
-    together_with : tuple of tuple of str
-        Of each zone the names of those that it was answered together with: all have their mean damage and its deviation.
-    left_out : tuple of int
-        Sensors, from 1, that were left out.
-    order : tuple of int
-        Sensors, from 1, whose histories were taken for those of the first, the second, ...
-    doubts : tuple of str
-        Sentences on what is wrong with the record or the answer.
-    samples, simulations : int
-        Values that were fitted, and cases that were simulated.
-    record : ResponseRecord
-        What was fitted: the samples that were compared, of the sensors in ``order`` that were not left out.
-    predicted : ndarray, shape (sensors, n)
-        What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
-    """
-
-    zones: tuple[str, ...]
-    damage: Vector
-    deviation: Vector
-    probability: Vector
-    covariance: Matrix
-    nuisances: dict[str, tuple[float, float]]
-    chi2_per_sample: float
-    chi2_bound: float
-    valid: bool
-    unresolved: tuple[int, ...] = ()
-    together_with: tuple[tuple[str, ...], ...] = ()
-    left_out: tuple[int, ...] = ()
-    order: tuple[int, ...]
-    doubts: tuple[str, ...] = field(default=())
-    samples: int = 0
-    simulations: int = 0
-    record: ResponseRecord
-    predicted: Matrix
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the answer without its histories as JSON values."""
-        return {
-            name: value.tolist() if isinstance(value := getattr(self, name), np.ndarray) else value
-            for name in self.__dataclass_fields__
-            if name not in ("record", "predicted")
-        }
 
 
 class Twin:
@@ -133,9 +66,9 @@ class Twin:
         What finer meshes would add to the strain: by default, what was learned of the default mesh, if the twin has that
         mesh and nearly the default membrane and load. Only the time and the frequencies that it covers are then compared,
         0.3 s and 150 Hz. None if the record comes from a simulation with the twin's mesh.
-    mesh_error : callable or None
-        Of a record: components of the error of the twin's mesh, strain [1] at its samples or in its states, shape
-        (k, sensors, n); their outer products add up to its covariance.
+    mesh_error : MeshErrors or None
+        What finer meshes change under the loads of a record; None if it comes from a simulation with the twin's mesh, or
+        where a discrepancy is known. Where it hides more of the damages than the noise does, no answer is valid.
     whole : bool
         Whether a record is compared whole that takes more than 5000 internal steps.
 
@@ -160,7 +93,7 @@ class Twin:
         nuisances: Sequence[str] = ("offset",),
         sparse: bool = True,
         discrepancy: Discrepancy | Literal["learned"] | None = "learned",
-        mesh_error: Callable[[ResponseRecord], Matrix] | None = None,
+        mesh_error: MeshErrors | None = None,
         whole: bool = False,
     ) -> None:
         if MODULUS in nuisances and not sparse:
@@ -309,7 +242,8 @@ class Twin:
         groups: NDArray[np.int64] | None = None,
     ) -> RecordProblem:
         """Make the problem of the beginning of a record; its noise is that of all of it."""
-        nuisances = self._nuisances(Loads(record.start, record.inputs), record.step * self._compared(record))
+        compared = record.first(self._compared(record))
+        nuisances = self._nuisances(Loads(record.start, record.inputs), compared.step * compared.samples)
         return RecordProblem(
             self._sensed,
             record.first(samples),
@@ -317,7 +251,7 @@ class Twin:
             record.noise_deviation(),
             self.discrepancy,
             groups,
-            None if self._mesh_error is None else self._mesh_error(record),
+            None if self._mesh_error is None else self._mesh_error.of(compared).components,
             report,
         )
 
@@ -363,6 +297,10 @@ class Twin:
                 f"a change of Young's modulus by {100.0 * other:.1f} % explains the record with fewer damaged zones. Fit it "
                 "too: nuisances with 'modulus'"
             )
+        if self._mesh_error is not None and self.discrepancy is None:
+            error = self._mesh_error.of(problem.record)
+            doubts += self._mesh_error.doubts(error)
+            valid = valid and not error.buries
         rise = evidence(fit.model, box(problem, x), kept)[:zones]
         return Answer(
             zones=self._forward.zones,
