@@ -67,6 +67,7 @@ SNIPPETS = {
     "docs/site/tutorials/first_run.md": TUTORIALS,
     "docs/site/tutorials/own_mesh.md": TUTORIALS,
     "docs/site/tutorials/own_sensor.md": TUTORIALS,
+    "docs/site/tutorials/own_structure.md": TUTORIALS,
     "docs/site/tutorials/python.md": TUTORIALS,
     "docs/tools/basilisk.md": "tests/hosts/test_basilisk.py, where Basilisk is installed",
     "docs/tools/container.md": "the calls of tests/orchestrator/exchange/test_container.py",
@@ -85,6 +86,8 @@ OF_A_READER = {
     "my_strip.toml",
     "my_campaign.toml",
     "mine.toml",
+    "dish.toml",
+    "flight.toml",
     "other.ssp",
 }
 FENCED = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

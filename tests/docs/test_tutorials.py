@@ -98,3 +98,16 @@ def test_the_membrane_in_python_is_judged(capsys):
     assert names["damage"][5] == pytest.approx(0.3, abs=0.01)
     assert max(names["damage"][:5] + names["damage"][6:]) < 0.01
     assert "zone 6: 30.0 % damage, valid: True" in capsys.readouterr().out
+
+
+def test_a_dish_from_nothing_to_its_damaged_zone(tmp_path, monkeypatch, capsys):
+    try:
+        import gmsh  # noqa: F401
+    except (ImportError, OSError) as error:
+        pytest.skip(f"gmsh and its X libraries are needed: {error}")
+    monkeypatch.chdir(tmp_path)
+    walk("own_structure.md", tmp_path)
+    printed = capsys.readouterr().out
+    share, deviation = map(int, re.search(r"ring 3 sector 4: (\d+) % \+- (\d+) %", printed).groups())
+    assert abs(share - 30) <= max(1, 3 * deviation)
+    assert "valid: True" in printed
