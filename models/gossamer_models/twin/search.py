@@ -29,7 +29,8 @@ NOISE_DOUBT = math.sqrt(2.0 * 3.4)  # of a variance from n differences of order 
 ROUGH = 1.0  # of chi2: where a stage may stop that another follows
 MOST_CHANGES = 4  # of the zones that are kept
 MOST_STARTS = 4  # after the first
-MORE_STARTS = 2  # after one that passes
+MORE_STARTS = 2  # after one that passes, without early stages
+DOUBTFUL = 1.0  # deviations of chi2 above the expected one, of a fit that passes
 FEW_SENSORS = 1.5  # zones for each: with more zones there may be several minima that pass
 HOPELESS = 5.0  # deviations of chi2 above the expected one
 MOST_STEPS = 12  # of one descent
@@ -192,33 +193,31 @@ def search(
     -----
     A start is followed to the end only where its early stages end below those of the best fit before: that is what finds
     false minima. Where the first stage has one valley, and its bottom is hopeless from no damage, no others are tried.
-    They are tried, side by side, where nothing passes; and where there are few sensors and no early stages, which have fewer
-    valleys, even if it does.
+    They are tried, side by side, where nothing passes. Where there are few sensors they are tried too if chi2 of what passes
+    is above the expected one, or without early stages, which have fewer valleys.
     """
     whole, ends, hopeless = stages[-1], list[Fit](), False
-    few = not stages[:-1] and FEW_SENSORS * len(whole.record.sensors) < whole.zones
-
-    def beside(count: int, reached: float) -> list[_Begun]:  # other starts that end lower
-        others = _others(stages[0])[:count]
-        starts = _side_by_side(lambda damage: _begun(stages, damage, one_valley=one_valley), others)
-        return [begun for begun in starts if begun is not None and begun.reached <= reached - THRESHOLD]
-
-    def end(starts: list[_Begun]) -> list[Fit]:
-        found = _side_by_side(lambda begun: _ended(whole, begun, sparse=sparse), starts)
-        return [fit for fit in found if fit is not None]
-
     for damage in [*([] if given is None else [given]), np.zeros(whole.zones)]:
         begun = _begun(stages, damage, one_valley=one_valley)
         if begun is None:
             continue
         hopeless = begun.hopeless and not damage.any()
         if not ends or begun.reached <= ends[-1].early_chi2 - THRESHOLD:
-            more = beside(MORE_STARTS, begun.reached) if few and not begun.hopeless else []
-            ends += end([begun, *more])
+            ends += [fit for fit in [_ended(whole, begun, sparse=sparse)] if fit is not None]
         if hopeless or any(fit.passes for fit in ends):
             break
-    if not (hopeless or any(fit.passes for fit in ends)):
-        ends += end(beside(MOST_STARTS, min((fit.early_chi2 for fit in ends), default=np.inf)))
+    passes = [misfit(whole, fit.point) for fit in ends if fit.passes]
+    few = FEW_SENSORS * len(whole.record.sensors) < whole.zones
+    doubtful = few and (not stages[:-1] or min(passes, default=np.inf) > DOUBTFUL)
+    if not hopeless and (doubtful or not passes):
+        others = _others(stages[0])[: MORE_STARTS if passes and not stages[:-1] else MOST_STARTS]
+        starts = _side_by_side(lambda damage: _begun(stages, damage, one_valley=one_valley), others)
+        going = [begun for begun in starts if begun is not None]
+        reached = min((fit.early_chi2 for fit in ends), default=np.inf) - THRESHOLD
+        lowest = min((begun.reached for begun in going), default=np.inf) + THRESHOLD
+        lower = [begun for begun in going if begun.reached <= min(reached, lowest)]
+        found = _side_by_side(lambda begun: _ended(whole, begun, sparse=sparse), lower)
+        ends += [fit for fit in found if fit is not None]
     if not ends:
         msg = "the twin's membrane fails from every start. Check its parameters and the load."
         raise ConvergenceError(msg)
