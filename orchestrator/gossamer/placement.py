@@ -263,7 +263,8 @@ def place_sensors(
     Parameters
     ----------
     setup
-        The setup of a membrane on a mesh; the square membrane of the thesis by default.
+        The setup of a membrane on a mesh, or reflector, tube, drum, which ship with Gossamer; by default the square membrane
+        of the thesis.
     mesh
         Mesh file in place of the setup's own.
     count
@@ -306,6 +307,7 @@ def place_sensors(
     from gossamer_models.membrane import MembraneParams, square_structure
     from gossamer_models.placement import NOISE, save_picture, sensors_text, write_csv
     from gossamer_models.placement import place_sensors as place
+    from gossamer_orchestrator.scenario.source import find_scenario
 
     from .descriptions import load_structure
 
@@ -321,7 +323,7 @@ def place_sensors(
         structure, p = square_structure(), MembraneParams()
         load = {name: getattr(p, name) for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}
     else:
-        structure = load_structure(Path(setup), None if mesh is None else Path(mesh))
+        structure = load_structure(find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh))
     with bar:
         bar.update(text="compiling,")
         found = place(
