@@ -111,6 +111,7 @@ class SensorPlacement(Saved):
         """Return what a90 is, which zones are not found, and whether the check agrees."""
         return [
             "a90 is the damage that is detected in 90 % of cases at 5 % false alarms.",
+            *self._told,
             *(
                 f"The {name} sensors do not find zones {', '.join(map(str, zones))}."
                 for name, zones in self.lost.items()
@@ -118,6 +119,15 @@ class SensorPlacement(Saved):
             *self._checked,
             "The model is taken to be exact, so real sensors find less.",
         ]
+
+    @property
+    def _told(self) -> list[str]:
+        """What numbers of sensors tell, and what they do not."""
+        curve = [
+            f"{count} {'give' if count > 1 else 'gives'} {100.0 * worst:.2g} %" for count, worst in self.result.curve
+        ]
+        told = [f"Deviation of the worst zone by the number of sensors: {', '.join(curve)}."] * bool(curve)
+        return [*told, *self.result.unseen]
 
     @property
     def _checked(self) -> list[str]:
@@ -136,6 +146,7 @@ class SensorPlacement(Saved):
         lines = [
             f"{len(found.chosen.sensors)} of {found.candidates} candidates; {self.samples} samples with white noise of "
             f"deviation {found.noise:.3g}; a90 of 95 % stands for 95 % or more.",
+            *self._told,
             *self._checked,
         ]
         for k, sensor in enumerate(found.chosen.sensors):
@@ -217,7 +228,13 @@ class SensorPlacement(Saved):
             for name, p in self.placements.items()
         }
         zones = found.structure.zone_names
-        return {"files": self.files, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates}
+        return {
+            "files": self.files,
+            "zones": zones,
+            **placements,
+            "noise": found.noise,
+            "candidates": found.candidates,
+        } | {"curve": found.curve, "unseen": found.unseen}
 
 
 @command
@@ -225,7 +242,8 @@ def place_sensors(
     setup: File | None = None,
     *,
     mesh: File | None = None,
-    count: Count = 4,
+    count: Count | None = None,
+    target: NotNegative = 0.02,
     noise: float | None = None,
     set: Values | None = None,
     stop: float = 0.3,
@@ -245,11 +263,14 @@ def place_sensors(
     Parameters
     ----------
     setup
-        The setup of a membrane on a mesh; the square membrane of the thesis by default.
+        The setup of a membrane on a mesh, or reflector, tube, drum, which ship with Gossamer; by default the square membrane
+        of the thesis.
     mesh
         Mesh file in place of the setup's own.
     count
-        Sensors to choose.
+        Sensors to choose; by default as many as reach the target.
+    target
+        Standard deviation of the worst zone's damage [1] to reach.
     noise
         Standard deviation of the noise of a sample of strain [1]; by default that of the thesis, uniform from 0 to 0.02.
     set
@@ -286,6 +307,7 @@ def place_sensors(
     from gossamer_models.membrane import MembraneParams, square_structure
     from gossamer_models.placement import NOISE, save_picture, sensors_text, write_csv
     from gossamer_models.placement import place_sensors as place
+    from gossamer_orchestrator.scenario.source import find_scenario
 
     from .descriptions import load_structure
 
@@ -301,13 +323,14 @@ def place_sensors(
         structure, p = square_structure(), MembraneParams()
         load = {name: getattr(p, name) for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}
     else:
-        structure = load_structure(Path(setup), None if mesh is None else Path(mesh))
+        structure = load_structure(find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh))
     with bar:
         bar.update(text="compiling,")
         found = place(
             structure,
             load | numbers_by_name(assigned(set), "for instance pressure_amplitude=100"),
             count,
+            target=target,
             noise=NOISE if noise is None else noise,
             points=points,
             step=step,

@@ -9,7 +9,8 @@ from gossamer_models import ParameterError, membrane
 from gossamer_models.membrane.gauges import gauge, stacked
 from gossamer_models.placement import NOISE, place_sensors, save_picture, sensors_text, write_csv
 from gossamer_models.placement.candidates import ANGLES, candidates
-from gossamer_models.placement.information import THRESHOLD, choose, deviations, information, smallest_damage
+from gossamer_models.placement.information import THRESHOLD, choose, deviations, information, smallest_damage, weakest
+from gossamer_models.placement.placing import _unseen
 from gossamer_models.twin import MembraneForward
 from gossamer_models.twin.nuisances import OFFSET
 from scipy.stats import norm
@@ -203,3 +204,40 @@ def test_candidates_on_a_tilted_sheet_of_triangles_lie_in_it():
     np.testing.assert_allclose([np.dot(sensor.point, normal) for sensor in spread.sensors], 0.0, atol=1e-12)
     grown = (1.0 + 0.03) * corners
     np.testing.assert_allclose(spread.strain(grown[:, :, None]), 0.03, atol=1e-12)
+
+
+def test_the_weakest_combination_is_the_one_that_the_record_lacks():
+    total = np.diag([1e4, 1e4, 1e4]) - 1e4 / 3.0  # nothing of damage common to all
+    deviation, v = weakest(total, 3)
+    np.testing.assert_allclose(v, 1.0)
+    assert deviation == pytest.approx(0.95 / np.sqrt(12.0) / np.sqrt(3.0))  # the mean of three that may be anything
+
+
+def told(I, count=1):
+    sheet = membrane.square_structure(4, 1)
+    three = replace(sheet, zone_names=("a", "b", "c"))
+    return list(_unseen(three, I, list(range(count)), sheet.setup.sensors[: len(I)]))
+
+
+def test_what_no_sensor_tells_is_said_in_words():
+    nothing_common = np.diag([1e4, 1e4, 1e4]) - 1e4 / 3.0
+    assert "Damage common to all zones is not in this record" in told(nothing_common[None])[0]
+    pair = np.array([[1e4, 0.0, 0.0], [0.0, 1e4, 1e4], [0.0, 1e4, 1e4]])
+    assert told(pair[None]) == [
+        "Zones 2 (b), 3 (c) can only be told together wherever sensors are: merge them, or load it in another way."
+    ]
+    third = np.diag([0.0, 0.0, 1e4])
+    assert (
+        "by the chosen sensors: merge them, or add a sensor at (0.392, 0.196, 0) m." in told(np.array([pair, third]))[0]
+    )
+    assert told(np.diag([1e4, 1e4, 1e4])[None]) == []
+
+
+def test_without_a_count_as_many_sensors_as_the_target_needs_are_chosen(square):
+    many = {"points": 16, "step": STEP, "stop": STOP}
+    found = place_sensors(square, LOAD, None, target=0.1, **many)
+    counts, worst = zip(*found.curve, strict=True)
+    assert list(worst) == sorted(worst, reverse=True)
+    assert worst[-1] <= 0.1 < worst[-2]
+    assert len(found.chosen.sensors) == counts[-1]
+    assert found.chosen.deviation.max() <= worst[-1] * (1.0 + 1e-9)  # more starts

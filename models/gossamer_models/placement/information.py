@@ -77,7 +77,14 @@ def smallest_damage(deviation: Vector) -> Vector:
     return np.asarray(np.minimum(FACTOR * deviation, MOST_DAMAGE))
 
 
-def choose(I: Matrix, zones: int, count: int) -> list[int]:
+def weakest(total: Matrix, zones: int) -> tuple[float, Vector]:
+    """Return the combination of damages that is known least, its largest part 1, and the deviation of its size [1]."""
+    variance, modes = np.linalg.eigh(covariance(total, zones, PRIOR_DEVIATION))
+    v = modes[:, -1] / modes[np.argmax(np.abs(modes[:, -1])), -1]
+    return float(np.sqrt(variance[-1] / (v @ v))), v
+
+
+def choose(I: Matrix, zones: int, count: int, starts: int = STARTS) -> list[int]:
     """Choose candidates one by one, then exchange them one by one while the worst zone gains.
 
     Parameters
@@ -88,6 +95,8 @@ def choose(I: Matrix, zones: int, count: int) -> list[int]:
         Damages among the unknowns.
     count : int
         How many to choose.
+    starts : int
+        How many first candidates are tried.
 
     Returns
     -------
@@ -109,7 +118,7 @@ def choose(I: Matrix, zones: int, count: int) -> list[int]:
         advice = f"Change {option('count')} or {option('points')}."
         msg = f"choose 1 to {len(I)} sensors among {len(I)} candidates, not {count}. {advice}"
         raise ParameterError(msg)
-    firsts = np.argsort(_mean(_with_each(I, [], zones)), kind="stable")[:STARTS]
+    firsts = np.argsort(_mean(_with_each(I, [], zones)), kind="stable")[:starts]
     ends = [_exchanged(I, zones, _greedy(I, zones, int(first), count)) for first in firsts]
     return min(ends, key=lambda end: end[1])[0]
 

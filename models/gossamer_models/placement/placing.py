@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -13,20 +13,28 @@ import numpy as np
 from gossamer_files import replacing
 from gossamer_files.options import option
 
-from ..arrays import Vector
+from ..arrays import Matrix, Vector
 from ..errors import ParameterError
 from ..membrane import Sensor, Structure
 from ..twin.forward import MembraneForward
+from ..twin.groups import UNRESOLVED
+from ..twin.least_squares import PRIOR_DEVIATION
 from ..twin.nuisances import FACTORS, Nuisances
 from ..twin.problem import DamageUnknowns
 from .candidates import candidates
 from .check import MonteCarloCheck, check
-from .information import choose, deviations, information, smallest_damage
+from .information import choose, deviations, information, smallest_damage, weakest
 
 NOISE = 0.02 / math.sqrt(12.0)  # of the thesis: uniform from 0 to 0.02 of strain
 STEP, STOP = 3e-4, 0.3  # [s], as the twin compares them
 STILL = 1e-12  # change of strain [1] that is none
 UNKNOWN = ("amplitude", "damping")  # beside damage and offsets, where they are not zero
+COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # of sensors, of which the curve is made
+TRIED = 3  # first candidates of each of them
+TARGET = 0.02  # deviation [1] of the worst zone that a count is looked for with
+ROUGH = 0.1  # differences at two steps that disagree by more mean nothing
+COMMON = 0.3  # smallest part over the largest of a damage that all zones share
+PART = 0.5  # of the largest: zones that make up a combination
 Report: TypeAlias = Callable[[str, int, int], None]  # what is done, how many of how many
 
 
@@ -72,6 +80,10 @@ class Placing:
         Standard deviation [1] of each sample.
     simulations : int
         Cases that were simulated.
+    curve : tuple of tuple
+        Numbers of sensors with the deviation of the worst zone [1]; none where the number was given.
+    unseen : tuple of str
+        Sentences on what neither the chosen sensors nor all candidates tell.
     """
 
     structure: Structure
@@ -80,13 +92,16 @@ class Placing:
     candidates: int
     noise: float
     simulations: int
+    curve: tuple[tuple[int, float], ...] = ()
+    unseen: tuple[str, ...] = ()
 
 
 def place_sensors(
     structure: Structure,
     load: Mapping[str, float],
-    count: int = 4,
+    count: int | None = 4,
     *,
+    target: float = TARGET,
     noise: float = NOISE,
     points: int = 64,
     step: float = STEP,
@@ -103,8 +118,10 @@ def place_sensors(
         The membrane, with zones; its own sensors are among the candidates.
     load : mapping of str to float
         Parameters and inputs that differ from their start values; the built-in pressure must act.
-    count : int
-        Sensors to choose.
+    count : int or None
+        Sensors to choose; None for as many as reach the target, 64 at most.
+    target : float
+        Deviation of the worst zone [1].
     noise : float
         Standard deviation [1] of the white noise of each sample.
     points : int
@@ -125,7 +142,7 @@ def place_sensors(
     Raises
     ------
     ParameterError
-        A number makes no sense, or nothing moves.
+        A number makes no sense, nothing moves, or the response to damage is not smooth.
     ConvergenceError
         A simulation fails.
 
@@ -148,7 +165,19 @@ def place_sensors(
             "load of kind 'pressure'."
         )
         raise ParameterError(msg)
+    if (rough := problem.roughness(samples, step)) > ROUGH:
+        msg = (
+            f"the response to damage is not smooth: differences at two steps disagree by {100.0 * rough:.2g} %, as of a "
+            "slack film that flaps, so histories tell nothing of damage. Pull it taut, damp it, or record load states "
+            "at rest."
+        )
+        raise ParameterError(msg)
     I = information(J, noise)
+    curve: list[tuple[int, float]] = []
+    for many in COUNTS if count is None else ():
+        if many <= len(I) and (not curve or curve[-1][1] > target):
+            curve.append((many, float(deviations(I[choose(I, zones, many, TRIED)].sum(axis=0), zones).max())))
+    count = curve[-1][0] if count is None else count
 
     def placement(which: list[int], name: str) -> Placement:
         gauges = every.only(which)
@@ -168,7 +197,33 @@ def place_sensors(
         candidates=len(every.sensors),
         noise=noise,
         simulations=simulations,
+        curve=tuple(curve),
+        unseen=tuple(_unseen(structure, I, kept, every.sensors)),
     )
+
+
+def _unseen(structure: Structure, I: Matrix, kept: list[int], sensors: tuple[Sensor, ...]) -> Iterator[str]:
+    """Say which damages are known by no more than that they are between 0 and 95 %."""
+    zones, names = structure.n_zones, structure.zone_names
+    deviation, v = weakest(I.sum(axis=0), zones)
+    lost = deviation > UNRESOLVED * PRIOR_DEVIATION
+    if not lost:
+        deviation, v = weakest(I[kept].sum(axis=0), zones)
+        if deviation <= UNRESOLVED * PRIOR_DEVIATION:
+            return
+    which = [f"{k + 1} ({names[k]})" for k in np.flatnonzero(np.abs(v) >= PART)]
+    if v.min() > COMMON:
+        yield (
+            "Damage common to all zones is not in this record: prescribed motion alone does not show it. Add a known load, "
+            "for instance a pressure."
+        )
+        return
+    more = [deviations(I[kept].sum(axis=0) + each, zones, PRIOR_DEVIATION)[np.abs(v) >= PART].max() for each in I]
+    at = ", ".join(f"{x:.3g}" for x in sensors[int(np.argmin(more))].point)
+    cure = "merge them, or load it in another way" if lost else f"merge them, or add a sensor at ({at}) m"
+    what = "can only be told together" if len(which) > 1 else "is not told"
+    where = "wherever sensors are" if lost else "by the chosen sensors"
+    yield f"Zone{'s' * (len(which) > 1)} {', '.join(which)} {what} {where}: {cure}."
 
 
 def _samples(noise: float, step: float, stop: float) -> int:

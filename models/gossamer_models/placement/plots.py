@@ -24,12 +24,13 @@ VIRIDIS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231,
 def placement_charts(found: Placing) -> list[Chart]:
     """Return all charts of a placement."""
     check = _check(found)
-    return [*section("Membrane", _maps(found)), *section("Zones", [_zones(found)]), *section("Check", check)]
+    parts = (("Membrane", _maps(found)), ("Zones", [_zones(found)]), ("Sensors", _curve(found)), ("Check", check))
+    return [chart for title, charts in parts for chart in section(title, charts)]
 
 
 def save_picture(found: Placing, path: Path) -> None:
     """Draw the membrane's own sensors and the chosen ones side by side."""
-    charts = _maps(found)
+    charts = [*_maps(found), *_curve(found)]
     panels = Panels(charts, (4.9 * len(charts) + 0.9, 4.6), len(charts))
     with picture(path, panels.size) as figure:
         draw_panels(panels, figure)
@@ -53,6 +54,15 @@ def _zones(found: Placing) -> Chart:
     ]
     layout = {"barmode": "group", "xaxis": {"dtick": 1} if len(zones) <= NAMED else {}}
     return Chart("Smallest damage found in 90 % of cases", "zone", "a90 [% damage]", traces, layout=layout, broad=True)
+
+
+def _curve(found: Placing) -> list[Chart]:
+    """Draw the deviation of the worst zone over the number of sensors."""
+    counts, worst = np.array(found.curve, dtype=float).reshape(-1, 2).T
+    traces = [points("worst zone", counts, 100.0 * worst, "@0")]
+    layout = {"xaxis": {"type": "log"}, "yaxis": {"type": "log"}}
+    title = "What a number of sensors tells"
+    return [Chart(title, "sensors", "deviation [% damage]", traces, layout=layout)] if found.curve else []
 
 
 def _check(found: Placing) -> list[Chart]:

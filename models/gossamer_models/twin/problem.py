@@ -168,6 +168,21 @@ class DamageUnknowns:
         y = require_finite(np.concatenate(found))
         return y[0], (y[1:] - y[0]) / steps[:, None, None]
 
+    def roughness(self, samples: int, h: float) -> float:
+        """Return how much differences of the strain by two steps of damage differ [1]: next to nothing if it is smooth.
+
+        Raises
+        ------
+        ConvergenceError
+            A case fails.
+        """
+        along = np.zeros(self.size)
+        along[: self.zones] = np.random.default_rng(0).uniform(0.5, 1.0, self.zones)
+        steps = DAMAGE_STEP * np.array([0.1, 1.0])
+        y = require_finite(self.histories(np.vstack([0.0 * along, steps[:, None] * along]), samples, h))
+        short, long = (y[1:] - y[0]) / steps[:, None, None]
+        return float(np.linalg.norm(short - long)) / max(float(np.linalg.norm(long)), 1e-300)
+
 
 class RecordProblem(DamageUnknowns, LeastSquares):
     """Predictions, residuals and derivatives for one record.
