@@ -25,6 +25,9 @@ NEWTON_STEPS = 8
 # moves the slowest mode in play by this share of the positions, which a soft film under a small load still lacks.
 SETTLED = 1e-6
 FLOOR = 4.0 * np.finfo(float).eps
+BEYOND = (
+    1e4  # of use: the squared stretch from which on forces that grow excuse nothing, as in a balloon that runs away
+)
 PATIENCE, GROWTH, MOST = 5000, 10.0 ** (6.0 / 5000), 1e6  # steps; factor after each further one; as much at most
 # accepted of Newton's method, over modulus * thickness * size of an element * stretch^3; round-off is 1e-16
 PLANE = 1e-11
@@ -200,4 +203,4 @@ def balance(equations: MembraneEquations, q: ca.MX, u: Values, p: Values) -> tup
     strain = ca.fmax(found.strain, 0.0)
     rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
     # as forces grow, and their rounding
-    return equations.arrays["free"] * f, rate, FLOOR * stiffer * (1.0 + strain) ** 1.5 * ca.norm_inf(x)
+    return equations.arrays["free"] * f, rate, FLOOR * stiffer * (1.0 + ca.fmin(strain, BEYOND)) ** 1.5 * ca.norm_inf(x)
