@@ -120,25 +120,31 @@ def twin(
     fit: NamesWithCommas | None = None,
     stop: float | None = None,
     sparse: bool = True,
+    mesh_error: bool | None = None,
     out: File | None = None,
     **options: Unpack[TwinOptions],
 ) -> TwinAnswer:
     """Fit a simulation to a record: the damage of each zone, with its standard deviation.
 
-    The record begins when the load sets in. A CSV file has the columns time, and strain[1] to strain[4] or resistance[1] to
-    resistance[4]; empty cells are gaps. Results of a run bring the parameters of the membrane and of the sensors along.
+    A CSV file has the columns time, and strain[1], strain[2], ... or resistance[1], ...; empty cells are gaps. Columns with
+    the names of the membrane's inputs, such as pressure [kPa], are its loads; without them the record begins when the
+    built-in load sets in. With a column state in place of time, each row is a reading at rest under its loads. Results of a
+    run bring setup, loads, and the parameters of the membrane and of the sensors along.
 
     Parameters
     ----------
     record
         Results of a run (results.nc, results.csv or their folder), or a CSV file.
     fit
-        What is unknown beside damage: offset, gain, amplitude, frequency, phase, damping, modulus, pressure, with commas
-        between, or none. By default offset for strain and none for resistance.
+        What is unknown beside damage: offset, gain, amplitude, frequency, phase, damping, modulus, or a load by its name,
+        such as pressure; with commas between, or none. By default offset for strain and none for resistance.
     stop
-        Use the record up to this time [s] only; it costs less.
+        Use the record up to this time [s]; by default, of a long one as much as a fit of some minutes takes.
     sparse
         Drop the zones that the record does not need.
+    mesh_error
+        Allow for what finer meshes change, from simulations that take minutes once; by default of a table with a setup, not
+        of results of a run, whose mesh is that of the twin.
     out
         JSON file to write; twin.json beside the record by default.
     **options
@@ -158,9 +164,12 @@ def twin(
         gossamer run damaged && gossamer twin out/damaged/results.nc
 
         gossamer twin measured.csv --fit offset,amplitude,frequency,damping --set pressure_amplitude=9500
+
+        gossamer twin states.csv --setup sail
     """
     from gossamer_files import replacing
-    from gossamer_models.twin import Twin
+    from gossamer_files.measured import header_of, of_a_run
+    from gossamer_models.twin import MeshErrors, Twin
     from gossamer_orchestrator.results.files import TWIN
 
     from .pages.twin import twin_page
@@ -175,10 +184,22 @@ def twin(
     names = with_commas(default if fit is None else fit).split(",")
     with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
+        known = found.twin(options["sensor"])
+        measured = source.suffix == ".csv" and not of_a_run(header_of(source))
+        wanted = options["setup"] is not None and measured if mesh_error is None else mesh_error
+        errors = None
+        if wanted and not found.structure.starts_in_plane:  # the error of the square is known
+            errors = MeshErrors(
+                found.structure,
+                found.parameters,
+                report=lambda what, done, total: bar.update(done, total, f"{done} of {total} {what},"),
+            )
         answer = Twin(
-            **found.twin(options["sensor"]),
+            **known,
+            mesh_error=errors,
             nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
             sparse=sparse,
+            whole=stop is not None,
         ).fit(
             found.record,
             report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,"),

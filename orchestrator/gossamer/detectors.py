@@ -240,7 +240,7 @@ def train(
     window
         Length of a window [s]; 0.2532, what the scenario says, or whole periods of the load of a setup.
     epochs
-        Passes through the cases; 150 by default.
+        Passes through the cases; 150 by default, up to 600 of a setup.
     **plan
         What is simulated, see ``PlanOptions``.
 

@@ -156,15 +156,15 @@ class SensorPlacement(Saved):
         rows = [
             (
                 str(k + 1),
-                zone.group,
+                name,
                 *(f"{100.0 * p.a90[k]:.2f}" for p in shown.values()),
                 *(f"{100.0 * c.predicted[k]:.2f}, {100.0 * c.observed[k]:.2f}" for c in checked.values()),
             )
-            for k, zone in enumerate(self.result.structure.setup.zones)
+            for k, name in enumerate(self.result.structure.zone_names)
         ]
         rows.append(("worst", "", *(f"{100.0 * p.a90.max():.2f}" for p in shown.values()), *[""] * len(checked)))
         caption = "Smallest damage that is found" + ", and deviation at 30 % damage" * bool(checked)
-        return [TableText(("zone", "group", *head), rows, caption)]
+        return [TableText(("zone", "name", *head), rows, caption)]
 
     def describe(self) -> Page:
         """Return the page: the smallest damage that is found, by zone and on the membrane, and its check."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -23,8 +24,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from gossamer_files.tables import TableText
     from gossamer_models.arrays import Matrix, Vector
+    from gossamer_models.membrane import Structure
     from gossamer_models.twin import DamageOnset, ResponseRecord, Watch, Window
-    from gossamer_orchestrator import Simulation
+    from gossamer_orchestrator import Plan, Simulation
     from rich.console import Console
 
 LEAST_WINDOW = 20  # samples
@@ -182,15 +184,15 @@ class LiveWatch:
     ----------
     out : Path
         JSON file to write.
-    window : float
-        Length of a window [s].
+    window : float, optional
+        Length of a window [s]; by default the longest period of the membrane.
     """
 
-    def __init__(self, out: Path, window: float = 0.05) -> None:
+    def __init__(self, out: Path, window: float | None = None) -> None:
         self._out, self._window, self._quiet = out, window, TERMINAL.quiet
         self._twin: Watch | None = None
         self._seen: Watching | None = None
-        self._due = window * (1.0 - ROUNDING)  # [s] after the start
+        self._due = 0.0  # [s] after the start
         self._forgotten = 0.0  # [s] until where windows are judged; a record counts its time from there
 
     def begin(self, simulation: Simulation) -> None:
@@ -202,6 +204,9 @@ class LiveWatch:
         self._recorder = Recorder(simulation.plan)
         self._recorder.begin(simulation)
         self._console = Console(stderr=True, quiet=self._quiet)
+        with expected_errors():
+            self._window = self._window or _period(_structure_of(simulation.plan), {})
+        self._due = self._window * (1.0 - ROUNDING)
 
     def sample(self, simulation: Simulation) -> None:
         """Judge a window when it is complete, and forget it."""
@@ -216,6 +221,7 @@ class LiveWatch:
                 simulation.plan, time - self._forgotten, self._recorder.table, master=simulation.scenario.master
             )
             found = find_in_results(data)
+            assert self._window is not None  # since the run began
             samples = _samples(self._window, found)
             if self._twin is None or self._seen is None:
                 simulation.say("compiling the twin (once)")
@@ -243,7 +249,7 @@ class LiveWatch:
 def watch(
     record: AnyPath,
     *,
-    window: float = 0.05,
+    window: float | None = None,
     false_alarms: float = FALSE_ALARMS,
     out: File | None = None,
     **options: Unpack[TwinOptions],
@@ -258,7 +264,7 @@ def watch(
     record
         Results of a run (results.nc, results.csv or their folder), or a CSV file.
     window
-        Length of a window [s].
+        Length of a window [s]; by default the longest period of the membrane, 0.05 s of the square.
     false_alarms
         Share of the windows that may raise a false alarm.
     out
@@ -285,7 +291,7 @@ def watch(
     path = beside(source, WATCH) if out is None else Path(out)
     keep_inputs([file_of(source), options["sensor"]], [path])
     found = find_record(source, options)
-    samples = _samples(window, found)
+    samples = _samples(_period(found.structure, found.parameters) if window is None else window, found)
     if 2 * samples > found.record.samples:
         msg = f"the record has {found.record.samples} samples, less than two windows of {samples}. Record longer."
         raise OrchestratorError(msg)
@@ -300,6 +306,24 @@ def watch(
         bar.update(len(firsts), text=f"{len(firsts)} windows,")
     seen.end(console)
     return seen
+
+
+def _period(structure: Structure | None, parameters: Mapping[str, float]) -> float:
+    """Return the longest period of a membrane, by default the square, to two digits [s]."""
+    from gossamer_models.membrane import first_period, square_structure
+
+    structure = structure or square_structure()
+    return float(f"{first_period(structure, parameters):.2g}")
+
+
+def _structure_of(plan: Plan) -> Structure | None:
+    """Return the membrane of a run, if its FMU carries what it was built from."""
+    from gossamer_models.membrane import read_structure
+    from gossamer_orchestrator.results.dataset import SETUP
+
+    fmus = [component.fmu for component in plan.components if component.fmu.description.modelName == "membrane"]
+    carried = [text for fmu in fmus if (text := fmu.resource(SETUP)) is not None]
+    return read_structure(carried[0]) if carried else None
 
 
 def _samples(window: float, found: KnownRecord) -> int:

@@ -1,6 +1,6 @@
 """Assessment of damage detection: judges under conditions, with the statistics that an inspector asks for."""
 
-from .conditions import Condition, Detection, conditions, detections
+from .conditions import Condition, Detection, conditions, detections, plan_of_square
 from .figures import Figures, confusion, figures, reliability
 from .judges import (
     AlwaysZero,
@@ -34,6 +34,7 @@ __all__ = [
     "Condition",
     "conditions",
     "Detection",
+    "plan_of_square",
     "detections",
     "read_assessment",
     "write_assessment",

@@ -66,40 +66,78 @@ class Condition:
     quick: bool = False
 
 
+def plan_of_square(mesh: campaigns.Mesh | None = None, stop: float = 0.3) -> campaigns.CampaignPlan:
+    """Return what the shipped detectors are judged on: the square under its load, with the thesis' noise, for a time [s]."""
+    return campaigns.CampaignPlan(cases=1, stop=stop, membrane=mesh or campaigns.Mesh(), noise=THESIS_NOISE)
+
+
 def conditions(
-    cases: int, mesh: campaigns.Mesh, other: campaigns.Mesh, *, seed: int = 10, stop: float = 0.3
+    plan: campaigns.CampaignPlan, other: campaigns.Mesh | None, cases: int, *, seed: int = 10
 ) -> list[Condition]:
     """List the conditions of an assessment, apart from those of the probability of detection.
 
     Parameters
     ----------
+    plan : CampaignPlan
+        Membrane, load, noise of strain, and the times of a record; a chain of sensors stands behind the square alone.
+    other : Mesh or None
+        Membrane of the condition called "another mesh"; without one it is left out.
     cases : int
-        Records of each.
-    mesh, other : Mesh
-        Membrane of all conditions, and of the one called "another mesh"; "another law" has Hencky's on the former.
+        Records of each condition.
     seed : int
         Of all campaigns; none of the training.
-    stop : float
-        Length of the records [s].
     """
-    random = campaigns.CampaignPlan(cases=cases, seed=seed, stop=stop, membrane=mesh, damage=RANDOM, noise=THESIS_NOISE)
+    mesh = plan.membrane
+    damage = replace(RANDOM, zones=(1, min(RANDOM.zones[1], mesh.structure.n_zones)))
+    random = replace(plan, cases=cases, seed=seed, damage=damage, window=None)
     healthy = replace(random, damage=HEALTHY)
-    everything = {what: campaigns.Vary(factor=(low, high)) for what, low, high in MISMATCHES.values()}
-    return [
+    everything = {name: vary for what in MISMATCHES.values() for name, vary in _varied(mesh, *what).items()}
+    square = mesh.setup is None  # whose sensors are known
+    found = [
         Condition("clean", "random", random, noisy=False),
         Condition("noise", "random", random),
         *_mismatches(random),
         Condition("everything varied", "everything", replace(random, vary=everything)),
         Condition("dead sensor", "random", random, fault="dead", quick=True),
-        Condition("swapped sensors", "random", random, fault="swapped", quick=True),
-        Condition("whole chain", "chain", _through_chain(random)),
-        Condition("another mesh", "mesh", replace(random, membrane=other)),
-        Condition("another law", "law", replace(random, membrane=replace(mesh, law="hencky")), quick=True),
+    ]
+    if mesh.structure.n_sensors > 1:
+        found.append(Condition("swapped sensors", "random", random, fault="swapped", quick=True))
+    if square:
+        found.append(Condition("whole chain", "chain", _through_chain(random)))
+    if other is not None:
+        found.append(Condition("another mesh", "mesh", replace(random, membrane=other)))
+    found += [
+        Condition("another law", "law", replace(random, membrane=_other_law(mesh)), quick=True),
         Condition("healthy, clean", "healthy", healthy, noisy=False, quick=True),
         Condition("healthy, noise", "healthy", healthy),
         Condition("healthy, everything varied", "healthy_everything", replace(healthy, vary=everything)),
-        Condition("healthy, whole chain", "healthy_chain", _through_chain(healthy)),
     ]
+    if square:
+        found.append(Condition("healthy, whole chain", "healthy_chain", _through_chain(healthy)))
+    return found
+
+
+def _varied(mesh: campaigns.Mesh, what: str, low: float, high: float) -> dict[str, campaigns.Vary]:
+    """Return the range of factors of a quantity, or of all elements of an array, where the membrane has one above 0."""
+    names = [name for name in mesh.settable if name.partition("[")[0] == what] or [what]
+    base = {name: 1.0 if what == campaigns.SENSOR_GAIN else mesh.base(name) for name in names}
+    return {name: campaigns.Vary(factor=(low, high)) for name in names if base[name] > 0.0}
+
+
+def _other_law(mesh: campaigns.Mesh) -> campaigns.Mesh:
+    """Return the membrane with Hencky's law, or one that has it with Saint Venant's."""
+    own = mesh.law if mesh.setup is None else mesh.setup.law
+    law = "hencky" if own != "hencky" else "st_venant_kirchhoff"
+    return replace(mesh, law=law) if mesh.setup is None else replace(mesh, setup=replace(mesh.setup, law=law))
+
+
+def finer(mesh: campaigns.Mesh) -> campaigns.Mesh | None:
+    """Return the membrane with about twice the resolution; None of one with triangles, which have no order."""
+    if mesh.setup is None:
+        return replace(mesh, order=2 * mesh.order)
+    if any(block.order == 0 for block in mesh.structure.mesh.blocks):
+        return None
+    return replace(mesh, setup=replace(mesh.setup, order=mesh.setup.order + 1))
 
 
 def table_conditions(damages: Damages, mesh: campaigns.Mesh, *, seed: int = 13, stop: float = 0.3) -> list[Condition]:
@@ -117,8 +155,8 @@ def table_conditions(damages: Damages, mesh: campaigns.Mesh, *, seed: int = 13, 
 def _mismatches(random: campaigns.CampaignPlan) -> Iterator[Condition]:
     for name, (what, *factors) in MISMATCHES.items():
         for factor in factors:
-            campaign = replace(random, vary={what: campaigns.Vary(factor=(factor, factor))})
-            yield Condition(f"{name} x {factor:g}", f"{name}_{factor:g}", campaign, quick=True)
+            if vary := _varied(random.membrane, what, factor, factor):
+                yield Condition(f"{name} x {factor:g}", f"{name}_{factor:g}", replace(random, vary=vary), quick=True)
 
 
 def _through_chain(campaign: campaigns.CampaignPlan) -> campaigns.CampaignPlan:
@@ -136,40 +174,32 @@ class Detection:
     damaged: Condition
 
 
-def detections(
-    cases: int, mesh: campaigns.Mesh, *, seed: int = 11, long: float = 0.9, stop: float = 0.3
-) -> list[Detection]:
-    """List the conditions of the probability of detection.
+def detections(plan: campaigns.CampaignPlan, cases: int, *, seed: int = 11) -> list[Detection]:
+    """List the conditions of the probability of detection: thrice as long with noise, and as long through the whole chain.
 
     Parameters
     ----------
+    plan : CampaignPlan
+        As of ``conditions``.
     cases : int
         Healthy records of each; there are a fifth as many sizes in each zone.
-    mesh : Mesh
-        Membrane.
     seed : int
         Of all campaigns.
-    long, stop : float
-        Length of the records of strain with the thesis' noise, and through the whole chain [s].
     """
-    base = campaigns.CampaignPlan(cases=cases, seed=seed, stop=long, membrane=mesh, damage=HEALTHY, noise=THESIS_NOISE)
-    damaged = replace(
-        base,
-        cases=None,
-        damage=campaigns.Damage(cases=single_damages(max(cases // 5, 1), mesh.structure.n_zones)),
-        seed=seed + 1,
-    )
-    chain, damaged_chain = (_through_chain(replace(campaign, stop=stop)) for campaign in (base, damaged))
+    base = replace(plan, cases=cases, seed=seed, stop=3.0 * plan.stop, window=None, damage=HEALTHY)
+    sizes = single_damages(max(cases // 5, 1), plan.membrane.structure.n_zones)
+    damaged = replace(base, cases=None, damage=campaigns.Damage(cases=sizes), seed=seed + 1)
+    pairs = [(f"noise, {base.stop:g} s", "noise", (base, damaged))]
+    if plan.membrane.setup is None:
+        chain, damaged = (_through_chain(replace(campaign, stop=plan.stop)) for campaign in (base, damaged))
+        pairs.append((f"whole chain, {plan.stop:g} s", "chain", (chain, damaged)))
     found = []
-    for name, store, pair in (
-        (f"noise, {long:g} s", "noise", (base, damaged)),
-        (f"whole chain, {stop:g} s", "chain", (chain, damaged_chain)),
-    ):
-        healthy, sizes = (
+    for name, store, pair in pairs:
+        healthy, some = (
             Condition(f"{kind}, {name}", f"detection_{store}_{kind}", campaign)
             for kind, campaign in zip(("healthy", "sizes"), pair, strict=True)
         )
-        found.append(Detection(name=name, healthy=healthy, damaged=sizes))
+        found.append(Detection(name=name, healthy=healthy, damaged=some))
     return found
 
 
@@ -201,7 +231,7 @@ class Records:
         True damage [1].
     strain : ndarray, shape (n, sensors, T)
         What a judge of strain gets [1]; through a chain that of the compensator, without its delay.
-    resistance : ndarray, shape (n, 4, T'), or None
+    resistance : ndarray, shape (n, sensors, T'), or None
         With noise [ohm]; None without a chain.
     step : float
         Sampling step [s].

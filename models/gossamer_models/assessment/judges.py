@@ -25,6 +25,7 @@ from ..step_model import StepModel
 from ..stepper import Stepper, simulate
 
 if TYPE_CHECKING:
+    from ..membrane import Structure
     from ..twin import Twin
 
 OF_TWIN = ("twin", "membrane", "sensor", "batch")  # rooms that its answers depend on
@@ -230,15 +231,24 @@ def _digest_of_twin() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources if path.parent.name in OF_TWIN)).hexdigest()
 
 
-def read_judge(path: Path) -> Judge:
+def read_judge(path: Path, structure: Structure | None = None) -> Judge:
     """Return the judge of a trained detector's file.
+
+    Parameters
+    ----------
+    path : Path
+        Its card.
+    structure : Structure, optional
+        What it should be trained for.
 
     Raises
     ------
     ArtifactError
-        The file is missing, damaged, or no detector.
+        The file is missing, damaged, no detector, or one of another structure.
     """
     trained = read_detector(path)
+    if structure is not None:
+        trained.require_structure(structure.zone_names, structure.n_sensors, str(path))
     if isinstance(trained, PosteriorArtifact):
         return PosteriorJudge(trained, name=f"{trained.windows[0].network} {path.stem}")
     return DetectorJudge(detector_model(trained), name=f"energies {path.stem}")
@@ -249,8 +259,8 @@ def shipped_judges() -> list[Judge]:
     return [read_judge(path) for path in shipped_detectors().values()]
 
 
-def twin_judges(most: int, sizes: int) -> tuple[TwinJudge, ...]:
-    """Return the twins: one that fits damage and offsets, one that fits load and sensors too, one on resistance.
+def twin_judges(most: int, sizes: int, structure: Structure | None = None) -> tuple[TwinJudge, ...]:
+    """Return the twins: one that fits damage and offsets; of the square one with load and sensors, one on resistance.
 
     Parameters
     ----------
@@ -258,10 +268,14 @@ def twin_judges(most: int, sizes: int) -> tuple[TwinJudge, ...]:
         Records of a condition that each has time for.
     sizes : int
         Sizes of damage in each zone that the first and the last have time for.
+    structure : Structure, optional
+        Another membrane than the square; then the first one alone.
     """
     from ..sensor import default_artifact
     from ..twin import Twin
 
+    if structure is not None:
+        return (TwinJudge(Twin(structure), most=most, sizes=sizes),)
     resistance = Twin(sensor=default_artifact())
     return (
         TwinJudge(Twin(), most=most, sizes=sizes),

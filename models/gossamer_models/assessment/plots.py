@@ -65,7 +65,7 @@ def save_pictures(found: AssessmentResults, folder: Path) -> list[Path]:
         for name in dict.fromkeys(row.condition for row in found.detections):
             rows = [row for row in found.detections if (row.judge, row.condition) == (judge, name)]
             if any(row.hits for row in rows):
-                pictures[f"detection {judge} {name}"] = _by_zone([row for row in rows if row.zone] or rows)
+                pictures[f"detection {judge} {name}"] = _by_zone(found, [row for row in rows if row.zone] or rows)
     for chart in assessment_charts(found):
         if file := next((name for title, name in FILES.items() if chart.title.startswith(title)), ""):
             names = len(chart.layout.get("yaxis", {}).get("categoryarray", ()))
@@ -174,9 +174,15 @@ def _detections(found: AssessmentResults) -> list[Chart]:
         if by_zone := [t for some, color in own for t in _zones(some, color)]:
             title = f"Size found in 90 % of cases by zone, {condition}"
             note = "Bars reach up to the 95 % bound, a90/95; a point alone is that. Zones without it are left out."
-            layout = {"xaxis": {"dtick": 1}, "yaxis": {"rangemode": "tozero"}, "scattermode": "group"}
+            layout = {"xaxis": _zone_axis(found), "yaxis": {"rangemode": "tozero"}, "scattermode": "group"}
             charts.append(Chart(title, "zone", "damage [%]", by_zone, note=note, layout=layout))
     return charts
+
+
+def _zone_axis(found: AssessmentResults) -> dict[str, Any]:
+    """Return an axis of zones by number, with their names if they have some."""
+    names = found.zone_names
+    return {"tickvals": list(range(1, len(names) + 1)), "ticktext": names} if names else {"dtick": 1}
 
 
 def _curves(name: str, rows: ArrayLike, color: str) -> list[Trace]:
@@ -211,8 +217,8 @@ def _detection_chart(title: str, traces: Sequence[Trace], note: str = "", marks:
     return Chart(title, x, y, traces, note=note, layout=layout, marks=marks)
 
 
-def _by_zone(rows: Sequence[DetectionRow]) -> Panels:
-    """Draw the curves of one judge zone by zone with hits and misses, zone 1 below on the left where zones are a square."""
+def _by_zone(found: AssessmentResults, rows: Sequence[DetectionRow]) -> Panels:
+    """Draw the curves of one judge zone by zone with hits and misses; of the square zone 1 is below on the left."""
     charts = []
     for row in rows:
         marks = [
@@ -224,10 +230,11 @@ def _by_zone(rows: Sequence[DetectionRow]) -> Panels:
         said = [words([5.0], [0.4], [row.remark], font={"size": 9})] if row.remark else []
         bound = [rule(x=100.0 * row.a90_95, color="@1", dash="dash", width=1)] if known else []
         traces = [*_curves("detection", row.curve, "@0"), *marks, *said]
-        title = f"zone {row.zone}: a90/95 {100.0 * row.a90_95:.2g} %" if known else f"zone {row.zone}"
+        name = f"{'zone ' * (not found.zone_names)}{found.zone_name(row.zone)}"
+        title = f"{name}: a90/95 {100.0 * row.a90_95:.2g} %" if known else name
         charts.append(_detection_chart(title, traces, marks=bound))
     side = math.isqrt(len(charts))
-    if side**2 == len(charts):
+    if not found.zone_names and side**2 == len(charts):
         charts = [chart for k in reversed(range(side)) for chart in charts[k * side : (k + 1) * side]]
     title = f"{rows[0].judge}, {rows[0].condition}: {rows[0].score} above {100.0 * rows[0].threshold:.2g} % is a call"
     columns = math.ceil(math.sqrt(len(charts)))
@@ -263,7 +270,7 @@ def _confusions(found: AssessmentResults) -> list[Chart]:
         counts = np.array(row.counts)
         if counts[:, :-1].any():
             percent = 100.0 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
-            zones = [str(zone) for zone in range(1, len(counts) + 1)]
+            zones = [found.zone_name(zone) for zone in range(1, len(counts) + 1)]
             title = f"Zone called first: {row.judge}, {row.condition}"
             layout = {axis: {"type": "category", "dtick": 1} for axis in ("xaxis", "yaxis")}
             cells = heat([*zones, "none"], zones, percent, "% of records", zmin=0.0, zmax=100.0)

@@ -19,7 +19,7 @@ from ..errors import DataError
 from .figures import Figures
 from .pod import Share
 
-SCHEMA, VERSION = "gossamer.assessment", 1
+SCHEMA, VERSION = "gossamer.assessment", 2
 FILE = "assessment.json"
 
 
@@ -55,7 +55,7 @@ class DetectionRow:
     judge, condition : str
         Names.
     zone : int
-        1 to 16, or 0 for all zones together.
+        From 1, or 0 for all zones together.
     score : {"P(damaged)", "estimate"}
         What a call is decided by.
     threshold : float
@@ -122,11 +122,14 @@ class AssessmentResults:
     ----------
     provenance : dict of str
         Meshes, number of cases, version.
+    zone_names : list of str
+        What the zones are called; empty for numbers.
     rows, detections, confusions, tables : list
         See there.
     """
 
     provenance: dict[str, str]
+    zone_names: list[str] = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
     detections: list[DetectionRow] = field(default_factory=list)
     confusions: list[ConfusionRow] = field(default_factory=list)
@@ -137,6 +140,10 @@ class AssessmentResults:
         """Names of the judges, in their order."""
         rows: list[Row | DetectionRow | TableRow] = [*self.rows, *self.detections, *self.tables]
         return list(dict.fromkeys(row.judge for row in rows))
+
+    def zone_name(self, zone: int) -> str:
+        """Return what a zone is called, 0 for all."""
+        return "all" if zone == 0 else self.zone_names[zone - 1] if self.zone_names else str(zone)
 
     def row(self, judge: str, condition: str) -> Row | None:
         """Return the row of a judge and a condition; None if there is none."""
@@ -150,7 +157,7 @@ def write_assessment(assessment: AssessmentResults, folder: Path) -> list[Path]:
     write_artifact(folder / FILE, SCHEMA, VERSION, content.pop("provenance"), content)
     tables = {
         "conditions.csv": [_condition_line(row) for row in assessment.rows],
-        "detection.csv": [_detection_line(row) for row in assessment.detections],
+        "detection.csv": [_detection_line(row, assessment.zone_name(row.zone)) for row in assessment.detections],
         "thesis_tables.csv": [_table_line(row) for row in assessment.tables],
     }
     for name, lines in tables.items():
@@ -175,6 +182,7 @@ def read_assessment(folder: Path) -> AssessmentResults:
     try:
         return AssessmentResults(
             provenance=card["provenance"],
+            zone_names=card["zone_names"],
             rows=[Row(**{**_numbers(row), "figures": _figures(row["figures"])}) for row in card["rows"]],
             detections=[
                 DetectionRow(**{**_numbers(row), "false_calls": Share(*row["false_calls"])})
@@ -225,7 +233,7 @@ def _condition_line(row: Row) -> dict[str, str]:
     return line
 
 
-def _detection_line(row: DetectionRow) -> dict[str, str]:
+def _detection_line(row: DetectionRow, zone: str) -> dict[str, str]:
     percent = {
         "threshold": row.threshold,
         "false calls": row.false_calls.value,
@@ -235,7 +243,7 @@ def _detection_line(row: DetectionRow) -> dict[str, str]:
         "a90/95": row.a90_95,
         "by counts": row.by_counts,
     }
-    line = {"judge": row.judge, "condition": row.condition, "zone": str(row.zone or "all")}
+    line = {"judge": row.judge, "condition": row.condition, "zone": zone}
     line |= {"sizes": str(row.sizes), "hits": str(row.hits)}
     return line | {f"{name} [%]": _percent(value) for name, value in percent.items()} | {"remark": row.remark}
 

@@ -13,10 +13,20 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Rows, Vector
-from ..campaign import Mesh
+from ..campaign import CampaignPlan, Mesh
 from ..detector.thesis_tables import TABLES, ThesisTables
 from ..errors import ParameterError
-from .conditions import SIZES, Condition, Records, conditions, detections, make_records, table_conditions
+from .conditions import (
+    SIZES,
+    Condition,
+    Records,
+    conditions,
+    detections,
+    finer,
+    make_records,
+    plan_of_square,
+    table_conditions,
+)
 from .figures import confusion, figures, largest_calls, reliability, scores
 from .judges import Judge, Verdicts, ask
 from .pod import fit_pod, share, threshold_for
@@ -25,7 +35,6 @@ from .results import AssessmentResults, ConfusionRow, DetectionRow, Row, TableRo
 FALSE_CALLS = 0.01  # share of healthy records that a threshold lets be called [1]
 LEAST_SIZES = 12  # of a zone, for a curve of its own
 CURVE = np.geomspace(SIZES[0], SIZES[-1], 25)
-OTHER = Mesh(elements_per_side=4, order=8)  # twice the resolution of the default
 Report = Callable[[str, int, int], None]
 
 
@@ -34,8 +43,8 @@ def assess(
     folder: Path,
     *,
     cases: int = 400,
-    mesh: Mesh | None = None,
-    other: Mesh = OTHER,
+    plan: CampaignPlan | None = None,
+    other: Mesh | None = None,
     workers: int | None = None,
     report: Report | None = None,
 ) -> AssessmentResults:
@@ -50,8 +59,10 @@ def assess(
     cases : int
         Records of each condition, and of the healthy ones that thresholds come from; there are a fifth as many sizes in
         each zone.
-    mesh, other : Mesh
-        Membrane, the default one if None; and the finer one of the condition "another mesh".
+    plan : CampaignPlan, optional
+        Membrane, load, noise and times of a record; by default those that the shipped detectors are trained for.
+    other : Mesh, optional
+        Membrane of the condition "another mesh"; by default a finer one, if there is one.
     workers : int, optional
         Processes of the simulations; all cores by default.
     report : callable, optional
@@ -75,17 +86,21 @@ def assess(
     if cases < 4:
         msg = f"{cases} cases are too few to choose a threshold on one half and count on the other. Take 4 or more."
         raise ParameterError(msg)
-    mesh = mesh or Mesh()
+    plan = plan or plan_of_square()
+    mesh = plan.membrane
+    other = finer(mesh) if other is None else other
+    meshes = {"mesh": mesh, "another mesh": other}
     found = AssessmentResults(
         provenance={
             "gossamer": version("gossamer"),
             "cases": str(cases),
-            "mesh": f"{mesh.elements_per_side} x {mesh.elements_per_side} elements of order {mesh.order}",
-            "another mesh": f"{other.elements_per_side} x {other.elements_per_side} elements of order {other.order}",
-        }
+            **{what: _described(each) for what, each in meshes.items() if each is not None},
+        },
+        zone_names=list(mesh.structure.zone_names) if mesh.setup else [],
     )
-    put, pairs = conditions(cases, mesh, other), detections(cases, mesh)
-    listed = [(table, condition) for table in TABLES for condition in table_conditions(table.damages, mesh)]
+    put, pairs = conditions(plan, other, cases), detections(plan, cases)
+    tables = TABLES if mesh.setup is None else ()
+    listed = [(table, condition) for table in tables for condition in table_conditions(table.damages, mesh)]
     total, done = len(put) + len(pairs) + len(listed), itertools.count()
 
     def begin(what: str) -> None:
@@ -112,6 +127,12 @@ def assess(
             found.tables.extend(_table(judge, table, condition, records, folder))
     begin("done")
     return found
+
+
+def _described(mesh: Mesh) -> str:
+    if mesh.setup is not None:
+        return f"{mesh.setup.title or mesh.structure.mesh.name}, order {mesh.setup.order}"
+    return f"{mesh.elements_per_side} x {mesh.elements_per_side} elements of order {mesh.order}"
 
 
 def _readers(judges: Sequence[Judge], records: Records) -> list[Judge]:

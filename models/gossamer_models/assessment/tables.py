@@ -55,7 +55,7 @@ def detection_table(found: AssessmentResults) -> TableText:
     for row in (row for row in found.detections if row.hits or not row.zone):
         call, hits = f"{row.score} > {100.0 * row.threshold:.2g} %", f"{row.hits} of {row.sizes}"
         sizes = map(percent, (row.a50, row.a90, row.a90_95))
-        rows.append((row.judge, row.condition, str(row.zone or "all"), call, _calls(row), hits, *sizes, row.remark))
+        rows.append((row.judge, row.condition, found.zone_name(row.zone), call, _calls(row), hits, *sizes, row.remark))
     return TableText(head, rows, "Probability of detection: sizes [% damage]")
 
 

@@ -178,8 +178,6 @@ def _compiled(model: StepModel, results: Sequence[str]) -> Kernel | None:
         *results,
         Path(code.__file__).read_bytes(),
         *code.own_sources().values(),
-        code.MAX_EXPANDED,
-        code.MAX_ELEMENT,
     ]
     key = hashlib.sha256(repr(parts).encode()).hexdigest()
     try:

@@ -9,10 +9,10 @@ The sources of a kernel are one translation unit::
     functions.h    init and step, written by CasADi and made safe for lanes here
     loops.h        of a model with tables: the numbers of its mesh, and its loops over them
 
-A function without sums over a mesh is expanded to scalar operations where that is possible and gives at most
-``MAX_EXPANDED`` of them: straight code without loops or memory between operations runs two to five times as fast. Where
-not (a sparse solve, a table that is looked up), CasADi's loops over arrays are compiled. Of a mesh one element is expanded,
-and the sums over elements and all that is done at each node are loops, so that the time to compile does not grow with it.
+Each function, and that of one element of a mesh, is expanded to scalar operations where that is possible and gives at most
+``MAX_EXPANDED`` of them: straight code without memory between operations is faster, two to five times for small models.
+Where not (a sparse solve, a table that is looked up, a fine mesh), CasADi's loops over arrays are compiled, whose time to
+compile does not grow with the model. Sums over elements stay loops.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from ..element_loop import ElementLoop, Tables
 from ..step_model import StepModel
 
 MAX_EXPANDED = 100_000  # half a minute of compiling
+MAX_BESIDE_LOOPS = 20_000  # where loops over arrays cost but a third more: five seconds of compiling
 MAX_ELEMENT = 10_000  # of one element's function
 
 
@@ -47,12 +48,14 @@ def sources(model: StepModel, results: Sequence[str]) -> dict[str, bytes]:
     loops = () if model.tables is None else model.tables.loops
     if model.tables is not None:
         functions = [_with_numbers(function, model.tables) for function in functions]
-    functions = functions if loops else [*map(_expanded, functions)]
+    functions = [_expanded(function, MAX_BESIDE_LOOPS if loops else MAX_EXPANDED) for function in functions]
     elements = [_expanded(loop.function, MAX_ELEMENT) for loop in loops]
     generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 0})
     for function in [*functions, *elements, *(loop.stand_in for loop in loops)]:
         generator.add(function)
     code = with_loops(safe_for_lanes(generator.dump()), loops)
+    for function in [*functions, *elements]:
+        code = _with_all_arguments(code, function.name())
     return {
         **own_sources(),
         "sizes.h": _sizes(model, results, functions, elements).encode(),
@@ -91,7 +94,7 @@ def _with_numbers(function: ca.Function, tables: Tables) -> ca.Function:
     return ca.Function(function.name(), symbols, function.call([*symbols, ca.MX(ca.DM(tables.numbers))], True, False))
 
 
-def _expanded(function: ca.Function, most: int = MAX_EXPANDED) -> ca.Function:
+def _expanded(function: ca.Function, most: int) -> ca.Function:
     """Write a function as scalar operations, each once, if that is possible and they are not too many."""
     try:
         expanded = function.expand()
@@ -118,13 +121,8 @@ def with_loops(code: str, loops: Sequence[ElementLoop]) -> str:
         The loops.
     """
     for number, loop in enumerate(loops):
-        name = internal_name(code, loop.name)
-        begin = re.search(_FUNCTION.format(name=name), code)
-        if begin is None:
-            msg = f"CasADi wrote no body of {loop.name!r}; its generator must have changed"
-            raise RuntimeError(msg)
-        end = code.index("\n}\n", begin.end())
-        code = f"{code[: begin.end()]}\n return run_loop({number}, arg, res);{code[end:]}"
+        begin, end = _body(code, loop.name)
+        code = f"{code[:begin]}\n return run_loop({number}, arg, res);{code[end:]}"
     return _ZEROS.sub(r"\1;", code)  # zero anyway
 
 
@@ -135,6 +133,21 @@ def internal_name(code: str, name: str) -> str:
         msg = f"CasADi wrote no function {name!r}; its generator must have changed"
         raise RuntimeError(msg)
     return exposed[1]
+
+
+def _body(code: str, name: str) -> tuple[int, int]:
+    """Return where the body of the function behind an exposed one begins and ends."""
+    begin = re.search(_FUNCTION.format(name=internal_name(code, name)), code)
+    if begin is None:
+        msg = f"CasADi wrote no body of {name!r}; its generator must have changed"
+        raise RuntimeError(msg)
+    return begin.end(), code.index("\n}\n", begin.end())
+
+
+def _with_all_arguments(code: str, name: str) -> str:
+    """Leave out what a function does without an argument: here it has all, and thousands of branches compile slowly."""
+    begin, end = _body(code, name)
+    return code[:begin] + _GIVEN.sub(r"\1;", code[begin:end]) + code[end:]
 
 
 def _loops(loops: Sequence[ElementLoop]) -> str:
@@ -212,6 +225,7 @@ _NOT = re.compile(rf"(=\s*)\(!\s*({_VALUE})\s*\)")
 _SELECT = re.compile(rf"(=\s*)\(({_VALUE})\?({_VALUE}):0\)")
 _LOOK_UP = re.compile(r"\{ i=\(int\) \*cr\+\+; \*rr = i>=0 && i<(\d+) \? (\w+)\[i\] : casadi_nan; \}")
 _ARGUMENT = re.compile(r"(arg\[\d+\])\s*\?\s*(arg\[\d+\]\[\d+\])\s*:\s*0;")
+_GIVEN = re.compile(r"arg\[\d+\] \? (arg\[\d+\]\[\d+\]) : \(lanes\)\(0\.0\);")  # of _ARGUMENT, made safe
 _CONSTANTS = re.compile(r"static const casadi_real (casadi_c\d+)\[(\d+)\] =\s*(\{[^}]*\});")
 _FACTORS = re.compile(r"(casadi_real lt\[\d+\], d\[\d+\], w\[\d+\];)")  # too large for the stack of a thread
 _SIGN = re.compile(r"casadi_real casadi_sign\(casadi_real x\) \{[^}]*\}")

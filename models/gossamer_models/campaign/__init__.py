@@ -2,7 +2,7 @@
 
 from .cases import Cases, draw_cases, measured_resistance, measured_strain
 from .defaults import campaign_of_setup, check_monitored
-from .description import CampaignPlan, Chain, Damage, Distribution, MeasurementNoise, Mesh, Vary
+from .description import SENSOR_GAIN, CampaignPlan, Chain, Damage, Distribution, MeasurementNoise, Mesh, Vary
 from .run import CampaignStoppedError, Summary, run_campaign
 from .store import read_campaign
 
@@ -15,6 +15,7 @@ __all__ = [
     "Damage",
     "Distribution",
     "Mesh",
+    "SENSOR_GAIN",
     "MeasurementNoise",
     "Vary",
     # run it

@@ -137,6 +137,10 @@ class Mesh:
         """Parameters and inputs that a campaign can hold or vary, by name: all but the damage."""
         return _settable(self.structure)
 
+    def base(self, name: str) -> float:
+        """Return the constant value of a quantity."""
+        return float(self.parameters.get(name, self.settable[name].start or 0.0))
+
     def outside(self, place: tuple[str, ...], value: float) -> Iterator[Mistake]:
         """Refuse an unknown variable of the membrane, the last part of a place, or a value out of its range."""
         name, known = place[-1], self.settable
@@ -352,7 +356,7 @@ class CampaignPlan:
         """Return the constant value of a quantity that can vary."""
         if name in (SENSOR_GAIN, NOISE):
             return 1.0
-        return float(self.membrane.parameters.get(name, self.membrane.settable[name].start or 0.0))
+        return self.membrane.base(name)
 
     @property
     def count(self) -> int:

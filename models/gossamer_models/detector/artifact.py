@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -68,6 +68,38 @@ class TrainedWindows(ABC):
         require(0.0 < self.sampling_step < np.inf, f"sampling_step is {self.sampling_step:g} s, it must be positive")
         whole = self.samples >= BLOCK and self.samples % BLOCK == 0
         require(whole, f"a window needs a multiple of {BLOCK} samples, not {self.samples}")
+
+    def require_structure(self, zones: Sequence[str], sensors: int, name: str) -> None:
+        """Refuse a structure that it is not trained for.
+
+        Parameters
+        ----------
+        zones : sequence of str
+            What its zones are called.
+        sensors : int
+            How many it has.
+        name : str
+            Of the detector, for the message.
+
+        Raises
+        ------
+        ArtifactError
+            It has other zones, or another number of sensors.
+        """
+        if (self.zones, self.sensors) != (len(zones), sensors):
+            msg = (
+                f"{name} is trained for {self.zones} zones and {self.sensors} sensors, and this structure has {len(zones)} "
+                f"and {sensors}. Train one for it: gossamer train --setup."
+            )
+            raise ArtifactError(msg)
+        own, other = ([each.replace("_", " ") for each in names] for names in (self.names, zones))
+        if own != other:
+            k = next(k for k in range(self.zones) if own[k] != other[k])
+            msg = (
+                f"{name} is trained for a structure whose zone {k + 1} is {own[k]!r}, and here it is {other[k]!r}. Train "
+                "one for this structure: gossamer train --setup."
+            )
+            raise ArtifactError(msg)
 
     @property
     def names(self) -> list[str]:

@@ -19,6 +19,8 @@ from .networks import PEAKS
 SCHEMA, VERSION = "gossamer.posterior_detector", 3
 NOMINAL = Path(__file__).with_name("nominal.json")
 Network: TypeAlias = Literal["perceptron", "neuro-fuzzy"]
+# deviation of the noise of a sample that its campaign states, in units of ``Components.unit``
+STATED = 0.02 / np.sqrt(12.0)
 HEADS = 3  # of the network per zone: logit of P(damaged), mean, logarithm of the standard deviation
 
 NETWORKS = {  # arrays of the network, by its kind
@@ -179,6 +181,11 @@ class PosteriorArtifact(TrainedWindows):
     def zones(self) -> int:
         """Number of zones."""
         return self.windows[0].zones
+
+    @property
+    def noise(self) -> float:
+        """Deviation of a sample of strain [1] that a third of the records of the training have about."""
+        return float(self.windows[0].unit[0] * STATED)
 
     def write(self, path: Path) -> None:
         """Write the card and, beside it, the arrays in single precision, the axes in half."""

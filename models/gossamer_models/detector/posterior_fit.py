@@ -78,7 +78,7 @@ class Moves:
     Attributes
     ----------
     cases : ndarray of int
-        Damaged since more than a window; windows of one shift. None if the polynomials do not describe them.
+        Damaged since more than a window. None if the polynomials do not describe them.
     W : ndarray of float32, shape (terms, s K)
         Coefficients.
     """
@@ -87,15 +87,19 @@ class Moves:
     W: Rows32
 
     @classmethod
-    def of(cls, damage: Rows32, c: Rows32, cases: NDArray[np.int64]) -> Moves:
-        """Fit the polynomials to some of all cases."""
+    def of(cls, damage: Rows32, c: Rows32, cases: NDArray[np.int64], shift: NDArray[np.int64]) -> Moves:
+        """Fit the polynomials to some of all cases; windows of each shift have a mean of their own."""
         none = cls(cases[:0], np.zeros((0, 0), np.float32))
         count = terms(damage.shape[1])
         if len(cases) < 2 * count or count > MOST_TERMS:
             return none
         f, target = polynomials(damage[cases].astype(float)), c[cases].reshape(len(cases), -1).astype(float)
+        for which in np.unique(shift[cases]):
+            some = shift[cases] == which
+            f[some] -= f[some].mean(axis=0)
+            target[some] -= target[some].mean(axis=0)
         W = np.linalg.lstsq(f, target, rcond=1e-8)[0]
-        left = np.mean((target - f @ W) ** 2) / np.mean((target - target.mean(axis=0)) ** 2)
+        left = np.mean((target - f @ W) ** 2) / np.mean(target**2)
         return cls(cases, W.astype(np.float32)) if left < WORST_POLYNOMIALS**2 else none
 
 
@@ -193,10 +197,11 @@ class NetworkFit:
         of_images = symmetry.images(x @ parts.axes.astype("f4"), train.damage)
         self.c, self.damage = c, damage = tuple(part.astype("f4") for part in of_images)
         settled = np.tile(train.settled, images) & (damage.max(axis=1) > 0.0)
-        self.moves = [
-            Moves.of(damage, c, np.flatnonzero(settled & (np.tile(train.shift, images) == shift)))
-            for shift in np.unique(train.shift)
-        ]
+        shift = np.tile(train.shift, images)
+        alike = [np.flatnonzero(settled & (shift == which)) for which in np.unique(shift)]
+        if min(map(len, alike)) < 2 * terms(damage.shape[1]):  # of none alone are there enough
+            alike = [np.flatnonzero(settled)]
+        self.moves = [Moves.of(damage, c, cases, shift) for cases in alike]
         self.freedom = float(posterior.degrees_of_freedom(parts).sum())
         unit = block_means(coloured_noise((COLOURED_DRAWS, *train.records.shape[1:]), random), training.block)
         found = posterior.analyse(parts, parts.unit * (unit + parts.mean))

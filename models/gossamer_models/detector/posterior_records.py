@@ -15,19 +15,21 @@ from scipy.signal import lfilter
 
 from ..arrays import Matrix, Vector
 from ..campaign import Distribution
+from ..campaign.symmetry import Symmetry
 from ..errors import DataError
 from .features import block_means
 from .networks import Rows32
-from .posterior_artifact import Network
+from .posterior_artifact import STATED, Network
 
 if TYPE_CHECKING:
     import xarray as xr
 
 # Deviations of the noise of a sample, in units of ``Sensing.unit``:
-STATED = 0.02 / np.sqrt(12.0)  # what the campaign states
 LEAST_NOISE, MOST_NOISE = 1e-5, 6.5e-3  # white
 COLOURED = 2e-3  # most of what is not white, as an estimator leaves it
 PER_SENSOR, MOST_COMPONENTS = 32, 512  # principal components
+PER_ZONE, MOST_REFERENCES = 64, 1024  # reference cases
+LEAST_STEPS, MOST_EPOCHS = 8000, 600  # of a training without mirror images, whose cases are few
 USUAL = 0.03  # noise over the swing of the strain [1], of a campaign that states none
 SWINGS = 64  # cases that tell the swing
 
@@ -85,8 +87,13 @@ class Training:
         """Return the settings that suit a campaign: sizes from its sensors, windows of a length [s], or as it says."""
         length = window or json.loads(data.attrs["campaign"])["window"]
         samples = cls.samples if length is None else 4 * max(round(length / float(data["time"][0])) // 4, 1)
+        cases, symmetry = data.sizes["case"], Symmetry.stored(json.loads(data.attrs["symmetry"]))
+        images, zones = symmetry.answered.shape
+        epochs = round(LEAST_STEPS * cls.batch / cases) if images == 1 else cls.epochs
         return cls(
             network=network,
+            references=max(min(PER_ZONE * zones, MOST_REFERENCES, cases // 2), cls.references),
+            epochs=max(min(epochs, MOST_EPOCHS), cls.epochs),
             samples=samples,
             windows=min(cls.windows, max(data.sizes["time"] // samples, 1)),
             components=min(PER_SENSOR * data.sizes["sensor"], MOST_COMPONENTS),

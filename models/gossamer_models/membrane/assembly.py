@@ -12,6 +12,7 @@ are parts of a table; see ``loops``. Equal squares are computed in units of thei
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from ..arrays import Vector
 from ..element_loop import Tables
 from ..variables import Values
-from .element import balance, tangents
+from .element import balance, sum_at, tangents
 from .geometry import stiffest
 from .loops import at_points, element_tangent, encloses, force_loop, limits, own_numbers, swept, tilts, volume_loop
 from .structure import Elements, Structure
@@ -117,17 +118,32 @@ class MembraneEquations:
         """Return one over the factor on all masses of the structure [1]."""
         return self._share(p, "density") * self._share(p, "thickness") * self.shortness(p) ** 2
 
-    def mobility(self, p: Values) -> ca.MX:
-        """Return one over the mass of its node for each displacement, zero where it is held [1/kg], shape (3 M,)."""
-        return self.lightness(p) * self.arrays["mobility"]
-
     def positions(self, q: ca.MX, u: Values, p: Values) -> ca.MX:
         """Write the positions of all nodes [m], shape (3 N,)."""
-        x = self.size(p) * self.arrays["start"]
+        moving, held = self._still(u, p, self.parted)
+        return ca.vertcat(moving + q, held)
+
+    def positions_at(self, places: Sequence[int], q: ca.MX, u: Values, p: Values) -> ca.MX:
+        """Write some of the positions [m], which costs less than taking them from all."""
+        (still,) = self._still(u, p, lambda array: [array[places]])
+        moving = [i for i, place in enumerate(places) if place < self.n_q]
+        moved = ca.MX.zeros(len(places))
+        moved[moving] = q[[places[i] for i in moving]]
+        return still + moved
+
+    def parted(self, x: ca.MX) -> list[ca.MX]:
+        """Part a column of all nodes, shape (3 N,), into those that move and those that are held; nothing is copied."""
+        parts: list[ca.MX] = ca.vertsplit(x, [0, self.n_q, x.numel()])
+        return parts
+
+    def _still(self, u: Values, p: Values, part: Callable[[ca.MX], list[ca.MX]]) -> list[ca.MX]:
+        """Write parts of the positions [m] of nodes that are not displaced."""
+        found = [self.size(p) * each for each in part(self.arrays["start"])]
         for i, support in enumerate(self.structure.setup.supports):
             if support.motion:
-                x += getattr(u if hasattr(u, support.motion) else p, support.motion) * self.arrays[f"way_{i}"]
-        return ca.vertcat(x[: self.n_q] + q, x[self.n_q :])
+                motion = getattr(u if hasattr(u, support.motion) else p, support.motion)
+                found = [x + motion * way for x, way in zip(found, part(self.arrays[f"way_{i}"]), strict=True)]
+        return found
 
     def filled(self, u: Values) -> ca.MX:
         """Write the pressure of the gas at its volume of the start, with the ambient one [Pa]."""
@@ -383,9 +399,3 @@ def _named(arrays: dict[str, Vector], column: ca.MX | None) -> dict[str, ca.MX]:
 def _places(nodes: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the places in x of x of the nodes of each element, then y, then z, shape (n, 3 m)."""
     return (3 * nodes[:, None, :] + np.arange(3)[:, None]).reshape(len(nodes), -1)
-
-
-def sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
-    """Sum values at their places, shape (size,): the transpose of indexing."""
-    x = ca.MX.sym("x", size)
-    return ca.jtimes(x[places.tolist()], x, values, True)

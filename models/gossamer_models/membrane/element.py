@@ -24,6 +24,7 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 from numpy.polynomial import Legendre, legendre
+from numpy.typing import NDArray
 
 from ..arrays import Vector
 from .law import LAWS, Entry, Matrix, Stress, matrix, principal
@@ -299,3 +300,9 @@ def derivative_matrix(nodes: Vector, points: Vector) -> Vector:
             others = np.delete(nodes, [i, j])
             columns[:, i] += np.prod((points[:, None] - others) / (nodes[i] - others), axis=1) / (nodes[i] - nodes[j])
     return columns
+
+
+def sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
+    """Sum values at their places, shape (size,): the transpose of indexing."""
+    x = ca.MX.sym("x", size)
+    return ca.jtimes(x[places.tolist()], x, values, True)

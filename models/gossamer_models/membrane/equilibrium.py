@@ -10,13 +10,15 @@ one, the displacements are not a number.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from ..variables import Values
-from .assembly import MembraneEquations, Shared, sum_at
+from .assembly import MembraneEquations, Shared
+from .element import sum_at
 
 LEVELS = 5  # at most 10^5 steps
 NEWTON_STEPS = 8
@@ -174,15 +176,10 @@ def with_dead_loads(equations: MembraneEquations, f: ca.MX, u: Values) -> ca.MX:
     return f
 
 
-def of_base(equations: MembraneEquations, u: Values) -> ca.MX:
-    """Write the acceleration of the base [m/s2], for the nodes that move, shape (3 M,)."""
-    a = u.base_acceleration
+def of_base(equations: MembraneEquations, u: Values, factor: Any = 1.0) -> ca.MX:  # noqa: ANN401
+    """Write the acceleration of the base [m/s2], times a factor, for the nodes that move, shape (3 M,)."""
+    a = factor * u.base_acceleration
     return ca.vec(ca.repmat(ca.vertcat(0.0, 0.0, a) if a.is_scalar() else a, 1, equations.n_q // 3))
-
-
-def of_nodes(equations: MembraneEquations, p: Values) -> ca.MX:
-    """Write the masses of the nodes that move [kg], once for each of x, y and z, shape (3 M,)."""
-    return ca.vec(ca.repmat(equations.mass(p)[: equations.n_q // 3].T, 3, 1))
 
 
 def balance(equations: MembraneEquations, q: ca.MX, u: Values, p: Values) -> tuple[ca.MX, ca.MX, ca.MX]:
@@ -199,7 +196,8 @@ def balance(equations: MembraneEquations, q: ca.MX, u: Values, p: Values) -> tup
     found = equations.forces(x, shared, p)
     f = with_dead_loads(equations, found.f, u)[: equations.n_q]
     if hasattr(u, "base_acceleration"):
-        f -= of_nodes(equations, p) * of_base(equations, u)
+        mass = ca.vec(ca.repmat(equations.mass(p)[: equations.n_q // 3].T, 3, 1))
+        f -= mass * of_base(equations, u)
     strain = ca.fmax(found.strain, 0.0)
     rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
     # as forces grow, and their rounding

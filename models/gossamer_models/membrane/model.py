@@ -20,7 +20,7 @@ from ..mistakes import Mistake, raise_any
 from ..step_model import StepModel
 from ..variables import Values
 from .assembly import Forces, MembraneEquations
-from .equilibrium import balance, in_plane, of_base, of_nodes, relax, with_dead_loads
+from .equilibrium import balance, in_plane, of_base, relax, with_dead_loads
 from .frame import RESTARTED, FrameState, flying
 from .gauges import Gauge
 from .newton import Newton
@@ -129,13 +129,18 @@ def membrane_model(
     gauges = [_gauge(structure, gauge) for gauge in structure.gauges]
     probes = {name: ca.sparsify(ca.DM(weights[:, structure.moving])) for name, weights in structure.probes.items()}
 
-    def acceleration(f: ca.MX, u: Values, p: Values) -> ca.MX:
+    def only_free(vectors: ca.MX) -> ca.MX:
+        return vectors if structure.free.reshape(-1, 3)[structure.moving].all() else t["free"] * vectors
+
+    def gained(
+        f: ca.MX, u: Values, p: Values, gain: ca.MX
+    ) -> ca.MX:  # velocity in a time ``gain``; few passes over nodes
         k = setup.inplane_mass
+        v = gain * equations.lightness(p) * (t["mobility"] * f) - only_free(of_base(equations, u, gain))
         if k == 1.0:
-            return equations.mobility(p) * f - t["free"] * of_base(equations, u)
-        a = f / of_nodes(equations, p) - of_base(equations, u)
-        across = ca.vec(ca.repmat(_products(a, t["normals"]).T, 3, 1))
-        return t["free"] * (a / k + (1.0 - 1.0 / k) * t["normals"] * across)
+            return v
+        across = ca.vec(ca.repmat(_products(v, t["normals"]).T, 3, 1))
+        return only_free(v / k + (1.0 - 1.0 / k) * t["normals"] * across)
 
     def all_volume(bounded: ca.MX, start: ca.MX) -> ca.MX:  # with what lies behind an open surface
         given = setup.gas.volume if setup.gas else None
@@ -165,7 +170,7 @@ def membrane_model(
             return state, results(state, u, p, ride.found, ride.gas) | ride.results
         q = x.q + h / 2.0 * x.v  # half a step
         found, f, gas = pulled(equations.positions(q, u, p))
-        v = keep * x.v + gain * acceleration(f[:n], u, p)
+        v = keep * x.v + gained(equations.parted(f)[0], u, p, gain)
         q = q + h / 2.0 * v  # the other half
         state = MembraneState(q, v, phase, x.volume, x.frame)
         return state, results(state, u, p, found, gas)
@@ -207,7 +212,8 @@ def membrane_model(
             "compressed_share": found.compressed,
         }
         if gauges:
-            values["strain"] = ca.vertcat(*(gauge(x, equations.size(p)) for gauge in gauges))
+            read = (gauge(equations.positions_at(places, state.q, u, p), equations.size(p)) for places, gauge in gauges)
+            values["strain"] = ca.vertcat(*read)
         if "deflection_ratio" in names:
             values["deflection_ratio"] = ca.mmax(ca.fabs(values["w"])) / p.side_length
         if "displacement" in names or "node" in names:
@@ -275,18 +281,21 @@ def _cannot_ride(structure: Structure) -> Iterator[Mistake]:
         yield Mistake(("inplane_mass",), text)
 
 
-def _gauge(structure: Structure, gauge: Gauge) -> Callable[[ca.MX, Any], ca.MX]:
-    r"""Return what writes the mean of :math:`|\partial x/\partial L| - 1` over the samples of a gauge at a size."""
+def _gauge(structure: Structure, gauge: Gauge) -> tuple[list[int], Callable[[ca.MX, Any], ca.MX]]:
+    r"""Return places of the positions that a gauge needs, and what writes its strain of these, at a size of the membrane.
+
+    It is the mean of :math:`|\partial x/\partial L| - 1` over the gauge's samples.
+    """
     lines = gauge.lines[:, structure.order]
     nodes = np.unique(lines.indices)
     places = (3 * nodes[:, None] + np.arange(3)).ravel().tolist()
     matrix, weights = ca.DM(lines[:, nodes].toarray().T), ca.DM(gauge.weights)
 
     def strain(x: ca.MX, size: Any) -> ca.MX:  # noqa: ANN401
-        became = ca.mtimes(ca.reshape(x[places], 3, -1), matrix) / size
+        became = ca.mtimes(ca.reshape(x, 3, -1), matrix) / size
         return ca.mtimes(ca.sqrt(ca.sum1(became**2)), weights) - 1.0
 
-    return strain
+    return places, strain
 
 
 def _products(x: ca.MX, y: ca.MX) -> ca.MX:

@@ -25,6 +25,7 @@ RESERVED = {
 
 
 MAX_ORDER = 12
+MOST_REFINED = 5
 HOOKEAN = 1e-3  # prestress over Young's modulus up to which every law is Hooke's within a few parts in a thousand
 
 
@@ -246,6 +247,8 @@ class Setup:
         Length of the mesh file's unit [m].
     order : int
         Of the quadrilaterals: 1 for bilinear elements, 2 and more for spectral ones.
+    refine : int
+        How many times every element is divided in four; new nodes lie on the elements of the file.
     law : str
         Law of the material; one of ``law.LAWS``; ``relaxed`` wrinkles where the others carry compression.
     mass_damping : float
@@ -273,6 +276,7 @@ class Setup:
     mesh: str = ""
     scale: float = 1.0
     order: int = 1
+    refine: int = 0
     law: str = "st_venant_kirchhoff"
     mass_damping: float = 0.0
     pressure_amplitude: float = 0.0
@@ -295,6 +299,11 @@ class Setup:
         if not isinstance(self.order, int) or isinstance(self.order, bool) or not 1 <= self.order <= MAX_ORDER:
             text = f"'order' is {self.order!r}. Write 1 for bilinear elements, or 2 to {MAX_ORDER} for spectral ones."
             yield Mistake(("order",), text)
+        if isinstance(self.refine, bool) or not 0 <= self.refine <= MOST_REFINED:
+            text = (
+                f"'refine' is {self.refine!r}. Write how many times elements are divided in four, 0 to {MOST_REFINED}."
+            )
+            yield Mistake(("refine",), text)
         if not self.regions:
             yield Mistake(("regions",), "there are no regions. Write [[regions]] with the material of all faces.")
         rest = [i for i, r in enumerate(self.regions) if not r.group]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,9 +23,10 @@ from .element import Element
 from .gauges import Gauge, gauge
 from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
+from .refinement import refined
 from .setup import Setup
 from .surface import Integers, SurfaceMesh, sides_of
-from .zones import divide
+from .zones import Zone, divide
 
 _FLAT = 1e-9  # J of an element below this share of its mean: no area
 _EDGE = 0.2  # squared sine of a tilt [1] from which on the surface has an edge
@@ -212,6 +213,22 @@ class Structure:
         """Middles of the gauges on the reference shape [m], shape (sensors, 3)."""
         return np.array([sensor.point for sensor in self.setup.sensors]).reshape(-1, 3)
 
+    def finer(self) -> Structure:
+        """Return the membrane with spectral elements two orders higher, or all other elements in four.
+
+        Zones are divided anew where their description says where they are, and kept where it says how many parts alone.
+        """
+        zones, mesh, raised = self.setup.zones, self.mesh, self.setup.order > 1
+        if any(zone.parts for zone in zones):
+            each = self.zone[np.concatenate([block.combination for block in self.elements])]
+            groups = {f"zone {k}": np.flatnonzero(each == k) for k in range(self.n_zones)}
+            zones = tuple(Zone(group=group, name=name) for group, name in zip(groups, self.zone_names, strict=True))
+            mesh = replace(mesh, faces=mesh.faces | groups)
+        order = self.setup.order + 2 * raised
+        setup = replace(self.setup, order=order, zones=zones, refine=0)
+        found = make_structure(setup, refined(mesh, order, quarters=not raised))
+        return replace(found, setup=replace(setup, refine=self.setup.refine + (not raised)))
+
 
 def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     """Put a setup on a mesh.
@@ -234,6 +251,8 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         area or turned inside out, sensors away from the surface, or supports that leave the membrane free to move as a
         rigid body.
     """
+    for _ in range(setup.refine):
+        mesh = refined(mesh, setup.order)
     raise_any([*_lacking(setup, mesh)])
     region = _regions(setup, mesh)
     if np.any(region < 0):

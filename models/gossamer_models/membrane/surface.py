@@ -146,12 +146,15 @@ def surface_mesh(file: MeshFile, order: int = 1) -> SurfaceMesh:
     return SurfaceMesh(file.name, nodes, tuple(blocks), file.faces, points, on_mesh)
 
 
+def corners_of(order: int) -> list[int]:
+    """Return which nodes of an element are its corners, counter-clockwise; order 0 for triangles."""
+    return [0, 1, 2] if order == 0 else [0, order, (order + 1) ** 2 - 1, order * (order + 1)]
+
+
 def sides_of(mesh: SurfaceMesh) -> Iterator[tuple[int, frozenset[int]]]:
     """Give every face with each of its sides, by the corners."""
     for block in mesh.blocks:
-        p = block.order
-        corners = [0, 1, 2] if p == 0 else [0, p, (p + 1) ** 2 - 1, p * (p + 1)]
-        for face, nodes in zip(block.faces.tolist(), block.elements[:, corners].tolist(), strict=True):
+        for face, nodes in zip(block.faces.tolist(), block.elements[:, corners_of(block.order)].tolist(), strict=True):
             for a, b in zip(nodes, [*nodes[1:], nodes[0]], strict=True):
                 yield face, frozenset((a, b))
 

@@ -1,10 +1,12 @@
 """The digital twin: damages with standard deviations, from a record of strain or resistance."""
 
+from .answer import Answer
 from .forward import Forward, MembraneForward
+from .mesh_error import MeshErrors
 from .nuisances import Loads, Nuisances
 from .reading import make_record, read_table
 from .record import ResponseRecord, StaticRecord
-from .twin import Answer, Twin
+from .twin import Twin
 from .watch import DamageOnset, Watch, Window
 
 __all__ = [
@@ -13,6 +15,7 @@ __all__ = [
     "Forward",
     "Loads",
     "MembraneForward",
+    "MeshErrors",
     "Nuisances",
     "ResponseRecord",
     "StaticRecord",

@@ -20,7 +20,7 @@ from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..batch.cases import BatchState
 from ..errors import ParameterError
-from ..membrane import Equilibria, Equilibrium, Structure, membrane_model, square_structure
+from ..membrane import Equilibria, Equilibrium, Structure, first_period, membrane_model, square_structure
 from ..membrane.gauges import Gauges
 
 LANES = 8  # cases that advance at once
@@ -54,6 +54,16 @@ class Forward(Protocol):
     @property
     def units(self) -> Mapping[str, str]:
         """Units of parameters and inputs."""
+        ...
+
+    @property
+    def period(self) -> float:
+        """Longest period of small vibrations [s]."""
+        ...
+
+    @property
+    def limit(self) -> float:
+        """Largest internal step at rest [s]."""
         ...
 
     def strain(
@@ -205,6 +215,17 @@ class MembraneForward:
             results = self._model.elements("strain" if self.gauges is None else "node")
             self._batches[inputs] = Batch(self._model, results, inputs)
         return self._batches[inputs]
+
+    @cached_property
+    def period(self) -> float:
+        """Longest period of small vibrations without damage [s]."""
+        return first_period(self.structure, {**self._given, "damage": np.zeros((1, len(self.zones)))})
+
+    @cached_property
+    def limit(self) -> float:
+        """Largest internal step at rest without damage [s]."""
+        state, _ = self.begin(np.zeros(len(self.zones)), {})
+        return float(state.values[0, -1])  # the last result, see ``BatchState``
 
     @cached_property
     def _equilibrium(self) -> Equilibrium:

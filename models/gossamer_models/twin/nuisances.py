@@ -30,7 +30,7 @@ GAIN = 0.02  # factor
 MODULUS = "modulus"
 NAMES = ("offset", "gain", *FACTORS, "phase")
 BEYOND = 5.0  # no nuisance leaves its prior by more deviations
-KNOT_SPACING = 0.02  # [s] of the spline of an unknown load
+KNOTS = 0.4  # of the first period, between knots of the spline of an unknown load
 DEGREE = 3
 
 
@@ -81,7 +81,7 @@ class Nuisances:
     sensors: int
     loads: Loads = field(default_factory=Loads)
     length: float = 0.0
-    spacing: float = KNOT_SPACING
+    spacing: float = math.inf
 
     def __post_init__(self) -> None:
         check_names(self.kinds, self.inputs)

@@ -61,8 +61,11 @@ class ErrorWeights(NoiseWeights):
 
     def __init__(self, present: Rows, noise: Vector, error: Matrix) -> None:
         super().__init__(present, noise)
-        _, size, self._along = np.linalg.svd(super().weigh(error), full_matrices=False)
-        self._less = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
+        scaled = super().weigh(error)
+        square, modes = np.linalg.eigh(scaled @ scaled.T)  # there are fewer components than values
+        seen = square > NEGLIGIBLE
+        self._along = (modes[:, seen] / np.sqrt(square[seen])).T @ scaled
+        self._less = 1.0 - 1.0 / np.sqrt(1.0 + square[seen])
 
     def weigh(self, y: Matrix) -> Matrix:
         """Turn rows of readings, shape (m, s, n), into independent numbers of variance 1, shape (m, values)."""

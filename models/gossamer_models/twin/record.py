@@ -21,7 +21,7 @@ from ..errors import DataError
 LEAST_SAMPLES = 60  # per sensor: fewer cannot tell the damages
 DIFFERENCES = 6  # order of the differences that show noise
 DEAD = 1e-9  # spread over magnitude of a sensor that does not move
-MOST_WIRINGS = 12  # pairs of swapped sensors that are looked into, and wrong ones
+MOST_WIRINGS = 6  # pairs of swapped sensors that are looked into, and wrong ones
 ALIKE = 0.02  # of a misfit: readings that fit equally well, as mirrored ones do
 LEAST_REPEATED = 8  # degrees of freedom of a noise that is estimated from repeated readings
 

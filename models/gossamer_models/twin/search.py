@@ -167,7 +167,9 @@ def chi2_bound(problem: RecordProblem) -> float:
     return bound
 
 
-def search(stages: Sequence[RecordProblem], given: Vector | None, *, sparse: bool) -> tuple[Fit, list[Fit]]:
+def search(
+    stages: Sequence[RecordProblem], given: Vector | None, *, sparse: bool, one_valley: bool = True
+) -> tuple[Fit, list[Fit]]:
     """Return the first fit that passes its bound, or else the best of all starts; and other minima that were found.
 
     Parameters
@@ -178,6 +180,8 @@ def search(stages: Sequence[RecordProblem], given: Vector | None, *, sparse: boo
         Damages to start from first.
     sparse : bool
         Whether to drop zones.
+    one_valley : bool
+        Whether the first stage is so short that chi2 has one valley.
 
     Raises
     ------
@@ -187,7 +191,7 @@ def search(stages: Sequence[RecordProblem], given: Vector | None, *, sparse: boo
     Notes
     -----
     A start is followed to the end only where its early stages end below those of the best fit before: that is what finds
-    false minima. The first stage has one valley: where its bottom is hopeless from no damage, other starts are not tried.
+    false minima. Where the first stage has one valley, and its bottom is hopeless from no damage, no others are tried.
     They are tried, side by side, where nothing passes; and where there are few sensors and no early stages, which have fewer
     valleys, even if it does.
     """
@@ -196,7 +200,7 @@ def search(stages: Sequence[RecordProblem], given: Vector | None, *, sparse: boo
 
     def beside(count: int, reached: float) -> list[_Begun]:  # other starts that end lower
         others = _others(stages[0])[:count]
-        starts = _side_by_side(lambda damage: _begun(stages, damage), others)
+        starts = _side_by_side(lambda damage: _begun(stages, damage, one_valley=one_valley), others)
         return [begun for begun in starts if begun is not None and begun.reached <= reached - THRESHOLD]
 
     def end(starts: list[_Begun]) -> list[Fit]:
@@ -204,7 +208,7 @@ def search(stages: Sequence[RecordProblem], given: Vector | None, *, sparse: boo
         return [fit for fit in found if fit is not None]
 
     for damage in [*([] if given is None else [given]), np.zeros(whole.zones)]:
-        begun = _begun(stages, damage)
+        begun = _begun(stages, damage, one_valley=one_valley)
         if begun is None:
             continue
         hopeless = begun.hopeless and not damage.any()
@@ -231,7 +235,7 @@ class _Begun:
     hopeless: bool
 
 
-def _begun(stages: Sequence[RecordProblem], damage: Vector) -> _Begun | None:
+def _begun(stages: Sequence[RecordProblem], damage: Vector, *, one_valley: bool) -> _Begun | None:
     """Follow a start through the early stages; None if the simulation fails."""
     x, reached, hopeless = _unknowns(stages[-1], damage), np.inf, False
     try:
@@ -239,7 +243,7 @@ def _begun(stages: Sequence[RecordProblem], damage: Vector) -> _Begun | None:
             most = FEW_STEPS if hopeless else MOST_STEPS
             point = descend(stage, x, np.ones(stage.size, dtype=bool), most, enough=ROUGH).point
             x, reached = point.x, point.chi2
-            hopeless |= stage is stages[0] and misfit(stage, point) > HOPELESS
+            hopeless |= one_valley and stage is stages[0] and misfit(stage, point) > HOPELESS
     except ConvergenceError:
         return None
     return _Begun(x, reached, hopeless)

@@ -7,27 +7,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import asdict
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Matrix, Rows, Vector
+from ..arrays import Matrix, Rows
 from ..errors import DataError, ParameterError
 from ..membrane import MembraneParams, Structure, square_structure
 from ..sensor import SensorArtifact
+from .answer import Answer
 from .discrepancy import Discrepancy, default_discrepancy
 from .forward import Forward, MembraneForward, forward_of
 from .groups import UNRESOLVED, alike, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
-from .nuisances import MODULUS, Loads, Nuisances, check_names
+from .mesh_error import MeshErrors
+from .nuisances import KNOTS, MODULUS, Loads, Nuisances, check_names
 from .problem import RecordProblem
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
 from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, modulus_instead, probability, search
 from .simulation import SensedForward
 
-EARLY = (0.03, 0.1)  # [s] of the first stages: early, chi2 has one valley; over 0.1 s it has several
+EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
+VALLEY = 0.7  # first periods over which chi2 has one valley, at most
+MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
 # How far membrane and load may be from those that the discrepancy was learned with, as a share.
 LEARNED = {
     "pressure_amplitude": 0.15,
@@ -36,75 +40,6 @@ LEARNED = {
     "mass_damping": 1.5,
     "youngs_modulus": 0.05,
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Answer:
-    """Damage of all zones with its uncertainty, and whether the twin explains the record.
-
-    Attributes
-    ----------
-    zones : tuple of str
-        Names of the zones.
-    damage, deviation : ndarray, shape (zones,)
-        Lost fraction of Young's modulus [1] and its standard deviation; where ``damage`` is zero, the deviation that it
-        would have if it were fitted.
-    probability : ndarray, shape (zones,)
-        How likely each zone is damaged [1].
-    covariance : ndarray, shape (zones, zones)
-        Covariance of the damages [1]; rows and columns of zones that were dropped are zero outside the diagonal.
-    nuisances : dict of tuple of float
-        Value and standard deviation of each nuisance: a factor for load, damping, modulus and gain; phase [rad]; pressure
-        [Pa]; offset [1], of strain or of the sensor's change at full scale.
-    chi2_per_sample, chi2_bound : float
-        Mean square of the residuals in units of the expected ones, and the bound that a right model passes in 999 of
-        1000 records.
-    valid : bool
-        Whether the answer can be used: chi2 is below its bound and no doubt forbids it.
-    unresolved : tuple of int
-        Zones, from 1, that this record cannot tell by themselves.
-    together_with : tuple of tuple of str
-        Of each zone the names of those that it was answered together with: all have their mean damage and its deviation.
-    left_out : tuple of int
-        Sensors, from 1, that were left out.
-    order : tuple of int
-        Sensors, from 1, whose histories were taken for those of the first, the second, ...
-    doubts : tuple of str
-        Sentences on what is wrong with the record or the answer.
-    samples, simulations : int
-        Values that were fitted, and cases that were simulated.
-    record : ResponseRecord
-        What was fitted: the samples that were compared, of the sensors in ``order`` that were not left out.
-    predicted : ndarray, shape (sensors, n)
-        What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
-    """
-
-    zones: tuple[str, ...]
-    damage: Vector
-    deviation: Vector
-    probability: Vector
-    covariance: Matrix
-    nuisances: dict[str, tuple[float, float]]
-    chi2_per_sample: float
-    chi2_bound: float
-    valid: bool
-    unresolved: tuple[int, ...] = ()
-    together_with: tuple[tuple[str, ...], ...] = ()
-    left_out: tuple[int, ...] = ()
-    order: tuple[int, ...]
-    doubts: tuple[str, ...] = field(default=())
-    samples: int = 0
-    simulations: int = 0
-    record: ResponseRecord
-    predicted: Matrix
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the answer without its histories as JSON values."""
-        return {
-            name: value.tolist() if isinstance(value := getattr(self, name), np.ndarray) else value
-            for name in self.__dataclass_fields__
-            if name not in ("record", "predicted")
-        }
 
 
 class Twin:
@@ -131,9 +66,11 @@ class Twin:
         What finer meshes would add to the strain: by default, what was learned of the default mesh, if the twin has that
         mesh and nearly the default membrane and load. Only the time and the frequencies that it covers are then compared,
         0.3 s and 150 Hz. None if the record comes from a simulation with the twin's mesh.
-    mesh_error : callable or None
-        Of a record: components of the error of the twin's mesh, strain [1] at its samples or in its states, shape
-        (k, sensors, n); their outer products add up to its covariance.
+    mesh_error : MeshErrors or None
+        What finer meshes change under the loads of a record; None if it comes from a simulation with the twin's mesh, or
+        where a discrepancy is known. Where it hides more of the damages than the noise does, no answer is valid.
+    whole : bool
+        Whether a record is compared whole that takes more than 5000 internal steps.
 
     Raises
     ------
@@ -156,12 +93,13 @@ class Twin:
         nuisances: Sequence[str] = ("offset",),
         sparse: bool = True,
         discrepancy: Discrepancy | Literal["learned"] | None = "learned",
-        mesh_error: Callable[[ResponseRecord], Matrix] | None = None,
+        mesh_error: MeshErrors | None = None,
+        whole: bool = False,
     ) -> None:
         if MODULUS in nuisances and not sparse:
             msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
             raise ParameterError(msg)
-        self.nuisances, self.sparse, self._mesh_error = tuple(nuisances), sparse, mesh_error
+        self.nuisances, self.sparse, self._mesh_error, self._whole = tuple(nuisances), sparse, mesh_error, whole
         self._forward = forward_of(structure, parameters)
         self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
@@ -226,11 +164,13 @@ class Twin:
             raise DataError(msg)
         self._check(record)
         stages = self._stages(record, report)
-        fit, minima = search(stages, given, sparse=self.sparse)
+        static = isinstance(record, StaticRecord)
+        one_valley = not static and stages[0].record.samples * record.step <= VALLEY * self._forward.period
+        fit, minima = search(stages, given, sparse=self.sparse, one_valley=one_valley)
         wiring = None if fit.passes else self._other_wiring(record, fit, report)
         if wiring is not None:
             changed = wiring.applied(record)
-            other, others = search(self._stages(changed, report), given, sparse=self.sparse)
+            other, others = search(self._stages(changed, report), given, sparse=self.sparse, one_valley=one_valley)
             if other.passes:
                 record, fit, minima = changed, other, others
                 doubts.append(wiring.doubt)
@@ -271,17 +211,28 @@ class Twin:
 
     def _nuisances(self, loads: Loads, length: float) -> Nuisances:
         model = self._forward
-        return Nuisances(self.nuisances, model.parameters, model.inputs, model.sensors, loads, length)
+        spacing = KNOTS * model.period if set(self.nuisances) & set(model.inputs) else math.inf
+        return Nuisances(self.nuisances, model.parameters, model.inputs, model.sensors, loads, length, spacing)
 
     def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
         """Make the problems of longer and longer beginnings of a record."""
-        return [self._problem(record, samples, report) for samples in (*_early_samples(record), self._compared(record))]
+        return [self._problem(record, n, report) for n in (*self._early_samples(record), self._compared(record))]
 
     def _compared(self, record: ResponseRecord) -> int:
-        """Return how many samples are compared: all, or those that the discrepancy covers."""
-        if self.discrepancy is None:
+        """Return how many samples are compared: those that the discrepancy covers, or that do not take too many steps."""
+        if isinstance(record, StaticRecord) or (self.discrepancy is None and self._whole):
             return record.samples
+        if self.discrepancy is None:
+            most = MOST_STEPS // math.ceil(record.step / self._forward.limit)
+            return min(record.samples, max(LEAST_SAMPLES, most))
         return min(record.samples, math.floor(self.discrepancy.length / record.step * (1.0 + 1e-12)))
+
+    def _early_samples(self, record: ResponseRecord) -> list[int]:
+        """Return the lengths of the early stages."""
+        if isinstance(record, StaticRecord):
+            return []
+        lengths = {max(LEAST_SAMPLES, math.ceil(periods * self._forward.period / record.step)) for periods in EARLY}
+        return [n for n in sorted(lengths) if n < self._compared(record)]
 
     def _problem(
         self,
@@ -291,7 +242,8 @@ class Twin:
         groups: NDArray[np.int64] | None = None,
     ) -> RecordProblem:
         """Make the problem of the beginning of a record; its noise is that of all of it."""
-        nuisances = self._nuisances(Loads(record.start, record.inputs), record.step * self._compared(record))
+        compared = record.first(self._compared(record))
+        nuisances = self._nuisances(Loads(record.start, record.inputs), compared.step * compared.samples)
         return RecordProblem(
             self._sensed,
             record.first(samples),
@@ -299,7 +251,7 @@ class Twin:
             record.noise_deviation(),
             self.discrepancy,
             groups,
-            None if self._mesh_error is None else self._mesh_error(record),
+            None if self._mesh_error is None else self._mesh_error.of(compared).components,
             report,
         )
 
@@ -311,7 +263,7 @@ class Twin:
     def _early_misfit(self, record: ResponseRecord, report: Callable[[float, int], None]) -> float:
         """Return the misfit of the last early stage, or of the first one that is hopeless."""
         x, found = None, np.inf
-        for samples in _early_samples(record) or [self._compared(record)]:
+        for samples in self._early_samples(record) or [self._compared(record)]:
             stage = self._problem(record, samples, report)
             start = np.zeros(stage.size) if x is None else x
             point = descend(stage, start, np.ones(stage.size, dtype=bool), enough=ROUGH).point
@@ -345,6 +297,10 @@ class Twin:
                 f"a change of Young's modulus by {100.0 * other:.1f} % explains the record with fewer damaged zones. Fit it "
                 "too: nuisances with 'modulus'"
             )
+        if self._mesh_error is not None and self.discrepancy is None:
+            error = self._mesh_error.of(problem.record)
+            doubts += self._mesh_error.doubts(error)
+            valid = valid and not error.buries
         rise = evidence(fit.model, box(problem, x), kept)[:zones]
         return Answer(
             zones=self._forward.zones,
@@ -366,14 +322,6 @@ class Twin:
             record=problem.record,
             predicted=problem.reading(fit.point),
         )
-
-
-def _early_samples(record: ResponseRecord) -> list[int]:
-    """Return the lengths of the early stages."""
-    if isinstance(record, StaticRecord):
-        return []
-    lengths = [math.ceil(time / record.step) for time in EARLY]
-    return [n for n in lengths if LEAST_SAMPLES <= n < record.samples]
 
 
 def _unresolved(fit: Fit) -> tuple[int, ...]:

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 import xarray as xr
@@ -191,3 +192,51 @@ def test_the_table_has_a_column_of_remarks_only_where_there_is_one():
         for shown in TwinAnswer(files=[Path()], compared="", answer=Answer(**fields | {"unresolved": zones})).tables()
     ]
     assert headings == [["zone", "damage [%]", "P(damaged)"], ["zone", "damage [%]", "P(damaged)", "remark"]]
+
+
+@pytest.fixture
+def strip(tmp_path):
+    """Write a setup: a strip 1 m by 0.1 m of two halves, pulled at its end, without Poisson's ratio."""
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(0.0, 1.0, 5), [0.0, 0.1]))
+    corner = np.arange(4)
+    halves = {"near": [corner[:2]], "far": [corner[2:]]}
+    ends = {"left": np.flatnonzero(x == 0.0), "right": np.flatnonzero(x == 1.0), "all": np.arange(10)}
+    points, quads = np.column_stack([x, y, 0.0 * x]), corner[:, None] + [0, 1, 6, 5]
+    meshio.Mesh(points, {"quad": quads}, point_sets=ends, cell_sets=halves).write(tmp_path / "strip.inp")
+    (tmp_path / "strip.toml").write_text(
+        """mesh = "strip.inp"
+        regions = [{ youngs_modulus = 1e8, poisson_ratio = 0.0, density = 1000.0, thickness = 1e-4 }]
+        supports = [{ group = "left" }, { group = "all", fixed = "yz" }]
+        zones = [{ group = "near", name = "near the hub" }, { group = "far" }]
+        loads = [{ name = "pull", kind = "force", groups = ["right"], direction = [1.0, 0.0, 0.0], start = 2.0 }]
+        [[sensors]]
+        point = [0.3, 0.05, 0.0]
+        direction = [1.0, 0.0, 0.0]
+        [[sensors]]
+        point = [0.8, 0.05, 0.0]
+        direction = [1.0, 0.0, 0.0]
+        """
+    )
+    return tmp_path / "strip.toml"
+
+
+def test_load_states_of_a_setup_give_damage_by_the_names_of_its_zones(call, strip, tmp_path):
+    """Of St Venant and Kirchhoff: the force of both nodes over the section is E (1 - d) (e + e^2/2) (1 + e)."""
+    rows = []
+    for force in (2.0, 4.0, 6.0):
+        stretched = [np.roots([0.5, 1.5, 1.0, -2.0 * force / 1e-5 / (1e8 * left)]) for left in (1.0, 0.7)]
+        strain = [float(roots[np.abs(roots - 0.05).argmin()].real) for roots in stretched]
+        rows += [f"{force:g} N,{1e3 * force:g},{strain[0]!r},{strain[1]!r}"] * 2
+    table = tmp_path / "states.csv"
+    table.write_text("\n".join(["state,pull [mN],strain[1],strain[2]", *rows]))
+    result = call(table, "--setup", strip, "--noise", "1e-5", "--fit", "none")
+    assert result.exit_code == 0, result.stderr
+    answer = json.loads((tmp_path / "twin.json").read_text())
+    assert answer["zones"] == ["near the hub", "far"]
+    np.testing.assert_allclose(answer["damage"], [0.0, 0.3], atol=1e-4)
+    page, _ = read_page(tmp_path / "twin/report.html")
+    assert page.inside["verdict"].startswith("Damaged in 3 load states: zone far by 30.00 ±")
+    table.write_text(table.read_text().replace("pull", "pul"))
+    refused = call(table, "--setup", strip, "--noise", "1e-5")
+    assert refused.exit_code == 1
+    assert "the membrane has no load 'pul'. Did you mean 'pull'?" in refused.stderr

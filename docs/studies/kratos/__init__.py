@@ -1,0 +1,1 @@
+"""Records of structures that Kratos computes, for tests of the twin."""

@@ -1,0 +1,80 @@
+"""What a twin says of a record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Matrix, Vector
+from .record import ResponseRecord
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """Damage of all zones with its uncertainty, and whether the twin explains the record.
+
+    Attributes
+    ----------
+    zones : tuple of str
+        Names of the zones.
+    damage, deviation : ndarray, shape (zones,)
+        Lost fraction of Young's modulus [1] and its standard deviation; where ``damage`` is zero, the deviation that it
+        would have if it were fitted.
+    probability : ndarray, shape (zones,)
+        How likely each zone is damaged [1].
+    covariance : ndarray, shape (zones, zones)
+        Covariance of the damages [1]; rows and columns of zones that were dropped are zero outside the diagonal.
+    nuisances : dict of tuple of float
+        Value and standard deviation of each nuisance: a factor for load, damping, modulus and gain; phase [rad]; pressure
+        [Pa]; offset [1], of strain or of the sensor's change at full scale.
+    chi2_per_sample, chi2_bound : float
+        Mean square of the residuals in units of the expected ones, and the bound that a right model passes in 999 of
+        1000 records.
+    valid : bool
+        Whether the answer can be used: chi2 is below its bound and no doubt forbids it.
+    unresolved : tuple of int
+        Zones, from 1, that this record cannot tell by themselves.
+    together_with : tuple of tuple of str
+        Of each zone the names of those that it was answered together with: all have their mean damage and its deviation.
+    left_out : tuple of int
+        Sensors, from 1, that were left out.
+    order : tuple of int
+        Sensors, from 1, whose histories were taken for those of the first, the second, ...
+    doubts : tuple of str
+        Sentences on what is wrong with the record or the answer.
+    samples, simulations : int
+        Values that were fitted, and cases that were simulated.
+    record : ResponseRecord
+        What was fitted: the samples that were compared, of the sensors in ``order`` that were not left out.
+    predicted : ndarray, shape (sensors, n)
+        What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
+    """
+
+    zones: tuple[str, ...]
+    damage: Vector
+    deviation: Vector
+    probability: Vector
+    covariance: Matrix
+    nuisances: dict[str, tuple[float, float]]
+    chi2_per_sample: float
+    chi2_bound: float
+    valid: bool
+    unresolved: tuple[int, ...] = ()
+    together_with: tuple[tuple[str, ...], ...] = ()
+    left_out: tuple[int, ...] = ()
+    order: tuple[int, ...]
+    doubts: tuple[str, ...] = field(default=())
+    samples: int = 0
+    simulations: int = 0
+    record: ResponseRecord
+    predicted: Matrix
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the answer without its histories as JSON values."""
+        return {
+            name: value.tolist() if isinstance(value := getattr(self, name), np.ndarray) else value
+            for name in self.__dataclass_fields__
+            if name not in ("record", "predicted")
+        }

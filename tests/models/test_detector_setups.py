@@ -1,0 +1,156 @@
+"""A detector of any structure: a dish of five zones and five sensors, from its setup to a network that names its zones."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gossamer_models import ArtifactError, ParameterError, Stepper, simulate
+from gossamer_models.assessment import PosteriorJudge, conditions, plan_of_square, read_judge
+from gossamer_models.assessment.conditions import detections, finer
+from gossamer_models.assessment.figures import errors, held_out_verdicts
+from gossamer_models.campaign import Mesh, campaign_of_setup, read_campaign, run_campaign
+from gossamer_models.campaign.symmetry import Symmetry, mirrors
+from gossamer_models.detector import judge_records, posterior_model
+from gossamer_models.detector.posterior_records import Training
+from gossamer_models.detector.posterior_training import train_posterior
+from gossamer_models.membrane import Load, Region, Sensor, Setup, Support, Zone, first_period, square_structure
+from oracles.meshes import disc, meshed
+
+meshio = pytest.importorskip("meshio")
+pytest.importorskip("ziglang", reason="a campaign needs the compiler for its speed")
+
+NEAR = [(0.3, 0.1), (0.75, 0.1), (0.1, 0.75), (-0.75, -0.1), (-0.1, -0.75)]
+
+
+def lifted(patch):
+    def parabola(s, t):
+        x, y, _ = patch(s, t)
+        return x, y, 0.25 * (x**2 + y**2)
+
+    return parabola
+
+
+@pytest.fixture(scope="module")
+def setup(tmp_path_factory):
+    """A parabolic dish of 1 m radius that 500 Pa keep in shape, and 200 Pa at 12 Hz shake."""
+    file = meshed([lifted(patch) for patch in disc(1.0)], 3, points={"rim": lambda x, y, z: x**2 + y**2 > 0.999})
+    path = tmp_path_factory.mktemp("dish") / "dish.inp"
+    sets = {"rim": file.points["rim"]}
+    meshio.write(path, meshio.Mesh(file.nodes, [("quad", file.quadrilaterals)], point_sets=sets))
+    middles = file.nodes[file.quadrilaterals].mean(axis=1)  # sensors lie in the middle of an element
+    points = [middles[np.argmin(np.linalg.norm(middles[:, :2] - place, axis=1))] for place in NEAR]
+    return Setup(
+        mesh=str(path),
+        law="hencky",
+        mass_damping=20.0,
+        pressure_amplitude=200.0,
+        pressure_frequency=12.0,
+        regions=(Region(youngs_modulus=4e8, poisson_ratio=0.3, density=1400.0, thickness=5e-5),),
+        supports=(Support(group="rim"),),
+        zones=(Zone(rings=(0.5,), sectors=(1, 4), name="ring {ring} sector {sector}"),),
+        loads=(Load(name="pressure", start=-500.0),),
+        sensors=tuple(
+            Sensor(point=(x, y, z), direction=(y, -x, 0.0) if k % 2 else (x, y, 0.0))
+            for k, (x, y, z) in enumerate(points)
+        ),
+    )
+
+
+@pytest.fixture(scope="module")
+def trained(setup, tmp_path_factory):
+    """A network of the first window alone, and the campaign."""
+    plan = campaign_of_setup(Mesh(setup=setup), cases=700)
+    plan = replace(plan, stop=plan.window, damage=replace(plan.damage, onset=(0.0, 0.0)))
+    folder = tmp_path_factory.mktemp("campaign") / "dish.zarr"
+    run_campaign(plan, folder, workers=2)
+    data = read_campaign(folder)
+    training = replace(Training.of(data), epochs=150, components=48, references=128)
+    return train_posterior(data, training), data, training
+
+
+def test_windows_and_steps_are_those_of_the_structure(setup):
+    """Three periods of the load, which hold two of the first mode; the run lasts until 2 % of the start are left."""
+    plan = campaign_of_setup(Mesh(setup=setup), cases=10, noise=2e-4)
+    assert first_period(plan.membrane.structure) < 3.0 / 12.0 / 2.0
+    assert plan.window == pytest.approx(3.0 / 12.0)
+    assert plan.step == pytest.approx(plan.window / 600)
+    assert plan.stop == pytest.approx(3 * plan.window)
+    assert plan.noise.strain.normal == 2e-4
+    quick = Mesh(setup=setup, parameters={"pressure_frequency": 100.0})
+    assert campaign_of_setup(quick, cases=10).window >= 2.0 * first_period(plan.membrane.structure)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"zones": ()}, "the setup has no zones, so there is no damage to find"),
+        ({"sensors": ()}, "the setup has no sensors, so nothing is measured"),
+        ({"pressure_amplitude": 0.0}, "nothing moves this structure.* its first frequency is"),
+        ({"loads": (Load(name="sun", kind="light"),)}, "no load of the kind pressure"),
+    ],
+)
+def test_a_setup_without_what_a_detector_needs_is_refused(setup, change, message):
+    with pytest.raises(ParameterError, match=message):
+        campaign_of_setup(Mesh(setup=replace(setup, **change)), cases=10)
+
+
+def test_the_detector_finds_damage_by_name(trained, capsys):
+    artifact, data, training = trained
+    assert (artifact.zones, artifact.sensors) == (5, 5)
+    model = posterior_model(artifact)
+    texts = {v.name: v.description for v in model.variables}
+    assert texts["damage[5]"] == f"Estimated loss of stiffness in {artifact.zone_names[4]}"
+    assert artifact.noise == pytest.approx(1e-4)
+    found = {kind: errors(*pair) for kind, pair in held_out_verdicts(artifact, data, training).items()}
+    with capsys.disabled():
+        print(f"\n{found}")
+    zero, noisy = found["always 0"], found["window 1, damaged, noise"]
+    assert noisy["all zones"] < 0.25 * zero["all zones"]
+
+
+def test_the_fmu_judges_as_the_training_does(trained):
+    artifact, data, training = trained
+    record = data["strain"][:1].to_numpy().astype(float)
+    record += np.random.default_rng(1).normal(0.0, artifact.noise, record.shape)
+    expected = judge_records(artifact, 0, record)
+    stepper = Stepper(posterior_model(artifact))
+    stepper.initialize()
+    inputs = {f"strain[{k + 1}]": row for k, row in enumerate(record[0])}
+    simulate(stepper, np.full(training.samples, artifact.sampling_step), inputs, ())
+    found = [stepper.get(f"damage[{zone}]") for zone in range(1, 6)]
+    assert found == pytest.approx(expected["damage"][0], abs=1e-9)
+    assert stepper.get("misfit") == pytest.approx(expected["misfit"][0], rel=1e-6)
+
+
+def test_a_detector_of_another_structure_is_refused(trained, setup, tmp_path):
+    artifact, *_ = trained
+    artifact.write(tmp_path / "dish.json")
+    structure = Mesh(setup=setup).structure
+    assert isinstance(read_judge(tmp_path / "dish.json", structure), PosteriorJudge)
+    with pytest.raises(ArtifactError, match="trained for 5 zones and 5 sensors, and this structure has 16 and 4"):
+        read_judge(tmp_path / "dish.json", square_structure())
+    other = Mesh(setup=replace(setup, zones=(replace(setup.zones[0], name="{sector} of {ring}"),))).structure
+    with pytest.raises(ArtifactError, match="whose zone 1 is 'ring 1 sector 1', and here it is '1 of 1'"):
+        read_judge(tmp_path / "dish.json", other)
+
+
+def test_conditions_of_a_setup_vary_what_it_has(setup):
+    """No sensor is known of it, so there is no chain; its region has a modulus by number."""
+    plan = replace(campaign_of_setup(Mesh(setup=setup), cases=1), stop=0.25)
+    put = {condition.name: condition for condition in conditions(plan, finer(plan.membrane), 8)}
+    square = {condition.name for condition in conditions(plan_of_square(), finer(Mesh()), 8)}
+    assert square - set(put) == {"whole chain", "healthy, whole chain"}
+    assert set(put["modulus x 0.98"].campaign.vary) == {"youngs_modulus[1]"}
+    assert put["another mesh"].campaign.membrane.setup.order == 2
+    (pair,) = detections(plan, 10)
+    assert pair.damaged.campaign.count == 2 * 5
+
+
+def test_images_are_found_or_none(setup, trained):
+    """The square is symmetric about both middle lines; five sensors of a dish that stand anywhere are not."""
+    assert len(next(mirrors(square_structure())).zones) == 4
+    found = [*mirrors(Mesh(setup=setup).structure)]
+    assert [len(each.zones) for each in found] == [1]
+    stored = Symmetry.stored(json.loads(trained[1].attrs["symmetry"]))
+    assert stored.answered.tolist() == [[0, 1, 2, 3, 4]]

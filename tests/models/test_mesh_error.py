@@ -1,0 +1,96 @@
+"""The error of a twin's mesh: stated, part of the deviations, and the end of valid answers where it hides damages."""
+
+import numpy as np
+import pytest
+from gossamer_models.membrane import Region, Sensor, Setup, Support, Zone, make_structure, surface_mesh
+from gossamer_models.twin import MembraneForward, MeshErrors, StaticRecord, Twin, mesh_error
+from oracles.meshes import meshed, rectangle
+
+FILM = Region(youngs_modulus=1e7, poisson_ratio=0.3, density=1e3, thickness=1e-3, prestress=(5e4, 5e4, 0.0))
+EDGES = {"rim": lambda x, y, z: (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > 1.0 - 1e-9)}
+PLACES = [(0.2, 0.3), (0.4, 0.2), (0.7, 0.35), (0.8, 0.7), (0.3, 0.75), (0.55, 0.6), (0.2, 0.55), (0.6, 0.8)]
+PRESSURE = np.array([0.0, 50.0, 100.0, 200.0, 300.0, 400.0])
+
+
+def film(order):
+    sensors = tuple(
+        Sensor(point=(x, y, 0.0), direction=(1.0, float(k % 2), 0.0), gauge_length=0.05)
+        for k, (x, y) in enumerate(PLACES)
+    )
+    setup = Setup(
+        regions=(FILM,), supports=(Support(group="rim"),), zones=(Zone(grid=(2, 2)),), sensors=sensors, order=order
+    )
+    return make_structure(
+        setup, surface_mesh(meshed([rectangle(1.0, 1.0)], 6 if order == 1 else 4, edges=EDGES), order)
+    )
+
+
+def record(structure, damage, noise, seed=0):
+    """Ten readings of each load state of a membrane."""
+    states = np.repeat(np.arange(PRESSURE.size), 10)
+    strain = MembraneForward(structure).states(damage[None], {}, {"pressure": PRESSURE})[0][:, states]
+    values = strain + noise * np.random.default_rng(seed).standard_normal(strain.shape)
+    return StaticRecord(
+        step=1.0, values=values, noise=noise, inputs={"pressure": PRESSURE}, state=states, names=tuple("abcdef")
+    )
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return film(1)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """The same film on elements of order 4, which no error was learned from."""
+    return film(4)
+
+
+@pytest.fixture(scope="module")
+def errors(coarse):
+    return MeshErrors(coarse)
+
+
+def test_the_share_is_what_finer_meshes_change(coarse, errors):
+    found = errors.of(record(coarse, np.zeros(4), 1e-5))
+    still = coarse.finer().finer()
+    one, two = (
+        MembraneForward(each).states(np.zeros((1, 4)), {}, {"pressure": PRESSURE})[0] for each in (coarse, still)
+    )
+    moving = [y - y.mean(axis=1, keepdims=True) for y in (one, two - one)]
+    assert found.share == pytest.approx(np.sqrt(np.mean(moving[1] ** 2) / np.mean(moving[0] ** 2)), rel=1e-3)
+    assert 0.15 < found.left < 0.6  # bilinear strain converges with the first to second power of the size
+
+
+def test_stated_deviations_hold_on_a_mesh_that_they_were_not_learned_from(coarse, truth, errors):
+    z = []
+    for k in range(4):
+        damage = np.where(np.arange(4) == k, 0.3, 0.0)
+        made = record(truth, damage, 2e-5, seed=k)
+        answer = Twin(coarse, mesh_error=errors, sparse=False).fit(made)
+        z.append((answer.damage - damage)[answer.damage > 0.0] / answer.deviation[answer.damage > 0.0])
+        assert errors.of(made).blur > 10.0  # by noise alone deviations would be a tenth
+    assert np.sqrt(np.mean(np.concatenate(z) ** 2)) < 1.5
+
+
+def test_no_answer_is_valid_where_the_error_hides_more_than_the_noise(coarse, truth, errors):
+    damage = np.array([0.0, 0.3, 0.0, 0.0])
+    precise = Twin(coarse, mesh_error=errors).fit(record(truth, damage, 2e-5))
+    assert not precise.valid
+    assert "times as uncertain as the noise alone, so no answer is valid" in precise.doubts[-1]
+    assert "Write refine = 1 in the setup" in precise.doubts[-1]
+    noisy = Twin(coarse, mesh_error=errors).fit(record(truth, damage, 5e-3))
+    assert noisy.valid
+    assert noisy.damage[1] == pytest.approx(0.3, abs=3.0 * noisy.deviation[1])
+
+
+def test_a_mesh_that_has_converged_raises_no_doubt(truth):
+    errors = MeshErrors(truth)
+    assert errors.doubts(errors.of(record(truth, np.zeros(4), 1e-5))) == []
+
+
+def test_what_was_simulated_is_kept(coarse, errors, monkeypatch):
+    made = record(coarse, np.zeros(4), 1e-5)
+    first = errors.of(made).components
+    monkeypatch.setattr(mesh_error, "MembraneForward", None)
+    assert np.array_equal(MeshErrors(coarse).of(made).components, first)
